@@ -1,0 +1,1 @@
+"""Recordings: written, repaired, loaded as arrays."""

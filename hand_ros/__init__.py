@@ -1,0 +1,1 @@
+"""What every node shares: the life of a node, and the byte layout of the messages."""
