@@ -1,0 +1,78 @@
+"""Joints to lanes: the structure-of-arrays layout of the plant kernel.
+
+A block is LANES = 16 joints wide, so that the compiler fills vector registers. Coupled phalanges sit in
+lanes l and l + 8 of one block; joints without a partner take what is left. Unused lanes carry a harmless
+joint and never reach a caller.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_model.parameters import JOINT_PARAMETERS, ROW
+
+LANES = 16
+HALF = LANES // 2
+_IDLE = {
+    "valve.time_constant_s": 1.0,
+    "valve.fill_rate_pa_per_s": 1e9,
+    "valve.vent_rate_pa_per_s": 1e9,
+    "statics.a1_nm_per_rad": -1.0,
+    "statics.a2_nm_per_pa": 1e-6,
+    "dynamics.inertia_kg_m2": 1.0,
+    "dynamics.viscous_friction_nm_s_per_rad": 1.0,
+    "end_stop.low_deg": -1.0,
+    "end_stop.high_deg": 1.0,
+    "end_stop.engagement_deg": 0.1,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class LaneMap:
+    """Where each joint lives: block[j] and lane[j], int64 (joints,); blocks is their number."""
+
+    block: NDArray[np.int64]
+    lane: NDArray[np.int64]
+    blocks: int
+
+    def scatter(self, values: NDArray[np.float64], fill: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Put (rows, joints) into (blocks, rows, LANES); fill (rows,) goes to unused lanes."""
+        lanes = np.empty((self.blocks, values.shape[0], LANES))
+        lanes[:] = fill[None, :, None]
+        lanes[self.block, :, self.lane] = values.T
+        return lanes
+
+    def gather(self, lanes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Take (blocks, rows, LANES) back to (rows, joints)."""
+        return np.ascontiguousarray(lanes[self.block, :, self.lane].T)
+
+
+def map_lanes(partner: NDArray[np.int64]) -> LaneMap:
+    """Lay out joints; partner[j] is the joint coupled with j, or -1. Raises ValueError if not mutual."""
+    count = len(partner)
+    block = np.zeros(count, dtype=np.int64)
+    lane = np.zeros(count, dtype=np.int64)
+    pairs = [(j, int(partner[j])) for j in range(count) if partner[j] > j]
+    if any(partner[b] != a for a, b in pairs) or sum(partner >= 0) != 2 * len(pairs):
+        raise ValueError("coupled joints must name each other, in pairs")
+    for slot, (a, b) in enumerate(pairs):
+        block[a] = block[b] = slot // HALF
+        lane[a], lane[b] = slot % HALF, slot % HALF + HALF
+    taken = set(zip(block[partner >= 0].tolist(), lane[partner >= 0].tolist(), strict=True))
+    free = (place for n in range(count) for place in ((n, k) for k in range(LANES)) if place not in taken)
+    for j in np.flatnonzero(partner < 0):
+        block[j], lane[j] = next(free)
+    return LaneMap(block, lane, int(block.max(initial=0)) + 1)
+
+
+def idle_parameters() -> NDArray[np.float64]:
+    """Parameters (rows,) of an unused lane: a slow, damped joint that stays at rest."""
+    values = np.array([parameter.neutral or 0.0 for parameter in JOINT_PARAMETERS])
+    for key, value in _IDLE.items():
+        values[ROW[key]] = value
+    values[ROW["contact.angle_deg"]] = 10.0
+    values[ROW["contact.engagement_deg"]] = 0.1
+    return values

@@ -1,0 +1,38 @@
+"""Static torque of the flexible fluidic actuator, Eq. 6, with creep, Eq. 11, and its inverses.
+
+Torques positive in flexion [N m], angles [rad], pressures gauge [Pa], creeping ratio A in 0 ... 1.
+Eq. 11 is used as a1 (phi - A phi_max): positive creep reduces the restoring torque (a1 < 0).
+All functions take floats or arrays that broadcast, and serve numba kernels and NumPy alike.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+
+@njit(cache=True, inline="always", fastmath={"contract"})
+def torque(p, phi, creep, a0, a1, a2, a3, phi_max):  # type: ignore[no-untyped-def]
+    """Actuator torque M_a [N m] (Eq. 11; Eq. 6 where creep or phi_max is 0)."""
+    return a0 + a1 * (phi - creep * phi_max) + (a2 + a3 * phi) * p
+
+
+@njit(cache=True, inline="always", fastmath={"contract"})
+def pressure_for_torque(tau, phi, creep, a0, a1, a2, a3, phi_max):  # type: ignore[no-untyped-def]
+    """Pressure [Pa] at which the actuator gives tau [N m] at phi; the inverse of Eq. 11 in p.
+
+    Where the actuator has lost its leverage (a2 + a3 phi <= 0) no pressure gives it; the caller
+    limits phi to angles where a2 + a3 phi > 0.
+    """
+    return (tau - a0 - a1 * (phi - creep * phi_max)) / (a2 + a3 * phi)
+
+
+@njit(cache=True, inline="always", fastmath={"contract"})
+def equilibrium_angle(p, creep, load, a0, a1, a2, a3, phi_max):  # type: ignore[no-untyped-def]
+    """Angle [rad] at which the actuator at p [Pa] holds a load [N m] at rest (Eq. 8 with M_a = load)."""
+    return -(a0 - load - a1 * creep * phi_max + a2 * p) / (a1 + a3 * p)
+
+
+@njit(cache=True, inline="always", fastmath={"contract"})
+def stiffness(p, a1, a3):  # type: ignore[no-untyped-def]
+    """dM_a/dphi [N m/rad] at constant pressure, from Eq. 6; negative where the joint is stable."""
+    return a1 + a3 * p
