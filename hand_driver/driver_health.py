@@ -1,0 +1,144 @@
+"""Counters and ages of the driver turned into statuses: what is wrong, in words, with the figures beside it."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+from hand_driver.board import Frame, LinkCounters, Status
+from hand_model.description import Hand
+from hand_ros.health import Health, Level
+
+RATE_WINDOW_S = 2.0
+"""Rates and losses are judged over this window."""
+RATE_SHARE = 0.9
+"""Below this share of the expected rate the rate is a warning."""
+SILENCE_S = 0.1
+"""No frame for this long is an error: it is when the controller vents."""
+REFUSAL_S = 5.0
+"""A refused command is shown this long."""
+SUPPLY_TOLERANCE = 0.1
+"""Sensor supply beyond this share from nominal is a warning."""
+
+
+@dataclass(slots=True)
+class LinkState:
+    """What the driver knows of its link, for `statuses`."""
+
+    up: bool = False
+    reconnects: int = 0
+    error: str = ""
+    counters: LinkCounters = field(default_factory=LinkCounters)
+
+
+class DriverHealth:
+    """Collects what happened; `statuses` says what it means. Times are host monotonic [s]."""
+
+    def __init__(self, hand: Hand, started_s: float) -> None:
+        """Begin at started_s [s] with nothing received."""
+        self._hand = hand
+        self._last_frame_s = started_s
+        self._frame: Frame | None = None
+        self._rails: list[str] = []
+        self._marks: deque[tuple[float, LinkCounters]] = deque()
+        self._refusal = (-REFUSAL_S, "")
+        self._refused = 0
+
+    def frame(self, frame: Frame, rails: list[str], now_s: float) -> None:
+        """A frame was published."""
+        self._frame, self._rails, self._last_frame_s = frame, rails, now_s
+
+    def refused(self, line: str, now_s: float) -> None:
+        """A command was refused."""
+        self._refusal = (now_s, line)
+        self._refused += 1
+
+    def statuses(self, link: LinkState, now_s: float) -> list[Health]:
+        """One status for the link, frames, supply, channels, board and commands."""
+        counters = link.counters
+        self._marks.append((now_s, LinkCounters(counters.frames, counters.dropped, counters.corrupt)))
+        while now_s - self._marks[0][0] > RATE_WINDOW_S:
+            self._marks.popleft()
+        return [
+            self._link(link, now_s),
+            self._frames(counters, now_s),
+            self._supply(),
+            self._channels(),
+            self._board(),
+            self._commands(counters, now_s),
+        ]
+
+    def _link(self, link: LinkState, now_s: float) -> Health:
+        values = {"reconnects": str(link.reconnects), "last error": link.error}
+        silence_s = now_s - self._last_frame_s
+        if not link.up:
+            return Health("link", Level.ERROR, link.error or "not connected", values)
+        if silence_s > SILENCE_S:
+            return Health("link", Level.ERROR, "connected, but no frame arrives: check board power and wiring", values)
+        return Health("link", Level.OK, "connected", values)
+
+    def _frames(self, counters: LinkCounters, now_s: float) -> Health:
+        begun_s, past = self._marks[0]
+        span_s = now_s - begun_s
+        rate = (counters.frames - past.frames) / span_s if span_s > 0.0 else 0.0
+        dropped, corrupt = counters.dropped - past.dropped, counters.corrupt - past.corrupt
+        values = {
+            "rate_hz": f"{rate:.1f}",
+            "expected_hz": f"{self._hand.rate_hz:g}",
+            "frames": str(counters.frames),
+            "dropped": str(counters.dropped),
+            "corrupt": str(counters.corrupt),
+        }
+        if span_s >= 0.9 * RATE_WINDOW_S and rate < RATE_SHARE * self._hand.rate_hz:
+            return Health("frames", Level.WARN, "frame rate is below what the description expects", values)
+        if corrupt:
+            return Health("frames", Level.WARN, "corrupt frames: check cable shielding and baud rate", values)
+        if dropped:
+            return Health("frames", Level.WARN, "frames are missing: link too slow or host too busy", values)
+        return Health("frames", Level.OK, "arriving", values)
+
+    def _supply(self) -> Health:
+        if self._frame is None:
+            return Health("supply", Level.STALE, "not measured yet")
+        volts, nominal = self._frame.supply_voltage_v, self._hand.sensors.supply_voltage_v
+        values = {"supply_voltage_v": f"{volts:.3f}", "nominal_v": f"{nominal:g}"}
+        off = abs(volts / nominal - 1.0)
+        if off > 2.0 * SUPPLY_TOLERANCE:
+            return Health("supply", Level.ERROR, "sensor supply is out of range: sensors give nothing", values)
+        if off > SUPPLY_TOLERANCE:
+            return Health("supply", Level.WARN, "sensor supply is off nominal", values)
+        return Health("supply", Level.OK, "sensor supply is nominal", values)
+
+    def _channels(self) -> Health:
+        if self._frame is None:
+            return Health("channels", Level.STALE, "not measured yet")
+        if self._rails:
+            line = f"at the rail (broken wire or short): {', '.join(self._rails)}"
+            return Health("channels", Level.ERROR, line, dict.fromkeys(self._rails, "at the rail"))
+        return Health("channels", Level.OK, "every channel is within its range")
+
+    def _board(self) -> Health:
+        if self._frame is None:
+            return Health("board", Level.STALE, "not heard yet")
+        status = self._frame.status
+        values = {"status": f"0x{int(status):04x}", "sequence": str(self._frame.sequence)}
+        faults = [text for bit, text in _FAULTS.items() if bit in status]
+        if faults:
+            return Health("board", Level.ERROR, "; ".join(faults), values)
+        if Status.VENTED in status:
+            return Health("board", Level.OK, "vented: no set-points in force", values)
+        return Health("board", Level.OK, "driving the valves", values)
+
+    def _commands(self, counters: LinkCounters, now_s: float) -> Health:
+        values = {"written": str(counters.written), "refused": str(self._refused)}
+        when_s, line = self._refusal
+        if now_s - when_s < REFUSAL_S:
+            return Health("commands", Level.ERROR, line, values)
+        return Health("commands", Level.OK, "accepted", values)
+
+
+_FAULTS = {
+    Status.SUPPLY_LOW: "pressure supply is below the set-points",
+    Status.OVER_PRESSURE: "an actuator is over its pressure limit and was vented",
+    Status.ADC_FAULT: "the converter reports a fault",
+}

@@ -1,0 +1,104 @@
+"""Valve commands as they arrive: checked whole, then ordered as the valves are. Nothing else reaches a valve."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_model.description import Hand
+from hand_ros.cdr import Layout, LayoutError
+from hand_ros.layouts import VALVE_COMMAND
+
+FUTURE_S = 0.1
+"""A stamp further ahead than this comes from another clock."""
+MAX_LIFETIME_S = 1.0
+"""Longest lifetime a board is asked to keep a set-point."""
+
+
+class RefusedError(ValueError):
+    """A command is refused whole; the message is one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class SetPoints:
+    """Checked set-points: pressure_pa (valves,) [Pa gauge] in the hand's order, lifetime_s [s], stamp_ns [ns]."""
+
+    pressure_pa: NDArray[np.float64]
+    lifetime_s: float
+    stamp_ns: int
+
+
+class CommandReader:
+    """Reads ValveCommand messages from their bytes for one hand."""
+
+    def __init__(self, hand: Hand) -> None:
+        """Refuse whatever this hand cannot do."""
+        self._hand = hand
+        self._layout: Layout | None = None
+        self._order: NDArray[np.int64] = np.arange(hand.valve_count)
+
+    def read(self, raw: bytes, now_ns: int) -> SetPoints:
+        """Check a serialized message received at now_ns. Raises RefusedError."""
+        try:
+            if self._layout is None or not self._layout.matches(raw):
+                self._learn(Layout.like(VALVE_COMMAND, raw))
+            assert self._layout is not None
+            values = self._layout.decode(raw)
+        except LayoutError as error:
+            raise RefusedError(f"valve_command refused: {error}") from None
+        lifetime_s = values["lifetime_ns"] * 1e-9
+        pressure_pa = values["pressure"][self._order]
+        self._check_time(lifetime_s, values["stamp_ns"], now_ns)
+        self._check_pressure(pressure_pa)
+        return SetPoints(pressure_pa, lifetime_s, values["stamp_ns"])
+
+    def _learn(self, layout: Layout) -> None:
+        names = layout.names
+        joints = self._hand.joints
+        pressures = layout.shape.lengths["pressure"]
+        if pressures != len(names):
+            raise RefusedError(
+                f"valve_command refused: {len(names)} names but {pressures} pressures [Pa]; one each is needed"
+            )
+        _check_names(names, joints)
+        self._order = np.array([names.index(joint) for joint in joints], dtype=np.int64)
+        self._layout = layout
+
+    def _check_time(self, lifetime_s: float, stamp_ns: int, now_ns: int) -> None:
+        if not 0.0 < lifetime_s <= MAX_LIFETIME_S:
+            allowed = f"above 0 to {MAX_LIFETIME_S:g} s"
+            raise RefusedError(f"valve_command refused: lifetime is {lifetime_s:g} s; allowed is {allowed}")
+        age_s = (now_ns - stamp_ns) * 1e-9
+        if age_s > lifetime_s:
+            raise RefusedError(
+                f"valve_command refused: stamp is {age_s:.3f} s old; at most its lifetime, {lifetime_s:g} s, is allowed"
+            )
+        if age_s < -FUTURE_S:
+            raise RefusedError(
+                f"valve_command refused: stamp is {-age_s:.3f} s in the future; at most {FUTURE_S:g} s is allowed"
+            )
+
+    def _check_pressure(self, pressure_pa: NDArray[np.float64]) -> None:
+        limit = self._hand.limits.max_pressure_pa
+        bad = ~((pressure_pa >= 0.0) & (pressure_pa <= limit))  # NaN fails both comparisons
+        if bad.any():
+            worst = int(np.argmax(bad))
+            raise RefusedError(
+                f"valve_command refused: {self._hand.joints[worst]} pressure is {pressure_pa[worst]:g} Pa; "
+                f"the allowed range is 0 to {limit[worst]:g} Pa"
+            )
+
+
+def _check_names(names: Sequence[str], joints: Sequence[str]) -> None:
+    unknown = [name for name in names if name not in joints]
+    if unknown:
+        raise RefusedError(f"valve_command refused: unknown joint {unknown[0]!r}; joints are {', '.join(joints)}")
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise RefusedError(f"valve_command refused: joint {twice[0]!r} is there twice")
+    missing = [joint for joint in joints if joint not in names]
+    if missing:
+        raise RefusedError(f"valve_command refused: joint {missing[0]!r} is missing; each valve needs a set-point")

@@ -1,0 +1,54 @@
+"""Zero of the pressure sensors: what they read while the hand is vented is atmospheric pressure."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_driver.board import Frame, Status
+from hand_model.description import Hand
+
+SETTLE_FRAMES = 200
+"""Frames for the last pressure to leave after the board reports VENTED."""
+AVERAGE_FRAMES = 100
+MAX_OFFSET_PA = 5e4
+"""A larger offset is no drift of a sensor: something still holds pressure, or the sensor is broken."""
+
+
+class PressureZero:
+    """Averages the pressure channels while the board reports VENTED."""
+
+    def __init__(self, hand: Hand) -> None:
+        """Begin with no frames."""
+        self._hand = hand
+        self._vented = 0
+        self._sum = np.zeros(len(hand.joints))
+        self._count = 0
+
+    def frame(self, frame: Frame) -> None:
+        """Take one frame into account; any frame that is not vented starts anew."""
+        if Status.VENTED not in frame.status:
+            self._vented = self._count = 0
+            self._sum[:] = 0.0
+            return
+        self._vented += 1
+        if self._vented > SETTLE_FRAMES:
+            sensors = self._hand.sensors
+            volts = sensors.adc.voltage_v(frame.counts[sensors.pressure_channel])
+            self._sum += volts / max(frame.supply_voltage_v, 1e-3)
+            self._count += 1
+
+    def result(self) -> tuple[NDArray[np.float64], str]:
+        """New ratio at zero pressure (joints,) and a line about it. ValueError where it cannot be told."""
+        if self._count < AVERAGE_FRAMES:
+            missing = SETTLE_FRAMES + AVERAGE_FRAMES - self._vented
+            raise ValueError(f"the hand must be vented for another {missing} frames; vent it and try again")
+        ratio: NDArray[np.float64] = self._sum / self._count
+        offset_pa = self._hand.sensors.pressure.pressure_pa(ratio)
+        worst = int(np.argmax(np.abs(offset_pa)))
+        if abs(offset_pa[worst]) > MAX_OFFSET_PA:
+            raise ValueError(
+                f"{self._hand.joints[worst]} reads {offset_pa[worst]:.0f} Pa while vented; "
+                f"at most {MAX_OFFSET_PA:g} Pa is taken as an offset"
+            )
+        return ratio, f"pressure zero taken; largest offset {offset_pa[worst]:.0f} Pa at {self._hand.joints[worst]}"

@@ -1,0 +1,35 @@
+"""What a node says of itself on /diagnostics, before it becomes a message."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+
+class Level(IntEnum):
+    """Levels of diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """One status: a part of the node, its level, one line for a person, and figures."""
+
+    name: str
+    level: Level
+    message: str
+    values: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def verdict(self) -> tuple[str, Level, str]:
+        """What makes it worth publishing at once when it changes; figures alone do not."""
+        return self.name, self.level, self.message
+
+
+def worst(statuses: list[Health]) -> Level:
+    """The most severe level, OK for none."""
+    return max((status.level for status in statuses), default=Level.OK)

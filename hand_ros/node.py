@@ -1,0 +1,224 @@
+"""The life every node shares: lifecycle that can start itself, diagnostics, an end that is always clean.
+
+The only module here that imports rclpy.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.experimental import EventsExecutor
+from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+
+from hand_ros.health import Health, Level
+from hand_ros.parameters import NodeParameter, ParameterError, check_all
+
+SENSOR_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+STATE_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+COMMAND_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+QUEUED_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+DEFAULT_NAMESPACE = "hand"
+LOG_PERIOD_S = 2.0
+AUTOSTART = NodeParameter("autostart", True, "configure and activate at start, without a lifecycle manager")
+
+
+class HandNode(LifecycleNode):
+    """A lifecycle node with declared parameters, throttled one-line logs and diagnostics.
+
+    Subclasses fill start, stop and health; each is called with the node configured by `values`.
+    """
+
+    def __init__(self, name: str, table: tuple[NodeParameter, ...]) -> None:
+        """Declare the table of parameters; nothing else happens before on_configure."""
+        super().__init__(name, namespace=DEFAULT_NAMESPACE)
+        self.table = (AUTOSTART, *table)
+        self.problem: str | None = None
+        self.active = False
+        self._said: dict[str, float] = {}
+        self._shown: list[tuple[str, Level, str]] = []
+        self._shown_at = 0.0
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", QUEUED_QOS)
+        for parameter in self.table:
+            self.declare_parameter(parameter.name, parameter.default, _descriptor(parameter))
+        self._health_timer = self.create_timer(0.1, self.publish_health)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Every declared parameter's present value."""
+        return {parameter.name: self.get_parameter(parameter.name).value for parameter in self.table}
+
+    def configure(self, values: dict[str, Any]) -> None:
+        """Load files, open ports, create publishers. ValueError or OSError: one line of what is wrong."""
+        raise NotImplementedError
+
+    def start(self) -> None:
+        """Begin to work; called on activation."""
+
+    def stop(self) -> None:
+        """Cease to work and leave the hand safe; called on deactivation and before cleanup."""
+
+    def release(self) -> None:
+        """Undo configure."""
+
+    def health(self) -> list[Health]:
+        """The present statuses of a configured node."""
+        return []
+
+    def on_configure(self, _state: State) -> TransitionCallbackReturn:
+        """Lifecycle: check the parameters, then configure."""
+        try:
+            values = self.values
+            check_all(self.table, values)
+            self.configure(values)
+        except (ValueError, OSError) as error:
+            self.problem = _one_line(error)
+            self.get_logger().error(self.problem)
+            self.publish_health(now=True)
+            return TransitionCallbackReturn.FAILURE
+        self.problem = None
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state: State) -> TransitionCallbackReturn:
+        """Lifecycle: start."""
+        self.active = True
+        self.start()
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: State) -> TransitionCallbackReturn:
+        """Lifecycle: stop; the hand is safe afterwards."""
+        self._halt()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, _state: State) -> TransitionCallbackReturn:
+        """Lifecycle: release what configure took."""
+        self._halt()
+        self.release()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, _state: State) -> TransitionCallbackReturn:
+        """Lifecycle: stop and release."""
+        return self.on_cleanup(_state)
+
+    def _halt(self) -> None:
+        if self.active:
+            self.active = False
+            self.stop()
+
+    def finish(self) -> None:
+        """End of the process: safe state, a last word on /diagnostics, ports released."""
+        self._halt()
+        self.publish_health(now=True)
+        self.release()
+
+    def say(self, level: Level, key: str, line: str) -> None:
+        """Log one line, at most once in LOG_PERIOD_S for each key."""
+        now = time.monotonic()
+        if now - self._said.get(key, -LOG_PERIOD_S) < LOG_PERIOD_S:
+            return
+        self._said[key] = now
+        logger = self.get_logger()
+        {Level.OK: logger.info, Level.WARN: logger.warning}.get(level, logger.error)(line)
+
+    def publish_health(self, now: bool = False) -> None:
+        """Publish the statuses at 1 Hz, and at once when one changes."""
+        statuses = [Health("setup", Level.ERROR, self.problem)] if self.problem else self.health()
+        verdicts = [status.verdict for status in statuses]
+        clock = time.monotonic()
+        if not now and verdicts == self._shown and clock - self._shown_at < 1.0:
+            return
+        self._shown, self._shown_at = verdicts, clock
+        message = DiagnosticArray()
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.status = [self._status(status) for status in statuses]
+        self._diagnostics.publish(message)
+
+    def _status(self, status: Health) -> DiagnosticStatus:
+        return DiagnosticStatus(
+            level=bytes([status.level]),
+            name=f"{self.get_fully_qualified_name()}: {status.name}",
+            message=status.message,
+            hardware_id=self.get_namespace(),
+            values=[KeyValue(key=key, value=value) for key, value in status.values.items()],
+        )
+
+
+def _descriptor(parameter: NodeParameter) -> ParameterDescriptor:
+    descriptor = ParameterDescriptor(description=parameter.description, read_only=parameter.read_only)
+    descriptor.additional_constraints = ", ".join(parameter.choices)
+    if parameter.low is not None and parameter.high is not None and not isinstance(parameter.default, list):
+        if isinstance(parameter.default, int):
+            ranges = [IntegerRange(from_value=int(parameter.low), to_value=int(parameter.high), step=0)]
+            descriptor.integer_range = ranges
+        else:
+            descriptor.floating_point_range = [
+                FloatingPointRange(from_value=float(parameter.low), to_value=float(parameter.high), step=0.0)
+            ]
+    return descriptor
+
+
+def default_config(name: str) -> str:
+    """Path of a file in the installed config folder, or in the source tree where nothing is installed."""
+    try:
+        return str(Path(get_package_share_directory("fluidic_hand")) / "config" / name)
+    except PackageNotFoundError:
+        return str(Path(__file__).resolve().parent.parent / "config" / name)
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def run(make_node: Callable[[], HandNode], args: list[str] | None = None) -> int:
+    """Run one node until SIGINT, SIGTERM or shutdown; the process's exit code.
+
+    The node's finish always runs, so a hand is vented on every way out that leaves us alive.
+    """
+    stopped = Future()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stopped.set_result(None))
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        node = make_node()
+    except Exception as error:  # rcl raises several unrelated classes for bad arguments
+        print(f"cannot start: {_one_line(error)}", file=sys.stderr)
+        rclpy.try_shutdown()
+        return 2
+    executor = EventsExecutor()
+    executor.add_node(node)
+    try:
+        autostart = node.get_parameter(AUTOSTART.name).value
+        if autostart and node.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+            node.trigger_activate()
+        while rclpy.ok() and not stopped.done():
+            # Bounded, because Python's signal handlers only run between these calls.
+            executor.spin_until_future_complete(stopped, timeout_sec=0.1)
+    finally:
+        node.finish()
+        executor.remove_node(node)
+        node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+__all__ = [
+    "COMMAND_QOS",
+    "QUEUED_QOS",
+    "SENSOR_QOS",
+    "STATE_QOS",
+    "HandNode",
+    "ParameterError",
+    "default_config",
+    "run",
+]

@@ -1,0 +1,105 @@
+"""The simulated board: the plant in (scaled) real time behind the board protocol.
+
+It behaves as a board with a sample clock does: at each tick it converts every channel, then takes over the
+set-points that have arrived since the tick before; set-points older than their lifetime are vented.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from hand_driver.board import Board, Frame, LinkCounters, LinkLost, Pressures, Status
+from hand_sim.plant import SimulatedPlant
+
+LATE_PERIODS = 50
+"""A host that slept longer than this many periods skips the lost time instead of replaying it."""
+
+
+class SimulatedBoard(Board):
+    """Plant, sample clock and watchdog. Board time starts at start_us and runs `speed` times real time."""
+
+    def __init__(
+        self,
+        plant: SimulatedPlant,
+        rate_hz: float,
+        speed: float = 1.0,
+        start_us: int = 0,
+        monotonic_ns: Callable[[], int] = time.monotonic_ns,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        """Sample plant at rate_hz [Hz]; the clock and the sleep are the host's unless a test gives others."""
+        self._plant = plant
+        self._period_ns = 1e9 / rate_hz
+        self._wall_ns = self._period_ns / speed
+        self._start_us = start_us
+        self._now = monotonic_ns
+        self._sleep = sleep
+        self._begun_ns = monotonic_ns()
+        self._tick = 0
+        self._lock = threading.Lock()
+        self._pending: tuple[Pressures, float] | None = None
+        self._in_force = np.zeros(plant.hand.valve_count)
+        self._vent_at_tick: float = -1
+        self._closed = False
+        self._counters = LinkCounters()
+
+    @property
+    def counters(self) -> LinkCounters:
+        """Counters; a simulated link corrupts nothing."""
+        return self._counters
+
+    def write(self, pressure_pa: Pressures, lifetime_s: float) -> None:
+        """Set-points [Pa], taken over at the next tick."""
+        if self._closed:
+            raise LinkLost("the simulated board is closed")
+        with self._lock:
+            self._pending = (np.array(pressure_pa), lifetime_s)
+            self._counters.written += 1
+
+    def read(self, timeout_s: float) -> Frame | None:
+        """Wait for the next tick (or timeout_s [s]) and sample."""
+        if self._closed:
+            raise LinkLost("the simulated board is closed")
+        due_ns = self._begun_ns + (self._tick + 1) * self._wall_ns
+        wait_s = (due_ns - self._now()) * 1e-9
+        if wait_s > timeout_s:
+            self._sleep(timeout_s)
+            return None
+        if wait_s > 0.0:
+            self._sleep(wait_s)
+        elif -wait_s * 1e9 > LATE_PERIODS * self._wall_ns:
+            self._begun_ns += int(-wait_s * 1e9)
+        return self._sample()
+
+    def close(self) -> None:
+        """Stop; the valves vent."""
+        self._closed = True
+
+    def _sample(self) -> Frame:
+        counts, supply_v, status = self._plant.step(self._in_force)
+        self._tick += 1
+        vented = self._tick > self._vent_at_tick
+        self._latch()
+        self._counters.frames += 1
+        return Frame(
+            sequence=(self._tick - 1) & 0xFFFFFFFF,
+            board_time_us=self._start_us + round(self._tick * self._period_ns * 1e-3),
+            supply_voltage_v=supply_v,
+            status=status | (Status.VENTED if vented else Status(0)),
+            counts=counts,
+            received_ns=self._now(),
+        )
+
+    def _latch(self) -> None:
+        """Take over what has arrived; vent what has outlived its lifetime."""
+        with self._lock:
+            pending, self._pending = self._pending, None
+        if pending is not None:
+            self._in_force, lifetime_s = pending
+            self._vent_at_tick = self._tick + lifetime_s * 1e9 / self._period_ns
+        elif self._tick >= self._vent_at_tick:
+            self._in_force = np.zeros_like(self._in_force)

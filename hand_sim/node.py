@@ -1,0 +1,66 @@
+"""The simulation node: the driver node on a simulated board. The only rclpy module here."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from rosgraph_msgs.msg import Clock
+
+from hand_driver.board import Board, Frame
+from hand_driver.node import COMMON_PARAMETERS, DriverNode
+from hand_model.description import Hand
+from hand_ros.cdr import Layout
+from hand_ros.layouts import CLOCK
+from hand_ros.node import QUEUED_QOS, run
+from hand_ros.parameters import NodeParameter
+from hand_sim.board import SimulatedBoard
+from hand_sim.plant import SimulatedPlant
+
+PARAMETERS = (
+    *COMMON_PARAMETERS,
+    NodeParameter("seed", 0, "seed of the sensor noise", 0, 2**31 - 1),
+    NodeParameter("speed", 1.0, "simulated seconds a second; other than 1 publishes /clock", 0.01, 20.0),
+    NodeParameter("publish_clock", False, "publish /clock at speed 1 too; run the others with use_sim_time"),
+)
+
+
+class SimulationNode(DriverNode):
+    """Same topics, types, QoS and rates as the driver; nothing of the driver is left out."""
+
+    def __init__(self) -> None:
+        """Declare parameters."""
+        super().__init__("simulation", PARAMETERS)
+        self._time_ns: int | None = None
+
+    def configure(self, values: dict[str, Any]) -> None:
+        """As the driver; with /clock where simulated time is not real time."""
+        self._time_ns = None
+        if values["publish_clock"] or values["speed"] != 1.0:
+            self._time_ns = 0
+            self._clock_publisher = self.create_publisher(Clock, "/clock", QUEUED_QOS)
+            self._clock_layout = Layout(CLOCK)
+        super().configure(values)
+
+    def board_factory(self, values: dict[str, Any], hand: Hand) -> Callable[[], Board]:
+        """A simulated board of this hand."""
+        plant = SimulatedPlant(hand, hand.rate_hz, values["seed"])
+        return lambda: SimulatedBoard(plant, hand.rate_hz, values["speed"])
+
+    def stamp_ns(self, frame: Frame) -> int:
+        """Simulated time where /clock is published, else as the driver."""
+        if self._time_ns is None:
+            return super().stamp_ns(frame)
+        self._time_ns = frame.board_time_us * 1000
+        self._clock_publisher.publish(self._clock_layout.encode(clock_ns=self._time_ns))
+        return self._time_ns
+
+    def now_ns(self) -> int:
+        """Simulated time where /clock is published."""
+        return super().now_ns() if self._time_ns is None else self._time_ns
+
+
+def main() -> None:
+    """Entry point of the executable `simulation`."""
+    sys.exit(run(SimulationNode))

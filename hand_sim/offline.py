@@ -1,0 +1,152 @@
+"""The offline plant: a recording's set-points through the very kernel and board rules of the live simulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_model.description import Hand
+from hand_model.parameters import ROW
+from hand_sim.plant import CREEP, PHI, STATES, HandPlant, P, resting_state
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+REST_S = 0.25
+"""The beginning of a recording over which its initial state is averaged."""
+REST_SPEED_RAD_S = 0.05
+"""A joint faster than this at the beginning is not at rest: its first sample counts alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Commands:
+    """Set-points as sent: sent_ns (M,) ascending [ns], pressure_pa (M, joints), lifetime_s (M,)."""
+
+    sent_ns: Stamps
+    pressure_pa: Array
+    lifetime_s: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What was recorded: stamp_ns (N,) ascending; position_rad and pressure_pa (N, joints)."""
+
+    stamp_ns: Stamps
+    position_rad: Array
+    pressure_pa: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Ticks:
+    """The board's sample clock rebuilt from stamps: number (N,) of each recorded frame from 0, period_s [s]."""
+
+    number: Stamps
+    period_s: float
+    start_ns: int
+
+    @property
+    def stamp_ns(self) -> Stamps:
+        """Stamps of every tick from the first recorded frame to the last, lost frames included."""
+        return self.start_ns + np.rint(np.arange(self.number[-1] + 1) * self.period_s * 1e9).astype(np.int64)
+
+
+def rebuild_ticks(stamp_ns: Stamps, rate_hz: float) -> Ticks:
+    """Number the frames by the sample clock they came from.
+
+    rate_hz is nominal; the true period is fitted, so that a board clock that drifts loses no tick.
+    Raises ValueError for fewer than two frames or stamps that do not ascend.
+    """
+    if len(stamp_ns) < 2 or np.any(np.diff(stamp_ns) <= 0):
+        raise ValueError("the recording's frames must be two or more, with ascending stamps")
+    steps = np.maximum(np.rint(np.diff(stamp_ns) * 1e-9 * rate_hz), 1).astype(np.int64)
+    number = np.concatenate([[0], np.cumsum(steps)])
+    slope, intercept = np.polyfit(number, (stamp_ns - stamp_ns[0]).astype(float), 1)
+    return Ticks(number, float(slope) * 1e-9, int(stamp_ns[0] + round(float(intercept))))
+
+
+def set_points_in_force(commands: Commands, ticks: Ticks) -> Array:
+    """Set-points (ticks, joints) that the board holds from each tick to the next.
+
+    The rules are those of hand_sim.board: a tick takes over what was sent before it, and vents what has
+    outlived its lifetime. Before the first command the valves are vented.
+    """
+    stamps = ticks.stamp_ns
+    newest = np.searchsorted(commands.sent_ns, stamps, side="right") - 1
+    held = np.zeros((len(stamps), commands.pressure_pa.shape[1]))
+    given = newest >= 0
+    latched_at = np.searchsorted(stamps, commands.sent_ns, side="left")
+    age = np.arange(len(stamps)) - latched_at[np.maximum(newest, 0)]
+    alive = given & (age < np.maximum(commands.lifetime_s[np.maximum(newest, 0)] / ticks.period_s, 1.0))
+    held[alive] = commands.pressure_pa[newest[alive]]
+    return held
+
+
+def initial_state(hand: Hand, measured: Measured) -> Array:
+    """State (STATES, joints) at the first frame, from what was measured around it.
+
+    Angles are taken back through the calibration to what the sensor really saw. The creeping ratio is the one
+    that balances Eq. 11 at that angle and pressure; joints at an end stop or not measured count as rested.
+    """
+    start = (measured.stamp_ns - measured.stamp_ns[0]) * 1e-9 <= REST_S
+    position, pressure = _average(measured.position_rad[start]), _average(measured.pressure_pa[start])
+    moving = np.abs(np.ptp(measured.position_rad[start], axis=0)) > REST_SPEED_RAD_S * REST_S
+    position[moving], pressure[moving] = measured.position_rad[0, moving], measured.pressure_pa[0, moving]
+    state = resting_state(hand)
+    known = np.isfinite(position) & np.isfinite(pressure)
+    state[PHI, known] = true_angle(hand, position)[known]
+    state[P, known] = np.clip(pressure, 0.0, hand.supply_pressure_pa)[known]
+    free = known & (state[PHI] > hand.row("end_stop.low_deg")) & (state[PHI] < hand.row("end_stop.high_deg"))
+    state[CREEP] = np.where(free, _balancing_creep(hand, state), 0.0)
+    return state
+
+
+def true_angle(hand: Hand, measured_rad: Array) -> Array:
+    """Angle [rad] (joints,) at which the Hall sensor gives what the calibration line read as measured_rad."""
+    grid = np.radians(np.linspace(-60.0, 150.0, 4201))
+    ratio = hand.sensors.angle_line.ratio(measured_rad)
+    curves = hand.sensors.hall.ratio(np.repeat(grid[:, None], len(hand.joints), axis=1))
+    # The sensor is monotone only near the joint's range, so the search stays inside it.
+    inside = (grid >= np.radians(-40.0)) & (grid <= np.radians(130.0))
+    return np.array([np.interp(r, curves[inside, j], grid[inside]) for j, r in enumerate(ratio)])
+
+
+def replay(hand: Hand, measured: Measured, commands: Commands) -> tuple[Ticks, Array]:
+    """States (N, STATES, joints) of the plant at each recorded frame, driven by the recorded commands."""
+    ticks = rebuild_ticks(measured.stamp_ns, hand.rate_hz)
+    held = set_points_in_force(commands, ticks)
+    plant = HandPlant(hand, ticks.period_s, initial_state(hand, measured))
+    plant.hold_history(held[0])
+    states = np.empty((len(held), STATES, len(hand.joints)))
+    states[0] = plant.state
+    states[1:] = plant.advance(held[:-1])
+    return ticks, states[ticks.number]
+
+
+def without_noise(hand: Hand) -> Hand:
+    """The same hand with sensors that do not scatter; quantisation stays."""
+    sensors = hand.sensors
+    quiet = replace(
+        sensors,
+        hall=replace(sensors.hall, noise_v=np.zeros_like(sensors.hall.noise_v)),
+        pressure=replace(sensors.pressure, noise_v=np.zeros_like(sensors.pressure.noise_v)),
+        force=replace(sensors.force, noise_v=np.zeros_like(sensors.force.noise_v)),
+    )
+    return replace(hand, sensors=quiet)
+
+
+def _average(samples: Array) -> Array:
+    """Mean of (N, joints) over finite samples; NaN where there is none."""
+    finite = np.isfinite(samples)
+    count = finite.sum(axis=0)
+    total = np.where(finite, samples, 0.0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _balancing_creep(hand: Hand, state: Array) -> Array:
+    a0, a1, a2, a3 = hand.parameters[ROW["statics.a0_nm"] : ROW["statics.a3_nm_per_pa_rad"] + 1]
+    load = hand.row("constant_load.torque_nm")
+    free_torque = a0 - load + a1 * state[PHI] + (a2 + a3 * state[PHI]) * state[P]
+    reach = a1 * hand.row("material.phi_max_deg")
+    return np.clip(np.divide(free_torque, reach, out=np.zeros_like(reach), where=reach != 0.0), 0.0, 1.0)
