@@ -1,7 +1,8 @@
 """Fixed-layout CDR: messages whose names and list lengths stay the same, as byte records.
 
 A message of the hand repeats the same names and lengths in every sample; only numbers change. A Layout
-knows where they lie, so one message costs a few copies and a whole recording one NumPy pass.
+knows where they lie, so one message costs a few copies, and a whole recording one NumPy pass
+(cdr_rows.py).
 
 Keys of values: a `header` field gives `stamp_ns`, a time or duration field `X` gives `X_ns` (int, ns);
 every other field keeps its name. Message types are in layouts.py, the wire format in cdr_walk.py.
@@ -26,7 +27,6 @@ NS = 1_000_000_000
 # returns for messages with empty lists. The wire carries at most 3.
 SPARE_BYTES = 64
 
-Bytes = NDArray[np.uint8]
 Columns = dict[str, NDArray[Any]]
 
 
@@ -59,7 +59,7 @@ class Layout:
         self.template = bytes(plan.template)
         self.segments = tuple(plan.segments)
         self.size = len(self.template)
-        self.dtype = _record_type(self.slots, self.size)
+        self.dtype = record_type(self.slots, self.size)
         self._keys = frozenset(slot.key for slot in self.slots if slot.length != 0)
         self._constants = _constant_struct(self.segments)
         self._expected = self._constants.unpack_from(self.template)
@@ -131,37 +131,6 @@ class Layout:
             values[key] = values[key].view(np.uint8) != 0
         return values
 
-    def matching(self, rows: Bytes) -> NDArray[np.bool_]:
-        """Which rows of (N, size or more) bytes have this layout, as bool (N,)."""
-        good = np.ones(len(rows), np.bool_)
-        for start, stop in self.segments:
-            expected = np.frombuffer(self.template, np.uint8, stop - start, start)
-            good &= (rows[:, start:stop] == expected).all(axis=1)
-        return good
-
-    def extract(self, rows: Bytes) -> Columns:
-        """Values by key of rows (N, size or more) known to match, as decode_many stacks them."""
-        records = np.ascontiguousarray(rows[:, : self.size]).view(self.dtype)[:, 0]
-        return {slot.key: _column(records[slot.key]) for slot in self.slots}
-
-    def decode_many(self, messages: Sequence[bytes] | Bytes) -> tuple[Columns, NDArray[np.bool_]]:
-        """Decode messages in one pass: a list of bytes or an array (N, size or more) of them.
-
-        Returns the values by key, stacked over the M messages that have this layout (times as int64 ns
-        (M,), numbers (M,), lists (M, length)), and which ones they are as bool (N,).
-        """
-        if isinstance(messages, np.ndarray):
-            fits = np.full(len(messages), 0 <= messages.shape[1] - self.size <= SPARE_BYTES)
-            rows: Bytes = messages[fits]
-        else:
-            spare = np.fromiter(map(len, messages), np.int64, len(messages)) - self.size
-            fits = (spare >= 0) & (spare <= SPARE_BYTES)
-            packed = b"".join(raw[: self.size] for raw, fit in zip(messages, fits, strict=True) if fit)
-            rows = np.frombuffer(packed, np.uint8).reshape(-1, self.size)
-        good = self.matching(rows)
-        fits[fits] = good
-        return self.extract(rows if good.all() else rows[good]), fits
-
     def _buffer(self) -> tuple[memoryview, Columns]:
         """One record whose byte 4 is 8-aligned in memory, and a view of each list in it."""
         spare = np.zeros(self.size + 8, np.uint8)
@@ -172,22 +141,11 @@ class Layout:
         return record.data, {slot.key: fields[slot.key] for slot in self.slots if slot.length is not None}
 
 
-def _record_type(slots: Sequence[Slot], size: int) -> np.dtype[Any]:
+def record_type(slots: Sequence[Slot], size: int) -> np.dtype[Any]:
     """The whole message as a structured type: one field a slot, constants and padding in the gaps."""
     formats = [slot.dtype if slot.length is None else (slot.dtype, (slot.length,)) for slot in slots]
     keys, offsets = [slot.key for slot in slots], [slot.offset for slot in slots]
     return np.dtype({"names": keys, "formats": formats, "offsets": offsets, "itemsize": size})
-
-
-def _column(field: NDArray[Any]) -> NDArray[Any]:
-    """A field of a record array as values of their own: times joined to ns, flags as bool."""
-    if field.dtype.names:
-        times: NDArray[np.int64] = field["sec"].astype(np.int64) * NS + field["nanosec"]
-        return times
-    if field.dtype == np.bool_:
-        flags: NDArray[np.bool_] = field.view(np.uint8) != 0
-        return flags
-    return np.ascontiguousarray(field)
 
 
 def _constant_struct(segments: Sequence[tuple[int, int]]) -> struct.Struct:

@@ -16,6 +16,7 @@ from rosbags.typesys.store import Typestore
 
 from hand_ros import layouts
 from hand_ros.cdr import NS, Layout, LayoutError
+from hand_ros.cdr_rows import decode_many
 from hand_ros.layouts import MessageSpec
 
 MSG_FOLDER = Path(__file__).parents[2] / "hand_msgs" / "msg"
@@ -112,7 +113,7 @@ def test_decode_returns_what_was_encoded(
     message = bytes(raw) + spare
     assert Layout.like(spec, message).shape == layout.shape
     decoded = layout.decode(message)
-    columns, rows = layout.decode_many([message, b"", message])
+    columns, rows = decode_many(layout, [message, b"", message])
     assert rows.tolist() == [True, False, True]
     for key, value in values.items():
         assert _same(decoded[key], value), key
@@ -129,7 +130,7 @@ def test_another_constant_byte_is_another_layout(
     start, stop = data.draw(st.sampled_from(layout.segments))
     raw[data.draw(st.integers(start, stop - 1))] ^= data.draw(st.integers(1, 255))
     assert not layout.matches(bytes(raw))
-    assert layout.decode_many([bytes(raw)])[1].tolist() == [False]
+    assert decode_many(layout, [bytes(raw)])[1].tolist() == [False]
     with pytest.raises(LayoutError):
         layout.decode(bytes(raw))
 

@@ -1,0 +1,79 @@
+"""Messages of a recording as blocks of bytes with positions in them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+BATCH_BYTES = 4 * 1024 * 1024
+SPARE = 8  # zero bytes behind every buffer, so that the last message can be read in words of 8
+
+
+class RawTopic(NamedTuple):
+    """A topic as the recording declares it; `definition` is empty when the storage holds none."""
+
+    name: str
+    type: str
+    definition: str
+
+
+class RawMessage(NamedTuple):
+    """One serialized message; times in ns."""
+
+    topic: RawTopic
+    raw: bytes
+    log_ns: int
+    publish_ns: int
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Messages of one topic: message i is buffer[starts[i] : starts[i] + sizes[i]]; times in ns."""
+
+    topic: RawTopic
+    buffer: NDArray[np.uint8]
+    starts: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+    log_ns: NDArray[np.int64]
+    publish_ns: NDArray[np.int64]
+
+    def message(self, index: int) -> bytes:
+        """Payload of one message."""
+        return self.buffer[self.starts[index] : self.starts[index] + self.sizes[index]].tobytes()
+
+
+Wanted = Callable[[RawTopic], bool]
+
+
+def padded(parts: Iterable[bytes]) -> NDArray[np.uint8]:
+    """The parts behind each other, and the spare bytes."""
+    return np.frombuffer(b"".join([*parts, bytes(SPARE)]), np.uint8)
+
+
+def gather(messages: Iterable[RawMessage]) -> Iterator[Batch]:
+    """Batches of messages that a library hands over one by one."""
+    waiting: dict[RawTopic, list[RawMessage]] = {}
+    size = 0
+    for message in messages:
+        waiting.setdefault(message.topic, []).append(message)
+        size += len(message.raw)
+        if size > BATCH_BYTES:
+            yield from map(_batch, waiting.values())
+            waiting, size = {}, 0
+    yield from map(_batch, waiting.values())
+
+
+def _batch(messages: list[RawMessage]) -> Batch:
+    sizes = np.array([len(message.raw) for message in messages], np.int64)
+    return Batch(
+        messages[0].topic,
+        padded(message.raw for message in messages),
+        np.cumsum(sizes) - sizes,
+        sizes,
+        np.array([message.log_ns for message in messages], np.int64),
+        np.array([message.publish_ns for message in messages], np.int64),
+    )
