@@ -17,6 +17,10 @@ _MAGIC = {".mcap": MCAP0_MAGIC, ".db3": _SQLITE_MAGIC}
 class RecordingError(ValueError):
     """A recording cannot be read; the message is one line that names file and reason."""
 
+    def __init__(self, message: str) -> None:
+        # Names of topics and types come from the file and may hold anything.
+        super().__init__("".join(letter if letter.isprintable() else "?" for letter in message))
+
 
 @dataclass(frozen=True)
 class RecordingFiles:

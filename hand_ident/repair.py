@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 import struct
+import zlib
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import asdict, dataclass
@@ -11,10 +12,11 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from mcap.data_stream import ReadDataStream
+from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, McapRecord, Message, Schema
+from mcap.reader import make_reader
+from mcap.records import Channel, Chunk, Header, McapRecord, Message, Schema
 from mcap.stream_reader import CRCValidationError, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 from rosbags.rosbag2.errors import ReaderError
@@ -23,12 +25,30 @@ from zstandard import ZstdError
 
 from hand_ident.bag_contents import BagError, Contents, Topic, TopicCount
 from hand_ident.mcap_bag import McapBag, claim
+from hand_ident.mcap_chunks import indexed_batches, is_indexed
 from hand_ident.metadata import NAME as METADATA
 from hand_ident.metadata import information, write_metadata
 
 _RECORD = struct.Struct("<BQ")  # opcode and length before every record
 # What the library and the decompressors (lz4: RuntimeError) raise on bytes that are not what they should be.
-_BROKEN = (McapError, CRCValidationError, ZstdError, RuntimeError, struct.error, UnicodeDecodeError)
+_BROKEN = (
+    McapError,
+    CRCValidationError,
+    ZstdError,
+    RuntimeError,
+    struct.error,
+    ValueError,
+    KeyError,
+    OverflowError,
+    MemoryError,
+    OSError,
+)
+_READ: dict[int, type[Any]] = {
+    Opcode.HEADER: Header,
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.CHUNK: Chunk,
+}
 
 
 @dataclass(frozen=True)
@@ -88,8 +108,7 @@ def _repair_mcap(path: Path, folder: Path | None) -> Repair:
             new.unlink(missing_ok=True)
             raise
     messages = {name: count.messages for name, count in bag.contents.topics.items()}
-    sound = scan.ended and scan.indexed and not scan.lost_bytes
-    if sound and (folder is None or (folder / METADATA).is_file()):
+    if scan.intact and _summary_agrees(path, bag.contents) and (folder is None or (folder / METADATA).is_file()):
         new.unlink()
         return Repair(path, messages, 0, None, changed=False)
     damaged = path.with_name(path.name + ".damaged") if scan.lost_bytes else None
@@ -101,48 +120,85 @@ def _repair_mcap(path: Path, folder: Path | None) -> Repair:
     return Repair(path, messages, scan.lost_bytes, damaged, changed=True)
 
 
+def _summary_agrees(path: Path, contents: Contents) -> bool:
+    """Whether the file's summary and index are undamaged and lead to the very messages it holds."""
+    with path.open("rb") as stream:
+        try:
+            summary = make_reader(stream).get_summary()
+            if summary is None or summary.statistics is None or not _summary_crc_holds(stream, path.stat().st_size):
+                return False
+            if is_indexed(summary):
+                return sum(len(batch.starts) for batch in indexed_batches(stream, summary, lambda _: True)) == (
+                    contents.messages
+                )
+        except _BROKEN:
+            return False
+    return int(summary.statistics.message_count) == contents.messages
+
+
+def _summary_crc_holds(stream: BinaryIO, size: int) -> bool:
+    """The footer ends with a checksum, 0 for none, of all from the summary's start to itself."""
+    end = size - len(MCAP0_MAGIC) - 4
+    stream.seek(end - 16)
+    summary_start, _, crc = struct.unpack("<QQI", stream.read(20))
+    stream.seek(summary_start)
+    return crc in (0, zlib.crc32(stream.read(end - summary_start)))
+
+
 class _Scan:
     """Reads what is whole in an MCAP file from front to back and hands it to a new one."""
 
     def __init__(self) -> None:
         self.lost_bytes = 0
-        self.ended = False  # a footer and the closing magic were found
-        self.indexed = False  # the file has a summary
+        self.intact = True  # every record is whole and consistent, up to the footer and the closing magic
+        self._chunked = False
         self._schemas: dict[int, Schema] = {}
         self._topics: dict[int, str] = {}
 
     def records(self, stream: BinaryIO, size: int) -> Iterator[McapRecord]:
         """Schemas, channels and messages in file order."""
-        while not self.ended:
+        opcode = 0
+        while opcode != Opcode.FOOTER:
             start = stream.tell()
             head = stream.read(_RECORD.size)
             opcode, length = _RECORD.unpack(head) if len(head) == _RECORD.size else (0, size)
             if start + _RECORD.size + length > size:
-                self.lost_bytes += size - start
+                self._lose(size - start)
                 return
             body = stream.read(length)
+            self.intact &= opcode == Opcode.HEADER or start > len(MCAP0_MAGIC)
             try:
-                yield from self._read(opcode, body)
+                yield from self._read(opcode, head, body)
             except _BROKEN:
-                self.lost_bytes += _RECORD.size + length
-            if opcode == Opcode.FOOTER:
-                self.ended = stream.read() == MCAP0_MAGIC
-                self.lost_bytes += 0 if self.ended else size - stream.tell()
-                return
+                self._lose(_RECORD.size + length)
+        if stream.read() != MCAP0_MAGIC:
+            self._lose(size - start - _RECORD.size - length)
 
-    def _read(self, opcode: int, body: bytes) -> list[McapRecord]:
+    def _lose(self, count: int) -> None:
+        self.lost_bytes += count
+        self.intact = False
+
+    def _read(self, opcode: int, head: bytes, body: bytes) -> list[McapRecord]:
         stream = ReadDataStream(BytesIO(body))
-        if opcode == Opcode.CHUNK:
-            records: list[McapRecord] = breakup_chunk(Chunk.read(stream), validate_crc=True)
-            return records
-        if opcode == Opcode.SCHEMA:
-            return [Schema.read(stream)]
-        if opcode == Opcode.CHANNEL:
-            return [Channel.read(stream)]
         if opcode == Opcode.MESSAGE:
+            if self._chunked:
+                raise McapError("a message between chunks is a damaged chunk")
             return [Message.read(stream, len(body))]
-        self.indexed |= opcode == Opcode.STATISTICS
-        return []
+        if opcode not in _READ:
+            return []
+        record = _READ[opcode].read(stream)
+        again = RecordBuilder()
+        record.write(again)
+        self.intact &= again.end() == head + body  # lengths within the record agree with its own
+        if isinstance(record, Header):
+            self.intact &= record.profile == "ros2"
+        if not isinstance(record, Chunk):
+            return [record]
+        self._chunked = True
+        records: list[McapRecord] = breakup_chunk(record, validate_crc=True)
+        times = [part.log_time for part in records if isinstance(part, Message)] or [0]
+        self.intact &= (record.message_start_time, record.message_end_time) == (min(times), max(times))
+        return records
 
     def copy(self, record: McapRecord, bag: McapBag) -> None:
         """Write a record on."""
@@ -153,7 +209,7 @@ class _Scan:
         elif isinstance(record, Message):
             topic = self._topics.get(record.channel_id)
             if topic is None:
-                self.lost_bytes += len(record.data)
+                self._lose(len(record.data))
             else:
                 bag.write(topic, record.data, record.log_time, record.publish_time, record.sequence)
 

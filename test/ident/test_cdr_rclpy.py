@@ -12,11 +12,10 @@ from hand_ros.cdr import NS, Layout
 from hand_ros.layouts import MessageSpec
 
 pytest.importorskip("rclpy", reason="rclpy is not installed")
+from hand_msgs.msg import AdcFrame, ContactForces, ControllerState, JointPressures, ValveCommand
 from rclpy.serialization import deserialize_message, serialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-
-from hand_msgs.msg import AdcFrame, ContactForces, ControllerState, JointPressures, ValveCommand
 
 CLASSES = dict(
     zip(
