@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 
-@njit(cache=True, inline="always", fastmath={"contract", "nnan", "nsz"})
-def one_sided(depth, speed, stiffness, damping, engagement):  # type: ignore[no-untyped-def]
+@njit(cache=True, forceinline=True, fastmath={"contract", "nnan", "nsz"})
+def one_sided(depth, speed, stiffness, damping, engagement, per_engagement):  # type: ignore[no-untyped-def]
     """Torque [N m] of a stop pressed to a depth [rad] at a speed [rad/s] into it; 0 outside.
 
-    Stiffness grows linearly over the engagement depth, so torque is once continuously differentiable;
-    the damper engages with it and never pulls.
+    Stiffness grows linearly over the engagement depth [rad], so torque is once continuously differentiable;
+    the damper engages with it and never pulls. per_engagement is 1 / engagement: a kernel divides once only.
     """
     inside = max(depth, 0.0)
     soft = min(inside, engagement)
-    share = soft / engagement
+    share = soft * per_engagement
     spring = stiffness * (0.5 * soft * share + (inside - soft))
     return max(spring + damping * share * speed, 0.0)
+
+
+@njit(cache=True, fastmath={"contract", "nnan", "nsz"})
+def one_sided_array(depth, speed, stiffness, damping, engagement):  # type: ignore[no-untyped-def]
+    """one_sided for depths and speeds (samples, joints) and the rest (joints,)."""
+    stop = np.empty_like(depth)
+    for n in range(depth.shape[0]):
+        for j in range(depth.shape[1]):
+            stop[n, j] = one_sided(
+                depth[n, j], speed[n, j], stiffness[j], damping[j], engagement[j], 1.0 / engagement[j]
+            )
+    return stop

@@ -10,7 +10,7 @@ from __future__ import annotations
 from numba import njit
 
 
-@njit(cache=True, inline="always", fastmath={"contract", "nnan", "nsz"})
+@njit(cache=True, forceinline=True, fastmath={"contract", "nnan", "nsz"})
 def creep_rate(p, creep, p_min, b1, extension_rate, b0, recovery_rate):  # type: ignore[no-untyped-def]
     """A' [1/s] at pressure p [Pa]; extension_rate = b3/b1 and recovery_rate = b2/b0 [1/s] (Eq. 12)."""
     extension = (b1 * (p - p_min) - creep) * extension_rate

@@ -1,6 +1,6 @@
 """The plant kernel: valve, pressure, torque, creep and motion of many joints at a fixed step.
 
-Per joint: the set-point passes a dead time and is cut to the supply; the pressure follows it by a first-order
+Per joint: the set-point is cut to the supply and passes a dead time; the pressure follows it by a first-order
 lag with separate rate limits for fill and vent; the pressure makes torque by Eq. 11 with the creeping ratio of
 Eq. 12; torque moves the phalanx by Eq. 8 against viscous friction, smooth end stops, an obstacle and a load.
 
@@ -11,21 +11,28 @@ therefore J_c times the distal acceleration; by virtual work the distal actuator
 on the proximal angle. The thumb's opposition axis is perpendicular to its flexion axes and stays uncoupled.
 
 Integrator: classical fourth-order Runge-Kutta, step at most STEP_S; the set-point is constant within a step
-(a dead time that is no whole number of steps is the time-weighted mean of the two set-points it spans).
+(where a dead time ends inside a step, the time-weighted mean of the two set-points that the step spans).
+
+The compiler turns a loop over the pairs of lanes l and l + 8 into full vector registers. That needs one step of a
+pair to be straight-line code without divisions, so all that is constant over a call is prepared once, in `_prepare`.
 """
 
 from __future__ import annotations
 
+import hashlib
 import math
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
-from numba import njit, prange
+from numba import carray, njit, prange
 from numpy.typing import NDArray
 
 from hand_model.joint import one_sided
 from hand_model.lanes import HALF, LANES
 from hand_model.material import creep_rate
-from hand_model.parameters import ROW
+from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_model.stack_rows import stack_doubles
 from hand_model.statics import torque
 
 STEP_S = 0.5e-3
@@ -34,9 +41,14 @@ STATES = 4
 P, PHI, OMEGA, CREEP = range(STATES)
 """Rows of a state array: pressure [Pa], angle [rad], speed [rad/s], creeping ratio."""
 HISTORY = 128
-"""Set-points kept for the dead time, one a step: 64 ms at the largest step."""
+"""Set-points kept for the dead time, one a sample: 64 ms of samples as short as the largest step."""
+PARALLEL_STEPS = 1000
+"""Block-steps (about 0.1 us each) from which a call is worth the start of a parallel region."""
 
 _FAST = {"contract", "nnan", "nsz"}
+_inline = njit(forceinline=True, fastmath=_FAST)
+
+_ROWS = len(JOINT_PARAMETERS)
 _DEAD = ROW["valve.dead_time_s"]
 _TAU = ROW["valve.time_constant_s"]
 _FILL = ROW["valve.fill_rate_pa_per_s"]
@@ -66,99 +78,196 @@ _D_CONTACT = ROW["contact.damping_nm_s_per_rad"]
 _W_CONTACT = ROW["contact.engagement_deg"]
 _SUPPLY = ROW["supply.pressure_pa"]
 
+# Rows of the working array below the parameters: reciprocals, the inverse mass matrix (own and partner's torque),
+# the step of a sample at which a set-point arrives, the set-points before and after that, the state.
+_PER_TAU, _PER_T_EXT, _PER_T_REC, _PER_STOP, _PER_CONTACT, _OWN, _OTHER = range(_ROWS, _ROWS + 7)
+_ARRIVAL, _BEFORE, _AFTER, _X = range(_ROWS + 7, _ROWS + 11)
+_WORK = _X + STATES
+_WORK_SIZE = _WORK * LANES
+
 
 def steps_per_sample(period_s: float) -> int:
     """Number of integration steps in one sample period [s]; each is at most STEP_S long."""
     return max(1, math.ceil(period_s / STEP_S - 1e-9))
 
 
-@njit(cache=True, fastmath=_FAST)
-def _derivative(x, par, u, dx, net):  # type: ignore[no-untyped-def]
-    """Fill dx (STATES, LANES) from x, parameters and set-points u (LANES,)."""
-    for i in range(LANES):
-        p, phi, omega, creep = x[P, i], x[PHI, i], x[OMEGA, i], x[CREEP, i]
-        dx[P, i] = min(max((u[i] - p) / par[_TAU, i], -par[_VENT, i]), par[_FILL, i])
-        dx[PHI, i] = omega
-        dx[CREEP, i] = creep_rate(
-            p, creep, par[_P_MIN, i], par[_B1, i], 1.0 / par[_T_EXT, i], par[_B0, i], 1.0 / par[_T_REC, i]
+@_inline
+def _joint(w, i, x, u):  # type: ignore[no-untyped-def]
+    """Pressure rate [Pa/s], creep rate [1/s] and net torque [N m] of lane i at state x and set-point u [Pa]."""
+    p, phi, omega, creep = x
+    filling = min(max((u - p) * w[_PER_TAU, i], -w[_VENT, i]), w[_FILL, i])
+    creeping = creep_rate(p, creep, w[_P_MIN, i], w[_B1, i], w[_PER_T_EXT, i], w[_B0, i], w[_PER_T_REC, i])
+    k, d, width, per_width = w[_K_STOP, i], w[_D_STOP, i], w[_W_STOP, i], w[_PER_STOP, i]
+    net = (
+        torque(p, phi, creep, w[_A0, i], w[_A1, i], w[_A2, i], w[_A3, i], w[_PHI_MAX, i])
+        - w[_D, i] * omega
+        - w[_LOAD, i]
+        - one_sided(phi - w[_HIGH, i], omega, k, d, width, per_width)
+        + one_sided(w[_LOW, i] - phi, -omega, k, d, width, per_width)
+        - one_sided(
+            phi - w[_CONTACT, i], omega, w[_K_CONTACT, i], w[_D_CONTACT, i], w[_W_CONTACT, i], w[_PER_CONTACT, i]
         )
-        stop, damper, width = par[_K_STOP, i], par[_D_STOP, i], par[_W_STOP, i]
-        net[i] = (
-            torque(p, phi, creep, par[_A0, i], par[_A1, i], par[_A2, i], par[_A3, i], par[_PHI_MAX, i])
-            - par[_D, i] * omega
-            - par[_LOAD, i]
-            - one_sided(phi - par[_HIGH, i], omega, stop, damper, width)
-            + one_sided(par[_LOW, i] - phi, -omega, stop, damper, width)
-            - one_sided(phi - par[_CONTACT, i], omega, par[_K_CONTACT, i], par[_D_CONTACT, i], par[_W_CONTACT, i])
-        )
+    )
+    return filling, creeping, net
+
+
+@_inline
+def _derivative(w, i, a, b, u_a, u_b):  # type: ignore[no-untyped-def]
+    """Time derivatives of the states a and b of the coupled lanes i and i + HALF."""
+    j = i + HALF
+    filling_a, creeping_a, net_a = _joint(w, i, a, u_a)
+    filling_b, creeping_b, net_b = _joint(w, j, b, u_b)
+    return (
+        (filling_a, a[OMEGA], w[_OWN, i] * net_a + w[_OTHER, i] * net_b, creeping_a),
+        (filling_b, b[OMEGA], w[_OWN, j] * net_b + w[_OTHER, j] * net_a, creeping_b),
+    )
+
+
+@_inline
+def _set_point(w, i, n):  # type: ignore[no-untyped-def]
+    """Set-point [Pa] in force at lane i in step n of a sample."""
+    arrived = min(max(n + 1.0 - w[_ARRIVAL, i], 0.0), 1.0)
+    return w[_BEFORE, i] + arrived * (w[_AFTER, i] - w[_BEFORE, i])
+
+
+@_inline
+def _state(w, i):  # type: ignore[no-untyped-def]
+    return w[_X + P, i], w[_X + PHI, i], w[_X + OMEGA, i], w[_X + CREEP, i]
+
+
+@_inline
+def _store(w, i, x):  # type: ignore[no-untyped-def]
+    w[_X + P, i], w[_X + PHI, i], w[_X + OMEGA, i], w[_X + CREEP, i] = x
+
+
+@_inline
+def _along(x, h, k):  # type: ignore[no-untyped-def]
+    """State x moved by h along the derivative k."""
+    return x[P] + h * k[P], x[PHI] + h * k[PHI], x[OMEGA] + h * k[OMEGA], x[CREEP] + h * k[CREEP]
+
+
+@_inline
+def _mean(k1, k2, k3, k4):  # type: ignore[no-untyped-def]
+    """The derivative of the classical Runge-Kutta step, times 6."""
+    return (
+        k1[P] + 2.0 * (k2[P] + k3[P]) + k4[P],
+        k1[PHI] + 2.0 * (k2[PHI] + k3[PHI]) + k4[PHI],
+        k1[OMEGA] + 2.0 * (k2[OMEGA] + k3[OMEGA]) + k4[OMEGA],
+        k1[CREEP] + 2.0 * (k2[CREEP] + k3[CREEP]) + k4[CREEP],
+    )
+
+
+@_inline
+def _step(w, n, h):  # type: ignore[no-untyped-def]
+    """Advance every lane by one classical Runge-Kutta step of h [s], the n-th of its sample."""
     for i in range(HALF):
-        a, b, c = par[_J, i], par[_J, i + HALF], par[_JC, i]
-        det = a * b - c * c
-        dx[OMEGA, i] = (b * net[i] - c * net[i + HALF]) / det
-        dx[OMEGA, i + HALF] = (a * net[i + HALF] - c * net[i]) / det
+        j = i + HALF
+        a, b = _state(w, i), _state(w, j)
+        u_a, u_b = _set_point(w, i, n), _set_point(w, j, n)
+        a1, b1 = _derivative(w, i, a, b, u_a, u_b)
+        a2, b2 = _derivative(w, i, _along(a, 0.5 * h, a1), _along(b, 0.5 * h, b1), u_a, u_b)
+        a3, b3 = _derivative(w, i, _along(a, 0.5 * h, a2), _along(b, 0.5 * h, b2), u_a, u_b)
+        a4, b4 = _derivative(w, i, _along(a, h, a3), _along(b, h, b3), u_a, u_b)
+        _store(w, i, _along(a, h / 6.0, _mean(a1, a2, a3, a4)))
+        _store(w, j, _along(b, h / 6.0, _mean(b1, b2, b3, b4)))
 
 
-@njit(cache=True, fastmath=_FAST)
-def _step(x, par, u, h, k1, k2, k3, k4, y, net):  # type: ignore[no-untyped-def]
-    """Advance x (STATES, LANES) by one classical Runge-Kutta step of h [s]."""
-    _derivative(x, par, u, k1, net)
-    for s in range(STATES):
+@_inline
+def _copy_rows(source, first, count, target, at):  # type: ignore[no-untyped-def]
+    """Copy `count` rows of lanes from row `first` on (assigning slices would compile for seconds)."""
+    for row in range(count):
         for i in range(LANES):
-            y[s, i] = x[s, i] + 0.5 * h * k1[s, i]
-    _derivative(y, par, u, k2, net)
-    for s in range(STATES):
-        for i in range(LANES):
-            y[s, i] = x[s, i] + 0.5 * h * k2[s, i]
-    _derivative(y, par, u, k3, net)
-    for s in range(STATES):
-        for i in range(LANES):
-            y[s, i] = x[s, i] + h * k3[s, i]
-    _derivative(y, par, u, k4, net)
-    for s in range(STATES):
-        for i in range(LANES):
-            x[s, i] += h / 6.0 * (k1[s, i] + 2.0 * k2[s, i] + 2.0 * k3[s, i] + k4[s, i])
+            target[at + row, i] = source[first + row, i]
 
 
-@njit(cache=True, fastmath=_FAST)
-def _delayed(history, head, par, h, u):  # type: ignore[no-untyped-def]
-    """Set-points u (LANES,) in force now: delayed, then cut to 0 ... supply."""
+@_inline
+def _prepare(w, x, par):  # type: ignore[no-untyped-def]
+    """Fill the working array with parameters, what follows from them, and the state."""
+    _copy_rows(par, 0, _ROWS, w, 0)
+    _copy_rows(x, 0, STATES, w, _X)
     for i in range(LANES):
-        delay = par[_DEAD, i] / h
-        whole = int(delay)
-        share = delay - whole
-        now = history[(head - whole) % HISTORY, i]
-        before = history[(head - whole - 1) % HISTORY, i]
-        u[i] = min(max(now + share * (before - now), 0.0), par[_SUPPLY, i])
+        w[_PER_TAU, i] = 1.0 / par[_TAU, i]
+        w[_PER_T_EXT, i] = 1.0 / par[_T_EXT, i]
+        w[_PER_T_REC, i] = 1.0 / par[_T_REC, i]
+        w[_PER_STOP, i] = 1.0 / par[_W_STOP, i]
+        w[_PER_CONTACT, i] = 1.0 / par[_W_CONTACT, i]
+    for i in range(HALF):
+        j = i + HALF
+        own, other, shared = par[_J, i], par[_J, j], par[_JC, i]
+        # Written so that a lane without a partner does not depend on its neighbour, not even in rounding.
+        w[_OWN, i], w[_OWN, j] = 1.0 / (own - shared * shared / other), 1.0 / (other - shared * shared / own)
+        w[_OTHER, i] = w[_OTHER, j] = -shared / (own * other - shared * shared)
 
 
-@njit(cache=True, fastmath=_FAST)
+@_inline
+def _deliver(w, history, head, steps, h):  # type: ignore[no-untyped-def]
+    """Set which set-points reach each lane's valve in this sample, and when: dead time, cut to 0 ... supply."""
+    for i in range(LANES):
+        delay = w[_DEAD, i] / h
+        samples = int(delay / steps)
+        w[_ARRIVAL, i] = delay - samples * steps
+        w[_AFTER, i] = min(max(history[(head - samples) % HISTORY, i], 0.0), w[_SUPPLY, i])
+        w[_BEFORE, i] = min(max(history[(head - samples - 1) % HISTORY, i], 0.0), w[_SUPPLY, i])
+
+
+@njit(fastmath=_FAST)
 def _advance_block(x, par, history, head, commands, steps, h, out):  # type: ignore[no-untyped-def]
     """Advance one block through commands (samples, LANES); the state after each sample goes to out."""
-    k1, k2, k3 = np.empty((STATES, LANES)), np.empty((STATES, LANES)), np.empty((STATES, LANES))
-    k4, y = np.empty((STATES, LANES)), np.empty((STATES, LANES))
-    net, u = np.empty(LANES), np.empty(LANES)
+    w = carray(stack_doubles(_WORK_SIZE), (_WORK, LANES))
+    _prepare(w, x, par)
     for sample in range(commands.shape[0]):
-        for _ in range(steps):
-            head = (head + 1) % HISTORY
-            history[head] = commands[sample]
-            _delayed(history, head, par, h, u)
-            _step(x, par, u, h, k1, k2, k3, k4, y, net)
-        out[sample] = x
+        head = (head + 1) % HISTORY
+        _copy_rows(commands, sample, 1, history, head)
+        _deliver(w, history, head, steps, h)
+        for n in range(steps):
+            _step(w, n, h)
+        _copy_rows(w, _X, STATES, out[sample], 0)
+    _copy_rows(w, _X, STATES, x, 0)
     return head
 
 
-@njit(cache=True, parallel=True, fastmath=_FAST)
-def advance(x, par, history, heads, commands, steps, h, out):  # type: ignore[no-untyped-def]
-    """Advance blocks of joints in parallel, in place.
+def _kernel(parallel: bool) -> Callable[..., None]:
+    """The loop over blocks, compiled on first use and cached on disk."""
+    # Numba's cache looks at changes of this file alone; this key makes it look at every equation.
+    equations = ("joint", "lanes", "material", "parameters", "stack_rows", "statics")
+    sources = [Path(__file__).with_name(f"{name}.py").read_bytes() for name in equations]
+    key = f"{parallel} {hashlib.sha256(b''.join(sources)).hexdigest()}"
+
+    def advance_blocks(x, par, history, heads, commands, steps, h, out):  # type: ignore[no-untyped-def]
+        _ = key
+        for block in prange(x.shape[0]):
+            heads[block] = _advance_block(
+                x[block], par[block], history[block], heads[block], commands[block], steps, h, out[block]
+            )
+
+    compiled: Callable[..., None] = njit(cache=True, parallel=parallel, fastmath=_FAST)(advance_blocks)
+    return compiled
+
+
+_advance_serial = _kernel(parallel=False)
+_advance_parallel = _kernel(parallel=True)
+
+
+def advance(
+    x: NDArray[np.float64],
+    par: NDArray[np.float64],
+    history: NDArray[np.float64],
+    heads: NDArray[np.int64],
+    commands: NDArray[np.float64],
+    steps: int,
+    h: float,
+    out: NDArray[np.float64],
+) -> None:
+    """Advance blocks of joints in place, in parallel where that pays; the result is the same either way.
 
     x: (blocks, STATES, LANES) state.  par: (blocks, rows, LANES).  history: (blocks, HISTORY, LANES) set-points
-    of the past steps, newest at heads[block].  commands: (blocks, samples, LANES) [Pa], each held for one sample.
+    of the past samples, newest at heads[block].  commands: (blocks, samples, LANES) [Pa], each held for one sample.
     steps: steps a sample.  h: step [s].  out: (blocks, samples, STATES, LANES), the state at the end of each sample.
+    All arrays are C-contiguous float64, heads int64.
     """
-    for block in prange(x.shape[0]):
-        heads[block] = _advance_block(
-            x[block], par[block], history[block], heads[block], commands[block], steps, h, out[block]
-        )
+    blocks, samples, _ = commands.shape
+    few = blocks == 1 or blocks * samples * steps < PARALLEL_STEPS
+    (_advance_serial if few else _advance_parallel)(x, par, history, heads, commands, steps, h, out)
 
 
 class Plant:
@@ -175,8 +284,11 @@ class Plant:
         self.history = np.zeros((len(self.par), HISTORY, LANES))
         self.heads = np.zeros(len(self.par), dtype=np.int64)
         longest = float(self.par[:, _DEAD].max())
-        if longest / self.h > HISTORY - 2:
-            raise ValueError(f"valve.dead_time_s {longest} exceeds {(HISTORY - 2) * self.h:.4f} s at this sample rate")
+        if longest > (HISTORY - 2) * period_s:
+            raise ValueError(
+                f"valve.dead_time_s is {longest:g}; at {1.0 / period_s:g} samples a second the allowed range is"
+                f" 0 to {(HISTORY - 2) * period_s:g}"
+            )
 
     def advance(self, commands: NDArray[np.float64]) -> NDArray[np.float64]:
         """Apply commands (blocks, samples, LANES) [Pa]; return states (blocks, samples, STATES, LANES)."""

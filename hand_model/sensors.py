@@ -131,7 +131,7 @@ class Adc:
     def counts(self, voltage_v: Array) -> NDArray[np.uint16]:
         """Quantise voltages [V]; what lies outside 0 ... reference sits at the rail."""
         codes = np.rint(voltage_v / self.reference_v * self.full_scale)
-        return np.clip(codes, 0, self.full_scale).astype(np.uint16)
+        return np.minimum(np.maximum(codes, 0.0), self.full_scale).astype(np.uint16)
 
     def voltage_v(self, counts: NDArray[np.uint16]) -> Array:
         """Volts from counts."""

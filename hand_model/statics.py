@@ -10,13 +10,13 @@ from __future__ import annotations
 from numba import njit
 
 
-@njit(cache=True, inline="always", fastmath={"contract"})
+@njit(cache=True, forceinline=True, fastmath={"contract"})
 def torque(p, phi, creep, a0, a1, a2, a3, phi_max):  # type: ignore[no-untyped-def]
     """Actuator torque M_a [N m] (Eq. 11; Eq. 6 where creep or phi_max is 0)."""
     return a0 + a1 * (phi - creep * phi_max) + (a2 + a3 * phi) * p
 
 
-@njit(cache=True, inline="always", fastmath={"contract"})
+@njit(cache=True, forceinline=True, fastmath={"contract"})
 def pressure_for_torque(tau, phi, creep, a0, a1, a2, a3, phi_max):  # type: ignore[no-untyped-def]
     """Pressure [Pa] at which the actuator gives tau [N m] at phi; the inverse of Eq. 11 in p.
 
@@ -26,13 +26,13 @@ def pressure_for_torque(tau, phi, creep, a0, a1, a2, a3, phi_max):  # type: igno
     return (tau - a0 - a1 * (phi - creep * phi_max)) / (a2 + a3 * phi)
 
 
-@njit(cache=True, inline="always", fastmath={"contract"})
+@njit(cache=True, forceinline=True, fastmath={"contract"})
 def equilibrium_angle(p, creep, load, a0, a1, a2, a3, phi_max):  # type: ignore[no-untyped-def]
     """Angle [rad] at which the actuator at p [Pa] holds a load [N m] at rest (Eq. 8 with M_a = load)."""
     return -(a0 - load - a1 * creep * phi_max + a2 * p) / (a1 + a3 * p)
 
 
-@njit(cache=True, inline="always", fastmath={"contract"})
+@njit(cache=True, forceinline=True, fastmath={"contract"})
 def stiffness(p, a1, a3):  # type: ignore[no-untyped-def]
     """dM_a/dphi [N m/rad] at constant pressure, from Eq. 6; negative where the joint is stable."""
     return a1 + a3 * p

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from hand_driver.board import Counts, Status
 from hand_model.description import Hand
-from hand_model.joint import one_sided
-from hand_model.lanes import LaneMap, idle_parameters, map_lanes
+from hand_model.joint import one_sided_array
+from hand_model.lanes import LANES, LaneMap, idle_parameters, map_lanes
 from hand_model.parameters import ROW
-from hand_model.plant import CREEP, LANES, OMEGA, PHI, STATES, P, Plant
+from hand_model.plant import CREEP, OMEGA, PHI, STATES, P, Plant
 from hand_model.statics import equilibrium_angle
 
 Array = NDArray[np.float64]
@@ -25,35 +25,71 @@ def resting_state(hand: Hand) -> Array:
     return state
 
 
+class HandPlants:
+    """Many hands of one build in the plant kernel, each with parameters of its own, in the hand's joint order.
+
+    Their joints share blocks of lanes, and blocks run in parallel. Every hand moves exactly as it would alone.
+    """
+
+    def __init__(self, hand: Hand, parameters: Array, period_s: float, state: Array | None = None) -> None:
+        """Begin at state (hands, STATES, joints), hand's rest by default, sampling every period_s [s].
+
+        parameters: (hands, rows of JOINT_PARAMETERS, joints) in SI.  Raises ValueError for other shapes.
+        """
+        self.hands, self.joints = len(parameters), len(hand.joints)
+        start = np.repeat(resting_state(hand)[None], self.hands, axis=0) if state is None else state
+        _check_shape("parameters", parameters, (self.hands, len(ROW), self.joints))
+        _check_shape("state", start, (self.hands, STATES, self.joints))
+        offset = np.arange(self.hands)[:, None] * self.joints
+        self._map: LaneMap = map_lanes(np.where(hand.partner < 0, -1, hand.partner + offset).ravel())
+        par = self._map.scatter(_side_by_side(parameters), idle_parameters())
+        self._plant = Plant(par, self._map.scatter(_side_by_side(start), np.zeros(STATES)), period_s)
+
+    @property
+    def state(self) -> Array:
+        """State now, (hands, STATES, joints)."""
+        rows = self._map.gather(self._plant.x)
+        return np.ascontiguousarray(rows.reshape(STATES, self.hands, self.joints).transpose(1, 0, 2))
+
+    def hold_history(self, pressure_pa: Array) -> None:
+        """Fill the dead-time memory as if pressure_pa (hands, joints) had been commanded for long."""
+        self._plant.history[:] = self._lanes(pressure_pa[:, None])[:, :1]
+
+    def advance(self, pressure_pa: Array) -> Array:
+        """Apply set-points (hands, samples, joints) [Pa]; return states (hands, samples, STATES, joints)."""
+        _check_shape("pressure_pa", pressure_pa, (self.hands, pressure_pa.shape[1], self.joints))
+        out = self._plant.advance(self._lanes(pressure_pa))[self._map.block, :, :, self._map.lane]
+        split = out.reshape(self.hands, self.joints, *out.shape[1:])
+        return np.ascontiguousarray(split.transpose(0, 2, 3, 1))
+
+    def _lanes(self, pressure_pa: Array) -> Array:
+        lanes = np.zeros((self._map.blocks, pressure_pa.shape[1], LANES))
+        lanes[self._map.block, :, self._map.lane] = pressure_pa.transpose(0, 2, 1).reshape(-1, pressure_pa.shape[1])
+        return lanes
+
+
 class HandPlant:
     """The joints of one hand in the plant kernel, in the hand's own joint order."""
 
     def __init__(self, hand: Hand, period_s: float, state: Array | None = None) -> None:
         """Begin at state (STATES, joints), resting by default, sampling every period_s [s]."""
         self.hand = hand
-        self._map: LaneMap = map_lanes(hand.partner)
-        par = self._map.scatter(hand.parameters, idle_parameters())
-        start = resting_state(hand) if state is None else state
-        self._plant = Plant(par, self._map.scatter(start, np.zeros(STATES)), period_s)
+        self._alone = HandPlants(hand, hand.parameters[None], period_s, None if state is None else state[None])
 
     @property
     def state(self) -> Array:
         """State now, (STATES, joints)."""
-        return self._map.gather(self._plant.x)
+        state: Array = self._alone.state[0]
+        return state
 
     def hold_history(self, pressure_pa: Array) -> None:
         """Fill the dead-time memory as if pressure_pa (joints,) had been commanded for long."""
-        self._plant.history[:] = self._lanes(pressure_pa[None])[:, :1]
+        self._alone.hold_history(pressure_pa[None])
 
     def advance(self, pressure_pa: Array) -> Array:
         """Apply set-points (samples, joints) [Pa]; return states (samples, STATES, joints)."""
-        out = self._plant.advance(self._lanes(pressure_pa))
-        return np.ascontiguousarray(out[self._map.block, :, :, self._map.lane].transpose(1, 2, 0))
-
-    def _lanes(self, pressure_pa: Array) -> Array:
-        lanes = np.zeros((self._map.blocks, len(pressure_pa), LANES))
-        lanes[self._map.block, :, self._map.lane] = pressure_pa.T
-        return lanes
+        states: Array = self._alone.advance(pressure_pa[None])[0]
+        return states
 
 
 def contact_force_n(hand: Hand, state: Array) -> Array:
@@ -61,13 +97,15 @@ def contact_force_n(hand: Hand, state: Array) -> Array:
 
     The obstacle's torque over the pad's lever arm; sites on no joint feel nothing.
     """
-    torque = np.vectorize(one_sided.py_func)(
-        state[..., PHI, :] - hand.row("contact.angle_deg"),
-        state[..., OMEGA, :],
+    joints = state.shape[-1]
+    depth = state[..., PHI, :] - hand.row("contact.angle_deg")
+    torque = one_sided_array(
+        depth.reshape(-1, joints),
+        np.ascontiguousarray(state[..., OMEGA, :]).reshape(-1, joints),
         hand.row("contact.stiffness_nm_per_rad"),
         hand.row("contact.damping_nm_s_per_rad"),
         hand.row("contact.engagement_deg"),
-    )
+    ).reshape(depth.shape)
     sensors = hand.sensors
     pressed = sensors.site_joint >= 0
     force = np.zeros((*torque.shape[:-1], len(sensors.sites)))
@@ -83,27 +121,46 @@ class SimulatedPlant:
         self.hand = hand
         self.plant = HandPlant(hand, 1.0 / rate_hz, state)
         self._rng = np.random.default_rng(seed)
+        sensors = hand.sensors
+        self._noise_v = self._by_channel(sensors.hall.noise_v, sensors.pressure.noise_v, sensors.force.noise_v)
 
     def step(self, pressure_pa: Array) -> tuple[Counts, float, Status]:
         """Hold set-points (valves,) [Pa] for one period; return counts (channels,), sensor supply [V], status."""
         state = self.plant.advance(pressure_pa[None])[0]
         supply_v = self.hand.sensors.supply_voltage_v
-        starved = bool(np.any(pressure_pa > self.hand.supply_pressure_pa))
+        starved = bool(pressure_pa.max() > self.hand.supply_pressure_pa)
         return self.convert(state, supply_v), supply_v, Status.SUPPLY_LOW if starved else Status(0)
 
     def convert(self, state: Array, supply_v: float) -> Counts:
         """Counts (channels,) of a state (STATES, joints) at a sensor supply [V], noise included."""
         sensors = self.hand.sensors
-        ratio = np.empty(sensors.channel_count)
-        noise = np.empty(sensors.channel_count)
-        ratio[sensors.angle_channel] = sensors.hall.ratio(state[PHI])
-        noise[sensors.angle_channel] = sensors.hall.noise_v
-        ratio[sensors.pressure_channel] = sensors.pressure.ratio(state[P])
-        noise[sensors.pressure_channel] = sensors.pressure.noise_v
-        ratio[sensors.force_channel] = sensors.force.ratio(contact_force_n(self.hand, state))
-        noise[sensors.force_channel] = sensors.force.noise_v
-        volts = ratio * supply_v + noise * self._rng.standard_normal(sensors.channel_count)
+        ratio = self._by_channel(
+            sensors.hall.ratio(state[PHI]),
+            sensors.pressure.ratio(state[P]),
+            sensors.force.ratio(contact_force_n(self.hand, state)),
+        )
+        volts = ratio * supply_v + self._noise_v * self._rng.standard_normal(len(ratio))
         return sensors.adc.counts(volts)
 
+    def _by_channel(self, angle: Array, pressure: Array, force: Array) -> Array:
+        """Values (joints,), (joints,) and (sites,) of the three kinds of sensor in channel order (channels,)."""
+        sensors = self.hand.sensors
+        values = np.empty(sensors.channel_count)
+        values[sensors.angle_channel] = angle
+        values[sensors.pressure_channel] = pressure
+        values[sensors.force_channel] = force
+        return values
 
-__all__ = ["CREEP", "OMEGA", "PHI", "HandPlant", "P", "SimulatedPlant", "contact_force_n", "resting_state"]
+
+def _side_by_side(values: Array) -> Array:
+    """(hands, rows, joints) to (rows, hands * joints)."""
+    return values.transpose(1, 0, 2).reshape(values.shape[1], -1)
+
+
+def _check_shape(name: str, values: Array, shape: tuple[int, ...]) -> None:
+    if values.shape != shape:
+        raise ValueError(f"{name} has the shape {values.shape}; it must be {shape}")
+
+
+__all__ = ["CREEP", "OMEGA", "PHI", "STATES", "HandPlant", "HandPlants", "P", "SimulatedPlant", "contact_force_n"]
+__all__ += ["resting_state"]
