@@ -18,20 +18,29 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
 from hand_ident.arrivals import Arrival, Arrivals
-from hand_ident.bag_writer import BagError, Topic, open_bag
+from hand_ident.bag_writer import STORAGES, BagError, Topic, open_bag
 from hand_ident.message_types import UnknownType
 from hand_ident.record_options import RecordOptions, RecordSummary, summarize
 from hand_ident.selection import Selection
+from hand_ros.parameters import NodeParameter, check_all
 
 PERIOD_S = 0.02
 DISCOVERY_S = 0.2
 PROGRESS_S = 0.5
+PARAMETERS = (
+    NodeParameter("out", "", "new folder, or NAME.mcap for one bare file; empty: hand_DATE_TIME"),
+    NodeParameter("storage", "mcap", "file format", choices=STORAGES),
+    NodeParameter("namespaces", [""], "record all topics below these; empty: the node's own, or /hand"),
+    NodeParameter("rosout", False, "record /rosout too"),
+    NodeParameter("duration_s", 0.0, "end after this time [s]; 0: record until stopped", low=0.0, high=1e9),
+)
 QUEUE = 2000  # messages a topic may pile up between two rounds, seconds of them at any rate in use
 
 
@@ -55,22 +64,24 @@ def record(
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """The executable `recorder`: options come as ROS parameters."""
-    rclpy.init(args=sys.argv if args is None else list(args), signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        node = Node("recorder", start_parameter_services=False)
-        with stop_signals() as stop:
-            summary = _run(node, _options_of(node), stop.wait, None)
-        for topic in summary.topics:
-            node.get_logger().info(
-                f"{topic.name}: {topic.messages} messages, {topic.rate_hz:.1f} Hz, {topic.bytes} bytes,"
-                f" {topic.missed} missed"
-            )
-    except ValueError as error:
-        print(error, file=sys.stderr)
-        sys.exit(2)
-    finally:
-        rclpy.try_shutdown()
+    """The executable `recorder`: options come as ROS parameters. Exit codes: 0 recorded, 2 bad input."""
+    with stop_signals() as stop:
+        try:
+            try:
+                rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+                node = Node("recorder", start_parameter_services=False)
+            except Exception as error:  # rcl raises several unrelated classes for bad arguments
+                raise ValueError(" ".join(str(error).split())) from error
+            options = _options_of(node)
+            node.get_logger().info(f"recording to {options.out}")
+            summary = _run(node, options, stop.wait, None)
+        except ValueError as error:
+            print(f"recorder: {error}", file=sys.stderr)
+            sys.exit(2)
+        finally:
+            rclpy.try_shutdown()
+    for topic in summary.topics:
+        print(f"{topic.name}: {topic.messages} messages, {topic.rate_hz:.1f} Hz, {topic.missed} missed")
 
 
 @contextmanager
@@ -86,15 +97,20 @@ def stop_signals() -> Iterator[threading.Event]:
 
 
 def _options_of(node: Node) -> RecordOptions:
-    """Declare and read the node's parameters. Raises ValueError."""
+    """Declare, read and check the node's parameters. Raises ValueError."""
+    values = {}
+    for parameter in PARAMETERS:
+        descriptor = ParameterDescriptor(description=parameter.description, read_only=True, dynamic_typing=True)
+        values[parameter.name] = node.declare_parameter(parameter.name, parameter.default, descriptor).value
+    check_all(PARAMETERS, values)
     namespace = node.get_namespace()
-    out = node.declare_parameter("out", time.strftime("hand_%Y-%m-%d_%H-%M-%S")).value
-    storage = node.declare_parameter("storage", "mcap").value
-    spaces = node.declare_parameter("namespaces", ["/hand" if namespace == "/" else namespace]).value
-    rosout = node.declare_parameter("rosout", False).value
-    duration_s = node.declare_parameter("duration_s", 0.0).value
-    selection = Selection(tuple(spaces), (), rosout)
-    return RecordOptions(Path(out), storage, selection, None if duration_s == 0 else duration_s)
+    spaces = [space for space in values["namespaces"] if space] or ["/hand" if namespace == "/" else namespace]
+    return RecordOptions(
+        Path(values["out"] or time.strftime("hand_%Y-%m-%d_%H-%M-%S")),
+        values["storage"],
+        Selection(tuple(spaces), (), values["rosout"]),
+        values["duration_s"] or None,
+    )
 
 
 def _run(

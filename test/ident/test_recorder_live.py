@@ -208,12 +208,15 @@ def test_nothing_published_is_exit_1_and_bad_parameters_exit_2(start: Start, tmp
     (tmp_path / "there").mkdir()
     exists = start([sys.executable, "-c", code, "--out", "there"])
     storage = _recorder(start, out="b", storage="csv")
+    duration = _recorder(start, out="c", duration_s="long")
     assert nothing.process.wait(LIMIT_S) == 1
     assert exists.process.wait(LIMIT_S) == 2
     assert storage.process.wait(LIMIT_S) == 2
     assert "nothing was published" in nothing.end()[2]
     assert exists.end()[2].strip() == "hand record: there exists already; recordings are never overwritten"
-    assert storage.end()[2].strip() == "storage 'csv' is unknown; allowed: mcap, sqlite3"
+    assert storage.end()[2].strip() == "recorder: parameter storage is 'csv'; it must be one of mcap, sqlite3"
+    assert duration.process.wait(LIMIT_S) == 2
+    assert "parameter duration_s is 'long'; it must be a number" in duration.end()[2]
 
 
 def test_late_best_effort_publisher_is_still_heard(start: Start, tmp_path: Path) -> None:
