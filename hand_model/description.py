@@ -8,13 +8,34 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_model.parameters import JOINT_PARAMETERS, ROW
-from hand_model.sensor_description import SensorSet, read_adc, read_sensors
+from hand_model.parameters import JOINT_PARAMETERS, ROW, STEP_S
+from hand_model.sensor_description import SensorSet, read_adc, read_names, read_sensors
 from hand_model.yaml_reader import DescriptionError, Section, read_yaml
 
 Array = NDArray[np.float64]
-_GROUPS = tuple(dict.fromkeys(parameter.key.split(".")[0] for parameter in JOINT_PARAMETERS))
-_HAND_WIDE = ("supply",)
+_HAND_WIDE = "supply"
+_GROUPS: dict[str, list[str]] = {}
+for _parameter in JOINT_PARAMETERS:
+    _group, _, _key = _parameter.key.partition(".")
+    if _group != _HAND_WIDE:
+        _GROUPS.setdefault(_group, []).append(_key)
+_TOP = (
+    "schema",
+    "name",
+    "joint_prefix",
+    "supply",
+    "board",
+    "joint_defaults",
+    "joints",
+    "force_site_defaults",
+    "force_sites",
+)
+_SUPPLY = ("pressure_pa", "sensor_voltage_v")
+_BOARD = ("rate_hz", "watchdog_s", "adc_bits", "adc_reference_v")
+_JOINT = ("name", "coupled_to", "limits", *_GROUPS, "angle_sensor", "pressure_sensor")
+_LIMITS = ("low_deg", "high_deg", "max_pressure_pa", "max_torque_nm")
+# |h lambda| up to which the integrator is stable wherever lambda lies in the left half plane.
+_STABLE = 2.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,126 +91,126 @@ def load_hand(path: str | Path) -> Hand:
     Raises DescriptionError, one line with file, key, value and allowed range, for anything that is not right.
     """
     path = Path(path)
-    top = read_yaml(path)
+    top = read_yaml(path, _TOP)
     top.integer("schema", 1, 1)
-    prefix = top.text("joint_prefix", "")
-    supply = top.section("supply")
+    prefix = top.name("joint_prefix", "")
+    supply, board = top.section("supply", _SUPPLY), top.section("board", _BOARD)
     supply_pressure_pa = supply.number("pressure_pa", 1e3, 2e6)
-    board = top.section("board")
-    rate_hz = board.number("rate_hz", 1.0, 2000.0)
-    watchdog_s = board.number("watchdog_s", 0.005, 1.0)
-    adc = read_adc(board, supply)
-    board.done()
-    supply.done()
-
-    joints = [joint.merged(top.section("joint_defaults", required=False)) for joint in top.sections("joints")]
-    names = [joint.text("name") for joint in joints]
-    _check_unique(top, "joints", names)
-    partner = np.array([_partner(joint, names) for joint in joints], dtype=np.int64)
+    defaults = top.section("joint_defaults", _JOINT, required=False)
+    joints = [joint.over(defaults) for joint in top.sections("joints", _JOINT)]
+    names = read_names(joints)
     parameters = np.array([_joint_parameters(joint, supply_pressure_pa) for joint in joints]).T
-    limits = _limits([joint.section("limits") for joint in joints], parameters, supply_pressure_pa)
-    sensors = read_sensors(top, joints, names, prefix, adc)
-    hand = Hand(
+    partner = np.array([_partner(joint, names) for joint in joints], dtype=np.int64)
+    for index, joint in enumerate(joints):
+        _check_coupling(index, joints, partner, parameters)
+        _check_speed(joint, parameters[:, index], parameters[:, partner[index]] if partner[index] >= 0 else None)
+    return Hand(
         path=path,
-        name=top.text("name"),
+        name=top.name("name"),
         prefix=prefix,
         joints=tuple(prefix + name for name in names),
         parameters=parameters,
         partner=partner,
-        limits=limits,
-        rate_hz=rate_hz,
-        watchdog_s=watchdog_s,
+        limits=_limits([joint.section("limits", _LIMITS) for joint in joints], parameters, supply_pressure_pa),
+        rate_hz=board.number("rate_hz", 1.0, 2000.0),
+        watchdog_s=board.number("watchdog_s", 0.005, 1.0),
         supply_pressure_pa=supply_pressure_pa,
-        sensors=sensors,
+        sensors=read_sensors(top, joints, names, prefix, read_adc(board, supply)),
     )
-    for joint in joints:
-        joint.done()
-    top.done()
-    _check_coupling(hand, top)
-    return hand
 
 
 def _joint_parameters(joint: Section, supply_pressure_pa: float) -> list[float]:
     """One joint's values in the order of JOINT_PARAMETERS, SI."""
-    groups = {group: joint.section(group, required=False) for group in _GROUPS if group not in _HAND_WIDE}
+    groups = {group: joint.section(group, keys, required=False) for group, keys in _GROUPS.items()}
     values = []
     for parameter in JOINT_PARAMETERS:
         group, _, key = parameter.key.partition(".")
-        if group in _HAND_WIDE:
+        if group == _HAND_WIDE:
             values.append(supply_pressure_pa)
             continue
         values.append(parameter.scale * groups[group].number(key, parameter.low, parameter.high, parameter.neutral))
-    for section in groups.values():
-        section.done()
-    return _check_joint(joint, values)
-
-
-def _check_joint(joint: Section, values: list[float]) -> list[float]:
-    """Relations between parameters that no single range can state."""
-    get = {key: values[row] for key, row in ROW.items()}
-    if get["end_stop.low_deg"] >= get["end_stop.high_deg"]:
-        raise joint.error("end_stop.low_deg", "must be below end_stop.high_deg")
-    if get["material.b0_per_pa"] < get["material.b1_per_pa"]:
-        raise joint.error("material.b0_per_pa", "must be at least material.b1_per_pa (Eq. 12 is ill-posed else)")
-    reach = get["material.b1_per_pa"] * (get["supply.pressure_pa"] - get["material.p_min_pa"])
-    if reach > 1.0 + 1e-9:
-        raise joint.error(
-            "material.b1_per_pa",
-            f"lets the creeping ratio reach {reach:.3g}; b1 (p_supply - p_min) is at most 1",
-        )
+    _check_joint(groups, dict(zip(ROW, values, strict=True)))
     return values
 
 
+def _check_joint(groups: dict[str, Section], value: dict[str, float]) -> None:
+    """Relations between parameters that no single range can state."""
+    if value["end_stop.low_deg"] >= value["end_stop.high_deg"]:
+        low, high = np.degrees([value["end_stop.low_deg"], value["end_stop.high_deg"]])
+        raise groups["end_stop"].error("low_deg", f"is {low:g}; it must be below high_deg, which is {high:g}")
+    supply, b0, b1 = value["supply.pressure_pa"], value["material.b0_per_pa"], value["material.b1_per_pa"]
+    if b0 < b1:
+        raise groups["material"].error("b0_per_pa", f"is {b0:g}; it must be at least b1_per_pa, {b1:g} (Eq. 12)")
+    span = supply - value["material.p_min_pa"]
+    if b1 * span > 1.0 + 1e-9:
+        problem = f"is {b1:g}; it must be at most {1.0 / span:g}, else the creeping ratio passes 1 at supply pressure"
+        raise groups["material"].error("b1_per_pa", problem)
+    a1, a3 = value["statics.a1_nm_per_rad"], value["statics.a3_nm_per_pa_rad"]
+    if a1 + a3 * supply >= 0.0:
+        problem = f"is {a3:g}; it must be below {-a1 / supply:g}, else the joint is unstable at supply pressure"
+        raise groups["statics"].error("a3_nm_per_pa_rad", problem)
+
+
 def _limits(sections: list[Section], parameters: Array, supply_pressure_pa: float) -> Limits:
-    low, high, pressure, torque = [], [], [], []
-    for section in sections:
-        low.append(np.radians(section.number("low_deg", -180.0, 180.0)))
-        high.append(np.radians(section.number("high_deg", -180.0, 360.0)))
-        if low[-1] >= high[-1]:
-            raise section.error("low_deg", "must be below high_deg")
-        pressure.append(section.number("max_pressure_pa", 1e3, supply_pressure_pa))
-        torque.append(section.number("max_torque_nm", 1e-3, 10.0))
-        section.done()
-    high_rad = np.array(high)
-    leverage = parameters[ROW["statics.a2_nm_per_pa"]] + parameters[ROW["statics.a3_nm_per_pa_rad"]] * high_rad
-    for section, value in zip(sections, leverage, strict=True):
-        if value <= 0.0:
-            raise section.error("high_deg", "is an angle where pressure no longer flexes the joint (a2 + a3 phi <= 0)")
-    return Limits(np.array(low), high_rad, np.array(pressure), np.array(torque))
+    """What a command may ask, checked against the statics: pressure must flex the joint at every angle allowed."""
+    rows = []
+    a2, a3 = parameters[ROW["statics.a2_nm_per_pa"]], parameters[ROW["statics.a3_nm_per_pa_rad"]]
+    for section, slope, change in zip(sections, a2, a3, strict=True):
+        low, high = section.number("low_deg", -180.0, 180.0), section.number("high_deg", -180.0, 360.0)
+        if low >= high:
+            raise section.error("low_deg", f"is {low:g}; it must be below high_deg, which is {high:g}")
+        for key, angle in (("low_deg", low), ("high_deg", high)):
+            if slope + change * np.radians(angle) <= 0.0:
+                bound = np.degrees(-slope / change)
+                problem = f"is {angle:g}; pressure flexes the joint only on the near side of {bound:.4g} (-a2/a3)"
+                raise section.error(key, problem)
+        pressure = section.number("max_pressure_pa", 1e3, supply_pressure_pa)
+        rows.append((np.radians(low), np.radians(high), pressure, section.number("max_torque_nm", 1e-3, 10.0)))
+    return Limits(*np.array(rows).T.copy())
 
 
 def _partner(joint: Section, names: list[str]) -> int:
-    name = joint.text("coupled_to", "")
-    if not name:
-        return -1
-    if name not in names or name == joint.text("name"):
-        raise joint.error("coupled_to", f"is {name!r}; it must be another joint: {', '.join(names)}")
-    return names.index(name)
+    """Index of the joint that shares inertia with this one, or -1."""
+    name = joint.choice("coupled_to", [other for other in names if other != joint.name("name")], "")
+    return names.index(name) if name else -1
 
 
-def _check_coupling(hand: Hand, top: Section) -> None:
-    inertia, shared = hand.row("dynamics.inertia_kg_m2"), hand.row("dynamics.coupling_inertia_kg_m2")
-    for joint, partner in enumerate(hand.partner):
-        if partner < 0:
-            if shared[joint] != 0.0:
-                raise top.error(f"joints[{hand.joints[joint]}].dynamics", "has coupling inertia but no coupled_to")
-            continue
-        if hand.partner[partner] != joint or shared[partner] != shared[joint]:
-            raise top.error(
-                f"joints[{hand.joints[joint]}].coupled_to",
-                "and its partner must name each other and one inertia",
-            )
-        if inertia[joint] * inertia[partner] <= shared[joint] ** 2:
-            raise top.error(
-                f"joints[{hand.joints[joint]}].dynamics.coupling_inertia_kg_m2",
-                "squared must be below the product of both joints' inertias",
-            )
+def _check_coupling(index: int, joints: list[Section], partner: NDArray[np.int64], parameters: Array) -> None:
+    """Partners name each other and share one inertia, small enough for a positive mass matrix."""
+    key = "coupling_inertia_kg_m2"
+    dynamics = joints[index].section("dynamics", _GROUPS["dynamics"])
+    shared, inertia = parameters[ROW[f"dynamics.{key}"]], parameters[ROW["dynamics.inertia_kg_m2"]]
+    other = int(partner[index])
+    if other < 0:
+        if shared[index] != 0.0:
+            raise dynamics.error(key, f"is {shared[index]:g}; it must be 0 for a joint without coupled_to")
+        return
+    name = joints[other].name("name")
+    if partner[other] != index:
+        raise joints[index].error("coupled_to", f"is '{name}'; {name} must name this joint as its coupled_to")
+    if shared[other] != shared[index]:
+        raise dynamics.error(key, f"is {shared[index]:g}; it must be that of {name}, which is {shared[other]:g}")
+    limit = float(np.sqrt(inertia[index] * inertia[other]))
+    if shared[index] >= limit:
+        problem = f"is {shared[index]:g}; it must be below {limit:g}, the root of the product of both inertias"
+        raise dynamics.error(key, problem)
 
 
-def _check_unique(top: Section, key: str, names: list[str]) -> None:
-    for name in names:
-        if names.count(name) > 1:
-            raise top.error(key, f"name {name!r} twice")
+def _check_speed(joint: Section, own: Array, partner: Array | None) -> None:
+    """The joint, pressed into its stop and the obstacle at once, is slow enough for the integrator's step."""
+    inertia = own[ROW["dynamics.inertia_kg_m2"]]
+    free = inertia
+    if partner is not None:
+        free -= own[ROW["dynamics.coupling_inertia_kg_m2"]] ** 2 / partner[ROW["dynamics.inertia_kg_m2"]]
+    spring = own[ROW["end_stop.stiffness_nm_per_rad"]] + own[ROW["contact.stiffness_nm_per_rad"]]
+    spring += abs(own[ROW["statics.a1_nm_per_rad"]])
+    damper = own[ROW["end_stop.damping_nm_s_per_rad"]] + own[ROW["contact.damping_nm_s_per_rad"]]
+    damper += own[ROW["dynamics.viscous_friction_nm_s_per_rad"]]
+    # |lambda| is at most sqrt(k / J) where the joint rings and at most d / J where it does not.
+    enough = max(spring * (STEP_S / _STABLE) ** 2, damper * STEP_S / _STABLE)
+    if free < enough:
+        problem = f"is {inertia:g}; it must be at least {enough + inertia - free:.3g} for its stiffness and friction"
+        raise joint.section("dynamics", _GROUPS["dynamics"]).error("inertia_kg_m2", problem)
 
 
 __all__ = ["DescriptionError", "Hand", "Limits", "load_hand"]

@@ -10,6 +10,8 @@ import math
 from dataclasses import dataclass
 
 DEGREE = math.pi / 180.0
+STEP_S = 0.5e-3
+"""Largest integration step of the plant [s]; no joint may be faster than it can follow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +38,7 @@ JOINT_PARAMETERS: tuple[Parameter, ...] = (
     Parameter("valve.fill_rate_pa_per_s", 1e3, 1e9, "fastest pressure rise the valve can feed"),
     Parameter("valve.vent_rate_pa_per_s", 1e3, 1e9, "fastest pressure fall the valve can exhaust"),
     Parameter("statics.a0_nm", -5.0, 5.0, "Eq. 6, torque at zero pressure and angle"),
-    Parameter("statics.a1_nm_per_rad", -10.0, 0.0, "Eq. 6, elasticity of the chamber; extends the joint"),
+    Parameter("statics.a1_nm_per_rad", -10.0, -1e-6, "Eq. 6, elasticity of the chamber; extends the joint"),
     Parameter("statics.a2_nm_per_pa", 1e-8, 1e-4, "Eq. 6, torque per pressure at zero angle"),
     Parameter("statics.a3_nm_per_pa_rad", -1e-4, 1e-4, "Eq. 6, change of that torque with the angle"),
     Parameter("material.phi_max_deg", 0.0, 180.0, "Eq. 11, rest angle shift at full creep", DEGREE, 0.0),

@@ -31,12 +31,12 @@ from numpy.typing import NDArray
 from hand_model.joint import one_sided
 from hand_model.lanes import HALF, LANES
 from hand_model.material import creep_rate
-from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_model.parameters import JOINT_PARAMETERS, ROW, STEP_S
 from hand_model.stack_rows import stack_doubles
 from hand_model.statics import torque
 
-STEP_S = 0.5e-3
-"""Largest integration step [s]."""
+__all__ = ["CREEP", "HISTORY", "OMEGA", "PHI", "STATES", "STEP_S", "P", "Plant", "advance", "steps_per_sample"]
+
 STATES = 4
 P, PHI, OMEGA, CREEP = range(STATES)
 """Rows of a state array: pressure [Pa], angle [rad], speed [rad/s], creeping ratio."""

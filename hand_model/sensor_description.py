@@ -11,6 +11,13 @@ from hand_model.sensors import Adc, AngleLine, ForcePolynomial, ForceSensors, Ha
 from hand_model.yaml_reader import Section
 
 Array = NDArray[np.float64]
+MAX_CHANNELS = 255
+"""Most ADC channels a board may have: a frame counts them in one byte."""
+_HALL = ("channel", "field_t", "field_max_t", "zero_deg", "third_harmonic", "noise_v", "calibration")
+_CALIBRATION = ("ratio_at_0_deg", "ratio_at_90_deg")
+_PRESSURE = ("channel", "ratio_at_zero", "span_pa", "noise_v")
+_FSR = ("c0", "c1", "divider_ohm", "threshold_n", "noise_v", "calibration_log_polynomial")
+_SITE = ("name", "joint", "channel", "lever_arm_m", *_FSR)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,18 +55,12 @@ def read_sensors(
     top: Section, joints: list[Section], names: list[str], prefix: str, adc: tuple[Adc, float]
 ) -> SensorSet:
     """Read the sensors of all joints and the force sites; channels must be 0 ... n - 1, each once."""
-    hall = [joint.section("angle_sensor") for joint in joints]
-    pressure = [joint.section("pressure_sensor") for joint in joints]
-    defaults = top.section("force_site_defaults", required=False)
-    sites = [site.merged(defaults) for site in top.sections("force_sites")]
-    channels = [section.integer("channel", 0, 254) for section in (*hall, *pressure, *sites)]
-    for section, channel in zip((*hall, *pressure, *sites), channels, strict=True):
-        if channels.count(channel) > 1:
-            raise section.error("channel", f"is {channel}, which another sensor uses too")
-        if channel >= len(channels):
-            raise section.error(
-                "channel", f"is {channel}; {len(channels)} sensors use channels 0 to {len(channels) - 1}"
-            )
+    hall = [joint.section("angle_sensor", _HALL) for joint in joints]
+    pressure = [joint.section("pressure_sensor", _PRESSURE) for joint in joints]
+    defaults = top.section("force_site_defaults", _SITE, required=False)
+    sites = [site.over(defaults) for site in top.sections("force_sites", _SITE)]
+    site_names = read_names(sites)
+    channels = _channels([*hall, *pressure, *sites])
     halls = HallSensors(
         _column(hall, "field_t", 1e-3, 2.0),
         _column(hall, "field_max_t", 1e-3, 2.0),
@@ -79,11 +80,7 @@ def read_sensors(
         _column(sites, "threshold_n", 1e-3, 10.0),
         _column(sites, "noise_v", 0.0, 0.5, 0.0),
     )
-    site_names = [site.text("name") for site in sites]
-    for site, name in zip(sites, site_names, strict=True):
-        if site_names.count(name) > 1:
-            raise site.error("name", "is there twice")
-    result = SensorSet(
+    return SensorSet(
         adc=adc[0],
         supply_voltage_v=adc[1],
         channel_count=len(channels),
@@ -99,9 +96,27 @@ def read_sensors(
         force_polynomial=_force_polynomial(sites, forces),
         force_channel=np.array(channels[2 * len(hall) :], dtype=np.int64),
     )
-    for section in (*hall, *pressure, *sites):
-        section.done()
-    return result
+
+
+def read_names(sections: list[Section]) -> list[str]:
+    """The names of joints or sites, each once."""
+    names = [section.name("name") for section in sections]
+    for section, name in zip(sections, names, strict=True):
+        if names.count(name) > 1:
+            raise section.error("name", f"is '{name}', which is there twice")
+    return names
+
+
+def _channels(sections: list[Section]) -> list[int]:
+    """The ADC channel of every sensor: 0 ... n - 1, each once."""
+    last = min(len(sections), MAX_CHANNELS) - 1
+    channels = [section.integer("channel", 0, last) for section in sections]
+    for section, channel in zip(sections, channels, strict=True):
+        if channels.count(channel) > 1:
+            raise section.error(
+                "channel", f"is {channel}, which another sensor has too; each of 0 to {last} is for one"
+            )
+    return channels
 
 
 def _column(sections: list[Section], key: str, low: float, high: float, default: float | None = None) -> Array:
@@ -113,12 +128,12 @@ def _angle_line(sections: list[Section], hall: HallSensors) -> AngleLine:
     nominal = [hall.ratio(np.full(len(sections), angle)) for angle in (0.0, np.pi / 2.0)]
     points = []
     for index, section in enumerate(sections):
-        line = section.section("calibration", required=False)
+        line = section.section("calibration", _CALIBRATION, required=False)
         low = line.number("ratio_at_0_deg", 0.0, 1.0, float(nominal[0][index]))
         high = line.number("ratio_at_90_deg", 0.0, 1.0, float(nominal[1][index]))
         if abs(high - low) < 0.01:
-            raise line.error("ratio_at_90_deg", "is too near ratio_at_0_deg; they must differ by 0.01 or more")
-        line.done()
+            problem = f"is {high:g}; it must differ from ratio_at_0_deg, {low:g}, by 0.01 or more"
+            raise line.error("ratio_at_90_deg", problem)
         points.append((low, high))
     columns = np.array(points)
     return AngleLine(columns[:, 0].copy(), columns[:, 1].copy())
@@ -130,18 +145,12 @@ def _force_polynomial(sections: list[Section], force: ForceSensors) -> ForcePoly
     for index, section in enumerate(sections):
         c0, c1 = float(force.c0[index]), float(force.c1[index])
         default = [c0 / c1, -1.0 / c1, 0.0, 0.0]
-        value = section.raw("calibration_log_polynomial", default)
-        good = isinstance(value, list) and len(value) == len(default)
-        if not good or not all(isinstance(k, int | float) and np.isfinite(k) for k in value):
-            raise section.error("calibration_log_polynomial", "must be 4 finite numbers, k0 first")
-        rows.append([float(k) for k in value])
+        rows.append(section.numbers("calibration_log_polynomial", 4, default))
     # Half of the ratio at the threshold force: clear of the noise on an open film, below any real contact.
     ratio_min = 0.5 * force.ratio(force.threshold_n)
     return ForcePolynomial(np.array(rows), force.divider_ohm, ratio_min)
 
 
 def _site_joint(site: Section, names: list[str]) -> int:
-    name = site.text("joint", "")
-    if name and name not in names:
-        raise site.error("joint", f"is {name!r}; it must be one of {', '.join(names)}, or left out")
+    name = site.choice("joint", names, "")
     return names.index(name) if name else -1
