@@ -5,9 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.typing import ArrayLike, NDArray
 
 from hand_model.description import Hand, load_hand
+from hand_model.lanes import LANES, idle_parameters, map_lanes
+from hand_model.parameters import ROW
+from hand_model.plant import STATES, Plant
+
+Array = NDArray[np.float64]
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "hand.yaml"
 Variant = Callable[..., Path]
@@ -32,3 +39,42 @@ def variant(tmp_path: Path) -> Variant:
         return path
 
     return write
+
+
+class OneJoint:
+    """One joint (or a coupled pair) alone in the kernel, described by what differs from the shipped distal joint."""
+
+    def __init__(self, hand: Hand) -> None:
+        self._base = hand.parameters[:, [hand.joints.index("index_distal")]].copy()
+        self._base[ROW["dynamics.coupling_inertia_kg_m2"]] = 0.0
+
+    def parameters(self, joints: int = 1, **changes: ArrayLike) -> Array:
+        """(rows, joints) in SI; a change is named by its key with a double underscore for the dot."""
+        values = np.repeat(self._base, joints, axis=1)
+        for name, value in changes.items():
+            values[ROW[name.replace("__", ".")]] = value
+        return values
+
+    def run(
+        self,
+        commands: Array,
+        period_s: float = 0.005,
+        state: Array | None = None,
+        partner: tuple[int, ...] | None = None,
+        **changes: ArrayLike,
+    ) -> Array:
+        """States (samples + 1, STATES, joints), the first one included, under commands (samples, joints) [Pa]."""
+        joints = commands.shape[1]
+        lanes = map_lanes(np.array(partner or [-1] * joints))
+        start = np.zeros((STATES, joints)) if state is None else state
+        par = lanes.scatter(self.parameters(joints, **changes), idle_parameters())
+        plant = Plant(par, lanes.scatter(start, np.zeros(STATES)), period_s)
+        spread = np.zeros((lanes.blocks, len(commands), LANES))
+        spread[lanes.block, :, lanes.lane] = commands.T
+        states = plant.advance(spread)[lanes.block, :, :, lanes.lane].transpose(1, 2, 0)
+        return np.concatenate([start[None], states])
+
+
+@pytest.fixture(scope="session")
+def joint(hand: Hand) -> OneJoint:
+    return OneJoint(hand)
