@@ -16,6 +16,7 @@ from hand_model.parameters import JOINT_PARAMETERS, ROW
 
 LANES = 16
 HALF = LANES // 2
+# In SI, whatever the unit in the key.
 _IDLE = {
     "valve.time_constant_s": 1.0,
     "valve.fill_rate_pa_per_s": 1e9,
@@ -70,9 +71,7 @@ def map_lanes(partner: NDArray[np.int64]) -> LaneMap:
 
 def idle_parameters() -> NDArray[np.float64]:
     """Parameters (rows,) of an unused lane: a slow, damped joint that stays at rest."""
-    values = np.array([parameter.neutral or 0.0 for parameter in JOINT_PARAMETERS])
+    values = np.array([(parameter.neutral or 0.0) * parameter.scale for parameter in JOINT_PARAMETERS])
     for key, value in _IDLE.items():
         values[ROW[key]] = value
-    values[ROW["contact.angle_deg"]] = 10.0
-    values[ROW["contact.engagement_deg"]] = 0.1
     return values

@@ -23,6 +23,8 @@ def stack_doubles(typing_context: Any, count: Any) -> Any:
         return None
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        # Not inlined, the function is the same machine code, and its result the same bits, whoever calls it.
+        builder.function.attributes.add("noinline")
         with builder.goto_entry_block():
             memory = builder.alloca(ir.ArrayType(ir.DoubleType(), count.literal_value))
             memory.align = _ALIGNMENT
