@@ -1,0 +1,1 @@
+"""Speed and quality, measured as ratios against a reference in one run."""

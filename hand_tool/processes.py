@@ -1,0 +1,74 @@
+"""Starting and ending the stack's executables as processes of our own, each with a log file."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+
+STOP_S = 15.0
+
+
+class ProcessError(RuntimeError):
+    """A process ended when it should not have; the message is one line."""
+
+
+class Processes:
+    """Context manager: what is started in it is stopped at its end, by SIGINT and in reverse order."""
+
+    def __init__(self, logs: Path) -> None:
+        """Write each process's output to logs/NAME.log."""
+        self._logs = logs
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def __enter__(self) -> Processes:
+        """Make the folder of the logs."""
+        self._logs.mkdir(parents=True, exist_ok=True)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None) -> None:
+        """Stop what still runs."""
+        for name in reversed(list(self._running)):
+            self.stop(name)
+
+    def start(self, name: str, command: Sequence[str]) -> None:
+        """Start an executable of the stack: NAME ARGUMENT ... ."""
+        environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"} | dict(os.environ)
+        with (self._logs / f"{name}.log").open("wb") as log:
+            self._running[name] = subprocess.Popen(
+                [str(executable(command[0])), *command[1:]], stdout=log, stderr=subprocess.STDOUT, env=environment,
+                start_new_session=True,  # Ctrl-C is for us; we end the others in order
+            )  # fmt: skip
+
+    def check(self) -> None:
+        """Raise ProcessError if one has ended."""
+        for name, process in self._running.items():
+            if process.poll() is not None:
+                raise ProcessError(f"{name} ended with code {process.returncode}: {self._last_line(name)}")
+
+    def stop(self, name: str) -> int:
+        """End one by SIGINT and return its exit code; SIGKILL if it does not end in STOP_S [s]."""
+        process = self._running.pop(name)
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        try:
+            return process.wait(timeout=STOP_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            raise ProcessError(f"{name} did not end within {STOP_S:g} s: {self._last_line(name)}") from None
+
+    def _last_line(self, name: str) -> str:
+        lines = (self._logs / f"{name}.log").read_text(encoding="utf-8", errors="replace").split("\n")
+        return next((line for line in reversed(lines) if line.strip()), "it printed nothing")
+
+
+def executable(name: str) -> Path:
+    """An executable of this stack, beside the running program; raises ProcessError where it is not built."""
+    path = Path(sys.argv[0]).resolve().parent / name
+    if not path.is_file():
+        raise ProcessError(f"{path} does not exist: build the packages first (make build)")
+    return path
