@@ -28,6 +28,7 @@ _IDLE = {
     "end_stop.low_deg": -1.0,
     "end_stop.high_deg": 1.0,
     "end_stop.engagement_deg": 0.1,
+    "supply.pressure_pa": 6e5,
 }
 
 

@@ -60,8 +60,18 @@ JOINT_PARAMETERS: tuple[Parameter, ...] = (
     Parameter("contact.stiffness_nm_per_rad", 0.0, 100.0, "of the obstacle, fully engaged", 1.0, 0.0),
     Parameter("contact.damping_nm_s_per_rad", 0.0, 1.0, "of the obstacle, fully engaged", 1.0, 0.0),
     Parameter("contact.engagement_deg", 0.01, 30.0, "penetration over which the obstacle engages", DEGREE, 1.0),
-    Parameter("supply.pressure_pa", 1e3, 2e6, "gauge; no valve delivers more", 1.0, 6e5),
+    Parameter("supply.pressure_pa", 1e3, 2e6, "of the whole hand, gauge; no valve delivers more"),
 )
 
 ROW: dict[str, int] = {parameter.key: row for row, parameter in enumerate(JOINT_PARAMETERS)}
 """Row of a parameter by its key."""
+
+
+def markdown_table() -> str:
+    """All parameters as a Markdown table, in row order; docs/model.md carries it."""
+    rows = ["| key in hand.yaml | range | if left out | meaning |", "|---|---|---|---|"]
+    for parameter in JOINT_PARAMETERS:
+        default = "an error" if parameter.neutral is None else f"{parameter.neutral:.4g}"
+        bounds = f"{parameter.low:g} … {parameter.high:g}"
+        rows.append(f"| `{parameter.key}` | {bounds} | {default} | {parameter.doc} |")
+    return "\n".join(rows) + "\n"

@@ -1,0 +1,34 @@
+"""docs/model.md: its table is that of the code, its figures those of the model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hand_model.parameters import JOINT_PARAMETERS, STEP_S, markdown_table
+from hand_model.plant import HISTORY
+
+TEXT = (Path(__file__).resolve().parents[2] / "docs" / "model.md").read_text(encoding="utf-8")
+
+
+def test_parameter_table_is_current() -> None:
+    """Broken by a parameter added, renamed or bounded anew without its row in the document."""
+    _, begun, rest = TEXT.partition("<!-- parameters: begin")
+    table, ended, _ = rest.partition("<!-- parameters: end -->")
+    assert begun
+    assert ended
+    assert table.partition("-->\n")[2] == markdown_table()
+
+
+def test_quoted_constants_are_current() -> None:
+    """Broken by a step or a memory that the text still gives as before."""
+    assert f"at most {STEP_S * 1e3:g} ms" in TEXT
+    assert f"The memory holds {HISTORY} samples" in TEXT
+
+
+def test_names_end_in_their_unit() -> None:
+    """Broken by a parameter whose unit its key does not tell."""
+    units = ("_s", "_pa_per_s", "_nm", "_nm_per_rad", "_per_pa", "_pa_rad", "_deg", "_pa", "_kg_m2", "_s_per_rad")
+    for parameter in JOINT_PARAMETERS:
+        assert parameter.key.endswith(units), parameter.key
+        assert parameter.low < parameter.high
+        assert parameter.neutral is None or parameter.low <= parameter.neutral <= parameter.high, parameter.key
