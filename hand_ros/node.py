@@ -15,9 +15,10 @@ from typing import Any
 import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
@@ -46,6 +47,7 @@ class HandNode(LifecycleNode):
         self.table = (AUTOSTART, *table)
         self.problem: str | None = None
         self.active = False
+        self.configured = False
         self._said: dict[str, float] = {}
         self._shown: list[tuple[str, Level, str]] = []
         self._shown_at = 0.0
@@ -53,6 +55,7 @@ class HandNode(LifecycleNode):
         for parameter in self.table:
             self.declare_parameter(parameter.name, parameter.default, _descriptor(parameter))
         self._health_timer = self.create_timer(0.1, self.publish_health)
+        self.add_on_set_parameters_callback(self._on_set_parameters)
 
     @property
     def values(self) -> dict[str, Any]:
@@ -62,6 +65,9 @@ class HandNode(LifecycleNode):
     def configure(self, values: dict[str, Any]) -> None:
         """Load files, open ports, create publishers. ValueError or OSError: one line of what is wrong."""
         raise NotImplementedError
+
+    def reconfigure(self, values: dict[str, Any]) -> None:
+        """Take over parameters changed at run time, all of them or, with a ValueError, none."""
 
     def start(self) -> None:
         """Begin to work; called on activation."""
@@ -87,7 +93,7 @@ class HandNode(LifecycleNode):
             self.get_logger().error(self.problem)
             self.publish_health(now=True)
             return TransitionCallbackReturn.FAILURE
-        self.problem = None
+        self.problem, self.configured = None, True
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: State) -> TransitionCallbackReturn:
@@ -104,12 +110,23 @@ class HandNode(LifecycleNode):
     def on_cleanup(self, _state: State) -> TransitionCallbackReturn:
         """Lifecycle: release what configure took."""
         self._halt()
+        self.configured = False
         self.release()
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, _state: State) -> TransitionCallbackReturn:
         """Lifecycle: stop and release."""
         return self.on_cleanup(_state)
+
+    def _on_set_parameters(self, changed: list[Parameter]) -> SetParametersResult:
+        values = self.values | {parameter.name: parameter.value for parameter in changed}
+        try:
+            check_all(self.table, values)
+            if self.configured:
+                self.reconfigure(values)
+        except ValueError as error:
+            return SetParametersResult(successful=False, reason=_one_line(error))
+        return SetParametersResult(successful=True)
 
     def _halt(self) -> None:
         if self.active:
@@ -133,7 +150,11 @@ class HandNode(LifecycleNode):
 
     def publish_health(self, now: bool = False) -> None:
         """Publish the statuses at 1 Hz, and at once when one changes."""
-        statuses = [Health("setup", Level.ERROR, self.problem)] if self.problem else self.health()
+        statuses = [Health("setup", Level.OK, "not configured")]
+        if self.problem:
+            statuses = [Health("setup", Level.ERROR, self.problem)]
+        elif self.configured:
+            statuses = self.health()
         verdicts = [status.verdict for status in statuses]
         clock = time.monotonic()
         if not now and verdicts == self._shown and clock - self._shown_at < 1.0:

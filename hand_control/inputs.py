@@ -1,0 +1,43 @@
+"""Messages of joints as arrays in the hand's own order, whatever order the sender has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_ros.cdr import Layout
+from hand_ros.layouts import MessageSpec
+
+Array = NDArray[np.float64]
+
+
+class JointInput:
+    """Reads one topic; the sender's layout is learnt from its first message and whenever it changes."""
+
+    def __init__(self, spec: MessageSpec, joints: Sequence[str], fields: Sequence[str]) -> None:
+        """Take these fields of messages of type spec for these joints."""
+        self._spec = spec
+        self._joints = tuple(joints)
+        self._fields = tuple(fields)
+        self._layout: Layout | None = None
+        self._order: NDArray[np.int64] = np.arange(len(joints))
+
+    def read(self, raw: bytes) -> tuple[int, list[Array]]:
+        """Stamp [ns] and the fields, (joints,) each, of a serialized message. ValueError: one line."""
+        if self._layout is None or not self._layout.matches(raw):
+            self._layout = self._learn(Layout.like(self._spec, raw))
+        values = self._layout.decode(raw)
+        return values["stamp_ns"], [values[field][self._order] for field in self._fields]
+
+    def _learn(self, layout: Layout) -> Layout:
+        names = layout.names
+        missing = [joint for joint in self._joints if joint not in names]
+        if missing:
+            raise ValueError(f"joint {missing[0]!r} is missing; the message has {', '.join(names) or 'no joints'}")
+        for field in self._fields:
+            if layout.shape.lengths[field] != len(names):
+                raise ValueError(f"{layout.shape.lengths[field]} values of {field} for {len(names)} joints")
+        self._order = np.array([names.index(joint) for joint in self._joints], dtype=np.int64)
+        return layout
