@@ -18,14 +18,13 @@ from hand_driver.board_clock import BoardClock
 from hand_driver.can_board import CanBoard
 from hand_driver.driver_health import DriverHealth, LinkState
 from hand_driver.link import Link
-from hand_driver.measurement import Converter, Measurement
+from hand_driver.measurement import Converter
 from hand_driver.serial_board import SerialBoard
 from hand_driver.set_points import CommandReader, RefusedError
+from hand_driver.topics import FrameTopics
 from hand_driver.zero import PressureZero
 from hand_model.description import Hand, load_hand
-from hand_ros.cdr import Layout
 from hand_ros.health import Health, Level
-from hand_ros.layouts import ADC_FRAME, CONTACT_FORCES, JOINT_PRESSURES, JOINT_STATE
 from hand_ros.node import COMMAND_QOS, SENSOR_QOS, STATE_QOS, HandNode, default_config, run
 from hand_ros.parameters import NodeParameter
 
@@ -71,8 +70,8 @@ class DriverNode(HandNode):
         self._velocity_time_constant_s = values["velocity_time_constant_s"]
         self._reader = CommandReader(hand)
         self._zero = PressureZero(hand)
-        self._make_layouts(hand, values["frame_id"])
-        self._publishers = (
+        self._topics = FrameTopics(hand, values["frame_id"])
+        self._publishers = (  # in the order of TOPICS
             self.create_publisher(JointPressures, "pressures", SENSOR_QOS),
             self.create_publisher(JointState, "joint_states", STATE_QOS),
             self.create_publisher(ContactForces, "contact_forces", SENSOR_QOS),
@@ -82,14 +81,6 @@ class DriverNode(HandNode):
             ValveCommand, "valve_command", self._on_command, COMMAND_QOS, raw=True
         )
         self._service = self.create_service(Trigger, "calibrate", self._on_calibrate)
-
-    def _make_layouts(self, hand: Hand, frame_id: str) -> None:
-        channels = {"channel": hand.channel_count, "counts": hand.channel_count}
-        self._pressures = Layout(JOINT_PRESSURES, frame_id, hand.joints)
-        self._joint_states = Layout(JOINT_STATE, frame_id, hand.joints)
-        self._forces = Layout(CONTACT_FORCES, frame_id, hand.sensors.sites)
-        self._adc = Layout(ADC_FRAME, frame_id, lengths=channels)
-        self._channels = np.arange(hand.channel_count, dtype=np.uint16)
 
     def start(self) -> None:
         """Open the board and read it until stop."""
@@ -139,27 +130,10 @@ class DriverNode(HandNode):
     def _publish(self, frame: Frame) -> None:
         stamp_ns = self.stamp_ns(frame)
         measured = self._converter.convert(frame)
-        for publisher, raw in zip(self._publishers, self._serialize(stamp_ns, frame, measured), strict=True):
+        for publisher, raw in zip(self._publishers, self._topics.encode(stamp_ns, frame, measured), strict=True):
             publisher.publish(raw)
         self._zero.frame(frame)
         self._health.frame(frame, self._converter.at_rail(frame.counts), time.monotonic())
-
-    def _serialize(self, stamp_ns: int, frame: Frame, measured: Measurement) -> tuple[bytes, bytes, bytes, bytes]:
-        # Pressures go first: the controller ticks on joint_states and then has both of one frame.
-        return (
-            self._pressures.encode(stamp_ns, pressure=measured.pressure),
-            self._joint_states.encode(
-                stamp_ns, position=measured.position, velocity=measured.velocity, effort=measured.effort
-            ),
-            self._forces.encode(stamp_ns, force=measured.force),
-            self._adc.encode(
-                stamp_ns,
-                sequence=frame.sequence,
-                supply_voltage=frame.supply_voltage_v,
-                channel=self._channels,
-                counts=frame.counts,
-            ),
-        )
 
     def _on_command(self, raw: bytes) -> None:
         if not self.active:

@@ -134,7 +134,7 @@ def _held(
 
 def _valve_command(times: Times, topics: Mapping[str, TopicData], joints: Sequence[str]) -> Floats:
     data = topics.get("valve_command")
-    starts = _on_stamp_clock(data.publish_ns, topics.get("clock")) if data is not None else None
+    starts = published_on_stamp_clock(topics) if data is not None else None
     command, age, rows = _held(times, data, "pressure", joints, starts)
     if data is not None and len(data):
         command[age > data["lifetime_ns"][rows]] = 0.0
@@ -147,6 +147,11 @@ def _reference(times: Times, topics: Mapping[str, TopicData], joints: Sequence[s
     reference, age, _ = _held(times, data, "reference", joints, starts)
     reference[age > max_gap_ns] = np.nan
     return reference
+
+
+def published_on_stamp_clock(topics: Mapping[str, TopicData]) -> Times:
+    """When each valve command was published [ns], on the clock that the headers bear."""
+    return _on_stamp_clock(topics["valve_command"].publish_ns, topics.get("clock"))
 
 
 def _on_stamp_clock(publish_ns: Times, clock: TopicData | None) -> Times:

@@ -1,0 +1,49 @@
+"""What the driver publishes of one frame, as bytes: one place for names, types and order of its topics."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hand_driver.board import Frame
+from hand_driver.measurement import Measurement
+from hand_model.description import Hand
+from hand_ros.cdr import Layout
+from hand_ros.layouts import ADC_FRAME, CONTACT_FORCES, JOINT_PRESSURES, JOINT_STATE
+
+TOPICS = {
+    "pressures": JOINT_PRESSURES,
+    "joint_states": JOINT_STATE,
+    "contact_forces": CONTACT_FORCES,
+    "adc": ADC_FRAME,
+}
+"""In the order of publishing: the controller ticks on joint_states and then has the pressures of the same frame."""
+
+
+class FrameTopics:
+    """Serializes the topics of one hand's frames."""
+
+    def __init__(self, hand: Hand, frame_id: str) -> None:
+        """Lay the messages out for this hand's names."""
+        channels = {"channel": hand.channel_count, "counts": hand.channel_count}
+        self._pressures = Layout(JOINT_PRESSURES, frame_id, hand.joints)
+        self._joint_states = Layout(JOINT_STATE, frame_id, hand.joints)
+        self._forces = Layout(CONTACT_FORCES, frame_id, hand.sensors.sites)
+        self._adc = Layout(ADC_FRAME, frame_id, lengths=channels)
+        self._channels = np.arange(hand.channel_count, dtype=np.uint16)
+
+    def encode(self, stamp_ns: int, frame: Frame, measured: Measurement) -> tuple[bytes, ...]:
+        """One message a topic, in the order of TOPICS."""
+        return (
+            self._pressures.encode(stamp_ns, pressure=measured.pressure),
+            self._joint_states.encode(
+                stamp_ns, position=measured.position, velocity=measured.velocity, effort=measured.effort
+            ),
+            self._forces.encode(stamp_ns, force=measured.force),
+            self._adc.encode(
+                stamp_ns,
+                sequence=frame.sequence,
+                supply_voltage=frame.supply_voltage_v,
+                channel=self._channels,
+                counts=frame.counts,
+            ),
+        )

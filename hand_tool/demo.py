@@ -1,0 +1,183 @@
+"""`hand demo`: the whole stack on a simulated hand, recorded, replayed offline and shown on one page."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+import yaml
+from hand_control.grasps import Grasp, load_grasps
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from hand_ident.loader import load_recording
+from hand_ident.replay import replay_recording, write_replay
+from hand_model.description import Hand, load_hand
+from hand_tool.demo_page import write_page
+from hand_tool.demo_summary import Summary, summarise
+from hand_tool.paths import default_model
+from hand_tool.processes import ProcessError, Processes
+
+PATTERNS = ("cylindrical", "tripod", "lateral")
+CLOSE_S, HOLD_S, OPEN_S, REST_S = 2.0, 2.2, 1.6, 0.8
+CONTACT_SHARE = 0.85
+"""The soft object begins at this share of the cylindrical grasp's closing angle."""
+CONTACT_STIFFNESS_NM_PER_RAD = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Files:
+    """What the demo leaves in its folder."""
+
+    folder: Path
+
+    @property
+    def model(self) -> Path:
+        """The description with the object in the hand."""
+        return self.folder / "hand.yaml"
+
+    @property
+    def recording(self) -> Path:
+        """Everything that was said on the topics."""
+        return self.folder / "recording.mcap"
+
+    @property
+    def replay(self) -> Path:
+        """The recording's valve commands through the offline plant."""
+        return self.folder / "replay.mcap"
+
+    @property
+    def page(self) -> Path:
+        """The result for people."""
+        return self.folder / "index.html"
+
+    @property
+    def summary(self) -> Path:
+        """The result for machines."""
+        return self.folder / "summary.json"
+
+
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder of the results; earlier results in it are replaced.")] = Path(
+        "out/demo"
+    ),
+    model: Annotated[Path | None, typer.Option(help="hand.yaml to simulate. Default: the installed one.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print summary.json instead of text.")] = False,
+) -> None:
+    """Eleven simulated joints follow three grasps over ROS 2; recorded, replayed offline and shown on a page.
+
+    Example: hand demo --out out/demo
+
+    Exit codes: 0 every joint followed, 1 a joint did not follow or a process failed, 2 bad usage or bad input.
+    """
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    console = Console(stderr=True)
+    files = Files(out)
+    try:
+        hand, grasps = _prepare(files, model or default_model())
+    except (ValueError, OSError) as error:
+        print(f"hand demo: {error}", file=sys.stderr)
+        raise typer.Exit(2) from None
+    columns = (TextColumn("{task.description:<42}"), BarColumn(), TextColumn("{task.percentage:3.0f}%"))
+    try:
+        with Progress(*columns, TimeElapsedColumn(), console=console) as progress:
+            _play(files, hand, grasps, progress)
+            summary = _evaluate(files, hand, progress)
+    except (ProcessError, ValueError, OSError) as error:
+        print(f"hand demo: {error}; logs are in {files.folder / 'logs'}", file=sys.stderr)
+        raise typer.Exit(1) from None
+    print(json.dumps(summary.as_json(), indent=2) if as_json else _text(files, summary))
+    if summary.not_followed:
+        raise typer.Exit(1)
+
+
+def _prepare(files: Files, model: Path) -> tuple[Hand, dict[str, Grasp]]:
+    """Clear the folder and put the model of the hand with a soft object in it there."""
+    hand = load_hand(model)
+    grasps = load_grasps(model.with_name("grasps.yaml"), hand)
+    files.folder.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(files.folder / "logs", ignore_errors=True)
+    for path in (files.model, files.recording, files.replay, files.page, files.summary):
+        path.unlink(missing_ok=True)
+    description = yaml.safe_load(model.read_text(encoding="utf-8"))
+    closed = np.degrees(grasps["cylindrical"].shape(1.0))
+    for joint, angle_deg in zip(description["joints"], closed, strict=True):
+        contact = {"angle_deg": float(CONTACT_SHARE * angle_deg), "stiffness_nm_per_rad": CONTACT_STIFFNESS_NM_PER_RAD}
+        joint["contact"] = contact
+    heading = "# The installed description with a soft object in the hand, as the demo simulated it.\n"
+    files.model.write_text(heading + yaml.safe_dump(description, sort_keys=False), encoding="utf-8")
+    return load_hand(files.model), grasps
+
+
+def _play(files: Files, hand: Hand, grasps: dict[str, Grasp], progress: Progress) -> None:
+    """Record simulation and controller while they perform the grasps."""
+    from hand_tool.demo_node import NotReadyError, Pose, perform  # noqa: PLC0415 - needs ROS, --help does not
+
+    poses = []
+    for name in PATTERNS:
+        poses.append(Pose(f"{name} grasp", grasps[name].shape(1.0), CLOSE_S, HOLD_S))
+        poses.append(Pose(f"open after {name}", grasps["open"].shape(1.0), OPEN_S, REST_S))
+    total = sum(pose.move_s + pose.stay_s for pose in poses)
+    use = ["-p", f"hand_description:={files.model}"]
+    bar = progress.add_task("starting", total=total)
+    with Processes(files.folder / "logs") as processes:
+        processes.start("recorder", ["recorder", "--ros-args", "-p", f"out:={files.recording}"])
+        processes.start("simulation", ["simulation", "--ros-args", *use])
+        settings = default_model().with_name("controller.yaml")
+        processes.start("controller", ["controller", "--ros-args", "--params-file", str(settings), *use])
+
+        def show(label: str, seconds: float) -> None:
+            moving = not label.startswith("waiting")
+            progress.update(bar, description=label, advance=seconds if moving else 0.0)
+
+        try:
+            perform(hand.joints, poses, show, processes.check)
+        except NotReadyError as error:
+            raise ProcessError(str(error)) from None
+        progress.update(bar, description="grasps performed and recorded", completed=total)
+        for name in ("recorder", "controller", "simulation"):
+            if (code := processes.stop(name)) != 0:
+                raise ProcessError(f"{name} ended with code {code}")
+
+
+def _evaluate(files: Files, hand: Hand, progress: Progress) -> Summary:
+    """Replay offline, compare, write page and summary."""
+    recording = load_recording(files.recording)
+    result = replay_recording(recording, hand)
+    bar = progress.add_task("replaying the recording offline", total=1.0)
+    for share in write_replay(result, files.replay, "mcap", None):
+        progress.update(bar, completed=share)
+    bar = progress.add_task("drawing the page", total=None)
+    summary = summarise(recording, result)
+    files.summary.write_text(json.dumps(summary.as_json(), indent=2) + "\n", encoding="utf-8")
+    write_page(files.page, recording, result, summary)
+    progress.update(bar, total=1.0, completed=1.0)
+    return summary
+
+
+def _text(files: Files, summary: Summary) -> str:
+    worst = max(summary.joints.values(), key=lambda joint: joint.tracking_rms_deg)
+    loop, replay_deg = summary.loop, max(joint.replay_rms_deg for joint in summary.joints.values())
+    lines = [
+        f"{len(summary.joints)} joints followed {len(PATTERNS)} grasps, "
+        f"the worst within {worst.tracking_rms_deg:.2f} degree RMS",
+        f"loop {loop.rate_hz:.0f} Hz, missed {100 * loop.missed_fraction:.2f} %, "
+        f"latency p50 {loop.latency_p50_ms:.2f} ms, p99 {loop.latency_p99_ms:.2f} ms",
+        f"offline replay of the same commands: within {replay_deg:.3f} degree RMS",
+        f"page:       {files.page}",
+        f"recording:  {files.recording}   replay: {files.replay}",
+        "next:       source env.bash, then",
+        f"            hand simulate {files.recording} --model {files.model} --out sim.mcap",
+        "            hand emulate-board --serial /tmp/hand_board   (bytes instead of simulation, same controller)",
+        "            hand --help",
+    ]
+    if summary.not_followed:
+        lines[0] = f"joints that did not follow: {', '.join(summary.not_followed)}"
+    return "\n".join(lines)

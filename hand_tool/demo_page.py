@@ -1,0 +1,122 @@
+"""The demo's page: one self-contained HTML file, its pictures beside it as PNG too."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from string import Template
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from hand_ident.loader import Recording
+from hand_ident.replay import Replay
+from hand_tool.demo_summary import Summary
+from hand_tool.replay_difference import replayed_angle_rad
+
+COLUMNS = 3
+REFERENCE, MEASURED, REPLAYED = "#b0b0b0", "#0b5394", "#cc4125"
+Array = NDArray[np.float64]
+mpl.use("Agg")
+
+
+def write_page(path: Path, recording: Recording, result: Replay, summary: Summary) -> None:
+    """Write the page, and angles.png, pressures.png and forces.png beside it."""
+    figures = {
+        "angles": _angles(recording, result),
+        "pressures": _pressures(recording, result),
+        "forces": _forces(recording),
+    }
+    pictures = {}
+    for name, figure in figures.items():
+        buffer = io.BytesIO()
+        figure.savefig(buffer, dpi=110)
+        path.with_name(f"{name}.png").write_bytes(buffer.getvalue())
+        pictures[name] = base64.b64encode(buffer.getvalue()).decode()
+    template = Template(Path(__file__).with_name("demo_page.html").read_text(encoding="utf-8"))
+    page = template.substitute(
+        pictures, headline=html.escape(_headline(summary)), rows=_rows(summary), **_loop(summary)
+    )
+    path.write_text(page, encoding="utf-8")
+
+
+def _headline(summary: Summary) -> str:
+    if summary.not_followed:
+        return f"These joints did not follow: {', '.join(summary.not_followed)}"
+    worst = max(joint.tracking_rms_deg for joint in summary.joints.values())
+    return f"{len(summary.joints)} joints followed three grasps, each within {worst:.2f}° RMS of its reference"
+
+
+def _loop(summary: Summary) -> dict[str, str]:
+    loop = summary.loop
+    return {
+        "rate": f"{loop.rate_hz:.1f}",
+        "missed": f"{100.0 * loop.missed_fraction:.2f}",
+        "p50": f"{loop.latency_p50_ms:.2f}",
+        "p99": f"{loop.latency_p99_ms:.2f}",
+    }
+
+
+def _rows(summary: Summary) -> str:
+    return "\n".join(
+        f"<tr><th scope='row'>{html.escape(name)}</th><td>{joint.moved_deg:.1f}</td>"
+        f"<td>{joint.tracking_rms_deg:.2f}</td><td>{joint.replay_rms_deg:.3f}</td></tr>"
+        for name, joint in summary.joints.items()
+    )
+
+
+def _grid(titles: Sequence[str], unit: str) -> tuple[Figure, list[mpl.axes.Axes]]:
+    rows = -(-len(titles) // COLUMNS)
+    figure = Figure(figsize=(12.0, 1.9 * rows + 0.6), layout="constrained")
+    axes = figure.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
+    for axis, title in zip(axes, titles, strict=False):
+        axis.set_title(title, fontsize=10, loc="left")
+        axis.grid(True, linewidth=0.4, color="#dddddd")
+        axis.tick_params(labelsize=8)
+    for axis in axes[len(titles) :]:
+        axis.set_axis_off()
+    figure.supxlabel("time [s]", fontsize=10)
+    figure.supylabel(unit, fontsize=10)
+    return figure, list(axes)
+
+
+def _legend(figure: Figure, axis: mpl.axes.Axes) -> None:
+    handles, labels = axis.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=len(labels), fontsize=9, frameon=False)
+
+
+def _angles(recording: Recording, result: Replay) -> Figure:
+    base = recording.on_time_base(joints=result.hand.joints)
+    seconds = base.time_s
+    replay_s = (result.stamp_ns - base.time_ns[0]) * 1e-9
+    replayed = np.degrees(replayed_angle_rad(result))
+    figure, axes = _grid(result.hand.joints, "angle [°]")
+    for i, axis in zip(range(len(result.hand.joints)), axes, strict=False):
+        axis.plot(seconds, np.degrees(base.reference[:, i]), color=REFERENCE, linewidth=2.5, label="reference")
+        axis.plot(seconds, np.degrees(base.position[:, i]), color=MEASURED, linewidth=1.0, label="measured")
+        axis.plot(replay_s, replayed[:, i], color=REPLAYED, linewidth=1.0, linestyle="--", label="offline replay")
+    _legend(figure, axes[0])
+    return figure
+
+
+def _pressures(recording: Recording, result: Replay) -> Figure:
+    base = recording.on_time_base(joints=result.hand.joints)
+    figure, axes = _grid(result.hand.joints, "pressure [kPa]")
+    for i, axis in zip(range(len(result.hand.joints)), axes, strict=False):
+        axis.plot(base.time_s, base.valve_command[:, i] * 1e-3, color=REFERENCE, linewidth=2.5, label="valve command")
+        axis.plot(base.time_s, base.pressure[:, i] * 1e-3, color=MEASURED, linewidth=1.0, label="measured")
+    _legend(figure, axes[0])
+    return figure
+
+
+def _forces(recording: Recording) -> Figure:
+    base = recording.on_time_base()
+    figure, axes = _grid(base.sites, "force [N]")
+    for i, axis in zip(range(len(base.sites)), axes, strict=False):
+        axis.plot(base.time_s, base.force[:, i], color=MEASURED, linewidth=1.0)
+    return figure

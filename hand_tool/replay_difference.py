@@ -1,0 +1,29 @@
+"""How far a replay lies from its recording."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_ident.loader import Recording
+from hand_ident.replay import Replay
+from hand_sim.plant import PHI
+
+
+def replayed_angle_rad(result: Replay) -> NDArray[np.float64]:
+    """Angles (N, joints) [rad] as the driver would have measured them in the replay, without noise."""
+    sensors = result.hand.sensors
+    angles: NDArray[np.float64] = sensors.angle_line.angle_rad(sensors.hall.ratio(result.states[:, PHI]))
+    return angles
+
+
+def difference_deg(recording: Recording, result: Replay) -> dict[str, float]:
+    """RMS difference [degree] of each joint's measured and replayed angle; NaN where nothing was measured."""
+    states = recording["joint_states"]
+    _, rows = np.unique(states.stamp_ns, return_index=True)
+    columns = [states.names.index(joint) for joint in result.hand.joints]
+    error = np.degrees(states["position"][rows][:, columns] - replayed_angle_rad(result))
+    finite = np.isfinite(error)
+    square = np.where(finite, error, 0.0) ** 2
+    rms = np.sqrt(square.sum(axis=0) / np.where(finite.any(axis=0), finite.sum(axis=0), np.nan))
+    return dict(zip(result.hand.joints, rms.tolist(), strict=True))
