@@ -23,10 +23,10 @@ import numpy as np
 import rclpy
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
 from hand_msgs.msg import ValveCommand
-from rclpy.experimental import EventsExecutor
-from rclpy.task import Future
 
 WARM_UP_S = 3.0
+DEPTH = 1000
+TAKE_PERIOD_S = 0.05
 ROUND_TRIP_HZ = 200
 
 
@@ -122,24 +122,14 @@ def processes(commands: list[list[str]]) -> Iterator[list[subprocess.Popen[bytes
 def measure(commands: list[list[str]], rate_hz: float, seconds: float) -> Run:
     """Run two processes for some seconds after they have found each other."""
     node = rclpy.create_node("loop_probe", namespace="hand")
-    seen: list[tuple[int, int]] = []
-
-    def keep(raw: bytes, info: dict[str, int]) -> None:
-        sec, nanosec = np.frombuffer(raw, "<u4", 2, 4)
-        seen.append((int(sec) * 1_000_000_000 + int(nanosec), info["source_timestamp"]))
-
-    node.create_subscription(ValveCommand, "valve_command", keep, 1, raw=True)
-    executor = EventsExecutor()
-    executor.add_node(node)
+    probe = node.create_subscription(ValveCommand, "valve_command", lambda _: None, DEPTH, raw=True)
     try:
         with processes(commands) as started:
-            _spin_until(executor, lambda: len(seen) > rate_hz * WARM_UP_S / 2, 30.0)
-            seen.clear()
+            _take(probe, 30.0, enough=round(rate_hz * WARM_UP_S))
             begun, cpu = time.monotonic(), sum(map(_cpu_s, started))
-            executor.spin_until_future_complete(Future(), timeout_sec=seconds)
+            seen = _take(probe, seconds)
             used = (sum(map(_cpu_s, started)) - cpu) / (time.monotonic() - begun)
     finally:
-        executor.remove_node(node)
         node.destroy_node()
     stamps, sent = np.array(seen).T
     latency_s = (sent - stamps) * 1e-9
@@ -148,12 +138,22 @@ def measure(commands: list[list[str]], rate_hz: float, seconds: float) -> Run:
     return Run(latency_s, max(0.0, 1.0 - in_time / periods), used)
 
 
-def _spin_until(executor: Any, done: Any, timeout_s: float) -> None:
-    end = time.monotonic() + timeout_s
-    while not done():
-        if time.monotonic() > end:
-            raise TimeoutError("the two processes exchanged no valve commands: are the packages built and sourced?")
-        executor.spin_until_future_complete(Future(), timeout_sec=0.2)
+def _take(probe: Any, seconds: float, enough: int | None = None) -> list[tuple[int, int]]:
+    """Acquisition stamp and source timestamp [ns] of the commands of some seconds, or of enough of them.
+
+    Emptied in batches and without an executor, so that watching costs little of the two cores.
+    """
+    seen: list[tuple[int, int]] = []
+    end = time.monotonic() + seconds
+    while time.monotonic() < end and (enough is None or len(seen) < enough):
+        time.sleep(TAKE_PERIOD_S)
+        with probe.handle:
+            while (taken := probe.handle.take_message(probe.msg_type, True)) is not None:
+                sec, nanosec = np.frombuffer(taken[0], "<u4", 2, 4).tolist()
+                seen.append((sec * 1_000_000_000 + nanosec, taken[1]["source_timestamp"]))
+    if len(seen) < (enough or 2):
+        raise TimeoutError("the two processes exchanged no valve commands: are the packages built and sourced?")
+    return seen
 
 
 def _cpu_s(process: subprocess.Popen[bytes]) -> float:

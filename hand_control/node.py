@@ -17,6 +17,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from hand_control.controller import Controller, Tick
 from hand_control.inputs import JointInput
 from hand_control.settings import PARAMETERS, Settings
+from hand_control.supervisor import FREEZE_S
 from hand_model.description import Hand, load_hand
 from hand_ros.cdr import Layout
 from hand_ros.health import Health, Level
@@ -46,7 +47,16 @@ class ControllerNode(HandNode):
         self._command_out = Layout(VALVE_COMMAND, frame_id, joints)
         self._state_out = Layout(CONTROLLER_STATE, frame_id, joints)
         self._input_fault = ""
+        self._warm_up()
         self._create_interfaces()
+
+    def _warm_up(self) -> None:
+        """Load the compiled kernels before the first frame: that takes longer than a frame may be late."""
+        joints = np.zeros(len(self._hand.joints))
+        rehearsal = Controller(self._hand, self._settings)
+        rehearsal.enable(True)
+        for stamp_ns in (1, 2, 3):
+            rehearsal.frame(stamp_ns, stamp_ns, stamp_ns, joints, joints, joints)
 
     def _create_interfaces(self) -> None:
         self._command_publisher = self.create_publisher(ValveCommand, "valve_command", COMMAND_QOS)
@@ -112,8 +122,8 @@ class ControllerNode(HandNode):
         except ValueError as error:
             self._input_problem(f"joint_states: {error}")
             return
-        if abs(stamp_ns - self._pressure_ns) > WATCH_PERIOD_S * 5e9:
-            self._pressure = np.full(len(self._hand.joints), np.nan)  # too old to belong to this frame
+        if abs(stamp_ns - self._pressure_ns) > FREEZE_S * 1e9:
+            return  # no pressures to go with it: not a usable frame, and silence vents
         tick = self._controller.frame(stamp_ns, self._now_ns(), host_ns, position, velocity, self._pressure)
         if tick is not None:
             self._publish(tick)

@@ -71,7 +71,7 @@ class DriverNode(HandNode):
         self._reader = CommandReader(hand)
         self._zero = PressureZero(hand)
         self._topics = FrameTopics(hand, values["frame_id"])
-        self._publishers = (  # in the order of TOPICS
+        self._frame_publishers = (  # in the order of TOPICS
             self.create_publisher(JointPressures, "pressures", SENSOR_QOS),
             self.create_publisher(JointState, "joint_states", STATE_QOS),
             self.create_publisher(ContactForces, "contact_forces", SENSOR_QOS),
@@ -85,7 +85,7 @@ class DriverNode(HandNode):
     def start(self) -> None:
         """Open the board and read it until stop."""
         assert self._hand is not None
-        self._clock = BoardClock()
+        self._board_clock = BoardClock()
         self._converter = Converter(self._hand, self._velocity_time_constant_s)
         self._health = DriverHealth(self._hand, time.monotonic())
         self._link = Link(self._open)
@@ -106,7 +106,7 @@ class DriverNode(HandNode):
         if self._hand is None:
             return
         self._hand = None
-        for publisher in self._publishers:
+        for publisher in self._frame_publishers:
             self.destroy_publisher(publisher)
         self.destroy_subscription(self._subscription)
         self.destroy_service(self._service)
@@ -121,7 +121,7 @@ class DriverNode(HandNode):
 
     def stamp_ns(self, frame: Frame) -> int:
         """ROS time [ns] of a frame's acquisition."""
-        return self._clock.map(frame.board_time_us, frame.received_ns) + time.time_ns() - time.monotonic_ns()
+        return self._board_clock.map(frame.board_time_us, frame.received_ns) + time.time_ns() - time.monotonic_ns()
 
     def now_ns(self) -> int:
         """ROS time [ns] now, on the clock that stamps frames."""
@@ -130,7 +130,7 @@ class DriverNode(HandNode):
     def _publish(self, frame: Frame) -> None:
         stamp_ns = self.stamp_ns(frame)
         measured = self._converter.convert(frame)
-        for publisher, raw in zip(self._publishers, self._topics.encode(stamp_ns, frame, measured), strict=True):
+        for publisher, raw in zip(self._frame_publishers, self._topics.encode(stamp_ns, frame, measured), strict=True):
             publisher.publish(raw)
         self._zero.frame(frame)
         self._health.frame(frame, self._converter.at_rail(frame.counts), time.monotonic())
@@ -166,7 +166,7 @@ class DriverNode(HandNode):
         state = LinkState(link.up, link.reconnects, link.error, link.counters)
         statuses = self._health.statuses(state, time.monotonic())
         for status in statuses:
-            if status.level >= Level.ERROR and status.name != "commands":
+            if status.level == Level.ERROR and status.name != "commands":
                 self.say(status.level, status.name, f"{status.name}: {status.message}")
         return statuses
 

@@ -6,6 +6,7 @@ set-points that have arrived since the tick before; set-points older than their 
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -14,9 +15,6 @@ import numpy as np
 
 from hand_driver.board import Board, Frame, LinkCounters, LinkLost, Pressures, Status
 from hand_sim.plant import SimulatedPlant
-
-LATE_PERIODS = 50
-"""A host that slept longer than this many periods skips the lost time instead of replaying it."""
 
 
 class SimulatedBoard(Board):
@@ -71,8 +69,8 @@ class SimulatedBoard(Board):
             return None
         if wait_s > 0.0:
             self._sleep(wait_s)
-        elif -wait_s * 1e9 > LATE_PERIODS * self._wall_ns:
-            self._begun_ns += int(-wait_s * 1e9)
+        else:
+            self._lose(int(-wait_s * 1e9 / self._wall_ns))
         return self._sample()
 
     def close(self) -> None:
@@ -93,6 +91,17 @@ class SimulatedBoard(Board):
             counts=counts,
             received_ns=self._now(),
         )
+
+    def _lose(self, ticks: int) -> None:
+        """The host slept through whole ticks: the hand moved on, and nobody took those frames."""
+        driven = max(0, min(ticks, math.ceil(self._vent_at_tick - self._tick)))
+        for count in (driven, ticks - driven):
+            if count:
+                self._plant.plant.advance(np.repeat(self._in_force[None], count, axis=0))
+            self._tick += count
+            if self._tick >= self._vent_at_tick:
+                self._in_force = np.zeros_like(self._in_force)
+        self._counters.dropped += ticks
 
     def _latch(self) -> None:
         """Take over what has arrived; vent what has outlived its lifetime."""

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from rosgraph_msgs.msg import Clock
 
 from hand_driver.board import Board, Frame
@@ -45,6 +46,7 @@ class SimulationNode(DriverNode):
 
     def board_factory(self, values: dict[str, Any], hand: Hand) -> Callable[[], Board]:
         """A simulated board of this hand."""
+        SimulatedPlant(hand, hand.rate_hz).step(np.zeros(hand.valve_count))  # load the kernels before time begins
         plant = SimulatedPlant(hand, hand.rate_hz, values["seed"])
         return lambda: SimulatedBoard(plant, hand.rate_hz, values["speed"])
 
