@@ -53,7 +53,7 @@ class Controller:
         count = len(hand.joints)
         self.hand = hand
         self.safety = Supervisor()
-        self._references = References(hand, settings.max_speed_rad_s)
+        self._references = References(hand)
         self._shaper = Shaper(count)
         self._law = Law(np.zeros((0, 0)))
         self._last_position = np.full(count, np.nan)
@@ -71,7 +71,6 @@ class Controller:
         self._law = Law(gain_rows)
         if state is not None:
             self._law.state[:] = state
-        self._references.max_speed_rad_s = settings.max_speed_rad_s
 
     def enable(self, on: bool) -> None:
         """Drive the hand from its present pose, or vent it. ValueError while a fault is latched."""
@@ -104,7 +103,7 @@ class Controller:
         except ValueError as error:
             self._refuse(str(error), host_ns)
             raise
-        self._references.command(checked, now_ns)
+        self._references.command(checked)
         self.safety.command(host_ns)
 
     def trajectory(
@@ -122,7 +121,7 @@ class Controller:
         except ValueError as error:
             self._refuse(str(error), host_ns)
             raise
-        self._references.trajectory(checked, now_ns)
+        self._references.trajectory(checked)
         self.safety.command(host_ns)
 
     def _accept(self) -> None:
@@ -150,12 +149,12 @@ class Controller:
         self._stamp_ns = stamp_ns
         fresh = self.safety.frame(host_ns)
         if self.safety.phase is not Phase.VENTED:
-            self._judge(position, velocity, pressure, now_ns, host_ns)
+            self._judge(position, velocity, pressure, host_ns)
         self.safety.check(host_ns, self.settings.command_timeout_s)
         if self.safety.phase is not Phase.ACTIVE:
             return self._vented(stamp_ns, position, pressure)
         if self.safety.command_held(host_ns, self.settings.command_timeout_s):
-            self._references.latch(self._shaper.r, now_ns)
+            self._references.latch(self._shaper.r)
         return self._drive(stamp_ns, now_ns, min(max(dt, 0.0), MAX_DT_S), fresh, position, velocity, pressure)
 
     def check(self, host_ns: int) -> bool:
@@ -164,7 +163,7 @@ class Controller:
         self.safety.check(host_ns, self.settings.command_timeout_s)
         return before is Phase.ACTIVE and self.safety.phase is Phase.VENTED
 
-    def _judge(self, position: Array, velocity: Array, pressure: Array, now_ns: int, host_ns: int) -> None:
+    def _judge(self, position: Array, velocity: Array, pressure: Array, host_ns: int) -> None:
         """Trip on what cannot be; arm on the first measurement that can."""
         finite = np.isfinite(position) & np.isfinite(velocity) & np.isfinite(pressure)
         if not finite.all():
@@ -173,7 +172,7 @@ class Controller:
                 self.safety.trip(f"{joint}: the measurement is not a number")
             return
         if self.safety.phase is Phase.ARMING:
-            self._arm(position, now_ns, host_ns)
+            self._arm(position, host_ns)
             return
         jump = np.abs(position - self._last_position)
         if (jump > self.settings.max_jump_rad).any():
@@ -181,11 +180,11 @@ class Controller:
             self.safety.trip(f"{self.hand.joints[worst]}: angle jumped by {math.degrees(jump[worst]):.0f} degrees")
         self._last_position[:] = position
 
-    def _arm(self, position: Array, now_ns: int, host_ns: int) -> None:
+    def _arm(self, position: Array, host_ns: int) -> None:
         """Drive from the measured pose: nothing jumps."""
         self._law.release()
         pose = np.clip(position, self.hand.limits.low_rad, self.hand.limits.high_rad)
-        self._references.latch(pose, now_ns)
+        self._references.latch(pose)
         self._shaper.latch(pose)
         self._last_position[:] = position
         self.safety.arm(host_ns)
@@ -193,7 +192,7 @@ class Controller:
     def _drive(
         self, stamp_ns: int, now_ns: int, dt: float, fresh: bool, position: Array, velocity: Array, pressure: Array
     ) -> Tick:
-        target, speed, self._limit = self._references.sample(now_ns, dt)
+        target, speed, self._limit = self._references.sample(now_ns)
         shaper = self._shaper
         shaper.step(target, speed, self.settings.bandwidth_rad_s, self.settings.max_speed_rad_s, dt)
         out = self._law.tick(shaper.r, shaper.v, self._limit, position, velocity, pressure, dt, fresh)

@@ -123,7 +123,7 @@ def _play(files: Files, hand: Hand, grasps: dict[str, Grasp], progress: Progress
     poses = []
     for name in PATTERNS:
         poses.append(Pose(f"{name} grasp", grasps[name].shape(1.0), CLOSE_S, HOLD_S))
-        poses.append(Pose(f"open after {name}", grasps["open"].shape(1.0), OPEN_S, REST_S))
+        poses.append(Pose(f"open after {name}", grasps["open"].shape(0.0), OPEN_S, REST_S))
     total = sum(pose.move_s + pose.stay_s for pose in poses)
     use = ["-p", f"hand_description:={files.model}"]
     bar = progress.add_task("starting", total=total)

@@ -1,0 +1,148 @@
+"""Commands as they arrive: refused whole, in one line, or turned into arrays in the hand's order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_model.description import Hand
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Points = Sequence[tuple[float, Sequence[float], Sequence[float]]]
+
+MAX_AGE_S = 0.5
+"""A command stamped longer ago is refused."""
+MAX_AHEAD_S = 0.1
+"""A joint command stamped further ahead comes from another clock."""
+MAX_DELAY_S = 10.0
+"""A trajectory may be stamped this far ahead: it starts then."""
+MAX_DURATION_S = 3600.0
+
+
+class CommandError(ValueError):
+    """A command is refused whole; the message is one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointCommand:
+    """index (k,) of the joints, position_rad (k,), max_torque_nm (k,) with NaN for the configured limit."""
+
+    index: Index
+    position_rad: Array
+    max_torque_nm: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """index (k,), start_ns, times_s (m,) from the start, position_rad (m, k), velocity_rad_s (m, k) or None."""
+
+    index: Index
+    start_ns: int
+    times_s: Array
+    position_rad: Array
+    velocity_rad_s: Array | None
+
+
+def check_joint_command(
+    hand: Hand, names: Sequence[str], position: Sequence[float], effort: Sequence[float], stamp_ns: int, now_ns: int
+) -> JointCommand:
+    """A joint_commands message; stamps are [ns], 0 means now. Raises CommandError."""
+    topic = "joint_commands"
+    _check_stamp(topic, stamp_ns, now_ns, MAX_AHEAD_S)
+    index = _joints(topic, hand, names)
+    _check_length(topic, "positions", position, names)
+    angle = np.array(position, dtype=np.float64)
+    _check_angles(topic, hand, index, angle)
+    if not len(effort):
+        return JointCommand(index, angle, np.full(len(index), np.nan))
+    _check_length(topic, "efforts", effort, names)
+    limit = np.array(effort, dtype=np.float64)
+    allowed = hand.limits.max_torque_nm[index]
+    for joint, value, most in zip(index, limit, allowed, strict=True):
+        if not (np.isnan(value) or 0.0 <= value <= most):
+            raise CommandError(
+                f"{topic} refused: {hand.joints[joint]} maximum torque is {value:g} N m; "
+                f"the allowed range is 0 to {most:g} N m, or NaN for the configured limit"
+            )
+    return JointCommand(index, angle, limit)
+
+
+def check_trajectory(hand: Hand, names: Sequence[str], points: Points, stamp_ns: int, now_ns: int) -> Trajectory:
+    """A joint_trajectory message, points of (time [s], positions, velocities). Raises CommandError."""
+    topic = "joint_trajectory"
+    _check_stamp(topic, stamp_ns, now_ns, MAX_DELAY_S)
+    index = _joints(topic, hand, names)
+    if not len(points):
+        raise CommandError(f"{topic} refused: no points; one or more are needed")
+    times = np.array([time for time, _, _ in points], dtype=np.float64)
+    if not np.all((times >= 0.0) & (times <= MAX_DURATION_S)) or np.any(np.diff(times) <= 0.0):
+        raise CommandError(
+            f"{topic} refused: times from start are {_short(times)} s; they must ascend within 0 to {MAX_DURATION_S:g} s"
+        )
+    for _, position, _ in points:
+        _check_length(topic, "positions", position, names)
+        _check_angles(topic, hand, index, np.array(position, dtype=np.float64))
+    start_ns = max(stamp_ns, now_ns) if stamp_ns else now_ns
+    position = np.array([position for _, position, _ in points], dtype=np.float64)
+    return Trajectory(index, start_ns, times, position, _velocities(topic, names, points))
+
+
+def _velocities(topic: str, names: Sequence[str], points: Points) -> Array | None:
+    given = [len(velocity) > 0 for _, _, velocity in points]
+    if not any(given):
+        return None
+    if not all(given):
+        raise CommandError(f"{topic} refused: velocities at some points only; give them at all points or at none")
+    for _, _, velocity in points:
+        _check_length(topic, "velocities", velocity, names)
+    values = np.array([velocity for _, _, velocity in points], dtype=np.float64)
+    if not np.isfinite(values).all():
+        raise CommandError(f"{topic} refused: a velocity is not a finite number")
+    return values
+
+
+def _check_stamp(topic: str, stamp_ns: int, now_ns: int, ahead_s: float) -> None:
+    if stamp_ns == 0:
+        return
+    age_s = (now_ns - stamp_ns) * 1e-9
+    if age_s > MAX_AGE_S:
+        raise CommandError(f"{topic} refused: stamp is {age_s:.3f} s old; at most {MAX_AGE_S:g} s is allowed")
+    if age_s < -ahead_s:
+        raise CommandError(f"{topic} refused: stamp is {-age_s:.3f} s in the future; at most {ahead_s:g} s is allowed")
+
+
+def _joints(topic: str, hand: Hand, names: Sequence[str]) -> Index:
+    if not len(names):
+        raise CommandError(f"{topic} refused: no joint is named; joints are {', '.join(hand.joints)}")
+    for name in names:
+        if name not in hand.joints:
+            raise CommandError(f"{topic} refused: unknown joint {name!r}; joints are {', '.join(hand.joints)}")
+        if names.count(name) > 1:
+            raise CommandError(f"{topic} refused: joint {name!r} is there twice")
+    return np.array([hand.joints.index(name) for name in names], dtype=np.int64)
+
+
+def _check_length(topic: str, what: str, values: Sequence[float], names: Sequence[str]) -> None:
+    if len(values) != len(names):
+        raise CommandError(f"{topic} refused: {len(values)} {what} for {len(names)} joints; one each is needed")
+
+
+def _check_angles(topic: str, hand: Hand, index: Index, angle: Array) -> None:
+    low, high = hand.limits.low_rad[index], hand.limits.high_rad[index]
+    bad = ~((angle >= low) & (angle <= high))  # NaN fails both comparisons
+    if bad.any():
+        k = int(np.argmax(bad))
+        raise CommandError(
+            f"{topic} refused: {hand.joints[index[k]]} position is {angle[k]:g} rad; "
+            f"the allowed range is {low[k]:.4f} to {high[k]:.4f} rad ({np.degrees(low[k]):.0f} to "
+            f"{np.degrees(high[k]):.0f} degrees)"
+        )
+
+
+def _short(times: Array) -> str:
+    shown = ", ".join(f"{time:g}" for time in times[:4])
+    return shown + (", ..." if len(times) > 4 else "")

@@ -1,0 +1,112 @@
+"""What each joint is asked for: the last command or a running trajectory, and its torque limit.
+
+Trajectories begin at the present reference. Between points they are cubic Hermite with the velocities given;
+without velocities, the slopes of a monotone cubic (Fritsch and Carlson 1980: no overshoot between points),
+which are 0 at both ends. The end point is held. A later message replaces an earlier one for its own joints only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
+
+from hand_control.command_check import JointCommand, Trajectory
+from hand_model.description import Hand
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class _Motion:
+    """A running trajectory: the joints it still rules, their columns in its curve, the curve and its derivative."""
+
+    joints: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    start_ns: int
+    end_s: float
+    position: CubicHermiteSpline
+    speed: CubicHermiteSpline
+
+    def without(self, taken: NDArray[np.int64]) -> _Motion:
+        """The same motion for the joints that nobody took over."""
+        keep = ~np.isin(self.joints, taken)
+        return _Motion(self.joints[keep], self.columns[keep], self.start_ns, self.end_s, self.position, self.speed)
+
+
+class References:
+    """Target angle [rad], its speed [rad/s] and torque limit [N m] of every joint, (n,) each."""
+
+    def __init__(self, hand: Hand) -> None:
+        """Begin at the lower limits; latch before use."""
+        self._hand = hand
+        self._target = hand.limits.low_rad.copy()
+        self._speed = np.zeros(len(hand.joints))
+        self._limit = hand.limits.max_torque_nm.copy()
+        self._motions: list[_Motion] = []
+
+    def latch(self, position_rad: Array) -> None:
+        """Stand still at position_rad (n,), forget trajectories, take the configured torque limits.
+
+        A position that is no number leaves that joint's target where it was.
+        """
+        self._target = np.where(np.isfinite(position_rad), position_rad, self._target)
+        self._speed = np.zeros_like(self._speed)
+        self._limit = self._hand.limits.max_torque_nm.copy()
+        self._motions = []
+
+    def command(self, command: JointCommand) -> None:
+        """Go to the commanded angles; the shaping filter makes a motion of the step."""
+        self._take(command.index)
+        self._target[command.index] = command.position_rad
+        self._speed[command.index] = 0.0
+        configured = self._hand.limits.max_torque_nm[command.index]
+        self._limit[command.index] = np.where(np.isnan(command.max_torque_nm), configured, command.max_torque_nm)
+
+    def trajectory(self, trajectory: Trajectory) -> None:
+        """Follow a trajectory from the present target, and its speed, on."""
+        index = trajectory.index
+        times, position, velocity = trajectory.times_s, trajectory.position_rad, trajectory.velocity_rad_s
+        if times[0] > 0.0:
+            times = np.concatenate([[0.0], times])
+            position = np.vstack([self._target[index], position])
+            if velocity is not None:
+                velocity = np.vstack([self._speed[index], velocity])
+        self._take(index)
+        curve = _curve(times, position, velocity)
+        end_s = float(times[-1])
+        columns = np.arange(len(index))
+        self._motions.append(_Motion(index, columns, trajectory.start_ns, end_s, curve, curve.derivative()))
+
+    def sample(self, now_ns: int) -> tuple[Array, Array, Array]:
+        """Targets, their speeds and the torque limits now; arrays that later calls overwrite."""
+        for motion in self._motions:
+            seconds = (now_ns - motion.start_ns) * 1e-9
+            if seconds < 0.0:
+                continue
+            over = seconds >= motion.end_s
+            at = min(seconds, motion.end_s)
+            self._target[motion.joints] = motion.position(at)[motion.columns]
+            self._speed[motion.joints] = 0.0 if over else motion.speed(at)[motion.columns]
+        self._motions = [m for m in self._motions if (now_ns - m.start_ns) * 1e-9 < m.end_s]
+        # A curve with steep velocities may swing beyond its points; the joint's limits hold all the same.
+        np.clip(self._target, self._hand.limits.low_rad, self._hand.limits.high_rad, out=self._target)
+        return self._target, self._speed, self._limit
+
+    def _take(self, index: NDArray[np.int64]) -> None:
+        motions = (motion.without(index) for motion in self._motions)
+        self._motions = [motion for motion in motions if len(motion.joints)]
+
+
+def _curve(times: Array, position: Array, velocity: Array | None) -> CubicHermiteSpline:
+    """Curve through positions (m, k) at times (m,); a single point is held."""
+    if len(times) == 1:
+        times, position = np.array([0.0, max(times[0], 1e-3)]), np.vstack([position, position])
+        velocity = None
+    if velocity is not None:
+        return CubicHermiteSpline(times, position, velocity)
+    slopes = PchipInterpolator(times, position).derivative()(times)
+    slopes[0] = slopes[-1] = 0.0
+    return CubicHermiteSpline(times, position, slopes)
