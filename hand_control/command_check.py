@@ -81,13 +81,14 @@ def check_trajectory(hand: Hand, names: Sequence[str], points: Points, stamp_ns:
     times = np.array([time for time, _, _ in points], dtype=np.float64)
     if not np.all((times >= 0.0) & (times <= MAX_DURATION_S)) or np.any(np.diff(times) <= 0.0):
         raise CommandError(
-            f"{topic} refused: times from start are {_short(times)} s; they must ascend within 0 to {MAX_DURATION_S:g} s"
+            f"{topic} refused: times from start are {_short(times)} s; "
+            f"they must ascend within 0 to {MAX_DURATION_S:g} s"
         )
-    for _, position, _ in points:
-        _check_length(topic, "positions", position, names)
-        _check_angles(topic, hand, index, np.array(position, dtype=np.float64))
+    for _, angles, _ in points:
+        _check_length(topic, "positions", angles, names)
+        _check_angles(topic, hand, index, np.array(angles, dtype=np.float64))
     start_ns = max(stamp_ns, now_ns) if stamp_ns else now_ns
-    position = np.array([position for _, position, _ in points], dtype=np.float64)
+    position = np.array([angles for _, angles, _ in points], dtype=np.float64)
     return Trajectory(index, start_ns, times, position, _velocities(topic, names, points))
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_model.description import Hand
-from hand_model.yaml_reader import Section, read_yaml
+from hand_model.yaml_loader import load_yaml
+from hand_model.yaml_reader import Section
 
 Array = NDArray[np.float64]
 
@@ -31,20 +32,18 @@ class Grasp:
 
 def load_grasps(path: Path, hand: Hand) -> dict[str, Grasp]:
     """Shapes by name. Raises DescriptionError, one line, for an unknown joint or an angle it cannot reach."""
-    top = read_yaml(path)
-    low, high = np.degrees(hand.limits.low_rad), np.degrees(hand.limits.high_rad)
+    data = load_yaml(path)
+    top = Section(data, path, "", ("open_deg", "patterns"))
     open_deg = top.number("open_deg", float(low.max()), float(high.min()))
-    patterns = top.section("patterns")
-    names = patterns.keys()
-    grasps = {name: _grasp(name, patterns.section(name), hand, open_deg) for name in names}
-    patterns.done()
-    top.done()
-    return grasps
+    raw = top.raw("patterns", "a mapping of pattern names")
+    names = [str(name) for name in raw] if isinstance(raw, dict) else []
+    patterns = top.section("patterns", names)
+    bare = [joint.removeprefix(hand.prefix) for joint in hand.joints]
+    return {name: _grasp(name, patterns.section(name, bare), hand, open_deg) for name in names}
 
 
 def _grasp(name: str, section: Section, hand: Hand, open_deg: float) -> Grasp:
     low, high = np.degrees(hand.limits.low_rad), np.degrees(hand.limits.high_rad)
     bare = [joint.removeprefix(hand.prefix) for joint in hand.joints]
     closed = np.array([section.number(joint, low[i], high[i], open_deg) for i, joint in enumerate(bare)])
-    section.done()
     return Grasp(name, np.radians(np.full(len(bare), open_deg)), np.radians(closed))
