@@ -32,6 +32,7 @@ class Grasp:
 
 def load_grasps(path: Path, hand: Hand) -> dict[str, Grasp]:
     """Shapes by name. Raises DescriptionError, one line, for an unknown joint or an angle it cannot reach."""
+    low, high = np.degrees(hand.limits.low_rad), np.degrees(hand.limits.high_rad)
     data = load_yaml(path)
     top = Section(data, path, "", ("open_deg", "patterns"))
     open_deg = top.number("open_deg", float(low.max()), float(high.min()))

@@ -72,7 +72,7 @@ def _per_joint(hand: Hand, name: str, values: Any) -> Array:
     gains = np.array(values, dtype=np.float64)
     if gains.shape not in ((1,), (count,)):
         raise ParameterError(f"parameter {name} has {gains.size} values; it must have 1 or {count}")
-    low, high = declared.low, declared.high
+    low, high = declared.low or 0.0, declared.high or 0.0
     if not np.all((gains >= low) & (gains <= high)):  # NaN fails both comparisons
         raise ParameterError(f"parameter {name} is {gains.tolist()}; the allowed range is {low:g} to {high:g}")
     return np.broadcast_to(gains, count).copy()

@@ -23,7 +23,8 @@ JAZZY_PACKAGES = {
 }  # fmt: skip
 IMPORT_TO_KEY = {
     "numpy": "python3-numpy", "scipy": "python3-scipy", "numba": "python3-numba", "yaml": "python3-yaml",
-    "serial": "python3-serial", "can": "python3-can", "cobs": "python-cobs-pip", "typer": "python3-typer", "rich": "python3-rich",
+    "serial": "python3-serial", "can": "python3-can", "cobs": "python-cobs-pip",
+    "typer": "python3-typer", "rich": "python3-rich",
     "matplotlib": "python3-matplotlib", "mcap": "mcap-ros2-support", "rosbags": "python3-rosbags-pip",
 }  # fmt: skip
 

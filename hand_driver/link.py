@@ -1,0 +1,98 @@
+"""A board that comes back: opened by a factory, closed when it fails, opened again after a growing pause."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from hand_driver.board import Board, BoardError, Frame, LinkCounters, Pressures
+
+FIRST_PAUSE_S = 0.1
+LONGEST_PAUSE_S = 2.0
+
+
+class Link:
+    """Reads and writes a board across disconnections. One thread reads; another may write and close."""
+
+    def __init__(self, open_board: Callable[[], Board], monotonic_s: Callable[[], float] = time.monotonic) -> None:
+        """open_board opens the board anew at each call; it is called by read, never by write."""
+        self._open = open_board
+        self._now = monotonic_s
+        self._board: Board | None = None
+        self._closed = threading.Event()
+        self._pause_s = FIRST_PAUSE_S
+        self._retry_s = -1.0
+        self._past = LinkCounters()
+        self._opened = 0
+        self.error = ""
+
+    @property
+    def up(self) -> bool:
+        """Whether a board is open."""
+        return self._board is not None
+
+    @property
+    def reconnects(self) -> int:
+        """How often the board was opened again."""
+        return max(0, self._opened - 1)
+
+    @property
+    def counters(self) -> LinkCounters:
+        """Counters over all connections."""
+        past, board = self._past, self._board
+        if board is None:
+            return past
+        now = board.counters
+        return LinkCounters(
+            past.frames + now.frames,
+            past.dropped + now.dropped,
+            past.corrupt + now.corrupt,
+            past.written + now.written,
+        )
+
+    def read(self, timeout_s: float) -> Frame | None:
+        """The next frame, or None after timeout_s [s] or while there is no board. Never raises BoardError."""
+        if self._closed.is_set():
+            return None
+        wait_s = self._retry_s - self._now()
+        if self._board is None and wait_s > 0.0:
+            self._closed.wait(min(wait_s, timeout_s))
+            return None
+        try:
+            if self._board is None:
+                self._board = self._open()
+                self._opened += 1
+            frame = self._board.read(timeout_s)
+        except BoardError as error:
+            self._lost(str(error))
+            return None
+        if frame is not None:
+            self._pause_s, self.error = FIRST_PAUSE_S, ""
+        return frame
+
+    def write(self, pressure_pa: Pressures, lifetime_s: float) -> bool:
+        """Send set-points; False where there is no board to take them. Never raises BoardError, never waits."""
+        board = self._board
+        if board is None:
+            return False
+        try:
+            board.write(pressure_pa, lifetime_s)
+        except BoardError as error:
+            self.error = str(error)
+            return False
+        return True
+
+    def close(self) -> None:
+        """Close for good; a read that waits returns soon."""
+        self._closed.set()
+        self._lost(self.error)
+
+    def _lost(self, error: str) -> None:
+        self.error = error
+        self._past = self.counters
+        board, self._board = self._board, None
+        if board is not None:
+            board.close()
+        self._retry_s = self._now() + self._pause_s
+        self._pause_s = min(2.0 * self._pause_s, LONGEST_PAUSE_S)
