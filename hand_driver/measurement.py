@@ -76,7 +76,7 @@ class Converter:
     def convert(self, frame: Frame) -> Measurement:
         """Measure one frame."""
         sensors = self._hand.sensors
-        ratio: Array = frame.counts * (self._volts_per_count / max(frame.supply_voltage_v, 1e-3))
+        ratio = frame.counts.astype(np.float64) * (self._volts_per_count / max(frame.supply_voltage_v, 1e-3))
         ratio[(frame.counts <= self._low) | (frame.counts >= self._high)] = np.nan
         if frame.supply_voltage_v < SUPPLY_SHARE * sensors.supply_voltage_v or Status.ADC_FAULT in frame.status:
             ratio[:] = np.nan

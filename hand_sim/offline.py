@@ -149,4 +149,5 @@ def _balancing_creep(hand: Hand, state: Array) -> Array:
     load = hand.row("constant_load.torque_nm")
     free_torque = a0 - load + a1 * state[PHI] + (a2 + a3 * state[PHI]) * state[P]
     reach = a1 * hand.row("material.phi_max_deg")
-    return np.clip(np.divide(free_torque, reach, out=np.zeros_like(reach), where=reach != 0.0), 0.0, 1.0)
+    creep: Array = np.clip(np.divide(free_torque, reach, out=np.zeros_like(reach), where=reach != 0.0), 0.0, 1.0)
+    return creep

@@ -13,10 +13,10 @@ from typing import Annotated
 import numpy as np
 import typer
 import yaml
-from hand_control.grasps import Grasp, load_grasps
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from hand_control.grasps import Grasp, load_grasps
 from hand_ident.loader import load_recording
 from hand_ident.replay import replay_recording, write_replay
 from hand_model.description import Hand, load_hand

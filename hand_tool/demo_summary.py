@@ -83,7 +83,7 @@ def loop_summary(recording: Recording, rate_hz: float) -> LoopSummary:
     """How the loop kept time between the first and the last command that answered a frame."""
     command = recording["valve_command"]
     frames = np.unique(recording["joint_states"].stamp_ns)
-    latency_s = (published_on_stamp_clock(recording.topics) - command.stamp_ns) * 1e-9
+    latency_s = (published_on_stamp_clock(recording.topics) - command.stamp_ns).astype(np.float64) * 1e-9
     answers = np.isin(command.stamp_ns, frames)
     stamps, latency_s = command.stamp_ns[answers], latency_s[answers]
     return LoopSummary(*_timing(stamps, latency_s, rate_hz))

@@ -56,7 +56,7 @@ def emulate_board(
         faults = Faults(
             drop, corrupt, delay_ms * 1e-3, tuple(parse_disconnect(text) for text in disconnect or ()), sticking
         )
-        open_port = _port(hand, serial, can, can_interface, can_bitrate)
+        open_port = _port(serial, can, can_interface, can_bitrate)
         plant = SimulatedPlant(hand, hand.rate_hz, seed)
         emulator = Emulator(plant, open_port, hand.rate_hz, hand.valve_count, faults, seed)
     except (ValueError, OSError, BoardError) as error:
@@ -65,14 +65,14 @@ def emulate_board(
     _serve(emulator, hand)
 
 
-def _port(hand: Hand, serial: str | None, can: str | None, interface: str, bitrate: int) -> Callable[[], Port]:
-    channels, valves = hand.channel_count, hand.valve_count
+def _port(serial: str | None, can: str | None, interface: str, bitrate: int) -> Callable[[], Port]:
+
     if serial is not None and can is None:
         return lambda: SerialPort(serial)
     if can is not None and serial is None:
         if interface == SLCAN:
-            return lambda: SlcanPort(can, channels, valves)
-        return lambda: BusPort(interface, can, bitrate, channels, valves)
+            return lambda: SlcanPort(can)
+        return lambda: BusPort(interface, can, bitrate)
     raise ValueError("give either --serial PATH or --can CHANNEL")
 
 

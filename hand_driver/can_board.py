@@ -1,0 +1,110 @@
+"""A board on a CAN bus, by python-can: any of its interfaces."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from typing import Any
+
+import can
+
+from hand_driver.board import Board, BoardError, Frame, LinkCounters, LinkLost, Pressures, ProtocolMismatch
+from hand_driver.can_wire import CanAssembler, CanMessage, encode_set_points
+from hand_driver.sequence import SequenceGap
+from hand_driver.wire import SamplePayload, SetPointPayload
+
+SLCAN = "slcan"
+
+
+def open_bus(interface: str, channel: str, bitrate: int) -> can.BusABC:
+    """A bus of python-can. BoardError: one line that names interface and channel."""
+    options: dict[str, Any] = {"bitrate": bitrate}
+    if interface == SLCAN:
+        options |= {"sleep_after_open": 0.0, "tty_baudrate": 1_000_000}
+    try:
+        return can.Bus(interface=interface, channel=channel, **options)
+    except (can.CanError, OSError, ValueError, TypeError, ImportError, NotImplementedError) as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise BoardError(f"CAN channel {channel} of interface {interface} cannot be opened: {reason}") from None
+
+
+class CanBoard(Board):
+    """Reads samples and writes set-points on one bus; read and write may come from two threads."""
+
+    def __init__(self, interface: str, channel: str, channels: int, bitrate: int = 1_000_000) -> None:
+        """Open a bus for a board with this many ADC channels. BoardError: one line."""
+        self._bus = open_bus(interface, channel, bitrate)
+        # A serial adapter that is unplugged reads as silence; its device file tells the difference.
+        self._device = channel if interface == SLCAN else None
+        self._where = f"CAN channel {channel}"
+        self._channels = channels
+        self._assembler = CanAssembler()
+        self._gap = SequenceGap()
+        self._sequence = 0
+        self._write_lock = threading.Lock()
+        self._counters = LinkCounters()
+
+    @property
+    def counters(self) -> LinkCounters:
+        """Counters of this connection."""
+        return self._counters
+
+    def read(self, timeout_s: float) -> Frame | None:
+        """See Board.read."""
+        end = time.monotonic() + timeout_s
+        while (left := end - time.monotonic()) > 0.0:
+            message = self._receive(left)
+            if message is None:
+                continue
+            payload = self._assembler.feed(message)
+            self._counters.corrupt = self._assembler.corrupt
+            if isinstance(payload, SamplePayload):
+                return self._frame(payload, time.monotonic_ns())
+        if self._device is not None and not os.path.exists(self._device):  # noqa: PTH110 - may be "COM3"
+            raise LinkLost(f"{self._where} is gone")
+        return None
+
+    def _receive(self, timeout_s: float) -> CanMessage | None:
+        try:
+            message = self._bus.recv(timeout_s)
+        except (ValueError, IndexError):  # python-can's answer to a line of noise on a serial adapter
+            self._assembler.corrupt += 1
+            return None
+        except (can.CanError, OSError, TypeError) as error:
+            raise LinkLost(f"{self._where} is gone: {' '.join(str(error).split())}") from None
+        if message is None or message.is_extended_id or message.is_remote_frame or message.is_error_frame:
+            return None
+        return CanMessage(message.arbitration_id, bytes(message.data))
+
+    def _frame(self, payload: SamplePayload, now_ns: int) -> Frame:
+        if len(payload.counts) != self._channels:
+            raise ProtocolMismatch(
+                f"the board on {self._where} sends {len(payload.counts)} channels; the description has {self._channels}"
+            )
+        self._counters.frames += 1
+        self._counters.dropped += self._gap.missing_before(payload.sequence)
+        return Frame(
+            payload.sequence, payload.board_time_us, payload.supply_voltage_v, payload.status, payload.counts, now_ns
+        )
+
+    def write(self, pressure_pa: Pressures, lifetime_s: float) -> None:
+        """See Board.write."""
+        with self._write_lock:
+            messages = encode_set_points(SetPointPayload(self._sequence, lifetime_s, pressure_pa))
+            self._sequence = (self._sequence + 1) & 0xFFFFFFFF
+            try:
+                for message in messages:
+                    self._bus.send(
+                        can.Message(arbitration_id=message.identifier, data=message.data, is_extended_id=False)
+                    )
+            except (can.CanError, OSError, TypeError) as error:
+                raise LinkLost(f"{self._where} takes no set-points: {' '.join(str(error).split())}") from None
+            self._counters.written += 1
+
+    def close(self) -> None:
+        """See Board.close."""
+        try:
+            self._bus.shutdown()
+        except (can.CanError, OSError):
+            return  # it was gone already

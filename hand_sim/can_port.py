@@ -1,0 +1,133 @@
+"""The board's end of a CAN bus: a real bus, or a serial-line CAN adapter (slcan) on a pseudo-terminal."""
+
+from __future__ import annotations
+
+import can
+
+from hand_driver.board import ProtocolMismatch
+from hand_driver.can_board import open_bus
+from hand_driver.can_wire import CanAssembler, CanMessage, encode_sample
+from hand_driver.wire import SamplePayload, SetPointPayload
+from hand_sim.port import Order, Port, Sample
+from hand_sim.serial_port import Pty
+
+
+class _Orders:
+    """Messages to orders; what is no valid order is skipped."""
+
+    def __init__(self) -> None:
+        self._assembler = CanAssembler()
+
+    def of(self, messages: list[CanMessage]) -> list[Order]:
+        orders = []
+        for message in messages:
+            try:
+                payload = self._assembler.feed(message)
+            except ProtocolMismatch:
+                continue
+            if isinstance(payload, SetPointPayload):
+                orders.append(Order(payload.pressure_pa, payload.lifetime_s))
+        return orders
+
+
+def _messages(sample: Sample, corrupt: bool) -> list[CanMessage]:
+    messages = encode_sample(
+        SamplePayload(sample.sequence, sample.board_time_us, sample.supply_voltage_v, sample.status, sample.counts)
+    )
+    if corrupt:
+        middle = len(messages) // 2
+        damaged = bytes([messages[middle].data[0] ^ 0x55]) + messages[middle].data[1:]
+        messages[middle] = CanMessage(messages[middle].identifier, damaged)
+    return messages
+
+
+class BusPort(Port):
+    """The emulated board on a bus of python-can."""
+
+    def __init__(self, interface: str, channel: str, bitrate: int) -> None:
+        """Join the bus. BoardError where it cannot be opened."""
+        self._bus = open_bus(interface, channel, bitrate)
+        self._name = f"CAN {interface} {channel} {bitrate} bit/s"
+        self._orders = _Orders()
+
+    @property
+    def description(self) -> str:
+        """For people."""
+        return self._name
+
+    def send(self, sample: Sample, corrupt: bool = False) -> None:
+        """See Port.send."""
+        for message in _messages(sample, corrupt):
+            try:
+                self._bus.send(can.Message(arbitration_id=message.identifier, data=message.data, is_extended_id=False))
+            except can.CanError:
+                return  # a full transmit queue: the sample is lost, as on a real bus
+
+    def receive(self) -> list[Order]:
+        """See Port.receive."""
+        arrived = []
+        while (message := self._bus.recv(0.0)) is not None:
+            if not message.is_extended_id:
+                arrived.append(CanMessage(message.arbitration_id, bytes(message.data)))
+        return self._orders.of(arrived)
+
+    def close(self) -> None:
+        """See Port.close."""
+        self._bus.shutdown()
+
+
+class SlcanPort(Port):
+    """The emulated board behind an emulated slcan adapter, so that CAN crosses processes without a kernel module.
+
+    Lawicel's ASCII protocol: S, O, L, C answered with a carriage return; tIIILDD... is a standard frame.
+    """
+
+    def __init__(self, path: str) -> None:
+        """Serve the adapter at path."""
+        self._pty = Pty(path)
+        self._open = False
+        self._line = b""
+        self._orders = _Orders()
+
+    @property
+    def description(self) -> str:
+        """For people."""
+        return f"CAN slcan {self._pty.name}"
+
+    def send(self, sample: Sample, corrupt: bool = False) -> None:
+        """See Port.send; a closed channel sends nothing."""
+        if self._open:
+            lines = (b"t%03X8%s\r" % (m.identifier, m.data.hex().upper().encode()) for m in _messages(sample, corrupt))
+            self._pty.write(b"".join(lines))
+
+    def receive(self) -> list[Order]:
+        """See Port.receive; commands to the adapter are obeyed and answered."""
+        arrived = []
+        while data := self._pty.read():
+            *lines, self._line = (self._line + data).split(b"\r")
+            self._line = self._line[-64:]
+            arrived += [message for line in lines if (message := self._obey(line)) is not None]
+        return self._orders.of(arrived)
+
+    def _obey(self, line: bytes) -> CanMessage | None:
+        command = line[:1]
+        if command == b"t":
+            return _standard_frame(line) if self._open else None
+        if command in (b"O", b"L", b"C"):
+            self._open = command != b"C"
+        self._pty.write(b"\r")
+        return None
+
+    def close(self) -> None:
+        """See Port.close."""
+        self._pty.close()
+
+
+def _standard_frame(line: bytes) -> CanMessage | None:
+    """A frame of a t line; None for one that is damaged."""
+    try:
+        identifier, length = int(line[1:4], 16), int(line[4:5])
+        data = bytes.fromhex(line[5:].decode("ascii"))
+    except ValueError:
+        return None
+    return CanMessage(identifier, data) if len(data) == length else None
