@@ -71,8 +71,10 @@ class DriverHealth:
     def _link(self, link: LinkState, now_s: float) -> Health:
         values = {"reconnects": str(link.reconnects), "last error": link.error}
         silence_s = now_s - self._last_frame_s
+        if not link.up and not link.error:
+            return Health("link", Level.WARN, "connecting", values)
         if not link.up:
-            return Health("link", Level.ERROR, link.error or "not connected", values)
+            return Health("link", Level.ERROR, link.error, values)
         if silence_s > SILENCE_S:
             return Health("link", Level.ERROR, "connected, but no frame arrives: check board power and wiring", values)
         return Health("link", Level.OK, "connected", values)

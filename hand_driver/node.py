@@ -13,7 +13,7 @@ from hand_msgs.msg import AdcFrame, ContactForces, JointPressures, ValveCommand
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from hand_driver.board import Board, Frame
+from hand_driver.board import Board, Frame, Status
 from hand_driver.board_clock import BoardClock
 from hand_driver.can_board import CanBoard
 from hand_driver.driver_health import DriverHealth, LinkState
@@ -67,6 +67,7 @@ class DriverNode(HandNode):
         hand = load_hand(values["hand_description"] or default_config("hand.yaml"))
         self._hand = hand
         self._open = self.board_factory(values, hand)
+        _warm_up(hand)
         self._velocity_time_constant_s = values["velocity_time_constant_s"]
         self._reader = CommandReader(hand)
         self._zero = PressureZero(hand)
@@ -169,6 +170,12 @@ class DriverNode(HandNode):
             if status.level == Level.ERROR and status.name != "commands":
                 self.say(status.level, status.name, f"{status.name}: {status.message}")
         return statuses
+
+
+def _warm_up(hand: Hand) -> None:
+    """Load the compiled conversions before the first frame: that takes longer than a frame may be late."""
+    frame = Frame(0, 0, hand.sensors.supply_voltage_v, Status(0), np.zeros(hand.channel_count, np.uint16), 0)
+    Converter(hand, 0.0).convert(frame)
 
 
 def main() -> None:
