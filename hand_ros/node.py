@@ -8,6 +8,7 @@ from __future__ import annotations
 import signal
 import sys
 import time
+import traceback
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -89,12 +90,18 @@ class HandNode(LifecycleNode):
             check_all(self.table, values)
             self.configure(values)
         except (ValueError, OSError) as error:
-            self.problem = _one_line(error)
-            self.get_logger().error(self.problem)
-            self.publish_health(now=True)
-            return TransitionCallbackReturn.FAILURE
+            return self._failed(_one_line(error))
+        except Exception as error:  # a defect of ours: rclpy would swallow it without a word
+            self.get_logger().error(traceback.format_exc())
+            return self._failed(f"internal error: {type(error).__name__}: {_one_line(error)}")
         self.problem, self.configured = None, True
         return TransitionCallbackReturn.SUCCESS
+
+    def _failed(self, problem: str) -> TransitionCallbackReturn:
+        self.problem = problem
+        self.get_logger().error(problem)
+        self.publish_health(now=True)
+        return TransitionCallbackReturn.FAILURE
 
     def on_activate(self, state: State) -> TransitionCallbackReturn:
         """Lifecycle: start."""
