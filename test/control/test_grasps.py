@@ -1,0 +1,135 @@
+"""Grasp shapes: the shipped file is complete and well inside the limits; a wrong file is one clear line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hand_control.grasps import Grasp, load_grasps
+from hand_model.description import Hand, load_hand
+from hand_model.yaml_reader import DescriptionError
+
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+HAND = load_hand(CONFIG / "hand.yaml")
+GRASPS = load_grasps(CONFIG / "grasps.yaml", HAND)
+
+
+def index(joint: str) -> int:
+    return HAND.joints.index(joint)
+
+
+def test_shipped_patterns() -> None:
+    """Broken by a pattern that is missing, or by one that names itself otherwise."""
+    assert set(GRASPS) >= {"open", "cylindrical", "tripod", "lateral", "hook", "pinch"}
+    assert all(grasp.name == name for name, grasp in GRASPS.items())
+
+
+@pytest.mark.parametrize("name", GRASPS)
+def test_shipped_angles_are_well_inside_the_limits(name: str) -> None:
+    """Broken by an angle below 5 or above 80 degrees: control needs room on both sides of it."""
+    for closure in (0.0, 1.0):
+        angles = np.degrees(GRASPS[name].shape(closure))
+        assert angles.shape == (len(HAND.joints),)
+        assert angles.min() >= 5.0 - 1e-9 and angles.max() <= 80.0 + 1e-9
+
+
+def test_shapes_are_what_they_are_called() -> None:
+    """Broken by angles on the wrong joints: opposed thumb, flexed fingers, fingers out of the way."""
+    closed = {name: np.degrees(grasp.shape(1.0)) for name, grasp in GRASPS.items()}
+    opposition = index("thumb_opposition")
+    assert closed["tripod"][opposition] > 50.0 and closed["cylindrical"][opposition] > 50.0
+    assert closed["lateral"][opposition] < 30.0
+    assert all(closed["cylindrical"][index(f"{f}_proximal")] > 50.0 for f in ("index", "middle", "ring", "little"))
+    assert closed["tripod"][index("ring_proximal")] > closed["tripod"][index("middle_proximal")]
+    assert closed["hook"][index("index_distal")] > 2.0 * closed["hook"][index("index_proximal")]
+    assert closed["pinch"][index("middle_proximal")] < 15.0 < closed["pinch"][index("index_proximal")]
+    assert closed["open"].max() < 15.0
+
+
+@given(name=st.sampled_from(sorted(GRASPS)), closure=st.floats(0.0, 1.0))
+def test_closure_goes_straight_from_open_to_closed(name: str, closure: float) -> None:
+    """Broken by a closure that is not in proportion, or ends elsewhere than at the closed angles."""
+    grasp = GRASPS[name]
+    middle = (1.0 - closure) * grasp.open_rad + closure * grasp.closed_rad
+    np.testing.assert_allclose(grasp.shape(closure), middle, atol=1e-12)
+
+
+@pytest.mark.parametrize("closure", [-0.01, 1.01, float("nan"), float("inf")])
+def test_closure_out_of_range(closure: float) -> None:
+    """Broken by a closure that takes joints beyond their closed angles."""
+    with pytest.raises(ValueError, match=r"closure is .*; the allowed range is 0 to 1"):
+        GRASPS["hook"].shape(closure)
+
+
+def test_shape_is_a_fresh_array() -> None:
+    """Broken by a shape that hands out the pattern's own memory."""
+    grasp = Grasp("flat", np.zeros(2), np.ones(2))
+    grasp.shape(0.0)[:] = 9.0
+    grasp.shape(1.0)[:] = 9.0
+    np.testing.assert_array_equal(grasp.open_rad, [0.0, 0.0])
+    np.testing.assert_array_equal(grasp.closed_rad, [1.0, 1.0])
+
+
+@pytest.fixture
+def left_hand(tmp_path: Path) -> Hand:
+    text = (CONFIG / "hand.yaml").read_text(encoding="utf-8")
+    path = tmp_path / "left.yaml"
+    path.write_text(text.replace('joint_prefix: ""', "joint_prefix: left_"), encoding="utf-8")
+    return load_hand(path)
+
+
+def test_names_in_the_file_have_no_prefix(left_hand: Hand) -> None:
+    """Broken by a file that fits one of two hands only."""
+    assert left_hand.joints[0] == "left_thumb_opposition"
+    np.testing.assert_array_equal(
+        load_grasps(CONFIG / "grasps.yaml", left_hand)["tripod"].shape(1.0), GRASPS["tripod"].shape(1.0)
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("open_deg: 5\npatterns:\n  fist: {elbow: 40}\n", ["patterns.fist.elbow", "not a known key", "index_distal"]),
+        (
+            "open_deg: 5\npatterns:\n  fist: {index_dital: 40}\n",
+            ["patterns.fist.index_dital", "did you mean index_distal"],
+        ),
+        ("open_deg: 5\npatterns:\n  fist: {index_distal: 101}\n", ["patterns.fist.index_distal", "101", "-10 to 100"]),
+        ("open_deg: 5\npatterns:\n  fist: {index_distal: -11}\n", ["patterns.fist.index_distal", "-11", "-10 to 100"]),
+        (
+            "open_deg: 5\npatterns:\n  fist: {index_distal: .nan}\n",
+            ["patterns.fist.index_distal", "nan", "-10 to 100"],
+        ),
+        (
+            "open_deg: 5\npatterns:\n  fist: {index_distal: far}\n",
+            ["patterns.fist.index_distal", "far", "-10 to 100"],
+        ),
+        ("open_deg: 200\npatterns:\n  fist: {}\n", ["open_deg", "200", "-10 to 100"]),
+        ("patterns:\n  fist: {}\n", ["open_deg", "missing"]),
+        ("open_deg: 5\n", ["patterns", "missing"]),
+        ("open_deg: 5\npatterns: 3\n", ["patterns", "3", "mapping"]),
+        ("open_deg: 5\npatterns:\n  fist: 3\n", ["patterns.fist", "3", "mapping"]),
+        ("open_deg: 5\nshapes: {}\n", ["shapes", "not a known key"]),
+        ("", ["empty"]),
+    ],
+)
+def test_wrong_file_is_one_line(tmp_path: Path, text: str, said: list[str]) -> None:
+    """Broken by a file that is taken as it is, or a message without file, key, value and range."""
+    path = tmp_path / "wrong.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(DescriptionError) as error:
+        load_grasps(path, HAND)
+    line = str(error.value)
+    assert "\n" not in line
+    for part in [str(path), *said]:
+        assert part in line
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    """Broken by a traceback where a file is missing."""
+    with pytest.raises(DescriptionError, match=r"none\.yaml: cannot be read"):
+        load_grasps(tmp_path / "none.yaml", HAND)
