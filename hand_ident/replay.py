@@ -46,13 +46,14 @@ def replay_recording(recording: Recording, hand: Hand) -> Replay:
     """Drive the plant with what was commanded. RecordingError where the recording does not fit the hand."""
     states, pressures = recording["joint_states"], recording["pressures"]
     position = _by_name(recording, "joint_states", "position", hand)
+    velocity = _by_name(recording, "joint_states", "velocity", hand)
     stamps, first = np.unique(states.stamp_ns, return_index=True)
     if len(stamps) < 2:
         raise RecordingError(f"{recording.path} has {len(stamps)} frames of joint_states; two or more are needed")
     nearest = np.clip(np.searchsorted(pressures.stamp_ns, stamps), 0, len(pressures) - 1)
     pressure = _by_name(recording, "pressures", "pressure", hand)[nearest]
     commands = _commands(recording, hand)
-    ticks, plant_states = replay(hand, Measured(stamps, position[first], pressure), commands)
+    ticks, plant_states = replay(hand, Measured(stamps, position[first], velocity[first], pressure), commands)
     return Replay(hand, recording.namespace, ticks, plant_states, commands)
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hand_model.description import Hand
 from hand_model.parameters import ROW
-from hand_sim.plant import CREEP, PHI, STATES, HandPlant, P, resting_state
+from hand_sim.plant import CREEP, OMEGA, PHI, STATES, HandPlant, P, resting_state
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -18,6 +18,8 @@ REST_S = 0.25
 """The beginning of a recording over which its initial state is averaged."""
 REST_SPEED_RAD_S = 0.05
 """A joint faster than this at the beginning is not at rest: its first sample counts alone."""
+VENTED_PA = 2000.0
+"""Measured pressures below this are those of a vented hand: sensor noise and offset."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,11 +33,17 @@ class Commands:
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What was recorded: stamp_ns (N,) ascending; position_rad and pressure_pa (N, joints)."""
+    """What was recorded: stamp_ns (N,) ascending; position_rad, velocity_rad_s and pressure_pa (N, joints)."""
 
     stamp_ns: Stamps
     position_rad: Array
+    velocity_rad_s: Array
     pressure_pa: Array
+
+    def since(self, index: int) -> Measured:
+        """The part from a frame on."""
+        parts = (self.stamp_ns, self.position_rad, self.velocity_rad_s, self.pressure_pa)
+        return Measured(*(part[index:] for part in parts))
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +95,7 @@ def initial_state(hand: Hand, measured: Measured) -> Array:
     """State (STATES, joints) at the first frame, from what was measured around it.
 
     Angles are taken back through the calibration to what the sensor really saw. The creeping ratio is the one
-    that balances Eq. 11 at that angle and pressure; joints at an end stop or not measured count as rested.
+    that balances Eq. 11 at that angle, speed and pressure; joints at an end stop or not measured count as rested.
     """
     start = (measured.stamp_ns - measured.stamp_ns[0]) * 1e-9 <= REST_S
     position, pressure = _average(measured.position_rad[start]), _average(measured.pressure_pa[start])
@@ -96,6 +104,8 @@ def initial_state(hand: Hand, measured: Measured) -> Array:
     state = resting_state(hand)
     known = np.isfinite(position) & np.isfinite(pressure)
     state[PHI, known] = true_angle(hand, position)[known]
+    speed = measured.velocity_rad_s[0]
+    state[OMEGA] = np.where(known & moving & np.isfinite(speed), speed, 0.0)
     state[P, known] = np.clip(pressure, 0.0, hand.supply_pressure_pa)[known]
     free = known & (state[PHI] > hand.row("end_stop.low_deg")) & (state[PHI] < hand.row("end_stop.high_deg"))
     state[CREEP] = np.where(free, _balancing_creep(hand, state), 0.0)
@@ -113,7 +123,12 @@ def true_angle(hand: Hand, measured_rad: Array) -> Array:
 
 
 def replay(hand: Hand, measured: Measured, commands: Commands) -> tuple[Ticks, Array]:
-    """States (N, STATES, joints) of the plant at each recorded frame, driven by the recorded commands."""
+    """States (N, STATES, joints) of the plant at each recorded frame, driven by the recorded commands.
+
+    Where the hand was under pressure before the first recorded command, nobody knows what drove it: the replay
+    then begins at that command, and so do the ticks.
+    """
+    measured = measured.since(_first_known(measured, commands))
     ticks = rebuild_ticks(measured.stamp_ns, hand.rate_hz)
     held = set_points_in_force(commands, ticks)
     plant = HandPlant(hand, ticks.period_s, initial_state(hand, measured))
@@ -122,6 +137,15 @@ def replay(hand: Hand, measured: Measured, commands: Commands) -> tuple[Ticks, A
     states[0] = plant.state
     states[1:] = plant.advance(held[:-1])
     return ticks, states[ticks.number]
+
+
+def _first_known(measured: Measured, commands: Commands) -> int:
+    """Index of the first frame at which the set-points in force are known."""
+    if not len(commands.sent_ns):
+        return 0
+    first = min(int(np.searchsorted(measured.stamp_ns, commands.sent_ns[0])), len(measured.stamp_ns) - 2)
+    before = measured.pressure_pa[: first + 1]
+    return max(first, 0) if np.nanmax(before, initial=0.0) > VENTED_PA else 0
 
 
 def without_noise(hand: Hand) -> Hand:
@@ -146,7 +170,7 @@ def _average(samples: Array) -> Array:
 
 def _balancing_creep(hand: Hand, state: Array) -> Array:
     a0, a1, a2, a3 = hand.parameters[ROW["statics.a0_nm"] : ROW["statics.a3_nm_per_pa_rad"] + 1]
-    load = hand.row("constant_load.torque_nm")
+    load = hand.row("constant_load.torque_nm") + hand.row("dynamics.viscous_friction_nm_s_per_rad") * state[OMEGA]
     free_torque = a0 - load + a1 * state[PHI] + (a2 + a3 * state[PHI]) * state[P]
     reach = a1 * hand.row("material.phi_max_deg")
     creep: Array = np.clip(np.divide(free_torque, reach, out=np.zeros_like(reach), where=reach != 0.0), 0.0, 1.0)

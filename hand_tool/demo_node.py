@@ -12,6 +12,7 @@ from builtin_interfaces.msg import Duration
 from hand_msgs.msg import ControllerState
 from numpy.typing import NDArray
 from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
 from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -20,6 +21,8 @@ from hand_ros.node import DEFAULT_NAMESPACE, QUEUED_QOS, SENSOR_QOS
 READY_S = 60.0
 """Longest wait for the controller: discovery takes seconds, a first compile of the kernels some more."""
 TICK_S = 0.1
+LISTENERS = 2
+"""Of our trajectories: the controller and the recorder."""
 
 
 class NotReadyError(RuntimeError):
@@ -60,7 +63,8 @@ def perform(
         node.create_subscription(ControllerState, "controller_state", count, SENSOR_QOS, raw=True)
         publisher = node.create_publisher(JointTrajectory, "joint_trajectory", QUEUED_QOS)
         end = time.monotonic() + READY_S
-        while seen[0] == 0 or publisher.get_subscription_count() == 0:
+        # The recorder must hear the commands from the first on: nothing moves before it listens, too.
+        while seen[0] == 0 or publisher.get_subscription_count() < LISTENERS or not _recorded(node):
             _spin(executor, TICK_S)
             healthy()
             on_progress("waiting for simulation and controller", TICK_S)
@@ -76,6 +80,11 @@ def perform(
         executor.remove_node(node)
         node.destroy_node()
         rclpy.try_shutdown()
+
+
+def _recorded(node: Node) -> bool:
+    """Whether the recorder listens to the commands beside the simulation."""
+    return bool(node.count_subscribers("valve_command") >= LISTENERS)
 
 
 def _spin(executor: EventsExecutor, seconds: float) -> None:

@@ -22,7 +22,8 @@ def difference_deg(recording: Recording, result: Replay) -> dict[str, float]:
     states = recording["joint_states"]
     _, rows = np.unique(states.stamp_ns, return_index=True)
     columns = [states.names.index(joint) for joint in result.hand.joints]
-    error = np.degrees(states["position"][rows][:, columns] - replayed_angle_rad(result))
+    measured = states["position"][rows[-len(result.states) :]][:, columns]  # a replay may begin later
+    error = np.degrees(measured - replayed_angle_rad(result))
     finite = np.isfinite(error)
     square = np.where(finite, error, 0.0) ** 2
     rms = np.sqrt(square.sum(axis=0) / np.where(finite.any(axis=0), finite.sum(axis=0), np.nan))
