@@ -153,6 +153,27 @@ def test_later_trajectory_replaces_its_joints_only() -> None:
     np.testing.assert_array_equal(speed, 0.0)
 
 
+def test_replaced_trajectory_does_not_come_back() -> None:
+    """Broken by an older, longer trajectory that goes on once the newer, shorter one has ended."""
+    references = latched()
+    follow(references, [A], [(5.0, [1.5], [])], 0.0, 0.0)
+    references.sample(at(0.5))
+    follow(references, [A], [(0.5, [0.4], [])], 0.5, 0.5)
+    target, _ = sampled(references, np.array([0.5, 1.0, 1.1, 3.0, 6.0]))
+    np.testing.assert_allclose(target[1:], 0.4)
+
+
+def test_trajectory_with_velocities_takes_over_in_motion() -> None:
+    """Broken by a speed that drops to 0 where a stream of short trajectories replaces one by the next."""
+    references = latched()
+    follow(references, [A], [(0.0, [0.2], [0.5]), (1.0, [0.7], [0.5])], 0.0, 0.0)
+    before = sampled(references, np.array([0.5]))
+    follow(references, [A], [(1.0, [0.95], [0.5])], 0.5, 0.5)
+    after = sampled(references, np.array([0.5, 1.0]))
+    np.testing.assert_allclose(after[1], before[1][0])
+    np.testing.assert_allclose(after[0], [before[0][0], 0.7])
+
+
 def test_refused_message_changes_nothing() -> None:
     """Broken by a message that is taken in part before it is refused."""
     references = latched()
