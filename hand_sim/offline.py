@@ -42,8 +42,9 @@ class Measured:
 
     def since(self, index: int) -> Measured:
         """The part from a frame on."""
-        parts = (self.stamp_ns, self.position_rad, self.velocity_rad_s, self.pressure_pa)
-        return Measured(*(part[index:] for part in parts))
+        return Measured(
+            self.stamp_ns[index:], self.position_rad[index:], self.velocity_rad_s[index:], self.pressure_pa[index:]
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,66 @@
+"""The driver on real bytes: serial through a pty, CAN through slcan, an unplugged cable, bad ports."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from test.nodes.conftest import Client, Stack
+
+
+@pytest.mark.parametrize("link", ["serial", "can"])
+def test_the_same_controller_on_real_bytes(stack: Stack, client: Client, link: str) -> None:
+    """Fails when the controller needs anything else to drive a board that speaks bytes."""
+    path = str(stack.folder / "board")
+    stack.start("hand", "emulate-board", f"--{link}", path)
+    client.until(lambda: "ready" in stack.log("hand"))
+    where = {"serial_port": path} if link == "serial" else {"can_interface": "slcan", "can_channel": path}
+    stack.node("driver", transport=link, **where)
+    stack.node("controller")
+    client.controlling()
+    client.command(index_proximal=0.7)
+    client.until(lambda: abs(client.angle("index_proximal") - 0.7) < 0.02)
+    assert client.level("driver", "link") == 0
+
+
+def test_a_pulled_cable_vents_reconnects_and_repeats_no_stamp(stack: Stack, client: Client) -> None:
+    """Fails when a stale value is published as new, the driver does not come back, or the hand re-arms by itself."""
+    path = str(stack.folder / "board")
+    stack.start("hand", "emulate-board", "--serial", path, "--disconnect", "9:1.5")
+    client.until(lambda: "ready" in stack.log("hand"))
+    stack.node("driver", serial_port=path)
+    stack.node("controller")
+    client.controlling()
+    client.until(lambda: client.level("driver", "link") == 2)
+    client.until(lambda: client.said("controller", "safety", "no usable sensor data"))
+    before = len(client.joints)
+    client.until(lambda: client.said("driver", "link", "connected") and client.level("driver", "link") == 0)
+    client.until(lambda: len(client.joints) > before + 100)
+    stamps = [(m.header.stamp.sec, m.header.stamp.nanosec) for m in client.joints]
+    assert stamps == sorted(set(stamps))
+    assert client.said("controller", "safety", "call reset")
+    client.until(lambda: client.said("driver", "board", "vented") or max(client.valves[-1].pressure) == 0.0)
+
+
+def test_an_unknown_port_is_named_and_retried(stack: Stack, client: Client) -> None:
+    """Fails when a port that does not exist kills the driver or is not named."""
+    driver = stack.node("driver", serial_port="/dev/nothing_here")
+    client.until(lambda: client.said("driver", "link", "/dev/nothing_here"))
+    assert client.level("driver", "link") == 2
+    assert driver.poll() is None
+    assert "Traceback" not in stack.log("driver")
+
+
+def test_a_stuck_channel_is_named(stack: Stack, client: Client) -> None:
+    """Fails when a broken wire is not named, or its joint is driven all the same."""
+    path = str(stack.folder / "board")
+    stack.start("hand", "emulate-board", "--serial", path, "--stuck", "3=65535")
+    client.until(lambda: "ready" in stack.log("hand"))
+    stack.node("driver", serial_port=path)
+    stack.node("controller")
+    client.until(lambda: client.said("driver", "channels", "index_proximal angle"))
+    client.spin(1.0)
+    assert not client.said("controller", "safety", "controlling")
+    assert all(max(valve.pressure) == 0.0 for valve in client.valves)
