@@ -21,6 +21,12 @@ MAX_AHEAD_S = 0.1
 MAX_DELAY_S = 10.0
 """A trajectory may be stamped this far ahead: it starts then."""
 MAX_DURATION_S = 3600.0
+MAX_POINTS = 5000
+"""Reading more points than this would keep frames waiting."""
+MIN_STEP_S = 0.5e-9
+"""Points are a tick of the message's clock apart, 1 ns but for rounding."""
+MAX_SPEED_RAD_S = 100.0
+"""Velocities beyond this are no motion of a finger, and powers of them overflow."""
 
 
 class CommandError(ValueError):
@@ -76,10 +82,11 @@ def check_trajectory(hand: Hand, names: Sequence[str], points: Points, stamp_ns:
     topic = "joint_trajectory"
     _check_stamp(topic, stamp_ns, now_ns, MAX_DELAY_S)
     index = _joints(topic, hand, names)
-    if not len(points):
-        raise CommandError(f"{topic} refused: no points; one or more are needed")
+    if not 1 <= len(points) <= MAX_POINTS:
+        count = len(points) or "no"
+        raise CommandError(f"{topic} refused: {count} points; the allowed range is 1 to {MAX_POINTS}")
     times = np.array([time for time, _, _ in points], dtype=np.float64)
-    if not np.all((times >= 0.0) & (times <= MAX_DURATION_S)) or np.any(np.diff(times) <= 0.0):
+    if not np.all((times >= 0.0) & (times <= MAX_DURATION_S)) or np.any(np.diff(times) < MIN_STEP_S):
         raise CommandError(
             f"{topic} refused: times from start are {_short(times)} s; "
             f"they must ascend within 0 to {MAX_DURATION_S:g} s"
@@ -101,8 +108,13 @@ def _velocities(topic: str, names: Sequence[str], points: Points) -> Array | Non
     for _, _, velocity in points:
         _check_length(topic, "velocities", velocity, names)
     values = np.array([velocity for _, _, velocity in points], dtype=np.float64)
-    if not np.isfinite(values).all():
-        raise CommandError(f"{topic} refused: a velocity is not a finite number")
+    bad = ~(np.abs(values) <= MAX_SPEED_RAD_S)  # NaN fails the comparison
+    if bad.any():
+        point, column = np.argwhere(bad)[0]
+        raise CommandError(
+            f"{topic} refused: {names[column]} velocity is {values[point, column]:g} rad/s; "
+            f"the allowed range is {-MAX_SPEED_RAD_S:g} to {MAX_SPEED_RAD_S:g} rad/s"
+        )
     return values
 
 
@@ -138,7 +150,7 @@ def _check_angles(topic: str, hand: Hand, index: Index, angle: Array) -> None:
     if bad.any():
         k = int(np.argmax(bad))
         raise CommandError(
-            f"{topic} refused: {hand.joints[index[k]]} position is {angle[k]:g} rad; "
+            f"{topic} refused: {hand.joints[index[k]]} position is {angle[k]:.9g} rad; "
             f"the allowed range is {low[k]:.4f} to {high[k]:.4f} rad ({np.degrees(low[k]):.0f} to "
             f"{np.degrees(high[k]):.0f} degrees)"
         )

@@ -2,12 +2,16 @@
 
 Trajectories begin at the present reference. Between points they are cubic Hermite with the velocities given;
 without velocities, the slopes of a monotone cubic (Fritsch and Carlson 1980: no overshoot between points),
-which are 0 at both ends. The end point is held. A later message replaces an earlier one for its own joints only.
+which are 0 at both ends. The end point is held. A later message replaces an earlier one for its own joints only;
+a trajectory that starts later leaves what runs alone until then.
+
+Time that goes back means another clock, a board or a simulation that began anew: starts on the old one mean
+nothing any more, so trajectories are dropped and the targets hold.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +21,9 @@ from hand_control.command_check import JointCommand, Trajectory
 from hand_model.description import Hand
 
 Array = NDArray[np.float64]
+
+SLEW_NS = 100_000_000
+"""Clocks are slewed back by less than this; further back is another clock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +53,8 @@ class References:
         self._speed = np.zeros(len(hand.joints))
         self._limit = hand.limits.max_torque_nm.copy()
         self._motions: list[_Motion] = []
+        self._waiting: list[Trajectory] = []
+        self._now_ns = 0
 
     def latch(self, position_rad: Array) -> None:
         """Stand still at position_rad (n,), forget trajectories, take the configured torque limits.
@@ -56,17 +65,23 @@ class References:
         self._speed = np.zeros_like(self._speed)
         self._limit = self._hand.limits.max_torque_nm.copy()
         self._motions = []
+        self._waiting = []
 
     def command(self, command: JointCommand) -> None:
         """Go to the commanded angles; the shaping filter makes a motion of the step."""
         self._take(command.index)
+        self._drop_waiting(command.index)
         self._target[command.index] = command.position_rad
         self._speed[command.index] = 0.0
         configured = self._hand.limits.max_torque_nm[command.index]
         self._limit[command.index] = np.where(np.isnan(command.max_torque_nm), configured, command.max_torque_nm)
 
     def trajectory(self, trajectory: Trajectory) -> None:
-        """Follow a trajectory from the present target, and its speed, on."""
+        """Follow a trajectory, from its start on, from the target and speed there are then."""
+        self._drop_waiting(trajectory.index)
+        self._waiting.append(trajectory)
+
+    def _begin(self, trajectory: Trajectory) -> None:
         index = trajectory.index
         times, position, velocity = trajectory.times_s, trajectory.position_rad, trajectory.velocity_rad_s
         if times[0] > 0.0:
@@ -82,6 +97,11 @@ class References:
 
     def sample(self, now_ns: int) -> tuple[Array, Array, Array]:
         """Targets, their speeds and the torque limits now; arrays that later calls overwrite."""
+        if now_ns < self._now_ns - SLEW_NS:
+            self._forget_plans()
+        self._now_ns = now_ns
+        if self._waiting:
+            self._begin_due(now_ns)
         for motion in self._motions:
             seconds = (now_ns - motion.start_ns) * 1e-9
             if seconds < 0.0:
@@ -95,9 +115,32 @@ class References:
         np.clip(self._target, self._hand.limits.low_rad, self._hand.limits.high_rad, out=self._target)
         return self._target, self._speed, self._limit
 
+    def _begin_due(self, now_ns: int) -> None:
+        due = [waiting for waiting in self._waiting if waiting.start_ns <= now_ns]
+        self._waiting = [waiting for waiting in self._waiting if waiting.start_ns > now_ns]
+        for trajectory in due:
+            self._begin(trajectory)
+
+    def _forget_plans(self) -> None:
+        """Hold the targets as they are."""
+        self._motions = []
+        self._waiting = []
+        self._speed[:] = 0.0
+
+    def _drop_waiting(self, index: NDArray[np.int64]) -> None:
+        kept = ((waiting, ~np.isin(waiting.index, index)) for waiting in self._waiting)
+        self._waiting = [_columns(waiting, keep) for waiting, keep in kept if keep.any()]
+
     def _take(self, index: NDArray[np.int64]) -> None:
         motions = (motion.without(index) for motion in self._motions)
         self._motions = [motion for motion in motions if len(motion.joints)]
+
+
+def _columns(trajectory: Trajectory, keep: NDArray[np.bool_]) -> Trajectory:
+    """A trajectory of some of its joints only, keep (k,)."""
+    velocity = None if trajectory.velocity_rad_s is None else trajectory.velocity_rad_s[:, keep]
+    position = trajectory.position_rad[:, keep]
+    return replace(trajectory, index=trajectory.index[keep], position_rad=position, velocity_rad_s=velocity)
 
 
 def _curve(times: Array, position: Array, velocity: Array | None) -> CubicHermiteSpline:

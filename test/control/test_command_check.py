@@ -79,7 +79,9 @@ def test_joint_command_is_refused(
 @pytest.mark.parametrize(
     ("names", "points", "age_s", "said"),
     [
-        ([A], [], 0, ["no points"]),
+        ([A], [], 0, ["no points", "1 to 5000"]),
+        ([A], [(1.0 + k, [0.1], []) for k in range(5001)], 0, ["5001 points", "1 to 5000"]),
+        ([A], [(1.0, [0.1], []), (1.0 + 1e-10, [0.2], [])], 0, ["1, 1 s", "ascend"]),
         ([], [(1.0, [], [])], 0, ["no joint is named"]),
         (["thumb"], [(1.0, [0.1], [])], 0, ["unknown joint 'thumb'"]),
         ([A, A], [(1.0, [0.1, 0.1], [])], 0, [A, "twice"]),
@@ -93,8 +95,8 @@ def test_joint_command_is_refused(
         ([A], [(1.0, [0.1], []), (2.0, [NAN], [])], 0, [A, "nan", "-10 to 100 degrees"]),
         ([B, A], [(1.0, [0.1, 3.0], [])], 0, [A, "3 rad", "-0.1745 to 1.7453 rad"]),
         ([A, B], [(1.0, [0.1, 0.1], [0.0])], 0, ["1 velocities", "2 joints"]),
-        ([A], [(1.0, [0.1], [NAN])], 0, ["velocity", "finite"]),
-        ([A], [(1.0, [0.1], [INF])], 0, ["velocity", "finite"]),
+        ([A], [(1.0, [0.1], [NAN])], 0, [A, "velocity is nan rad/s", "-100 to 100"]),
+        ([B, A], [(1.0, [0.1, 0.1], [0.0, 1e308])], 0, [A, "velocity is 1e+308 rad/s", "-100 to 100"]),
         ([A], [(1.0, [0.1], [0.0]), (2.0, [0.2], [])], 0, ["velocities", "all points or at none"]),
         ([A], [(1.0, [0.1], [])], 0.6, ["0.600 s old", "0.5 s"]),
         ([A], [(1.0, [0.1], [])], -10.1, ["10.100 s in the future", "10 s"]),

@@ -208,6 +208,57 @@ def test_joint_command_ends_a_trajectory_that_waits() -> None:
     np.testing.assert_array_equal(target, 0.6)
 
 
+def test_running_trajectory_goes_on_until_the_next_one_starts() -> None:
+    """Broken by a later start that freezes the joint in mid-motion, or by speed left on a target that stands."""
+    references = latched()
+    follow(references, [A, B], [(1.0, [1.0, 1.0], [])], 0.0, 0.0)
+    sampled(references, np.array([0.5]))
+    follow(references, [A], [(1.0, [0.4], [])], 3.0, 0.5)
+    target, speed = sampled(references, np.array([0.75, 1.0, 2.9]))
+    assert HERE < target[0] < 1.0 and speed[0] > 0.0
+    np.testing.assert_allclose(target[1:], 1.0)
+    np.testing.assert_array_equal(speed[1:], 0.0)
+    target, _ = sampled(references, np.array([3.0, 3.5, 4.0]))
+    np.testing.assert_allclose(target, [1.0, 0.7, 0.4])
+
+
+def test_newer_trajectory_takes_its_joint_from_one_that_waits() -> None:
+    """Broken by an older trajectory that starts over a newer one, or that is lost for its other joints."""
+    references = latched()
+    follow(references, [A, B], [(1.0, [1.0, 1.2], [0.0, 0.0])], 2.0, 0.0)
+    follow(references, [A], [(1.0, [0.6], [])], 0.0, 0.0)
+    sampled(references, np.linspace(0.0, 4.0, 40))
+    target = references.sample(at(5.0))[0]
+    assert target[IA] == pytest.approx(0.6) and target[IB] == pytest.approx(1.2)
+
+
+def test_latch_ends_a_trajectory_that_waits() -> None:
+    """Broken by a plan that survives a fault and moves the hand once it is driven again."""
+    references = latched()
+    follow(references, [A], [(1.0, [1.0], [])], 2.0, 0.0)
+    references.latch(np.full(COUNT, 0.3))
+    np.testing.assert_array_equal(sampled(references, np.linspace(0.0, 4.0, 20))[0], 0.3)
+
+
+@pytest.mark.parametrize("starts_s", [0.0, 1.0])
+def test_clock_that_begins_anew_drops_trajectories(starts_s: float) -> None:
+    """Broken by a trajectory that springs to life when the new clock reaches the old start."""
+    references = latched()
+    follow(references, [A], [(2.0, [1.5], [])], starts_s, 0.0)
+    held = references.sample(at(0.5))[0][IA]
+    target, speed = sampled(references, np.array([-5.0, -4.0, 0.0, 1.0, 2.0, 9.0]))
+    np.testing.assert_array_equal(target, held)
+    np.testing.assert_array_equal(speed, 0.0)
+
+
+def test_slewed_clock_goes_on() -> None:
+    """Broken by a trajectory that is dropped because the clock was put back a little."""
+    references = latched()
+    follow(references, [A], [(1.0, [1.0], [])], 0.0, 0.0)
+    target, _ = sampled(references, np.array([0.5, 0.45, 1.0]))
+    assert target[-1] == pytest.approx(1.0)
+
+
 def test_velocities_of_the_message_are_those_of_the_path() -> None:
     """Broken by another interpolation than cubic Hermite: a cubic polynomial comes back exactly."""
     references = latched()
