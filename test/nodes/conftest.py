@@ -111,12 +111,15 @@ class Client:
         """Wait until the controller drives the hand."""
         self.until(lambda: self.said("controller", "safety", "controlling"))
         self.until(lambda: self.joints and self.valves and self.states)
-        for publisher in (self.commands, self.trajectories):
-            self.until(lambda p=publisher: p.get_subscription_count() > 0)
+        self.until(lambda: self.commands.get_subscription_count() > 0)
+        self.until(lambda: self.trajectories.get_subscription_count() > 0)
 
     def said(self, node: str, part: str, text: str) -> bool:
         """Whether a status of a node holds a text now."""
         return text in self.statuses.get(f"/hand/{node}: {part}", (0, ""))[1]
+
+    def until_said(self, node: str, part: str, text: str) -> None:
+        self.until(lambda: self.said(node, part, text))
 
     def level(self, node: str, part: str) -> int:
         return self.statuses.get(f"/hand/{node}: {part}", (-1, ""))[0]

@@ -63,7 +63,7 @@ def test_bad_commands_are_refused_and_the_rest_goes_on(stack: Stack, client: Cli
     old.header.stamp.sec, old.header.stamp.nanosec = divmod(now_ns, 1_000_000_000)
     for message, line in (*BAD.values(), (old, "2.0")):
         client.commands.publish(message)
-        client.until(lambda line=line: client.said("controller", "commands", line))
+        client.until_said("controller", "commands", line)
         assert client.level("controller", "commands") == 2
     client.states.clear()
     client.until(lambda: len(client.states) > 100)
@@ -95,7 +95,7 @@ def test_bad_valve_commands_never_reach_a_valve(stack: Stack, client: Client) ->
     ]
     for pressure, options, line in cases:
         send(pressure, **options)  # type: ignore[arg-type]
-        client.until(lambda line=line: client.said("simulation", "commands", line))
+        client.until_said("simulation", "commands", line)
     assert max(client.joints[-1].position) < math.radians(-5.0)
     send(full)  # a good one is taken all the same
     client.until(lambda: max(client.joints[-1].position) > 0.2)
