@@ -87,7 +87,9 @@ def set_points_in_force(commands: Commands, ticks: Ticks) -> Array:
     given = newest >= 0
     latched_at = np.searchsorted(stamps, commands.sent_ns, side="left")
     age = np.arange(len(stamps)) - latched_at[np.maximum(newest, 0)]
-    alive = given & (age < np.maximum(commands.lifetime_s[np.maximum(newest, 0)] / ticks.period_s, 1.0))
+    # The fitted period is off by rounding; a lifetime of whole periods must not gain one by it.
+    lifetime_ticks = np.maximum(commands.lifetime_s[np.maximum(newest, 0)] / ticks.period_s - 1e-3, 1.0)
+    alive = given & (age < lifetime_ticks)
     held[alive] = commands.pressure_pa[newest[alive]]
     return held
 
