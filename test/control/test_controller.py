@@ -1,0 +1,288 @@
+"""Law, supervisor and controller: limits, anti-windup, safe states, re-arming, step tracking."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bench.bench_steps import figures, step_response
+from hand_control.controller import Controller
+from hand_control.law import INTEGRAL, PRESSURE, SATURATED, TORQUE, Law, gains
+from hand_control.settings import PARAMETERS, Settings
+from hand_control.shaping import Shaper
+from hand_control.supervisor import FREEZE_S, VENT_S, WARN_S, Phase, Supervisor
+from hand_model.description import load_hand
+from hand_model.parameters import ROW
+from hand_ros.health import Level
+from hand_ros.parameters import ParameterError
+from hand_sim.plant import SimulatedPlant
+
+HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
+COUNT = len(HAND.joints)
+MS = 1_000_000
+DT_S = 0.005
+anything = st.floats(allow_nan=True, allow_infinity=True)
+
+
+def law() -> Law:
+    chosen = Settings.of(HAND, {})
+    return Law(gains(HAND, chosen.kp, chosen.ki, chosen.kd, chosen.integral_limit))
+
+
+def full(value: float) -> np.ndarray:
+    return np.full(COUNT, value)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.tuples(anything, anything, anything, anything, anything, anything), min_size=1, max_size=5))
+def test_whatever_comes_in_a_finite_pressure_within_limits_goes_out(ticks: list[tuple[float, ...]]) -> None:
+    """Fails when any input makes the law send a number that is none, or one outside 0 ... the limit."""
+    made = law()
+    for reference, speed, limit, position, velocity, pressure in ticks:
+        with np.errstate(all="ignore"):
+            out = made.tick(
+                full(reference), full(speed), full(limit), full(position), full(velocity), full(pressure), DT_S
+            )
+        assert np.all((out[PRESSURE] >= 0.0) & (out[PRESSURE] <= HAND.limits.max_pressure_pa))
+
+
+@given(st.floats(0.0, 1.7), st.floats(0.0, 1.7), st.floats(0.0, 0.6))
+def test_the_ceiling_follows_the_torque_limit(reference: float, position: float, limit: float) -> None:
+    """Fails when a command could, at rest at this angle, give more torque than the limit."""
+    out = law().tick(full(reference), full(0.0), full(limit), full(position), full(0.0), full(0.0), DT_S)
+    a0, a1, a2, a3 = (
+        HAND.row(f"statics.{key}") for key in ("a0_nm", "a1_nm_per_rad", "a2_nm_per_pa", "a3_nm_per_pa_rad")
+    )
+    torque = a0 + a1 * position + (a2 + a3 * position) * out[PRESSURE]
+    assert np.all((torque <= limit + 1e-9) | (out[PRESSURE] == 0.0))
+
+
+def test_torque_estimate_is_equation_6() -> None:
+    """Fails when the published torque is not Eq. 6 at the measured pressure and angle."""
+    out = law().tick(full(0.5), full(0.0), full(0.6), full(0.5), full(0.0), full(1e5), DT_S)
+    assert out[TORQUE] == pytest.approx(-0.010 - 0.0573 * 0.5 + (1.12e-6 - 5.6e-7 * 0.5) * 1e5)
+
+
+def test_a_saturated_integrator_stands_still_and_lets_go() -> None:
+    """Fails when the integral winds up against the limit, or does not come back from it."""
+    made = law()
+    for _ in range(2000):
+        out = made.tick(full(1.2), full(0.0), full(0.02), full(0.2), full(0.0), full(0.0), DT_S)
+    assert out[SATURATED].all()
+    assert np.abs(made.state[INTEGRAL]).max() < 0.01
+    out = made.tick(full(0.0), full(0.0), full(0.6), full(0.2), full(0.0), full(0.0), DT_S)
+    assert out[PRESSURE].max() < 1.2e5
+
+
+def test_freezing_keeps_the_integral() -> None:
+    """Fails when a frozen integrator moves."""
+    made = law()
+    made.tick(full(0.6), full(0.0), full(0.6), full(0.5), full(0.0), full(0.0), DT_S)
+    before = made.state[INTEGRAL].copy()
+    made.tick(full(0.6), full(0.0), full(0.6), full(0.5), full(0.0), full(0.0), DT_S, False)
+    assert np.array_equal(made.state[INTEGRAL], before)
+    assert before.min() > 0.0
+
+
+@pytest.mark.parametrize("dt", [0.001, 0.005, 0.05])
+def test_shaping_has_no_overshoot_and_bounded_speed(dt: float) -> None:
+    """Fails when a step of the target overshoots, exceeds the greatest speed, or depends on the rate."""
+    shaper = Shaper(1)
+    path = []
+    for _ in range(round(2.0 / dt)):
+        shaper.step(np.array([1.0]), np.array([0.0]), 12.0, 3.0, dt)
+        path.append(shaper.r[0])
+        assert abs(shaper.v[0]) <= 3.0
+    assert max(path) < 1.0 + 5e-3
+    assert path[-1] == pytest.approx(1.0, abs=1e-6)
+    free = Shaper(1)
+    for _ in range(round(0.3 / dt)):
+        free.step(np.array([1.0]), np.array([0.0]), 12.0, 100.0, dt)
+    closed_form = 1.0 - (1.0 + 12.0 * 0.3) * math.exp(-12.0 * 0.3)
+    assert free.r[0] == pytest.approx(closed_form, abs=0.02)
+
+
+AGES = [
+    (WARN_S - 1e-3, Level.OK),
+    (WARN_S + 1e-3, Level.WARN),
+    (FREEZE_S + 1e-3, Level.WARN),
+    (VENT_S - 1e-3, Level.WARN),
+]
+
+
+@pytest.mark.parametrize(("age_s", "level"), AGES)
+def test_ages_below_the_last_tier_keep_control(age_s: float, level: Level) -> None:
+    """Fails when late data vents too early or is not warned of."""
+    made = armed()
+    now_ns = round(age_s * 1e9)
+    made.check(now_ns, 0.0)
+    assert made.phase is Phase.ACTIVE
+    assert made.health(now_ns).level is level
+
+
+def armed() -> Supervisor:
+    made = Supervisor()
+    made.enable()
+    made.arm(0)
+    made.frame(0)
+    return made
+
+
+def test_silence_vents_and_latches() -> None:
+    """Fails when 100 ms of silence leave the hand under pressure, or the fault forgets itself."""
+    made = armed()
+    made.check(round((VENT_S + 1e-3) * 1e9), 0.0)
+    assert made.phase is Phase.VENTED
+    made.frame(200 * MS)
+    made.check(201 * MS, 0.0)
+    assert made.phase is Phase.VENTED
+    with pytest.raises(ValueError, match="call reset first"):
+        made.enable()
+    assert "no usable sensor data" in made.reset()
+    made.enable()
+    assert made.phase.name == "ARMING"
+
+
+def test_integrators_freeze_after_a_gap() -> None:
+    """Fails when the tick after a gap of more than 50 ms integrates."""
+    made = armed()
+    assert made.frame(5 * MS)
+    assert not made.frame(round(5 * MS + (FREEZE_S + 1e-3) * 1e9))
+
+
+def test_a_command_that_ends_is_held_then_vented() -> None:
+    """Fails when a command time-out is ignored."""
+    made = armed()
+    made.command(0)
+    assert not made.command_held(900 * MS, 1.0)
+    assert made.command_held(1100 * MS, 1.0)
+    made.frame(2050 * MS)
+    made.check(2060 * MS, 1.0)
+    assert made.fault == "no command for 2 s"
+    assert not armed().command_held(10**12, 0.0)
+
+
+def test_vent_on_request_does_not_hide_a_fault() -> None:
+    """Fails when a later vent replaces the reason of a latched fault."""
+    made = armed()
+    made.trip("first")
+    made.trip("second")
+    made.vent("asked for")
+    assert (made.fault, made.reason) == ("first", "first")
+
+
+class Driven:
+    """A controller fed with a hand that stands still."""
+
+    def __init__(self, **values: object) -> None:
+        self.controller = Controller(HAND, Settings.of(HAND, values))
+        self.controller.enable(True)
+        self.ns = 10**9
+        self.pose = full(0.3)
+
+    def frame(self, position: np.ndarray | None = None, pressure: np.ndarray | None = None, age_ns: int = 0):  # type: ignore[no-untyped-def]
+        self.ns += 5 * MS
+        pose = self.pose if position is None else position
+        pressure = full(5e4) if pressure is None else pressure
+        return self.controller.frame(self.ns - age_ns, self.ns, self.ns, pose, full(0.0), pressure)
+
+    def command(self, angle: float) -> None:
+        self.controller.command(HAND.joints[:1], [angle], [], 0, self.ns, self.ns)
+
+
+def test_arming_holds_the_measured_pose() -> None:
+    """Fails when the hand would jump when it is enabled."""
+    driven = Driven()
+    tick = driven.frame()
+    assert tick.reference == pytest.approx(driven.pose)
+    hold = (0.010 + 0.0573 * 0.3) / (1.12e-6 - 5.6e-7 * 0.3)
+    assert tick.pressure_command == pytest.approx(hold, rel=0.05)
+
+
+@pytest.mark.parametrize("where", ["position", "pressure"])
+def test_a_measurement_that_is_no_number_vents_and_latches(where: str) -> None:
+    """Fails when a NaN leaves pressure on the valves."""
+    driven = Driven()
+    driven.frame()
+    driven.command(0.8)
+    bad = full(0.3 if where == "position" else 5e4)
+    bad[4] = np.nan
+    tick = driven.frame(position=bad) if where == "position" else driven.frame(pressure=bad)
+    assert tick.pressure_command.max() == 0.0
+    assert HAND.joints[4] in driven.controller.safety.fault
+    assert driven.frame().pressure_command.max() == 0.0
+    with pytest.raises(ValueError, match="not being controlled"):
+        driven.command(0.8)
+    driven.controller.reset()
+    driven.controller.enable(True)
+    assert driven.frame().reference == pytest.approx(driven.pose)
+
+
+def test_an_angle_that_jumps_vents() -> None:
+    """Fails when an implausible jump is followed."""
+    driven = Driven()
+    driven.frame()
+    tick = driven.frame(position=full(0.3) + np.eye(COUNT)[2] * 1.2)
+    assert tick.pressure_command.max() == 0.0
+    assert "jumped by 69 degrees" in driven.controller.safety.fault
+
+
+def test_stale_repeated_and_future_frames_are_no_frames() -> None:
+    """Fails when an old, repeated or future stamp is answered."""
+    driven = Driven()
+    assert driven.frame() is not None
+    assert driven.frame(age_ns=150 * MS) is None
+    assert driven.frame(age_ns=-150 * MS) is None
+    assert driven.frame(age_ns=15 * MS) is None  # the stamp that came first, again
+    assert driven.frame() is not None
+
+
+def test_gains_change_without_a_jump() -> None:
+    """Fails when new settings reset integrators or references, or bad ones are half taken."""
+    driven = Driven()
+    for _ in range(200):
+        tick = driven.frame()
+    before = tick.pressure_command.copy()
+    driven.controller.configure(Settings.of(HAND, {"max_speed_deg_per_s": 100.0}))
+    assert driven.frame().pressure_command == pytest.approx(before, rel=1e-2)
+    for bad in ({"kp_nm_per_rad": [0.1, 0.2]}, {"ki_nm_per_rad_s": [math.nan]}, {"max_speed_deg_per_s": -1.0}):
+        with pytest.raises(ParameterError, match=next(iter(bad))):
+            Settings.of(HAND, bad)
+
+
+def test_every_parameter_is_in_the_document() -> None:
+    """Fails when docs/control.md and the table of parameters disagree."""
+    text = (Path(__file__).parents[2] / "docs" / "control.md").read_text(encoding="utf-8")
+    for parameter in PARAMETERS:
+        assert f"| `{parameter.name}` | {parameter.default!r} |".replace("'", "") in text.replace("'", "")
+
+
+@pytest.mark.parametrize("rate_hz", [200, 500])
+def test_step_tracking(rate_hz: int) -> None:
+    """Fails when a step of 50 degrees settles later than 1.5 s or overshoots by more than 5 %."""
+    settle_s, overshoot = figures(step_response(HAND, rate_hz, seed=3), rate_hz)
+    assert settle_s < 1.5
+    assert overshoot < 5.0
+
+
+def test_plants_thirty_percent_off_stay_stable() -> None:
+    """Fails when a wrong model makes the loop oscillate."""
+    seed = 8
+    print(f"seed {seed}")
+    rng = np.random.default_rng(seed)
+    keys = [key for key in ROW if key.startswith(("statics.", "dynamics.viscous"))]
+    for trial in range(6):
+        parameters = HAND.parameters.copy()
+        for key in keys:
+            parameters[ROW[key]] *= rng.uniform(0.7, 1.3)
+        parameters[ROW["dynamics.inertia_kg_m2"]] *= (scale := rng.uniform(0.7, 1.3))
+        parameters[ROW["dynamics.coupling_inertia_kg_m2"]] *= scale
+        plant = SimulatedPlant(replace(HAND, parameters=parameters), 200.0, trial)
+        angles = step_response(HAND, 200.0, trial, plant)
+        assert np.ptp(angles[-200:], axis=0).max() < 1.5, (seed, trial)

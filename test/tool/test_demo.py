@@ -1,0 +1,73 @@
+"""The demo from end to end: processes, recording, replay, summary, and the page in a real browser."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from ament_index_python.packages import get_package_prefix
+from mcap.reader import make_reader
+
+HAND = Path(get_package_prefix("fluidic_hand")) / "lib" / "fluidic_hand" / "hand"
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run")
+QUIET = ("--disable-background-networking", "--disable-component-update", "--disable-sync")
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a demo that has run."""
+    folder = tmp_path_factory.mktemp("demo")
+    environment = dict(os.environ) | {"ROS_DOMAIN_ID": str((os.getpid() + 45) % 90 + 10)}
+    command = [str(HAND), "demo", "--out", str(folder / "out"), "--json"]
+    ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=240, check=False)
+    assert ran.returncode == 0, ran.stderr
+    return folder / "out"
+
+
+def test_the_summary_has_every_joint_and_the_loop(result: Path) -> None:
+    """Fails when a joint did not follow, the replay differs, or a figure is missing."""
+    summary = json.loads((result / "summary.json").read_text(encoding="utf-8"))
+    assert len(summary["joints"]) == 11
+    for joint in summary["joints"].values():
+        assert joint["tracking_rms_deg"] < 3.0
+        assert joint["replay_rms_deg"] < 0.05
+    loop = summary["loop"]
+    assert 195.0 < loop["rate_hz"] < 205.0
+    assert set(loop) == {"rate_hz", "missed_fraction", "latency_p50_ms", "latency_p99_ms"}
+
+
+def test_both_recordings_hold_the_hands_topics(result: Path) -> None:
+    """Fails when a topic is missing from the recording or its replay, or they do not open."""
+    common = {f"/hand/{name}" for name in ("adc", "joint_states", "pressures", "contact_forces", "valve_command")}
+    for name, more in (("recording", {"/hand/controller_state", "/hand/joint_trajectory"}), ("replay", set())):
+        with (result / f"{name}.mcap").open("rb") as stream:
+            summary = make_reader(stream).get_summary()
+        assert summary is not None
+        topics = {channel.topic for channel in summary.channels.values()}
+        assert common | more <= topics
+
+
+def test_contact_forces_were_felt(result: Path) -> None:
+    """Fails when the object in the simulated hand presses no sensor."""
+    from hand_ident.loader import load_recording  # noqa: PLC0415 - rosbags is slow to import
+
+    assert load_recording(result / "recording.mcap")["contact_forces"]["force"].max() > 0.3
+
+
+@pytest.mark.skipif(BROWSER is None and "CI" not in os.environ, reason="no chromium on this machine")
+def test_the_page_shows_the_result_without_a_network(result: Path, tmp_path: Path) -> None:
+    """Fails when the page does not render: headline, 11 rows, pictures."""
+    assert BROWSER is not None
+    page = (result / "index.html").as_uri()
+    profile = f"--user-data-dir={tmp_path / 'profile'}"
+    command = [BROWSER, *FLAGS, *QUIET, profile, "--dump-dom", page]
+    dom = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout
+    assert "11 joints followed three grasps" in dom
+    assert dom.count('<th scope="row">') == 11
+    assert dom.count("data:image/png;base64,") == 3
+    assert "http" not in dom.split("</style>")[1]
