@@ -38,15 +38,16 @@ PRESSURE, TORQUE, SATURATED = range(3)
 _MIN_LEVERAGE = 1e-9
 
 
-@njit(cache=True, inline="always")
-def _hold(phi, g, i):  # type: ignore[no-untyped-def]
-    """Pressure [Pa] that holds phi and its slope [Pa/rad], from Eq. 6 with no torque."""
+@njit(cache=True, inline="always", error_model="numpy")
+def _hold(reference, g, i):  # type: ignore[no-untyped-def]
+    """Pressure [Pa] that holds a reference, its slope [Pa/rad] and the leverage there, from Eq. 6 with no torque."""
+    phi = min(reference, g[HIGH, i])  # the description guarantees leverage up to the joint's limit
     leverage = max(g[A2, i] + g[A3, i] * phi, _MIN_LEVERAGE)
     slope = (g[A3, i] * g[A0, i] - g[A1, i] * g[A2, i]) / (leverage * leverage)
     return pressure_for_torque(0.0, phi, 0.0, g[A0, i], g[A1, i], g[A2, i], g[A3, i], 0.0), slope, leverage
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")  # a division by zero gives what is not finite, and that is caught
 def tick(g, state, reference, speed, limit, position, velocity, pressure, dt, integrate, out):  # type: ignore[no-untyped-def]
     """One tick of every joint.
 
