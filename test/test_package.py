@@ -61,6 +61,20 @@ def test_executables_land_where_ros2_run_looks() -> None:
     assert names == {"driver", "simulation", "controller", "recorder", "hand"}
 
 
+def test_launch_files_start_what_exists_with_parameters_that_exist() -> None:
+    """Fails when a launch file names an executable, file or driver parameter that is not there."""
+    from hand_driver.node import PARAMETERS  # noqa: PLC0415 - needs ROS, the other tests here do not
+
+    executables = set(re.findall(r'"(\w+) = [\w.]+:main"', (ROOT / "setup.py").read_text(encoding="utf-8")))
+    for path in (ROOT / "launch").glob("*.launch.py"):
+        text = path.read_text(encoding="utf-8")
+        compile(text, path.name, "exec")
+        assert set(re.findall(r'executable="(\w+)"', text)) <= executables
+        assert all((ROOT / "config" / name).is_file() for name in re.findall(r'"([\w.]+\.yaml)"', text))
+        board = re.findall(r'^    "(\w+)": \("', text, re.MULTILINE)
+        assert {*board, "hand_description"} <= {parameter.name for parameter in PARAMETERS}
+
+
 def test_every_package_is_installed() -> None:
     """Fails when a new package is forgotten in setup.py."""
     listed = re.search(r"PACKAGES = \[(.*?)\]", (ROOT / "setup.py").read_text(encoding="utf-8"))

@@ -28,7 +28,7 @@ def test_the_same_controller_on_real_bytes(stack: Stack, client: Client, link: s
 def test_a_pulled_cable_vents_reconnects_and_repeats_no_stamp(stack: Stack, client: Client) -> None:
     """Fails when a stale value is published as new, the driver does not come back, or the hand re-arms by itself."""
     path = str(stack.folder / "board")
-    stack.start("hand", "emulate-board", "--serial", path, "--disconnect", "9:1.5")
+    stack.start("hand", "emulate-board", "--serial", path, "--disconnect", "9:1.5", "--disconnect", "30:1.5")
     client.until(lambda: "ready" in stack.log("hand"))
     stack.node("driver", serial_port=path)
     stack.node("controller")
