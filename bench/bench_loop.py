@@ -2,6 +2,8 @@
 
 Latency is from the frame's acquisition stamp to the valve command's source timestamp, both on this host. A
 period is missed when its frame was answered by no command, or by one published after the next frame was due.
+The round trip is from the source timestamp of joint_states to that of the valve command that answers it: the plain
+pair stamps a frame after its timer has woken, the stack at the board's tick, so acquisition stamps do not compare.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ import numpy as np
 import rclpy
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
 from hand_msgs.msg import ValveCommand
+from sensor_msgs.msg import JointState
 
 WARM_UP_S = 3.0
 DEPTH = 1000
@@ -32,9 +35,10 @@ ROUND_TRIP_HZ = 200
 
 @dataclass
 class Run:
-    """One run: latencies [s] of all answers, missed share of periods, CPU of both processes [cores]."""
+    """One run: latencies and answer times [s] of all answers, share of missed periods, CPU of both [cores]."""
 
     latency_s: np.ndarray[Any, np.dtype[np.float64]]
+    answer_s: np.ndarray[Any, np.dtype[np.float64]]
     missed: float
     cpu: float
 
@@ -69,7 +73,7 @@ def round_trip(seconds: float, rounds: int) -> list[dict[str, Any]]:
         (measure(stack(ROUND_TRIP_HZ), ROUND_TRIP_HZ, seconds), measure(plain(ROUND_TRIP_HZ), ROUND_TRIP_HZ, seconds))
         for _ in range(rounds)
     ]
-    p50 = [(median(a.latency_s) * 1e3, median(b.latency_s) * 1e3) for a, b in pairs]
+    p50 = [(median(a.answer_s) * 1e3, median(b.answer_s) * 1e3) for a, b in pairs]
     cpu = [(a.cpu, b.cpu) for a, b in pairs]
     return [
         {
@@ -116,18 +120,23 @@ def processes(commands: list[list[str]]) -> Iterator[list[subprocess.Popen[bytes
         for process in started:
             process.send_signal(signal.SIGINT)
         for process in started:
-            process.wait(timeout=10)
+            try:
+                process.wait(timeout=5)
+            except subprocess.TimeoutExpired:  # a plain spin now and then misses its signal
+                process.kill()
+                process.wait()
 
 
 def measure(commands: list[list[str]], rate_hz: float, seconds: float) -> Run:
     """Run two processes for some seconds after they have found each other."""
     node = rclpy.create_node("loop_probe", namespace="hand")
     probe = node.create_subscription(ValveCommand, "valve_command", lambda _: None, DEPTH, raw=True)
+    asked = node.create_subscription(JointState, "joint_states", lambda _: None, DEPTH, raw=True)
     try:
         with processes(commands) as started:
-            _take(probe, 30.0, enough=round(rate_hz * WARM_UP_S))
+            _take([probe, asked], 30.0, enough=round(rate_hz * WARM_UP_S))
             begun, cpu = time.monotonic(), sum(map(_cpu_s, started))
-            seen = _take(probe, seconds)
+            seen, frames = _take([probe, asked], seconds)
             used = (sum(map(_cpu_s, started)) - cpu) / (time.monotonic() - begun)
     finally:
         node.destroy_node()
@@ -135,23 +144,26 @@ def measure(commands: list[list[str]], rate_hz: float, seconds: float) -> Run:
     latency_s = (sent - stamps) * 1e-9
     periods = round((stamps[-1] - stamps[0]) * 1e-9 * rate_hz) + 1
     in_time = len(np.unique(stamps[latency_s <= 1.0 / rate_hz]))
-    return Run(latency_s, max(0.0, 1.0 - in_time / periods), used)
+    published = dict(frames)
+    answer_s = np.array([(at - published[stamp]) * 1e-9 for stamp, at in seen if stamp in published])
+    return Run(latency_s, answer_s, max(0.0, 1.0 - in_time / periods), used)
 
 
-def _take(probe: Any, seconds: float, enough: int | None = None) -> list[tuple[int, int]]:
-    """Acquisition stamp and source timestamp [ns] of the commands of some seconds, or of enough of them.
+def _take(probes: list[Any], seconds: float, enough: int | None = None) -> list[list[tuple[int, int]]]:
+    """Acquisition stamp and source timestamp [ns] of each probe's messages: of some seconds, or enough of the first's.
 
     Emptied in batches and without an executor, so that watching costs little of the two cores.
     """
-    seen: list[tuple[int, int]] = []
+    seen: list[list[tuple[int, int]]] = [[] for _ in probes]
     end = time.monotonic() + seconds
-    while time.monotonic() < end and (enough is None or len(seen) < enough):
+    while time.monotonic() < end and (enough is None or len(seen[0]) < enough):
         time.sleep(TAKE_PERIOD_S)
-        with probe.handle:
-            while (taken := probe.handle.take_message(probe.msg_type, True)) is not None:
-                sec, nanosec = np.frombuffer(taken[0], "<u4", 2, 4).tolist()
-                seen.append((sec * 1_000_000_000 + nanosec, taken[1]["source_timestamp"]))
-    if len(seen) < (enough or 2):
+        for probe, into in zip(probes, seen, strict=True):
+            with probe.handle:
+                while (taken := probe.handle.take_message(probe.msg_type, True)) is not None:
+                    sec, nanosec = np.frombuffer(taken[0], "<u4", 2, 4).tolist()
+                    into.append((sec * 1_000_000_000 + nanosec, taken[1]["source_timestamp"]))
+    if len(seen[0]) < (enough or 2):
         raise TimeoutError("the two processes exchanged no valve commands: are the packages built and sourced?")
     return seen
 

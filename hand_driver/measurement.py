@@ -69,6 +69,7 @@ class Converter:
         self._velocity = VelocityEstimator(len(hand.joints), velocity_time_constant_s)
         self._volts_per_count = hand.sensors.adc.reference_v / hand.sensors.adc.full_scale
         self._low, self._high = _rails(hand)
+        self._names = channel_names(hand)
         statics = ("a0_nm", "a1_nm_per_rad", "a2_nm_per_pa", "a3_nm_per_pa_rad")
         self._statics = [hand.row(f"statics.{key}") for key in statics]
         self.pressure_zero_ratio = hand.sensors.pressure.ratio_at_zero.copy()
@@ -89,8 +90,8 @@ class Converter:
 
     def at_rail(self, counts: Counts) -> list[str]:
         """Names of the sensors whose channel sits at a rail."""
-        hit = (counts <= self._low) | (counts >= self._high)
-        return [name for channel, name in channel_names(self._hand).items() if hit[channel]]
+        hit = np.flatnonzero((counts <= self._low) | (counts >= self._high))
+        return [self._names[channel] for channel in hit.tolist()]
 
 
 def channel_names(hand: Hand) -> dict[int, str]:
