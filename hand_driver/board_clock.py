@@ -1,8 +1,8 @@
 """The board's clock mapped to the host's: the lower envelope of their difference, drift included.
 
 A frame is received later than it was acquired, never earlier, and by a varying delay; the smallest differences
-(received - board) are those of the frames that came through fastest. Each second's smallest difference is one
-point; the line through the first and last of the recent ones that lies below all of them is the mapping.
+(received - board) are those of the frames that came through fastest. Each half second's smallest difference is
+one point; the line through the first and last of the recent ones that lies below all of them is the mapping.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ class BoardClock:
     def __init__(self) -> None:
         """Begin with no frame."""
         self._blocks: deque[tuple[int, int]] = deque(maxlen=BLOCKS)
+        self._last_ns = 0
         self._restart(0, 0)
 
     def _restart(self, board_us: int, offset_ns: int) -> None:
@@ -34,12 +35,12 @@ class BoardClock:
         self._anchor = (board_us, offset_ns)
         self._drift = 0.0
         self._last_us = -1
-        self._last_ns = 0
 
     def map(self, board_time_us: int, received_ns: int) -> int:
         """Host time [ns] of acquisition of a frame received at received_ns [ns].
 
-        Never later than received_ns, and rising from frame to frame while board time rises.
+        Rising from frame to frame, also over a restart of the board. Never later than received_ns, but for 1 ns a
+        frame where several arrived together and there is no room below it for their stamps.
         """
         offset_ns = received_ns - board_time_us * 1000
         if (
@@ -56,8 +57,8 @@ class BoardClock:
         if offset_ns < predicted:  # faster than any frame before: it moves the line
             self._anchor = (board_time_us, offset_ns)
             predicted = offset_ns
-        stamp_ns = max(board_time_us * 1000 + predicted, self._last_ns + 1)
-        self._last_us, self._last_ns = board_time_us, min(stamp_ns, received_ns)
+        stamp_ns = min(board_time_us * 1000 + predicted, received_ns)
+        self._last_us, self._last_ns = board_time_us, max(stamp_ns, self._last_ns + 1)
         return self._last_ns
 
     def _offset(self, board_time_us: int) -> int:

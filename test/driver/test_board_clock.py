@@ -42,3 +42,11 @@ def test_a_board_that_restarts_is_followed_at_once() -> None:
     now_ns = 10**9 + 1000 * 5_000_000
     assert clock.map(5000, now_ns) == now_ns
     assert clock.map(10_000, now_ns + 5_000_000) == now_ns + 5_000_000
+
+
+def test_frames_that_arrive_together_get_stamps_of_their_own() -> None:
+    """Fails when frames read at once, by a clock that knows nothing yet or after a restart, share one stamp."""
+    clock = BoardClock()
+    stamps = [clock.map(board_us, 10**9) for board_us in (5_000, 10_000, 15_000, 70, 5_070)]
+    assert (np.diff(stamps) > 0).all()
+    assert stamps[-1] - 10**9 < 5
