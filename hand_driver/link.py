@@ -21,6 +21,7 @@ class Link:
         self._now = monotonic_s
         self._board: Board | None = None
         self._closed = threading.Event()
+        self._change = threading.Lock()  # of board, past counters and closing; never held while a board works
         self._pause_s = FIRST_PAUSE_S
         self._retry_s = -1.0
         self._past = LinkCounters()
@@ -40,10 +41,11 @@ class Link:
     @property
     def counters(self) -> LinkCounters:
         """Counters over all connections."""
-        past, board = self._past, self._board
-        if board is None:
-            return past
-        now = board.counters
+        with self._change:
+            return self._sum(self._board)
+
+    def _sum(self, board: Board | None) -> LinkCounters:
+        past, now = self._past, LinkCounters() if board is None else board.counters
         return LinkCounters(
             past.frames + now.frames,
             past.dropped + now.dropped,
@@ -53,23 +55,35 @@ class Link:
 
     def read(self, timeout_s: float) -> Frame | None:
         """The next frame, or None after timeout_s [s] or while there is no board. Never raises BoardError."""
-        if self._closed.is_set():
-            return None
-        wait_s = self._retry_s - self._now()
-        if self._board is None and wait_s > 0.0:
-            self._closed.wait(min(wait_s, timeout_s))
+        board = self._board or self._reopen(timeout_s)
+        if board is None:
             return None
         try:
-            if self._board is None:
-                self._board = self._open()
-                self._opened += 1
-            frame = self._board.read(timeout_s)
+            frame = board.read(timeout_s)
         except BoardError as error:
-            self._lost(str(error))
+            self._lost(board, str(error))
             return None
         if frame is not None:
             self._pause_s, self.error = FIRST_PAUSE_S, ""
         return frame
+
+    def _reopen(self, timeout_s: float) -> Board | None:
+        """A new board once the pause is over; None before, after a failure and when closed."""
+        if self._closed.wait(min(max(self._retry_s - self._now(), 0.0), timeout_s)) or self._now() < self._retry_s:
+            return None
+        try:
+            board = self._open()
+        except BoardError as error:
+            self.error = str(error)
+            self._rest()
+            return None
+        with self._change:
+            if not self._closed.is_set():
+                self._board = board
+                self._opened += 1
+                return board
+        board.close()  # closed for good while it opened
+        return None
 
     def write(self, pressure_pa: Pressures, lifetime_s: float) -> bool:
         """Send set-points; False where there is no board to take them. Never raises BoardError, never waits."""
@@ -85,14 +99,21 @@ class Link:
 
     def close(self) -> None:
         """Close for good; a read that waits returns soon."""
-        self._closed.set()
-        self._lost(self.error)
-
-    def _lost(self, error: str) -> None:
-        self.error = error
-        self._past = self.counters
-        board, self._board = self._board, None
+        with self._change:
+            self._closed.set()
+            board = self._board
         if board is not None:
-            board.close()
+            self._lost(board, self.error)
+
+    def _lost(self, board: Board, error: str) -> None:
+        """Give up a board; of reader and closer, who may both see its end, the first one counts."""
+        with self._change:
+            if board is not self._board:
+                return
+            self._past, self._board, self.error = self._sum(board), None, error
+        board.close()
+        self._rest()
+
+    def _rest(self) -> None:
         self._retry_s = self._now() + self._pause_s
         self._pause_s = min(2.0 * self._pause_s, LONGEST_PAUSE_S)

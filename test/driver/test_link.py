@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 import pytest
 
@@ -96,3 +98,58 @@ def test_gaps_in_the_sequence() -> None:
     gap = SequenceGap()
     numbers = (2**32 - 2, 2**32 - 1, 0, 3, 4, 1_000_000)
     assert [gap.missing_before(number) for number in numbers] == [0, 0, 0, 2, 0, 0]
+
+
+def test_a_board_that_opens_while_the_link_closes_is_closed() -> None:
+    """Fails when closing during a slow open leaves a port open that nobody owns."""
+    board = FailingBoard(5)
+    opening, go_on = threading.Event(), threading.Event()
+
+    def open_slowly() -> Board:
+        opening.set()
+        assert go_on.wait(20.0)
+        return board
+
+    link = Link(open_slowly)
+    reader = threading.Thread(target=link.read, args=(0.0,))
+    reader.start()
+    assert opening.wait(20.0)
+    link.close()
+    go_on.set()
+    reader.join(20.0)
+    assert board.closed
+    assert not link.up
+
+
+def test_a_board_whose_end_is_seen_twice_is_counted_once() -> None:
+    """Fails when a close during a read adds the connection's counters twice or hides the last error."""
+    link_of: list[Link] = []
+
+    class ClosedWhileRead(FailingBoard):
+        def read(self, timeout_s: float) -> Frame | None:
+            if self.left == 1:
+                link_of[0].close()
+                self.left = 0
+            return super().read(timeout_s)
+
+    link = Link(lambda: ClosedWhileRead(3))
+    link_of.append(link)
+    assert [link.read(0.0) is None for _ in range(4)] == [False, False, True, True]
+    assert link.counters.frames == 2
+    assert link.error == ""
+    assert not link.up
+
+
+def test_a_pause_ends_at_once_when_the_link_closes() -> None:
+    """Fails when a driver that stops has to wait for the back-off."""
+
+    def open_board() -> Board:
+        raise BoardError("no such port")
+
+    link = Link(open_board, lambda: 0.0)
+    link.read(0.0)
+    reader = threading.Thread(target=link.read, args=(600.0,))
+    reader.start()
+    link.close()
+    reader.join(20.0)
+    assert not reader.is_alive()
