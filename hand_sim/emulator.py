@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable
@@ -41,7 +42,7 @@ class Emulator:
         self._faults = FaultState(faults or Faults(), seed)
         self._port: Port | None = open_port()
         self._in_force = np.zeros(valves)
-        self._alive_s = -1.0
+        self._vent_at_tick = -1
         self._late: deque[tuple[float, Sample, bool]] = deque()
 
     @property
@@ -70,7 +71,7 @@ class Emulator:
         """Sample number tick, 1 for the first."""
         now_s = tick * self._period_s
         counts, supply_v, status = self._plant.step(self._in_force)
-        if now_s > self._alive_s:
+        if tick > self._vent_at_tick:
             status |= Status.VENTED
         sample = Sample((tick - 1) & 0xFFFFFFFF, round(now_s * 1e6), supply_v, status, self._faults.counts(counts))
         self._plug(now_s)
@@ -80,7 +81,7 @@ class Emulator:
             _, due, corrupt = self._late.popleft()
             if self._port is not None:
                 self._port.send(due, corrupt)
-        self._take_over(now_s)
+        self._take_over(tick)
 
     def _plug(self, now_s: float) -> None:
         connected = self._faults.faults.connected(now_s)
@@ -89,11 +90,12 @@ class Emulator:
         elif not connected:
             self.close()
 
-    def _take_over(self, now_s: float) -> None:
+    def _take_over(self, tick: int) -> None:
         orders = self._port.receive() if self._port is not None else []
         for order in orders:
             if len(order.pressure_pa) == self._valves:
                 self._in_force = np.array(order.pressure_pa)
-                self._alive_s = now_s + order.lifetime_s
-        if now_s >= self._alive_s:
+                # Counted in ticks: sums of rounded seconds would grant some set-points a period more.
+                self._vent_at_tick = tick + math.ceil(order.lifetime_s / self._period_s - 1e-6)
+        if tick >= self._vent_at_tick:
             self._in_force = np.zeros(self._valves)

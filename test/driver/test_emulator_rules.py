@@ -1,0 +1,62 @@
+"""The emulated board keeps the simulated board's rules at every tick and for every lifetime."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from hand_driver.board import Counts, Pressures, Status
+from hand_sim.emulator import Emulator
+from hand_sim.port import Order, Port, Sample
+
+VALVES = 3
+
+
+class Plant:
+    """Remembers which periods it was driven in."""
+
+    def __init__(self) -> None:
+        self.driven: list[bool] = []
+
+    def step(self, pressure_pa: Pressures) -> tuple[Counts, float, Status]:
+        self.driven.append(bool(pressure_pa.any()))
+        return np.zeros(3, np.uint16), 5.0, Status(0)
+
+
+class OneOrder(Port):
+    """Gives one order at a tick of choice and keeps the status bits that are sent."""
+
+    def __init__(self, at: int, lifetime_s: float) -> None:
+        self._left, self._lifetime_s = at, lifetime_s
+        self.vented: list[bool] = []
+
+    @property
+    def description(self) -> str:
+        return "one order"
+
+    def send(self, sample: Sample, corrupt: bool = False) -> None:
+        self.vented.append(Status.VENTED in sample.status)
+
+    def receive(self) -> list[Order]:
+        self._left -= 1
+        return [Order(np.full(VALVES, 1e5), self._lifetime_s)] if self._left == 0 else []
+
+    def close(self) -> None:
+        return
+
+
+@pytest.mark.parametrize("rate_hz", [200.0, 500.0, 1000.0])
+@pytest.mark.parametrize("lifetime_ms", [1, 7, 100, 290])
+def test_a_lifetime_is_the_same_number_of_periods_at_any_time(lifetime_ms: int, rate_hz: float) -> None:
+    """Fails when rounding grants a set-point one period beyond its lifetime, or the status bit disagrees."""
+    periods = math.ceil(lifetime_ms * round(rate_hz) / 1000)
+    for at in (*range(1, 60), 1234, 99_999):
+        port, plant = OneOrder(1, lifetime_ms * 1e-3), Plant()
+        emulator = Emulator(plant, lambda port=port: port, rate_hz, VALVES)  # type: ignore[misc]
+        for tick in range(at, at + periods + 4):
+            emulator.tick(tick)
+        expected = [1 <= k <= periods for k in range(periods + 4)]
+        assert plant.driven == expected, at
+        assert port.vented == [not driven for driven in expected], at
