@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import termios
 import threading
 import time
 from collections import deque
@@ -22,11 +23,11 @@ class SerialBoard(Board):
         try:
             self._serial = serial.Serial(port, baud, timeout=0.1, write_timeout=0.1, exclusive=True)
             self._serial.reset_input_buffer()  # what lies there was sampled before we listened
-        except (serial.SerialException, OSError, ValueError) as error:
+        except (serial.SerialException, OSError, ValueError, termios.error) as error:
             raise BoardError(_cannot_open(port, error)) from None
         self._port = port
         self._channels = channels
-        self._decoder = PacketDecoder()
+        self._decoder = PacketDecoder(joining=True)
         self._gap = SequenceGap()
         self._ready: deque[Frame] = deque()
         self._sequence = 0

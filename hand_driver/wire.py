@@ -87,8 +87,9 @@ def _packet(payload: bytes) -> bytes:
 class PacketDecoder:
     """Takes bytes as they come and gives payloads; what is no valid packet is counted and skipped."""
 
-    def __init__(self) -> None:
-        """Begin between packets."""
+    def __init__(self, joining: bool = False) -> None:
+        """Begin between packets; with joining perhaps within one, whose rest is then no sign of noise."""
+        self._joining = joining
         self._buffer = bytearray()
         self._overlong = False
         self.corrupt = 0
@@ -107,6 +108,8 @@ class PacketDecoder:
                 self._overlong = False
                 continue
             payload = self._open(packet) if packet else None
+            if self._joining:
+                self._joining, self.corrupt = False, 0
             if payload is not None:
                 payloads.append(payload)
         if len(self._buffer) > MAX_PACKET:

@@ -12,6 +12,7 @@ from hand_sim.port import Order, Port, Sample
 
 AUTO = "auto"
 CHUNK = 4096
+PTS = "/dev/pts/"
 
 
 class Pty:
@@ -22,12 +23,14 @@ class Pty:
         self._master, self._slave = os.openpty()  # the slave stays open, so that readers may come and go
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
-        self.name = os.ttyname(self._slave)
+        self._device = self.name = os.ttyname(self._slave)
         self._link = None if path == AUTO else Path(path)
         if self._link is not None:
-            if self._link.is_symlink():
-                self._link.unlink()
-            self._link.symlink_to(self.name)
+            try:
+                self._make_link(self._link)
+            except OSError:
+                self._close_both()
+                raise
             self.name = path
 
     def write(self, data: bytes) -> None:
@@ -45,11 +48,25 @@ class Pty:
             return b""
 
     def close(self) -> None:
-        """Hang up: whoever has it open sees a disconnect."""
-        if self._link is not None and self._link.is_symlink():
+        """Hang up: whoever has it open sees a disconnect. A link that is another's by now stays."""
+        if self._link is not None and _target(self._link) == self._device:
             self._link.unlink()
+        self._close_both()
+
+    def _make_link(self, link: Path) -> None:
+        """Replace only what an emulator left behind: other links, such as udev's, are their owner's."""
+        if _target(link).startswith(PTS):
+            link.unlink()
+        link.symlink_to(self._device)
+
+    def _close_both(self) -> None:
         for descriptor in (self._master, self._slave):
             os.close(descriptor)
+
+
+def _target(link: Path) -> str:
+    """Where a symbolic link points; empty for what is none."""
+    return str(link.readlink()) if link.is_symlink() else ""
 
 
 class SerialPort(Port):

@@ -33,7 +33,7 @@ def emulate_board(
     seed: Annotated[int, typer.Option(help="Of sensor noise and random faults.")] = 0,
     drop: Annotated[float, typer.Option(help="Probability of losing a frame, 0 to 1.")] = 0.0,
     corrupt: Annotated[float, typer.Option(help="Probability of damaging a frame, 0 to 1.")] = 0.0,
-    delay_ms: Annotated[float, typer.Option("--delay", help="Extra latency of every frame [ms].")] = 0.0,
+    delay_ms: Annotated[float, typer.Option("--delay", help="Extra latency of every frame in ms.")] = 0.0,
     disconnect: Annotated[
         list[str] | None, typer.Option(help="AT:FOR, unplug after AT seconds for FOR seconds; may be repeated.")
     ] = None,
@@ -83,6 +83,9 @@ def _serve(emulator: Emulator, hand: Hand) -> None:
     print(f"ready: {emulator.description}, {hand.channel_count} channels, {hand.rate_hz:g} Hz", flush=True)
     try:
         emulator.run(stopped.is_set)
+    except (OSError, BoardError) as error:  # plugged in again, and the place is taken
+        print(f"hand emulate-board: {error}", file=sys.stderr)
+        raise typer.Exit(2) from None
     finally:
         emulator.close()
 
