@@ -10,11 +10,13 @@ from typing import Any
 import can
 
 from hand_driver.board import Board, BoardError, Frame, LinkCounters, LinkLost, Pressures, ProtocolMismatch
-from hand_driver.can_wire import CanAssembler, CanMessage, encode_set_points
+from hand_driver.can_wire import ID_OFFSETS, CanAssembler, CanMessage, encode_set_points
 from hand_driver.sequence import SequenceGap
 from hand_driver.wire import SamplePayload, SetPointPayload
 
 SLCAN = "slcan"
+SEND_TIMEOUT_S = 0.05
+"""How long a message may wait for a place in the transmit queue before the link counts as lost."""
 
 
 def open_bus(interface: str, channel: str, bitrate: int) -> can.BusABC:
@@ -29,18 +31,46 @@ def open_bus(interface: str, channel: str, bitrate: int) -> can.BusABC:
         raise BoardError(f"CAN channel {channel} of interface {interface} cannot be opened: {reason}") from None
 
 
+def send_message(bus: can.BusABC, message: CanMessage, id_offset: int) -> None:
+    """Send one message, its identifier moved by id_offset. Raises what python-can raises."""
+    identifier = message.identifier + id_offset
+    bus.send(can.Message(arbitration_id=identifier, data=message.data, is_extended_id=False), timeout=SEND_TIMEOUT_S)
+
+
+def received_message(message: can.Message | None, id_offset: int) -> CanMessage | None:
+    """A data message with an 11-bit identifier; None for any other (error reports of a bus have identifiers too)."""
+    if message is None or message.is_extended_id or message.is_remote_frame or message.is_error_frame:
+        return None
+    return CanMessage(message.arbitration_id - id_offset, bytes(message.data))
+
+
+def check_id_offset(id_offset: int) -> int:
+    """The offset. BoardError for one that would make hands overlap."""
+    if id_offset not in ID_OFFSETS:
+        allowed = ", ".join(f"{offset:#04x}" for offset in ID_OFFSETS)
+        raise BoardError(f"CAN identifier offset {id_offset:#x} is not one of {allowed}")
+    return id_offset
+
+
 class CanBoard(Board):
     """Reads samples and writes set-points on one bus; read and write may come from two threads."""
 
-    def __init__(self, interface: str, channel: str, channels: int, bitrate: int = 1_000_000) -> None:
-        """Open a bus for a board with this many ADC channels. BoardError: one line."""
+    def __init__(
+        self, interface: str, channel: str, channels: int, bitrate: int = 1_000_000, id_offset: int = 0
+    ) -> None:
+        """Open a bus for a board with this many ADC channels. BoardError: one line.
+
+        id_offset, one of ID_OFFSETS, is added to every identifier.
+        """
+        self._id_offset = check_id_offset(id_offset)
         self._bus = open_bus(interface, channel, bitrate)
-        # A serial adapter that is unplugged reads as silence; its device file tells the difference.
-        self._device = channel if interface == SLCAN else None
+        # A serial adapter that is unplugged can read as silence; its device file tells the difference.
+        self._device = channel.partition("@")[0] if interface == SLCAN else None
         self._where = f"CAN channel {channel}"
         self._channels = channels
         self._assembler = CanAssembler()
         self._gap = SequenceGap()
+        self._last: tuple[int, int] | None = None
         self._sequence = 0
         self._write_lock = threading.Lock()
         self._counters = LinkCounters()
@@ -59,7 +89,7 @@ class CanBoard(Board):
                 continue
             payload = self._assembler.feed(message)
             self._counters.corrupt = self._assembler.corrupt
-            if isinstance(payload, SamplePayload):
+            if isinstance(payload, SamplePayload) and not self._repeated(payload):
                 return self._frame(payload, time.monotonic_ns())
         if self._device is not None and not os.path.exists(self._device):  # noqa: PTH110 - may be "COM3"
             raise LinkLost(f"{self._where} is gone")
@@ -73,9 +103,15 @@ class CanBoard(Board):
             return None
         except (can.CanError, OSError, TypeError) as error:
             raise LinkLost(f"{self._where} is gone: {' '.join(str(error).split())}") from None
-        if message is None or message.is_extended_id or message.is_remote_frame or message.is_error_frame:
-            return None
-        return CanMessage(message.arbitration_id, bytes(message.data))
+        return received_message(message, self._id_offset)
+
+    def _repeated(self, payload: SamplePayload) -> bool:
+        """Whether this sample was handed over before: an old value must not pass for a new one."""
+        last, self._last = self._last, (payload.sequence, payload.board_time_us)
+        repeated = self._last == last
+        self._assembler.corrupt += repeated
+        self._counters.corrupt = self._assembler.corrupt
+        return repeated
 
     def _frame(self, payload: SamplePayload, now_ns: int) -> Frame:
         if len(payload.counts) != self._channels:
@@ -95,9 +131,7 @@ class CanBoard(Board):
             self._sequence = (self._sequence + 1) & 0xFFFFFFFF
             try:
                 for message in messages:
-                    self._bus.send(
-                        can.Message(arbitration_id=message.identifier, data=message.data, is_extended_id=False)
-                    )
+                    send_message(self._bus, message, self._id_offset)
             except (can.CanError, OSError, TypeError) as error:
                 raise LinkLost(f"{self._where} takes no set-points: {' '.join(str(error).split())}") from None
             self._counters.written += 1
@@ -106,5 +140,6 @@ class CanBoard(Board):
         """See Board.close."""
         try:
             self._bus.shutdown()
-        except (can.CanError, OSError):
-            return  # it was gone already
+        except (can.CanError, OSError):  # it was gone already; python-can then keeps the adapter's device open
+            if self._device is not None:
+                self._bus.serialPortOrig.close()

@@ -27,10 +27,15 @@ from hand_driver.wire import (
 VERSION = 1
 SAMPLE_HEADER, SAMPLE_TIME, SAMPLE_DATA, SAMPLE_TRAILER = 0x100, 0x101, 0x110, 0x13F
 ORDER_HEADER, ORDER_DATA, ORDER_TRAILER = 0x200, 0x210, 0x23F
+TRAILERS = {SAMPLE_HEADER: SAMPLE_TRAILER, ORDER_HEADER: ORDER_TRAILER}
+ID_OFFSETS = (0x00, 0x40, 0x80, 0xC0)
+"""What may be added to every identifier, so that up to four hands share a bus."""
 PER_MESSAGE = 4
 MAX_CHANNELS = 40
 MAX_VALVES = 16
 LENGTH = 8
+MOST_PARTS = 64
+"""Longest sample of another version, in messages: its trailer is awaited no longer."""
 _SAMPLE_HEADER = struct.Struct("<BBHI")  # version, channels, status, sequence
 _TIME = struct.Struct("<Q")  # board time [us]
 _ORDER_HEADER = struct.Struct("<BBHI")  # version, valves, lifetime [ms], sequence
@@ -80,63 +85,85 @@ def _trailer(parts: Sequence[CanMessage], sequence: int, supply_mv: int) -> byte
 
 
 class CanAssembler:
-    """Takes messages as they come and gives samples and set-points; broken ones are counted and skipped."""
+    """Takes messages as they come and gives samples and set-points; broken ones are counted and skipped.
+
+    The two directions are put together apart, so that set-points between the messages of a sample harm neither.
+    """
 
     def __init__(self) -> None:
         """Begin between samples."""
-        self._parts: list[CanMessage] = []
+        self._parts: dict[int, list[CanMessage]] = {SAMPLE_HEADER: [], ORDER_HEADER: []}
         self.corrupt = 0
 
     def feed(self, message: CanMessage) -> Payload | None:
         """What the message completes, if anything. Raises ProtocolMismatch for an intact sample of another version."""
-        identifier = message.identifier
-        if identifier in (SAMPLE_HEADER, ORDER_HEADER):
-            self.corrupt += bool(self._parts)
-            self._parts = [message] if len(message.data) == LENGTH else []
+        header = _header_of(message.identifier)
+        if header is None:
             return None
-        if not _is_ours(identifier):
+        parts = self._parts[header]
+        if message.identifier == header:
+            self.corrupt += bool(parts)
+            self._parts[header] = [message] if _may_begin(message) else []
+            self.corrupt += not self._parts[header]
             return None
-        if not self._parts or len(message.data) != LENGTH or identifier != self._expected():
-            self.corrupt += bool(self._parts)
-            self._parts = []
+        if not parts:
             return None
-        self._parts.append(message)
-        return self._finish() if identifier in (SAMPLE_TRAILER, ORDER_TRAILER) else None
-
-    def _expected(self) -> int:
-        """Identifier of the part that must come next."""
-        header = self._parts[0]
-        count = header.data[1]
-        messages = -(-count // PER_MESSAGE)
-        at = len(self._parts) - 1
-        if header.identifier == ORDER_HEADER:
-            return ORDER_DATA + at if at < messages else ORDER_TRAILER
-        if at == 0:
-            return SAMPLE_TIME
-        return SAMPLE_DATA + at - 1 if at - 1 < messages else SAMPLE_TRAILER
-
-    def _finish(self) -> Payload | None:
-        *parts, trailer = self._parts
-        self._parts = []
-        body = b"".join(part.data for part in parts)
-        crc, sequence_low, supply_mv = _TRAILER.unpack(trailer.data)
-        version, count, word, sequence = _SAMPLE_HEADER.unpack(parts[0].data)
-        if zlib.crc32(body + trailer.data[4:]) != crc or sequence & 0xFFFF != sequence_low:
+        if len(message.data) != LENGTH or not _may_follow(parts, message.identifier):
+            self._parts[header] = []
             self.corrupt += 1
             return None
-        if version != VERSION:
-            raise ProtocolMismatch(f"the board speaks protocol version {version}, this driver speaks {VERSION}")
-        if trailer.identifier == SAMPLE_TRAILER:
-            time_us = _TIME.unpack(parts[1].data)[0]
-            counts = np.frombuffer(body, "<u2", count, 2 * LENGTH)
-            return SamplePayload(sequence, time_us, supply_mv * 1e-3, Status(word), counts)
-        if word == 0:  # no lifetime: a set-point that holds for ever is refused
-            self.corrupt += 1
+        parts.append(message)
+        if message.identifier != TRAILERS[header]:
             return None
-        codes = np.frombuffer(body, "<u2", count, LENGTH)
-        return SetPointPayload(sequence, word * LIFETIME_UNIT_S, codes * PRESSURE_UNIT_PA)
+        self._parts[header] = []
+        payload = _parse(parts)
+        self.corrupt += payload is None
+        return payload
 
 
-def _is_ours(identifier: int) -> bool:
-    """Whether an identifier belongs to the hand; other devices may share the bus."""
-    return SAMPLE_HEADER <= identifier <= SAMPLE_TRAILER or ORDER_HEADER <= identifier <= ORDER_TRAILER
+def _header_of(identifier: int) -> int | None:
+    """The header of the direction an identifier belongs to; None where it is another device's."""
+    return next((header for header, trailer in TRAILERS.items() if header <= identifier <= trailer), None)
+
+
+def _may_begin(header: CanMessage) -> bool:
+    """Whether a header is one; what the count of another version means is unknown."""
+    if len(header.data) != LENGTH:
+        return False
+    most = MAX_CHANNELS if header.identifier == SAMPLE_HEADER else MAX_VALVES
+    return header.data[0] != VERSION or 1 <= header.data[1] <= most
+
+
+def _may_follow(parts: Sequence[CanMessage], identifier: int) -> bool:
+    """Whether the identifier is that of the next part; of another version only first and last are known."""
+    header, at = parts[0], len(parts) - 1
+    if header.data[0] != VERSION:
+        return len(parts) < MOST_PARTS
+    messages = -(-header.data[1] // PER_MESSAGE)
+    sample = header.identifier == SAMPLE_HEADER
+    first = SAMPLE_DATA if sample else ORDER_DATA
+    following = [SAMPLE_TIME] * sample + list(range(first, first + messages)) + [TRAILERS[header.identifier]]
+    return identifier == following[at]
+
+
+def _parse(messages: Sequence[CanMessage]) -> Payload | None:
+    """What complete messages say; None where they are damaged. Raises ProtocolMismatch for an intact other version."""
+    *parts, trailer = messages
+    body = b"".join(part.data for part in parts)
+    crc, sequence_low, supply_mv = _TRAILER.unpack(trailer.data)
+    version, count, word, sequence = _SAMPLE_HEADER.unpack_from(body)
+    sample = trailer.identifier == SAMPLE_TRAILER
+    if zlib.crc32(body + trailer.data[4:]) != crc or not (sample or version == VERSION):
+        return None
+    if version != VERSION:
+        raise ProtocolMismatch(f"the board speaks protocol version {version}, this driver speaks {VERSION}")
+    if sequence & 0xFFFF != sequence_low:
+        return None
+    if sample:
+        (time_us,) = _TIME.unpack_from(body, LENGTH)
+        counts = np.frombuffer(body, "<u2", count, 2 * LENGTH)
+        return SamplePayload(sequence, time_us, supply_mv * 1e-3, Status(word), counts)
+    if word == 0:  # no lifetime: a set-point that holds for ever is refused
+        return None
+    codes = np.frombuffer(body, "<u2", count, LENGTH)
+    return SetPointPayload(sequence, word * LIFETIME_UNIT_S, codes * PRESSURE_UNIT_PA)

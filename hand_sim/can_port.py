@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import can
 
-from hand_driver.board import ProtocolMismatch
-from hand_driver.can_board import open_bus
+from hand_driver.board import LinkLost, ProtocolMismatch
+from hand_driver.can_board import check_id_offset, open_bus, received_message, send_message
 from hand_driver.can_wire import CanAssembler, CanMessage, encode_sample
 from hand_driver.wire import SamplePayload, SetPointPayload
 from hand_sim.port import Order, Port, Sample
 from hand_sim.serial_port import Pty
+
+ANSWERS = {
+    b"V": b"V0101\r",  # hardware and software version
+    b"N": b"N0001\r",  # serial number
+    b"F": b"F00\r",  # no fault
+    **dict.fromkeys((b"", b"S", b"s", b"Y", b"O", b"L", b"C", b"Z", b"T", b"r", b"R"), b"\r"),
+}
+"""What the adapter says to each command."""
 
 
 class _Orders:
@@ -44,8 +52,9 @@ def _messages(sample: Sample, corrupt: bool) -> list[CanMessage]:
 class BusPort(Port):
     """The emulated board on a bus of python-can."""
 
-    def __init__(self, interface: str, channel: str, bitrate: int) -> None:
-        """Join the bus. BoardError where it cannot be opened."""
+    def __init__(self, interface: str, channel: str, bitrate: int, id_offset: int = 0) -> None:
+        """Join the bus; id_offset as of CanBoard. BoardError where it cannot be opened."""
+        self._id_offset = check_id_offset(id_offset)
         self._bus = open_bus(interface, channel, bitrate)
         self._name = f"CAN {interface} {channel} {bitrate} bit/s"
         self._orders = _Orders()
@@ -59,16 +68,19 @@ class BusPort(Port):
         """See Port.send."""
         for message in _messages(sample, corrupt):
             try:
-                self._bus.send(can.Message(arbitration_id=message.identifier, data=message.data, is_extended_id=False))
+                send_message(self._bus, message, self._id_offset)
             except can.CanError:
                 return  # a full transmit queue: the sample is lost, as on a real bus
 
     def receive(self) -> list[Order]:
-        """See Port.receive."""
+        """See Port.receive. LinkLost when the bus is gone."""
         arrived = []
-        while (message := self._bus.recv(0.0)) is not None:
-            if not message.is_extended_id:
-                arrived.append(CanMessage(message.arbitration_id, bytes(message.data)))
+        try:
+            while (message := self._bus.recv(0.0)) is not None:
+                if (ours := received_message(message, self._id_offset)) is not None:
+                    arrived.append(ours)
+        except (can.CanError, OSError) as error:
+            raise LinkLost(f"{self._name} is gone: {' '.join(str(error).split())}") from None
         return self._orders.of(arrived)
 
     def close(self) -> None:
@@ -79,7 +91,8 @@ class BusPort(Port):
 class SlcanPort(Port):
     """The emulated board behind an emulated slcan adapter, so that CAN crosses processes without a kernel module.
 
-    Lawicel's ASCII protocol: S, O, L, C answered with a carriage return; tIIILDD... is a standard frame.
+    Lawicel's ASCII protocol: a command is answered with a carriage return, an unknown one with a bell; tIIILDD... is a
+    standard frame.
     """
 
     def __init__(self, path: str) -> None:
@@ -115,7 +128,7 @@ class SlcanPort(Port):
             return _standard_frame(line) if self._open else None
         if command in (b"O", b"L", b"C"):
             self._open = command != b"C"
-        self._pty.write(b"\r")
+        self._pty.write(ANSWERS.get(command, b"\a"))
         return None
 
     def close(self) -> None:
