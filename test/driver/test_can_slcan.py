@@ -211,7 +211,7 @@ def opened(path: str, faults: Faults) -> Rig:
 
 
 def test_set_points_over_can_act_for_their_lifetime_and_no_longer(tmp_path: Path) -> None:
-    """Fails when frames are altered, set-points do not arrive, or the watchdog is off by more than a period."""
+    """Fails when frames are altered, set-points do not arrive, or the watchdog is early or late."""
     rig = opened(str(tmp_path / "adapter"), Faults())
     rig.plant.applied.clear()
     try:
@@ -221,10 +221,9 @@ def test_set_points_over_can_act_for_their_lifetime_and_no_longer(tmp_path: Path
         rig.close()
     assert all(frame is not None and np.array_equal(frame.counts, COUNTS) for frame in frames)
     driven = [k for k, pressure in enumerate(rig.plant.applied) if pressure.any()]
-    assert driven == list(range(driven[0], driven[0] + len(driven)))
-    assert len(driven) in (20, 21)  # 0.1 s; the time of arrival is known to one period
+    assert driven == list(range(driven[0], driven[0] + 20))  # 0.1 s
     said = {k for k, frame in enumerate(frames) if frame is not None and not frame.status & Status.VENTED}
-    assert len(said ^ set(driven)) <= 1
+    assert said == set(driven)
     assert rig.board.counters.dropped == rig.board.counters.corrupt == 0
 
 

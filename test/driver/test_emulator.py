@@ -189,7 +189,7 @@ def test_a_port_in_use_is_refused(pty: Pty, serial_board: SerialBoard) -> None:
 
 
 def test_set_points_act_for_their_lifetime_and_no_longer(tmp_path: Path) -> None:
-    """Fails when the watchdog is off by more than a period or silent, or another number of valves is taken."""
+    """Fails when the watchdog is early, late or silent, or another number of valves is taken."""
     path = str(tmp_path / "board")
     plant = PressedPlant()
     emulator = Emulator(plant, lambda: SerialPort(path), RATE_HZ, VALVES)
@@ -207,11 +207,10 @@ def test_set_points_act_for_their_lifetime_and_no_longer(tmp_path: Path) -> None
         board.close()
         emulator.close()
     driven = [k for k, pressure in enumerate(plant.applied) if pressure.any()]
-    assert driven == list(range(driven[0], driven[0] + len(driven)))
-    assert len(driven) in (20, 21)  # 0.1 s; the time of arrival is known to one period
+    assert driven == list(range(driven[0], driven[0] + 20))  # 0.1 s
     assert all(np.array_equal(plant.applied[k], np.full(VALVES, 2e5)) for k in driven)
     said = {k for k, frame in enumerate(frames) if not frame.status & Status.VENTED}
-    assert len(said ^ set(driven)) <= 1
+    assert said == set(driven)
 
 
 def test_the_board_takes_nothing_but_intact_set_points(tmp_path: Path) -> None:
