@@ -150,6 +150,8 @@ def _curve(times: Array, position: Array, velocity: Array | None) -> CubicHermit
         velocity = None
     if velocity is not None:
         return CubicHermiteSpline(times, position, velocity)
-    slopes = PchipInterpolator(times, position).derivative()(times)
+    with np.errstate(all="ignore"):  # steps near the smallest number overflow on the way to a slope of 0
+        slopes = PchipInterpolator(times, position).derivative()(times)
+    slopes = np.nan_to_num(slopes, posinf=0.0, neginf=0.0)
     slopes[0] = slopes[-1] = 0.0
     return CubicHermiteSpline(times, position, slopes)

@@ -18,8 +18,8 @@ REST_S = 0.25
 """The beginning of a recording over which its initial state is averaged."""
 REST_SPEED_RAD_S = 0.05
 """A joint faster than this at the beginning is not at rest: its first sample counts alone."""
-VENTED_PA = 2000.0
-"""Measured pressures below this are those of a vented hand: sensor noise and offset."""
+VENTED_PA = 200.0
+"""Mean pressures below this are those of a vented hand: sensor noise and offset."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,8 +147,9 @@ def _first_known(measured: Measured, commands: Commands) -> int:
     if not len(commands.sent_ns):
         return 0
     first = min(int(np.searchsorted(measured.stamp_ns, commands.sent_ns[0])), len(measured.stamp_ns) - 2)
-    before = measured.pressure_pa[: first + 1]
-    return max(first, 0) if np.nanmax(before, initial=0.0) > VENTED_PA else 0
+    before = measured.stamp_ns[first] - measured.stamp_ns[: first + 1] <= REST_S * 1e9
+    mean = _average(measured.pressure_pa[: first + 1][before])
+    return max(first, 0) if np.nanmax(mean, initial=0.0) > VENTED_PA else 0
 
 
 def without_noise(hand: Hand) -> Hand:
