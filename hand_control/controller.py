@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hand_control.command_check import check_joint_command, check_trajectory
 from hand_control.law import PRESSURE, SATURATED, TORQUE, Law, gains
+from hand_control.plausibility import JUMPED, NOT_FINITE, implausible
 from hand_control.references import References
 from hand_control.settings import Settings
 from hand_control.shaping import Shaper
@@ -165,19 +166,17 @@ class Controller:
 
     def _judge(self, position: Array, velocity: Array, pressure: Array, host_ns: int) -> None:
         """Trip on what cannot be; arm on the first measurement that can."""
-        finite = np.isfinite(position) & np.isfinite(velocity) & np.isfinite(pressure)
-        if not finite.all():
+        verdict, worst = implausible(position, velocity, pressure, self._last_position, self.settings.max_jump_rad)
+        if verdict == NOT_FINITE:
             if self.safety.phase is Phase.ACTIVE:
-                joint = self.hand.joints[int(np.argmin(finite))]
-                self.safety.trip(f"{joint}: the measurement is not a number")
+                self.safety.trip(f"{self.hand.joints[worst]}: the measurement is not a number")
             return
         if self.safety.phase is Phase.ARMING:
             self._arm(position, host_ns)
             return
-        jump = np.abs(position - self._last_position)
-        if (jump > self.settings.max_jump_rad).any():
-            worst = int(np.argmax(jump))
-            self.safety.trip(f"{self.hand.joints[worst]}: angle jumped by {math.degrees(jump[worst]):.0f} degrees")
+        if verdict == JUMPED:
+            jump = math.degrees(abs(position[worst] - self._last_position[worst]))
+            self.safety.trip(f"{self.hand.joints[worst]}: angle jumped by {jump:.0f} degrees")
         self._last_position[:] = position
 
     def _arm(self, position: Array, host_ns: int) -> None:

@@ -57,13 +57,15 @@ class References:
         self._now_ns = 0
 
     def latch(self, position_rad: Array) -> None:
-        """Stand still at position_rad (n,), forget trajectories, take the configured torque limits.
+        """Stand still at position_rad (n,) or the nearest limit; no trajectories, the configured torque limits.
 
         A position that is no number leaves that joint's target where it was.
         """
-        self._target = np.where(np.isfinite(position_rad), position_rad, self._target)
+        limits = self._hand.limits
+        target = np.where(np.isfinite(position_rad), position_rad, self._target)
+        self._target = np.clip(target, limits.low_rad, limits.high_rad)
         self._speed = np.zeros_like(self._speed)
-        self._limit = self._hand.limits.max_torque_nm.copy()
+        self._limit = limits.max_torque_nm.copy()
         self._motions = []
         self._waiting = []
 
@@ -102,6 +104,8 @@ class References:
         self._now_ns = now_ns
         if self._waiting:
             self._begin_due(now_ns)
+        if not self._motions:
+            return self._target, self._speed, self._limit
         for motion in self._motions:
             seconds = (now_ns - motion.start_ns) * 1e-9
             if seconds < 0.0:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from hand_driver.board import Frame, LinkCounters, Status
@@ -39,12 +40,12 @@ class DriverHealth:
         self._hand = hand
         self._last_frame_s = started_s
         self._frame: Frame | None = None
-        self._rails: list[str] = []
+        self._rails: Sequence[str] = ()
         self._marks: deque[tuple[float, LinkCounters]] = deque()
         self._refusal = (-REFUSAL_S, "")
         self._refused = 0
 
-    def frame(self, frame: Frame, rails: list[str], now_s: float) -> None:
+    def frame(self, frame: Frame, rails: Sequence[str], now_s: float) -> None:
         """A frame was published."""
         self._frame, self._rails, self._last_frame_s = frame, rails, now_s
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from hand_driver.board import Counts, Frame, Status
 from hand_model.description import Hand
+from hand_model.sensors import fsr_force, line_angle
 from hand_model.statics import torque
 
 Array = NDArray[np.float64]
@@ -24,7 +27,7 @@ class Measurement:
     """One frame in SI units; NaN where a sensor gives no plausible value.
 
     position [rad], velocity [rad/s], effort (estimated actuator torque, Eq. 6) [N m], pressure [Pa gauge]:
-    (joints,).  force [N]: (sites,).
+    (joints,).  force [N]: (sites,).  at_rail: names of the sensors whose channel sits at a rail.
     """
 
     position: Array
@@ -32,6 +35,7 @@ class Measurement:
     effort: Array
     pressure: Array
     force: Array
+    at_rail: tuple[str, ...] = ()
 
 
 class VelocityEstimator:
@@ -50,14 +54,44 @@ class VelocityEstimator:
     def update(self, position: Array, time_us: int) -> Array:
         """Velocity (joints,) [rad/s] at board time [us]; restarts from 0 after a joint was not measured."""
         dt = (time_us - self._time_us) * 1e-6
-        if dt > 0.0:
-            gain = dt / (self._time_constant_s + dt)
-            velocity = self._velocity + gain * ((position - self._position) / dt - self._velocity)
-            self._velocity = np.where(np.isnan(velocity), 0.0, velocity)
-        else:  # the board's clock went back: it restarted
-            self._velocity = np.zeros_like(self._velocity)
-        self._position, self._time_us = position, time_us
+        _velocity(position, dt, self._time_constant_s, self._position, self._velocity)
+        self._time_us = time_us
         return self._velocity.copy()
+
+
+@njit(cache=True)
+def _velocity(position, dt, time_constant, last, velocity):  # type: ignore[no-untyped-def]
+    """Update velocity (joints,) and last position in place. dt <= 0: the board's clock restarted."""
+    for j in range(len(position)):
+        v = 0.0
+        if dt > 0.0:
+            v = velocity[j] + dt / (time_constant + dt) * ((position[j] - last[j]) / dt - velocity[j])
+        velocity[j] = 0.0 if math.isnan(v) else v
+        last[j] = position[j]
+
+
+@njit(cache=True)
+def _measure(counts, per_count, low, high, channel, joint, zero, k, site, joints_out, force):  # type: ignore[no-untyped-def]
+    """Position, pressure and effort into joints_out (3, joints), force (sites,); returns channels at a rail.
+
+    per_count: ratio of a count, NaN where nothing is measured.  joint: rows of Converter.  zero: (joints,)
+    pressure ratios at 0 Pa.  k: (sites, 4).  site: divider [ohm] and least ratio, (2, sites).
+    """
+    railed = 0
+    ratio = np.empty(len(counts))
+    for c in range(len(counts)):
+        out = counts[c] <= low[c] or counts[c] >= high[c]
+        railed += out
+        ratio[c] = np.nan if out else counts[c] * per_count
+    n = joint.shape[1]
+    for j in range(n):
+        phi = line_angle(ratio[channel[j]], joint[0, j], joint[1, j])
+        p = (ratio[channel[n + j]] - zero[j]) / joint[2, j]
+        effort = torque(p, phi, 0.0, joint[3, j], joint[4, j], joint[5, j], joint[6, j], 0.0)
+        joints_out[0, j], joints_out[1, j], joints_out[2, j] = phi, p, effort
+    for i in range(len(force)):
+        force[i] = fsr_force(ratio[channel[2 * n + i]], k[i], site[0, i], site[1, i])
+    return railed
 
 
 class Converter:
@@ -65,33 +99,39 @@ class Converter:
 
     def __init__(self, hand: Hand, velocity_time_constant_s: float) -> None:
         """Convert with the calibration of this hand."""
-        self._hand = hand
+        sensors = hand.sensors
+        self._sensors = sensors
         self._velocity = VelocityEstimator(len(hand.joints), velocity_time_constant_s)
-        self._volts_per_count = hand.sensors.adc.reference_v / hand.sensors.adc.full_scale
+        self._volts_per_count = sensors.adc.reference_v / sensors.adc.full_scale
         self._low, self._high = _rails(hand)
+        self._channel = np.concatenate([sensors.angle_channel, sensors.pressure_channel, sensors.force_channel])
+        line, statics = sensors.angle_line, ("a0_nm", "a1_nm_per_rad", "a2_nm_per_pa", "a3_nm_per_pa_rad")
+        columns = (line.ratio_at_0_deg, line.ratio_at_90_deg, sensors.pressure.ratio_per_pa)
+        self._joint = np.array([*columns, *(hand.row(f"statics.{key}") for key in statics)])
+        self._site = np.array([sensors.force_polynomial.divider_ohm, sensors.force_polynomial.ratio_min])
         self._names = channel_names(hand)
-        statics = ("a0_nm", "a1_nm_per_rad", "a2_nm_per_pa", "a3_nm_per_pa_rad")
-        self._statics = [hand.row(f"statics.{key}") for key in statics]
-        self.pressure_zero_ratio = hand.sensors.pressure.ratio_at_zero.copy()
+        self.pressure_zero_ratio = sensors.pressure.ratio_at_zero.copy()
 
     def convert(self, frame: Frame) -> Measurement:
         """Measure one frame."""
-        sensors = self._hand.sensors
-        ratio = frame.counts.astype(np.float64) * (self._volts_per_count / max(frame.supply_voltage_v, 1e-3))
-        ratio[(frame.counts <= self._low) | (frame.counts >= self._high)] = np.nan
-        if frame.supply_voltage_v < SUPPLY_SHARE * sensors.supply_voltage_v or Status.ADC_FAULT in frame.status:
-            ratio[:] = np.nan
-        position = sensors.angle_line.angle_rad(ratio[sensors.angle_channel])
-        pressure = (ratio[sensors.pressure_channel] - self.pressure_zero_ratio) / sensors.pressure.ratio_per_pa
-        # An open film reads 0 V, which is a value and no rail; a film at the upper rail is none.
-        force = sensors.force_polynomial.force_n(ratio[sensors.force_channel])
-        effort = torque(pressure, position, 0.0, *self._statics, 0.0)
-        return Measurement(position, self._velocity.update(position, frame.board_time_us), effort, pressure, force)
+        sensors = self._sensors
+        per_count = self._volts_per_count / max(frame.supply_voltage_v, 1e-3)
+        if frame.supply_voltage_v < SUPPLY_SHARE * sensors.supply_voltage_v or frame.status & Status.ADC_FAULT:
+            per_count = np.nan
+        rails = (self._low, self._high, self._channel)
+        joints, force = np.empty((3, self._joint.shape[1])), np.empty(len(sensors.sites))
+        k = sensors.force_polynomial.coefficients
+        railed = _measure(
+            frame.counts, per_count, *rails, self._joint, self.pressure_zero_ratio, k, self._site, joints, force
+        )
+        position, pressure, effort = joints
+        velocity = self._velocity.update(position, frame.board_time_us)
+        at_rail = self._at_rail(frame.counts) if railed else ()
+        return Measurement(position, velocity, effort, pressure, force, at_rail)
 
-    def at_rail(self, counts: Counts) -> list[str]:
-        """Names of the sensors whose channel sits at a rail."""
+    def _at_rail(self, counts: Counts) -> tuple[str, ...]:
         hit = np.flatnonzero((counts <= self._low) | (counts >= self._high))
-        return [self._names[channel] for channel in hit.tolist()]
+        return tuple(self._names[channel] for channel in hit.tolist())
 
 
 def channel_names(hand: Hand) -> dict[int, str]:

@@ -134,7 +134,7 @@ class DriverNode(HandNode):
         for publisher, raw in zip(self._frame_publishers, self._topics.encode(stamp_ns, frame, measured), strict=True):
             publisher.publish(raw)
         self._zero.frame(frame)
-        self._health.frame(frame, self._converter.at_rail(frame.counts), time.monotonic())
+        self._health.frame(frame, measured.at_rail, time.monotonic())
 
     def _on_command(self, raw: bytes) -> None:
         if not self.active:

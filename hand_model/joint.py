@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 
@@ -18,15 +17,3 @@ def one_sided(depth, speed, stiffness, damping, engagement, per_engagement):  # 
     share = soft * per_engagement
     spring = stiffness * (0.5 * soft * share + (inside - soft))
     return max(spring + damping * share * speed, 0.0)
-
-
-@njit(cache=True, fastmath={"contract", "nnan", "nsz"})
-def one_sided_array(depth, speed, stiffness, damping, engagement):  # type: ignore[no-untyped-def]
-    """one_sided for depths and speeds (samples, joints) and the rest (joints,)."""
-    stop = np.empty_like(depth)
-    for n in range(depth.shape[0]):
-        for j in range(depth.shape[1]):
-            stop[n, j] = one_sided(
-                depth[n, j], speed[n, j], stiffness[j], damping[j], engagement[j], 1.0 / engagement[j]
-            )
-    return stop

@@ -22,7 +22,9 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numba import carray, njit, prange
@@ -47,6 +49,9 @@ PARALLEL_STEPS = 1000
 
 _FAST = {"contract", "nnan", "nsz"}
 _inline = njit(forceinline=True, fastmath=_FAST)
+# Compiled anew with this kernel: taken from a cache, the same equations would round differently in the last bit,
+# and the serial and the parallel kernel need not have been compiled in the same process.
+_torque, _one_sided, _creep_rate = (_inline(f.py_func) for f in (torque, one_sided, creep_rate))
 
 _ROWS = len(JOINT_PARAMETERS)
 _DEAD = ROW["valve.dead_time_s"]
@@ -96,15 +101,15 @@ def _joint(w, i, x, u):  # type: ignore[no-untyped-def]
     """Pressure rate [Pa/s], creep rate [1/s] and net torque [N m] of lane i at state x and set-point u [Pa]."""
     p, phi, omega, creep = x
     filling = min(max((u - p) * w[_PER_TAU, i], -w[_VENT, i]), w[_FILL, i])
-    creeping = creep_rate(p, creep, w[_P_MIN, i], w[_B1, i], w[_PER_T_EXT, i], w[_B0, i], w[_PER_T_REC, i])
+    creeping = _creep_rate(p, creep, w[_P_MIN, i], w[_B1, i], w[_PER_T_EXT, i], w[_B0, i], w[_PER_T_REC, i])
     k, d, width, per_width = w[_K_STOP, i], w[_D_STOP, i], w[_W_STOP, i], w[_PER_STOP, i]
     net = (
-        torque(p, phi, creep, w[_A0, i], w[_A1, i], w[_A2, i], w[_A3, i], w[_PHI_MAX, i])
+        _torque(p, phi, creep, w[_A0, i], w[_A1, i], w[_A2, i], w[_A3, i], w[_PHI_MAX, i])
         - w[_D, i] * omega
         - w[_LOAD, i]
-        - one_sided(phi - w[_HIGH, i], omega, k, d, width, per_width)
-        + one_sided(w[_LOW, i] - phi, -omega, k, d, width, per_width)
-        - one_sided(
+        - _one_sided(phi - w[_HIGH, i], omega, k, d, width, per_width)
+        + _one_sided(w[_LOW, i] - phi, -omega, k, d, width, per_width)
+        - _one_sided(
             phi - w[_CONTACT, i], omega, w[_K_CONTACT, i], w[_D_CONTACT, i], w[_W_CONTACT, i], w[_PER_CONTACT, i]
         )
     )
@@ -210,28 +215,50 @@ def _deliver(w, history, head, steps, h):  # type: ignore[no-untyped-def]
         w[_BEFORE, i] = min(max(history[(head - samples - 1) % HISTORY, i], 0.0), w[_SUPPLY, i])
 
 
-@njit(fastmath=_FAST)
-def _advance_block(x, par, history, head, commands, steps, h, out):  # type: ignore[no-untyped-def]
-    """Advance one block through commands (samples, LANES); the state after each sample goes to out."""
-    w = carray(stack_doubles(_WORK_SIZE), (_WORK, LANES))
-    _prepare(w, x, par)
-    for sample in range(commands.shape[0]):
-        head = (head + 1) % HISTORY
-        _copy_rows(commands, sample, 1, history, head)
-        _deliver(w, history, head, steps, h)
-        for n in range(steps):
-            _step(w, n, h)
-        _copy_rows(w, _X, STATES, out[sample], 0)
-    _copy_rows(w, _X, STATES, x, 0)
-    return head
+# One block's samples: x, par, history, head, commands, steps, h, out -> head.
+_BLOCK_SIGNATURE = "int64(f8[:,::1], f8[:,::1], f8[:,::1], int64, f8[:,::1], int64, f8, f8[:,:,::1])"
 
 
+def _equations() -> str:
+    """Numba's cache looks at changes of one file alone; this key makes it look at every equation."""
+    names = ("joint", "lanes", "material", "parameters", "stack_rows", "statics")
+    sources = [Path(__file__).with_name(f"{name}.py").read_bytes() for name in names]
+    return hashlib.sha256(b"".join(sources)).hexdigest()
+
+
+def _block_kernel() -> Any:
+    """One block through all its samples: the only machine code of the plant.
+
+    Cached by itself and loaded before whatever calls it: a copy optimised once more inside a caller, as a cached
+    caller brings along, would round differently, and a result would depend on what was compiled when.
+    """
+    key = _equations()
+
+    def advance_block(x, par, history, head, commands, steps, h, out):  # type: ignore[no-untyped-def]
+        _ = key
+        w = carray(stack_doubles(_WORK_SIZE), (_WORK, LANES))
+        _prepare(w, x, par)
+        for sample in range(commands.shape[0]):
+            head = (head + 1) % HISTORY
+            _copy_rows(commands, sample, 1, history, head)
+            _deliver(w, history, head, steps, h)
+            for n in range(steps):
+                _step(w, n, h)
+            _copy_rows(w, _X, STATES, out[sample], 0)
+        _copy_rows(w, _X, STATES, x, 0)
+        return head
+
+    return njit(cache=True, fastmath=_FAST)(advance_block)
+
+
+_advance_block = _block_kernel()
+
+
+@cache
 def _kernel(parallel: bool) -> Callable[..., None]:
     """The loop over blocks, compiled on first use and cached on disk."""
-    # Numba's cache looks at changes of this file alone; this key makes it look at every equation.
-    equations = ("joint", "lanes", "material", "parameters", "stack_rows", "statics")
-    sources = [Path(__file__).with_name(f"{name}.py").read_bytes() for name in equations]
-    key = f"{parallel} {hashlib.sha256(b''.join(sources)).hexdigest()}"
+    key = f"{parallel} {_equations()}"  # or the two loops would share one cache entry
+    _advance_block.compile(_BLOCK_SIGNATURE)
 
     def advance_blocks(x, par, history, heads, commands, steps, h, out):  # type: ignore[no-untyped-def]
         _ = key
@@ -242,10 +269,6 @@ def _kernel(parallel: bool) -> Callable[..., None]:
 
     compiled: Callable[..., None] = njit(cache=True, parallel=parallel, fastmath=_FAST)(advance_blocks)
     return compiled
-
-
-_advance_serial = _kernel(parallel=False)
-_advance_parallel = _kernel(parallel=True)
 
 
 def advance(
@@ -267,7 +290,7 @@ def advance(
     """
     blocks, samples, _ = commands.shape
     few = blocks == 1 or blocks * samples * steps < PARALLEL_STEPS
-    (_advance_serial if few else _advance_parallel)(x, par, history, heads, commands, steps, h, out)
+    _kernel(parallel=not few)(x, par, history, heads, commands, steps, h, out)
 
 
 class Plant:

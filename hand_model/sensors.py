@@ -1,17 +1,77 @@
 """The sensors in front of the plant, forward (quantity to voltage ratio to counts) and back.
 
 Ratiometric sensors give a share of their supply U_0; the ADC measures volts against its own reference, so the
-share is counts * reference / full scale / U_0. Arrays run over sensors in their last axis.
+share is counts * reference / full scale / U_0. Arrays run over sensors in their last axis. The functions state
+each characteristic once; compiled kernels call them for single sensors, the classes for arrays.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+
+@njit(cache=True, forceinline=True)
+def hall_ratio(angle, field, field_max, zero, third_harmonic):  # type: ignore[no-untyped-def]
+    """U_out / U_0 of a Hall sensor at a joint angle [rad]: Eq. 1, with a third harmonic, through Eq. 3."""
+    theta = angle - zero
+    return 0.5 * (1.0 + field * (np.sin(theta) + third_harmonic * np.sin(3.0 * theta)) / (2.0 * field_max))
+
+
+@njit(cache=True, forceinline=True)
+def line_angle(ratio, at_0_deg, at_90_deg):  # type: ignore[no-untyped-def]
+    """Angle [rad] on the line through the ratios at 0 and 90 degrees."""
+    return (ratio - at_0_deg) / (at_90_deg - at_0_deg) * (np.pi / 2.0)
+
+
+@njit(cache=True, forceinline=True)
+def fsr_ratio(force, c0, c1, divider, threshold):  # type: ignore[no-untyped-def]
+    """U_D / U_0 of one FSR (Eq. 5) in its divider [ohm] at a normal force [N]; 0 below the threshold."""
+    if force < threshold:
+        return 0.0
+    return divider / (10.0 ** (c0 - c1 * math.log10(force)) + divider)
+
+
+@njit(cache=True, forceinline=True, error_model="numpy")
+def fsr_force(ratio, k, divider, ratio_min):  # type: ignore[no-untyped-def]
+    """Normal force [N] of one FSR from U_D / U_0: log10 F = sum k_i (log10 R_S)^i; 0 where open, NaN for NaN."""
+    if ratio <= ratio_min:
+        return 0.0
+    inside = min(max(ratio, 1e-6), 1.0 - 1e-6)
+    x = math.log10(divider * (1.0 - inside) / inside)
+    return 10.0 ** (k[0] + x * (k[1] + x * (k[2] + x * k[3]))) + 0.0 * ratio
+
+
+@njit(cache=True, forceinline=True)
+def adc_code(volts, reference, full_scale):  # type: ignore[no-untyped-def]
+    """Nearest code of an ADC; what lies outside 0 ... reference [V] sits at the rail."""
+    return min(max(np.rint(volts / reference * full_scale), 0.0), full_scale)
+
+
+@njit(cache=True)
+def _fsr_ratios(force, c0, c1, divider, threshold, out):  # type: ignore[no-untyped-def]
+    for n in range(force.shape[0]):
+        for i in range(force.shape[1]):
+            out[n, i] = fsr_ratio(force[n, i], c0[i], c1[i], divider[i], threshold[i])
+
+
+@njit(cache=True)
+def _fsr_forces(ratio, k, divider, ratio_min, out):  # type: ignore[no-untyped-def]
+    for n in range(ratio.shape[0]):
+        for i in range(ratio.shape[1]):
+            out[n, i] = fsr_force(ratio[n, i], k[i], divider[i], ratio_min[i])
+
+
+@njit(cache=True)
+def _adc_codes(volts, reference, full_scale, out):  # type: ignore[no-untyped-def]
+    for i in range(len(volts)):
+        out[i] = adc_code(volts[i], reference, full_scale)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +91,8 @@ class HallSensors:
 
     def ratio(self, angle_rad: Array) -> Array:
         """U_out / U_0 at joint angles [rad]: Eq. 1, with the third harmonic, through Eq. 3."""
-        theta = angle_rad - self.zero_rad
-        field = self.field_t * (np.sin(theta) + self.third_harmonic * np.sin(3.0 * theta))
-        return 0.5 * (1.0 + field / (2.0 * self.field_max_t))
+        ratio: Array = hall_ratio.py_func(angle_rad, self.field_t, self.field_max_t, self.zero_rad, self.third_harmonic)
+        return ratio
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +104,8 @@ class AngleLine:
 
     def angle_rad(self, ratio: Array) -> Array:
         """Joint angle [rad] from U_out / U_0."""
-        return (ratio - self.ratio_at_0_deg) / (self.ratio_at_90_deg - self.ratio_at_0_deg) * (np.pi / 2.0)
+        angle: Array = line_angle.py_func(ratio, self.ratio_at_0_deg, self.ratio_at_90_deg)
+        return angle
 
     def ratio(self, angle_rad: Array) -> Array:
         """The inverse of angle_rad."""
@@ -89,9 +149,9 @@ class ForceSensors:
 
     def ratio(self, force_n: Array) -> Array:
         """U_D / U_0 = R_D / (R_S + R_D) at normal forces [N]; 0 below the threshold."""
-        closed = force_n >= self.threshold_n
-        resistance = 10.0 ** (self.c0 - self.c1 * np.log10(np.where(closed, force_n, 1.0)))
-        return np.where(closed, self.divider_ohm / (resistance + self.divider_ohm), 0.0)
+        force, out = _by_site(force_n)
+        _fsr_ratios(force, self.c0, self.c1, self.divider_ohm, self.threshold_n, out)
+        return out.reshape(np.shape(force_n))
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,13 +167,10 @@ class ForcePolynomial:
     ratio_min: Array
 
     def force_n(self, ratio: Array) -> Array:
-        """Normal force [N] from U_D / U_0; 0 where the film is open."""
-        closed = ratio > self.ratio_min
-        inside = np.clip(np.where(closed, ratio, 0.5), 1e-6, 1.0 - 1e-6)
-        x = np.log10(self.divider_ohm * (1.0 - inside) / inside)
-        k = self.coefficients
-        log_force = k[:, 0] + x * (k[:, 1] + x * (k[:, 2] + x * k[:, 3]))
-        return np.where(closed, 10.0**log_force, 0.0)
+        """Normal force [N] from U_D / U_0; 0 where the film is open, NaN for NaN."""
+        ratios, out = _by_site(ratio)
+        _fsr_forces(ratios, self.coefficients, self.divider_ohm, self.ratio_min, out)
+        return out.reshape(np.shape(ratio))
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,9 +187,16 @@ class Adc:
 
     def counts(self, voltage_v: Array) -> NDArray[np.uint16]:
         """Quantise voltages [V]; what lies outside 0 ... reference sits at the rail."""
-        codes = np.rint(voltage_v / self.reference_v * self.full_scale)
-        return np.minimum(np.maximum(codes, 0.0), self.full_scale).astype(np.uint16)
+        out = np.empty(np.size(voltage_v), np.uint16)
+        _adc_codes(np.ascontiguousarray(voltage_v, dtype=np.float64).ravel(), self.reference_v, self.full_scale, out)
+        return out.reshape(np.shape(voltage_v))
 
     def voltage_v(self, counts: NDArray[np.uint16]) -> Array:
         """Volts from counts."""
         return counts.astype(np.float64) * (self.reference_v / self.full_scale)
+
+
+def _by_site(values: Array) -> tuple[Array, Array]:
+    """Values (..., sites) as (n, sites), and room for as many results."""
+    rows = np.ascontiguousarray(values, dtype=np.float64).reshape(-1, np.shape(values)[-1])
+    return rows, np.empty_like(rows)

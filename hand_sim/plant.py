@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from hand_driver.board import Counts, Status
 from hand_model.description import Hand
-from hand_model.joint import one_sided_array
 from hand_model.lanes import LANES, LaneMap, idle_parameters, map_lanes
 from hand_model.parameters import ROW
 from hand_model.plant import CREEP, OMEGA, PHI, STATES, P, Plant
 from hand_model.statics import equilibrium_angle
+from hand_sim.channels import Channels
 
 Array = NDArray[np.float64]
 
@@ -92,27 +92,6 @@ class HandPlant:
         return states
 
 
-def contact_force_n(hand: Hand, state: Array) -> Array:
-    """Normal force [N] (..., sites) on the pads from states (..., STATES, joints).
-
-    The obstacle's torque over the pad's lever arm; sites on no joint feel nothing.
-    """
-    joints = state.shape[-1]
-    depth = state[..., PHI, :] - hand.row("contact.angle_deg")
-    torque = one_sided_array(
-        depth.reshape(-1, joints),
-        np.ascontiguousarray(state[..., OMEGA, :]).reshape(-1, joints),
-        hand.row("contact.stiffness_nm_per_rad"),
-        hand.row("contact.damping_nm_s_per_rad"),
-        hand.row("contact.engagement_deg"),
-    ).reshape(depth.shape)
-    sensors = hand.sensors
-    pressed = sensors.site_joint >= 0
-    force = np.zeros((*torque.shape[:-1], len(sensors.sites)))
-    force[..., pressed] = torque[..., sensors.site_joint[pressed]] / sensors.lever_arm_m[pressed]
-    return force
-
-
 class SimulatedPlant:
     """Plant and sensors: what the ADC of a board on this hand converts."""
 
@@ -121,8 +100,7 @@ class SimulatedPlant:
         self.hand = hand
         self.plant = HandPlant(hand, 1.0 / rate_hz, state)
         self._rng = np.random.default_rng(seed)
-        sensors = hand.sensors
-        self._noise_v = self._by_channel(sensors.hall.noise_v, sensors.pressure.noise_v, sensors.force.noise_v)
+        self._channels = Channels(hand)
 
     def step(self, pressure_pa: Array) -> tuple[Counts, float, Status]:
         """Hold set-points (valves,) [Pa] for one period; return counts (channels,), sensor supply [V], status."""
@@ -133,23 +111,8 @@ class SimulatedPlant:
 
     def convert(self, state: Array, supply_v: float) -> Counts:
         """Counts (channels,) of a state (STATES, joints) at a sensor supply [V], noise included."""
-        sensors = self.hand.sensors
-        ratio = self._by_channel(
-            sensors.hall.ratio(state[PHI]),
-            sensors.pressure.ratio(state[P]),
-            sensors.force.ratio(contact_force_n(self.hand, state)),
-        )
-        volts = ratio * supply_v + self._noise_v * self._rng.standard_normal(len(ratio))
-        return sensors.adc.counts(volts)
-
-    def _by_channel(self, angle: Array, pressure: Array, force: Array) -> Array:
-        """Values (joints,), (joints,) and (sites,) of the three kinds of sensor in channel order (channels,)."""
-        sensors = self.hand.sensors
-        values = np.empty(sensors.channel_count)
-        values[sensors.angle_channel] = angle
-        values[sensors.pressure_channel] = pressure
-        values[sensors.force_channel] = force
-        return values
+        noise_v = self._channels.noise_v * self._rng.standard_normal(self.hand.channel_count)
+        return self._channels.counts(state, supply_v, noise_v)
 
 
 def _side_by_side(values: Array) -> Array:
@@ -162,5 +125,5 @@ def _check_shape(name: str, values: Array, shape: tuple[int, ...]) -> None:
         raise ValueError(f"{name} has the shape {values.shape}; it must be {shape}")
 
 
-__all__ = ["CREEP", "OMEGA", "PHI", "STATES", "HandPlant", "HandPlants", "P", "SimulatedPlant", "contact_force_n"]
+__all__ = ["CREEP", "OMEGA", "PHI", "STATES", "HandPlant", "HandPlants", "P", "SimulatedPlant"]
 __all__ += ["resting_state"]

@@ -293,23 +293,23 @@ def test_another_process_serves_the_hand(served: Served, link: str, number: sign
     board = open_board(link, path)
     frames: list[Frame] = []
 
-    def read_until_vented_is(vented: bool, write: bool) -> int:
-        begun = len(frames)
-        while len(frames) - begun < 200:
-            if write:
-                board.write(np.full(VALVES, 2e5), 0.1)
+    def read_until_vented_is(vented: bool) -> None:
+        end_s = time.monotonic() + WAIT_S
+        while time.monotonic() < end_s:
             frame = board.read(WAIT_S)
             assert frame is not None
             frames.append(frame)
             if bool(frame.status & Status.VENTED) is vented:
-                return len(frames) - begun
-        pytest.fail(f"status VENTED did not become {vented} within 200 frames")
+                return
+        pytest.fail(f"status VENTED did not become {vented}")
 
-    read_until_vented_is(True, write=False)
-    read_until_vented_is(False, write=True)
-    lived = read_until_vented_is(True, write=False)
+    read_until_vented_is(True)
+    board.write(np.full(VALVES, 2e5), 0.1)
+    read_until_vented_is(False)
+    read_until_vented_is(True)
     board.close()
-    assert 10 <= lived <= 40  # 0.1 s are 20 frames; more set-points may have been under way
+    driven = [frame.sequence for frame in frames if not frame.status & Status.VENTED]
+    assert driven[-1] - driven[0] < 20  # 0.1 s; a stalled host may have missed some
     numbers = np.array([frame.sequence for frame in frames])
     times_us = np.array([frame.board_time_us for frame in frames])
     assert np.array_equal(np.diff(times_us), 5000 * np.diff(numbers))

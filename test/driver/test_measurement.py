@@ -49,7 +49,7 @@ def test_a_channel_at_its_rail_is_no_value_and_is_named() -> None:
     measured = converter.convert(frame(counts))
     assert np.flatnonzero(np.isnan(measured.position)).tolist() == [3]
     assert np.flatnonzero(np.isnan(measured.pressure)).tolist() == [4]
-    assert converter.at_rail(counts) == [f"{HAND.joints[3]} angle", f"{HAND.joints[4]} pressure"]
+    assert measured.at_rail == (f"{HAND.joints[3]} angle", f"{HAND.joints[4]} pressure")
 
 
 @pytest.mark.parametrize(("supply_v", "status"), [(3.0, Status(0)), (0.0, Status(0)), (5.0, Status.ADC_FAULT)])

@@ -124,12 +124,12 @@ def run_blocks(hand: Any, call: Any, hands: int = 12) -> Any:
 def test_any_number_of_threads_gives_the_same(hand: Any) -> None:
     """Broken by a result that depends on threads, or on whether a call is worth a parallel region."""
     threads = numba.get_num_threads()
-    serial = run_blocks(hand, kernel._advance_serial)
+    serial = run_blocks(hand, kernel._kernel(parallel=False))
     assert len(serial[0]) * 60 * 10 >= kernel.PARALLEL_STEPS
     try:
         for count in range(1, threads + 1):
             numba.set_num_threads(count)
-            for call in (kernel._advance_parallel, advance):
+            for call in (kernel._kernel(parallel=True), advance):
                 for expected, found in zip(serial, run_blocks(hand, call), strict=True):
                     np.testing.assert_array_equal(expected, found)
     finally:

@@ -12,7 +12,8 @@ from hand_driver.board import Status
 from hand_model.description import Hand
 from hand_model.parameters import ROW
 from hand_model.plant import OMEGA, PHI, STATES, P
-from hand_sim.plant import SimulatedPlant, contact_force_n, resting_state
+from hand_sim.channels import contact_force_n
+from hand_sim.plant import SimulatedPlant, resting_state
 
 
 def quiet(hand: Hand) -> Hand:

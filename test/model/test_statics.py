@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pytest import approx
 
-from hand_model.joint import one_sided, one_sided_array
+from hand_model.joint import one_sided
 from hand_model.statics import equilibrium_angle, pressure_for_torque, stiffness, torque
 
 A0, A1, A2, A3, PHI_MAX = -0.010, -0.0573, 1.12e-6, -5.6e-7, np.radians(60)
@@ -81,16 +81,3 @@ def test_stop_engages_smoothly_and_then_linearly() -> None:
     spring = np.array([one_sided(x, 0.0, stiffness, 0.0, width, 1.0 / width) for x in depth])
     slope = np.gradient(spring, depth)
     np.testing.assert_allclose(slope[1:-1], stiffness * np.clip(depth / width, 0.0, 1.0)[1:-1], atol=2e-3)
-
-
-def test_stop_for_arrays_is_the_same_equation() -> None:
-    """Broken by a second spelling of the stop."""
-    rng = np.random.default_rng(5)
-    depth, speed = rng.uniform(-0.05, 0.1, (50, 3)), rng.uniform(-5, 5, (50, 3))
-    stiffness, damping, width = np.array([0.0, 5.0, 50.0]), np.array([0.1, 0.0, 0.2]), np.array([0.01, 0.02, 0.05])
-    alone = [
-        [one_sided(depth[n, j], speed[n, j], stiffness[j], damping[j], width[j], 1.0 / width[j]) for j in range(3)]
-        for n in range(50)
-    ]
-    assert np.count_nonzero(alone) > 20
-    np.testing.assert_array_equal(one_sided_array(depth, speed, stiffness, damping, width), alone)
