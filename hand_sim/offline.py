@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hand_model.description import Hand
 from hand_model.parameters import ROW
-from hand_sim.plant import CREEP, OMEGA, PHI, STATES, HandPlant, P, resting_state
+from hand_sim.plant import CREEP, OMEGA, PHI, STATES, HandPlant, HandPlants, P, resting_state
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -18,6 +18,12 @@ REST_S = 0.25
 """The beginning of a recording over which its initial state is averaged."""
 REST_SPEED_RAD_S = 0.05
 """A joint faster than this at the beginning is not at rest: its first sample counts alone."""
+CREEP_FIT_S = 2.0
+"""The beginning of a recording from whose motion the initial creep is refined."""
+CREEP_TRIAL = 0.02
+"""Change of the creeping ratio by which its effect is found."""
+CREEP_GAIN_RAD = 0.2
+"""A joint whose angle answers the creeping ratio by less (RMS, rad for a ratio of 1) tells nothing of it."""
 VENTED_PA = 200.0
 """Mean pressures below this are those of a vented hand: sensor noise and offset."""
 
@@ -82,6 +88,8 @@ def set_points_in_force(commands: Commands, ticks: Ticks) -> Array:
     outlived its lifetime. Before the first command the valves are vented.
     """
     stamps = ticks.stamp_ns
+    if not len(commands.sent_ns):
+        return np.zeros((len(stamps), commands.pressure_pa.shape[1]))
     newest = np.searchsorted(commands.sent_ns, stamps, side="right") - 1
     held = np.zeros((len(stamps), commands.pressure_pa.shape[1]))
     given = newest >= 0
@@ -134,12 +142,42 @@ def replay(hand: Hand, measured: Measured, commands: Commands) -> tuple[Ticks, A
     measured = measured.since(_first_known(measured, commands))
     ticks = rebuild_ticks(measured.stamp_ns, hand.rate_hz)
     held = set_points_in_force(commands, ticks)
-    plant = HandPlant(hand, ticks.period_s, initial_state(hand, measured))
+    state = initial_state(hand, measured)
+    for _ in range(2):  # the answer to creep is not quite linear
+        state[CREEP] = _refined_creep(hand, measured, ticks, held, state)
+    plant = HandPlant(hand, ticks.period_s, state)
     plant.hold_history(held[0])
     states = np.empty((len(held), STATES, len(hand.joints)))
     states[0] = plant.state
     states[1:] = plant.advance(held[:-1])
     return ticks, states[ticks.number]
+
+
+def _refined_creep(hand: Hand, measured: Measured, ticks: Ticks, held: Array, state: Array) -> Array:
+    """Initial creeping ratio (joints,) that brings the replay of the first seconds closest to what was measured.
+
+    One Gauss-Newton step from state: creep decays within minutes, so an error of the static balance, which a
+    moving or noisy beginning spoils, would stay for the whole replay.
+    """
+    count = int(np.searchsorted(ticks.number * ticks.period_s, CREEP_FIT_S))
+    trial = state.copy()
+    trial[CREEP] += np.where(state[CREEP] < 0.5, CREEP_TRIAL, -CREEP_TRIAL)
+    both = HandPlants(hand, np.repeat(hand.parameters[None], 2, axis=0), ticks.period_s, np.array([state, trial]))
+    both.hold_history(np.repeat(held[:1], 2, axis=0))
+    last = int(ticks.number[count - 1])
+    states = np.concatenate([np.array([state, trial])[:, None], both.advance(np.array([held[:last]] * 2))], axis=1)
+    sensors = hand.sensors
+    seen = sensors.angle_line.angle_rad(sensors.hall.ratio(states[:, ticks.number[:count], PHI]))
+    gain = (seen[1] - seen[0]) / (trial[CREEP] - state[CREEP])
+    error = measured.position_rad[:count] - seen[0]
+    error[: int(np.searchsorted(ticks.number * ticks.period_s, REST_S))] = (
+        np.nan
+    )  # before the angle's own start is gone
+    told = np.isfinite(error)
+    power = np.where(told, gain * gain, 0.0).sum(axis=0)
+    step = np.where(told, gain * error, 0.0).sum(axis=0) / np.maximum(power, 1e-12)
+    clear = power > CREEP_GAIN_RAD**2 * np.maximum(told.sum(axis=0), 1)
+    return np.where(clear, np.clip(state[CREEP] + step, 0.0, 1.0), state[CREEP])
 
 
 def _first_known(measured: Measured, commands: Commands) -> int:

@@ -13,7 +13,7 @@ from hand_sim.board import SimulatedBoard
 from hand_sim.emulator import Emulator
 from hand_sim.faults import FaultError, Faults, FaultState, parse_disconnect, parse_stuck
 from hand_sim.offline import Commands, Measured, rebuild_ticks, replay, set_points_in_force
-from hand_sim.plant import PHI, SimulatedPlant
+from hand_sim.plant import CREEP, OMEGA, PHI, HandPlant, P, SimulatedPlant, resting_state
 from hand_sim.port import Order, Port, Sample
 
 HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
@@ -116,6 +116,34 @@ def test_offline_follows_the_board_to_the_last_digit() -> None:
     assert np.degrees(np.abs(offline[:, PHI] - live[:, PHI])).max() < 0.01
 
 
+@pytest.mark.parametrize("creep", [0.0, 0.08, 0.3])
+def test_the_creep_a_hand_begins_with_is_found_from_its_motion(creep: float) -> None:
+    """Fails when a noisy, moving beginning leaves an error of creep, which stays for minutes."""
+    seed = 11
+    print(f"seed {seed}")
+    rng = np.random.default_rng(seed)
+    state = resting_state(HAND)
+    state[CREEP] = creep
+    plant = HandPlant(HAND, 0.005, state)
+    plant.hold_history(np.full(COUNT, 6e4))
+    plant.advance(np.full((200, COUNT), 6e4))
+    pressures = np.repeat(rng.uniform(0.5e5, 2.5e5, (16, COUNT)), 250, axis=0)  # a recording that begins in motion
+    live = np.concatenate([plant.state[None], plant.advance(pressures)[:-1]])
+    stamps = np.arange(len(live), dtype=np.int64) * PERIOD_NS
+    seen = HAND.sensors.angle_line.angle_rad(HAND.sensors.hall.ratio(live[:, PHI]))
+    measured = Measured(
+        stamps,
+        seen + rng.normal(0.0, 1.5e-4, seen.shape),
+        live[:, OMEGA] + rng.normal(0.0, 0.02, seen.shape),
+        live[:, P] + rng.normal(0.0, 100.0, seen.shape),
+    )
+    commands = Commands(stamps - 1_000_000, pressures, np.full(len(stamps), 0.1))
+    _, offline = replay(HAND, measured, commands)
+    late = np.degrees(offline[200:, PHI] - live[200:, PHI])
+    assert np.ptp(live[:, PHI]) > 0.5
+    assert np.sqrt(np.mean(late**2, axis=0)).max() < 0.05
+
+
 def test_ticks_are_found_again_through_losses_and_drift() -> None:
     """Fails when lost frames or a drifting board clock shift the replay."""
     number = np.delete(np.arange(2000), [5, 6, 700, 1500])
@@ -134,6 +162,8 @@ def test_commands_before_the_first_and_after_the_last() -> None:
     commands = Commands(np.array([10 * PERIOD_NS + 1]), np.full((1, 2), 7.0), np.array([0.05]))
     held = set_points_in_force(commands, ticks)[:, 0]
     assert np.flatnonzero(held).tolist() == list(range(11, 21))
+    none = Commands(np.array([], np.int64), np.zeros((0, 2)), np.array([]))
+    assert not set_points_in_force(none, ticks).any()
 
 
 class Wire(Port):
