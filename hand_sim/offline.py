@@ -177,7 +177,8 @@ def _refined_creep(hand: Hand, measured: Measured, ticks: Ticks, held: Array, st
     power = np.where(told, gain * gain, 0.0).sum(axis=0)
     step = np.where(told, gain * error, 0.0).sum(axis=0) / np.maximum(power, 1e-12)
     clear = power > CREEP_GAIN_RAD**2 * np.maximum(told.sum(axis=0), 1)
-    return np.where(clear, np.clip(state[CREEP] + step, 0.0, 1.0), state[CREEP])
+    refined: Array = np.where(clear, np.clip(state[CREEP] + step, 0.0, 1.0), state[CREEP])
+    return refined
 
 
 def _first_known(measured: Measured, commands: Commands) -> int:
