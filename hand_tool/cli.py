@@ -13,7 +13,6 @@ from hand_tool.simulate import simulate
 
 app = typer.Typer(
     name="hand",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     help="Record, simulate and try a robot hand with flexible fluidic actuators.",
@@ -25,11 +24,21 @@ app.command()(demo)
 
 
 def main() -> None:
-    """Entry point of the executable `hand`."""
+    """Entry point of the executable `hand`; bad usage is one line, without a command the help."""
+    arguments = sys.argv[1:]
     try:
-        app()
-    except KeyboardInterrupt:
+        code = typer.main.get_command(app).main(arguments or ["--help"], prog_name="hand", standalone_mode=False)
+    except (KeyboardInterrupt, typer.Abort):
         sys.exit(130)
+    except Exception as error:
+        if not hasattr(error, "format_message"):  # the usage errors of every click that typer comes with
+            raise
+        context = getattr(error, "ctx", None)
+        command = context.command_path if context else "hand"
+        message = " ".join(error.format_message().split()).rstrip(".")
+        print(f"{command}: {message}. See {command} --help.", file=sys.stderr)
+        sys.exit(2)
+    sys.exit(code if arguments else 2)
 
 
 if __name__ == "__main__":

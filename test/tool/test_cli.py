@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -57,3 +59,23 @@ def test_bad_input_is_one_line_and_exit_code_2(case: str, tmp_path: Path, monkey
     assert len(said) == 1, said
     assert line in said[0]
     assert not (tmp_path / "x.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (("recrod",), "'record'"),
+        (("record", "--duration", "abc"), "'--duration'"),
+        (("simulate",), "'recording'"),
+        (("simulate", "--nonsense"), "--nonsense"),
+        (("simulate", "nowhere.mcap", "--out", "x.mcap"), "nowhere.mcap"),
+    ],
+)
+def test_the_executable_says_one_line(arguments: tuple[str, ...], line: str, tmp_path: Path) -> None:
+    """Fails when the process itself answers bad usage with a box, a traceback, stdout or another exit code than 2."""
+    command = [sys.executable, "-m", "hand_tool.cli", *arguments]
+    result = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=60, check=False)
+    assert result.returncode == 2
+    assert result.stdout == ""
+    assert len(result.stderr.splitlines()) == 1, result.stderr
+    assert line in result.stderr
