@@ -11,7 +11,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 # A domain of one's own, so that two checkouts on one machine do not hear each other.
 export ROS_DOMAIN_ID ?= $(shell echo $$(( $$$$ % 90 + 10 )))
 
-SOURCES := $(wildcard hand_*/*.py hand_*/*.dbc hand_*/*.html hand_msgs/*/* hand_msgs/* config/* launch/* tools/hand setup.* package.xml resource/*)
+SOURCES := $(wildcard hand_*/*.py hand_*/*.dbc hand_*/*.html hand_*/*.json hand_msgs/*/* hand_msgs/* config/* launch/* tools/hand setup.* package.xml resource/*)
 
 .PHONY: help demo test lint bench build clean
 
@@ -39,7 +39,7 @@ build: $(BUILT)
 clean:
 	rm -rf $(VENV) build install log
 
-$(STAMP): requirements.txt requirements-ros.txt requirements-dev.txt tools/bootstrap.sh
+$(STAMP): requirements.txt requirements-ros.txt requirements-analysis.txt requirements-dev.txt tools/bootstrap.sh
 	bash tools/bootstrap.sh $(PYTHON) $(VENV)
 	touch $@
 

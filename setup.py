@@ -3,7 +3,18 @@ from pathlib import Path
 from setuptools import setup
 
 NAME = "fluidic_hand"
-PACKAGES = ["hand_model", "hand_ros", "hand_driver", "hand_sim", "hand_control", "hand_ident", "hand_tool"]
+PACKAGES = [
+    "hand_model",
+    "hand_ros",
+    "hand_driver",
+    "hand_sim",
+    "hand_control",
+    "hand_ident",
+    "hand_magnet",
+    "hand_paper",
+    "hand_diagnosis",
+    "hand_tool",
+]
 
 
 def files(folder: str, pattern: str) -> list[str]:
@@ -14,7 +25,7 @@ setup(
     name=NAME,
     version="0.1.0",
     packages=PACKAGES,
-    package_data={"hand_driver": ["*.dbc"], "hand_tool": ["*.html"]},
+    package_data={package: ["*.dbc", "*.html", "*.json"] for package in PACKAGES},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

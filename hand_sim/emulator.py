@@ -44,6 +44,8 @@ class Emulator:
         self._in_force = np.zeros(valves)
         self._vent_at_tick = -1
         self._late: deque[tuple[float, Sample, bool]] = deque()
+        self._unplug_for_s = 0.0
+        self._unplugged_until_s = 0.0
 
     @property
     def description(self) -> str:
@@ -61,8 +63,12 @@ class Emulator:
                 time.sleep(wait_s)
             self.tick(tick)
 
+    def unplug(self, lasting_s: float) -> None:
+        """Pull the cable at the next tick and plug it in again lasting_s [s] later; safe in a signal handler."""
+        self._unplug_for_s = lasting_s
+
     def close(self) -> None:
-        """Unplug."""
+        """Unplug for good."""
         if self._port is not None:
             self._port.close()
             self._port = None
@@ -84,7 +90,9 @@ class Emulator:
         self._take_over(tick)
 
     def _plug(self, now_s: float) -> None:
-        connected = self._faults.faults.connected(now_s)
+        if self._unplug_for_s > 0.0:
+            self._unplugged_until_s, self._unplug_for_s = now_s + self._unplug_for_s, 0.0
+        connected = now_s >= self._unplugged_until_s and self._faults.faults.connected(now_s)
         if connected and self._port is None:
             self._port = self._open_port()
         elif not connected:

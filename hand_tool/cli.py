@@ -35,7 +35,7 @@ def main() -> None:
             raise
         context = getattr(error, "ctx", None)
         command = context.command_path if context else "hand"
-        message = " ".join(error.format_message().split()).rstrip(".")
+        message = " ".join(error.format_message().split()).rstrip(".?")
         print(f"{command}: {message}. See {command} --help.", file=sys.stderr)
         sys.exit(2)
     sys.exit(code if arguments else 2)

@@ -22,6 +22,8 @@ from hand_sim.serial_port import SerialPort
 from hand_tool.paths import default_model
 
 SLCAN = "slcan"
+UNPLUGGED_S = 1.5
+"""How long SIGUSR1 takes the cable away."""
 
 
 def emulate_board(
@@ -46,6 +48,8 @@ def emulate_board(
     Example: hand emulate-board --serial /tmp/hand_board --drop 0.01 --disconnect 10:2
 
     Then: ros2 run fluidic_hand driver --ros-args -p serial_port:=/tmp/hand_board
+
+    SIGUSR1 pulls the cable for 1.5 s at any time: kill -USR1 PID
 
     Exit codes: 0 ended by Ctrl-C or SIGTERM, 2 bad usage, bad input or a port that cannot be made.
     """
@@ -80,6 +84,7 @@ def _serve(emulator: Emulator, hand: Hand) -> None:
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
+    signal.signal(signal.SIGUSR1, lambda *_: emulator.unplug(UNPLUGGED_S))
     print(f"ready: {emulator.description}, {hand.channel_count} channels, {hand.rate_hz:g} Hz", flush=True)
     try:
         emulator.run(stopped.is_set)

@@ -15,7 +15,20 @@ BELOW = {
     "hand_control": {"hand_model", "hand_ros"},
     "hand_sim": {"hand_model", "hand_ros", "hand_driver"},
     "hand_ident": {"hand_model", "hand_ros", "hand_driver", "hand_sim"},
-    "hand_tool": {"hand_model", "hand_ros", "hand_driver", "hand_control", "hand_sim", "hand_ident"},
+    "hand_magnet": {"hand_model"},
+    "hand_paper": {"hand_model", "hand_control", "hand_sim", "hand_ident", "hand_magnet"},
+    "hand_diagnosis": {"hand_model", "hand_ros", "hand_driver", "hand_sim", "hand_ident"},
+    "hand_tool": {
+        "hand_model",
+        "hand_ros",
+        "hand_driver",
+        "hand_control",
+        "hand_sim",
+        "hand_ident",
+        "hand_magnet",
+        "hand_paper",
+        "hand_diagnosis",
+    },
 }
 ROS = {"rclpy", "ament_index_python"}
 NODE_MODULES = {"node.py", "recorder_node.py", "demo_node.py"}

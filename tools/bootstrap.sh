@@ -35,4 +35,4 @@ esac
 echo "bootstrap: installing ROS 2 Jazzy and libraries into $venv (about 400 MB)"
 [ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check \
-    -r requirements-ros.txt -r requirements.txt -r requirements-dev.txt
+    -r requirements-ros.txt -r requirements.txt -r requirements-analysis.txt -r requirements-dev.txt

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from typing import TYPE_CHECKING
 
 import pytest
@@ -28,11 +29,12 @@ def test_the_same_controller_on_real_bytes(stack: Stack, client: Client, link: s
 def test_a_pulled_cable_vents_reconnects_and_repeats_no_stamp(stack: Stack, client: Client) -> None:
     """Fails when a stale value is published as new, the driver does not come back, or the hand re-arms by itself."""
     path = str(stack.folder / "board")
-    stack.start("hand", "emulate-board", "--serial", path, "--disconnect", "9:1.5", "--disconnect", "30:1.5")
+    board = stack.start("hand", "emulate-board", "--serial", path)
     client.until(lambda: "ready" in stack.log("hand"))
     stack.node("driver", serial_port=path)
     stack.node("controller")
     client.controlling()
+    board.send_signal(signal.SIGUSR1)
     client.until(lambda: client.level("driver", "link") == 2)
     client.until(lambda: client.said("controller", "safety", "no usable sensor data"))
     before = len(client.joints)

@@ -1,0 +1,1 @@
+"""Where a recording and the model differ: located, named, modelled, shown."""

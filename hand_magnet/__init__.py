@@ -1,0 +1,1 @@
+"""Design of the Hall sensor's magnet: two-dimensional magnetostatics, nonlinearity, contour optimisation."""
