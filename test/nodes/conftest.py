@@ -26,19 +26,10 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-STALLED = "no usable sensor data for 100 ms"
-"""What the hand says, rightly, when the machine stopped its processes for so long: then a test tells nothing."""
 BIN = Path(get_package_prefix("fluidic_hand")) / "lib" / "fluidic_hand"
 BEST_EFFORT = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 WAIT_S = 30.0
 Started = subprocess.Popen[bytes]
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give a test another chance only where the machine itself stalled."""
-    for item in items:
-        if Path(__file__).parent in item.path.parents:
-            item.add_marker(pytest.mark.flaky(reruns=2, only_rerun=[STALLED]))
 
 
 class Stack:
