@@ -33,7 +33,8 @@ from numpy.typing import NDArray
 from hand_model.joint import one_sided
 from hand_model.lanes import HALF, LANES
 from hand_model.material import creep_rate
-from hand_model.parameters import JOINT_PARAMETERS, ROW, STEP_S
+from hand_model.plant_parameters import PLANT_PARAMETERS, STEP_S
+from hand_model.plant_parameters import PLANT_ROW as ROW
 from hand_model.stack_rows import stack_doubles
 from hand_model.statics import torque
 
@@ -53,7 +54,7 @@ _inline = njit(forceinline=True, fastmath=_FAST)
 # and the serial and the parallel kernel need not have been compiled in the same process.
 _torque, _one_sided, _creep_rate = (_inline(f.py_func) for f in (torque, one_sided, creep_rate))
 
-_ROWS = len(JOINT_PARAMETERS)
+_ROWS = len(PLANT_PARAMETERS)
 _DEAD = ROW["valve.dead_time_s"]
 _TAU = ROW["valve.time_constant_s"]
 _FILL = ROW["valve.fill_rate_pa_per_s"]
@@ -221,7 +222,7 @@ _BLOCK_SIGNATURE = "int64(f8[:,::1], f8[:,::1], f8[:,::1], int64, f8[:,::1], int
 
 def _equations() -> str:
     """Numba's cache looks at changes of one file alone; this key makes it look at every equation."""
-    names = ("joint", "lanes", "material", "parameters", "stack_rows", "statics")
+    names = ("joint", "lanes", "material", "plant_parameters", "stack_rows", "statics")
     sources = [Path(__file__).with_name(f"{name}.py").read_bytes() for name in names]
     return hashlib.sha256(b"".join(sources)).hexdigest()
 

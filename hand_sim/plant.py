@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_driver.board import Counts, Status
+from hand_model.closed_chain import ClosedChain, has_effects
 from hand_model.description import Hand
 from hand_model.lanes import LANES, LaneMap, idle_parameters, map_lanes
 from hand_model.parameters import ROW
 from hand_model.plant import CREEP, OMEGA, PHI, STATES, P, Plant
+from hand_model.plant_parameters import PLANT_PARAMETERS
 from hand_model.statics import equilibrium_angle
 from hand_sim.channels import Channels
 
@@ -42,7 +44,7 @@ class HandPlants:
         _check_shape("state", start, (self.hands, STATES, self.joints))
         offset = np.arange(self.hands)[:, None] * self.joints
         self._map: LaneMap = map_lanes(np.where(hand.partner < 0, -1, hand.partner + offset).ravel())
-        par = self._map.scatter(_side_by_side(parameters), idle_parameters())
+        par = self._map.scatter(_side_by_side(parameters[:, : len(PLANT_PARAMETERS)]), idle_parameters())
         self._plant = Plant(par, self._map.scatter(_side_by_side(start), np.zeros(STATES)), period_s)
 
     @property
@@ -69,25 +71,35 @@ class HandPlants:
 
 
 class HandPlant:
-    """The joints of one hand in the plant kernel, in the hand's own joint order."""
+    """The joints of one hand, in the hand's own joint order: the plain kernel, or the chain where effects act."""
 
     def __init__(self, hand: Hand, period_s: float, state: Array | None = None) -> None:
         """Begin at state (STATES, joints), resting by default, sampling every period_s [s]."""
         self.hand = hand
-        self._alone = HandPlants(hand, hand.parameters[None], period_s, None if state is None else state[None])
+        self._chain: ClosedChain | None = None
+        if has_effects(hand.parameters):
+            start = resting_state(hand) if state is None else state
+            self._chain = ClosedChain(hand.parameters, hand.partner, start, period_s)
+        else:
+            self._alone = HandPlants(hand, hand.parameters[None], period_s, None if state is None else state[None])
 
     @property
     def state(self) -> Array:
         """State now, (STATES, joints)."""
-        state: Array = self._alone.state[0]
+        state: Array = self._alone.state[0] if self._chain is None else self._chain.state
         return state
 
     def hold_history(self, pressure_pa: Array) -> None:
         """Fill the dead-time memory as if pressure_pa (joints,) had been commanded for long."""
-        self._alone.hold_history(pressure_pa[None])
+        if self._chain is None:
+            self._alone.hold_history(pressure_pa[None])
+        else:
+            self._chain.hold_history(pressure_pa)
 
     def advance(self, pressure_pa: Array) -> Array:
-        """Apply set-points (samples, joints) [Pa]; return states (samples, STATES, joints)."""
+        """Apply set-points (samples, joints) [Pa]; return states (samples, STATES, joints), as sensors see them."""
+        if self._chain is not None:
+            return self._chain.advance(pressure_pa)
         states: Array = self._alone.advance(pressure_pa[None])[0]
         return states
 

@@ -1,0 +1,98 @@
+"""Signals from a recording of a hand: stamps to ticks, set-points by the board's rules, forces by joint."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_diagnosis.signals import Signals, bridge
+from hand_ident.loader import Recording, RecordingError
+from hand_ident.time_base import TimeBase, published_on_stamp_clock
+from hand_model.description import Hand
+from hand_sim.offline import Commands, Ticks, rebuild_ticks, set_points_in_force
+
+Array = NDArray[np.float64]
+SHORTEST_S = 2.0
+LONGEST_GAP_S = 0.1
+FOREIGN_CLOCK_NS = 1e9
+"""Publish times further than this from the stamps are of another clock and say nothing; the stamps then count."""
+
+
+def hand_signals(recording: Recording, hand: Hand) -> Signals:
+    """Every joint of the hand that the recording holds. RecordingError: one line, where it cannot be used."""
+    states = recording["joint_states"]
+    joints = tuple(joint for joint in hand.joints if joint in states.names)
+    if not joints:
+        raise RecordingError(
+            f"{recording.path}: joint_states has {', '.join(states.names)}; none is a joint of {hand.path}"
+        )
+    stamps = np.unique(states.stamp_ns)
+    if len(stamps) < 2 or (stamps[-1] - stamps[0]) * 1e-9 < SHORTEST_S:
+        span = (stamps[-1] - stamps[0]) * 1e-9 if len(stamps) else 0.0
+        raise RecordingError(
+            f"{recording.path}: joint_states has {len(stamps)} samples over {span:.3g} s; {SHORTEST_S:g} s are needed"
+        )
+    ticks = rebuild_ticks(stamps, _rate_hz(stamps, hand.rate_hz))
+    grid = ticks.stamp_ns
+    base = recording.on_time_base(stamps_ns=grid, joints=joints, max_gap_s=LONGEST_GAP_S)
+    angle, known = bridge(base.position)
+    pressure, pressure_known = bridge(base.pressure)
+    held, commanded = _set_points(recording, joints, ticks)
+    notes = _notes(recording, base, len(stamps), len(grid))
+    return Signals(
+        recording.path.name,
+        joints,
+        ticks.period_s,
+        held,
+        pressure,
+        angle,
+        _forces(base, hand, joints),
+        known & (pressure_known | ~pressure_known.any(axis=0)),
+        commanded,
+        pressure_known.any(axis=0),
+        notes,
+    )
+
+
+def _rate_hz(stamps: NDArray[np.int64], nominal_hz: float) -> float:
+    """The nominal rate, unless the stamps say clearly another one."""
+    seen = 1e9 / float(np.median(np.diff(stamps)))
+    return nominal_hz if 0.8 < seen / nominal_hz < 1.25 else seen
+
+
+def _set_points(recording: Recording, joints: tuple[str, ...], ticks: Ticks) -> tuple[Array, NDArray[np.bool_]]:
+    """Set-points in force at each tick (T, J), and which joints were commanded."""
+    empty = np.zeros((len(ticks.stamp_ns), len(joints)))
+    if "valve_command" not in recording or not len(recording["valve_command"]):
+        return empty, np.zeros(len(joints), dtype=bool)
+    data = recording["valve_command"]
+    present = [joint in data.names for joint in joints]
+    columns = [data.names.index(joint) for joint in joints if joint in data.names]
+    pressure = data["pressure"][:, columns]
+    sent_ns = published_on_stamp_clock(recording.topics)
+    if abs(float(np.median(sent_ns - data.stamp_ns))) > FOREIGN_CLOCK_NS:
+        sent_ns = data.stamp_ns
+    usable = np.isfinite(pressure).all(axis=1) & (data["lifetime_ns"] > 0)
+    order = np.argsort(sent_ns[usable], kind="stable")
+    commands = Commands(sent_ns[usable][order], pressure[usable][order], data["lifetime_ns"][usable][order] * 1e-9)
+    empty[:, present] = set_points_in_force(commands, ticks)
+    return empty, np.array(present)
+
+
+def _forces(base: TimeBase, hand: Hand, joints: tuple[str, ...]) -> Array:
+    """Forces (T, J) of the site on each joint; NaN where there is none."""
+    forces = np.full((len(base.time_ns), len(joints)), np.nan)
+    for column, site in enumerate(base.sites):
+        if site in hand.sensors.sites:
+            joint = int(hand.sensors.site_joint[hand.sensors.sites.index(site)])
+            if joint >= 0 and hand.joints[joint] in joints:
+                forces[:, joints.index(hand.joints[joint])] = base.force[:, column]
+    return forces
+
+
+def _notes(recording: Recording, base: TimeBase, stamps: int, ticks: int) -> tuple[str, ...]:
+    notes = []
+    for topic in ("pressures", "valve_command"):
+        if topic not in recording or not len(recording[topic]):
+            notes.append(f"no {topic}: the stages that need them are not judged")
+    return tuple(notes)

@@ -1,0 +1,144 @@
+"""One joint of one or more recordings as a least-squares problem: parameters in, weighted residuals of each stage out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_diagnosis.moves import START_CREEP, Move
+from hand_model.chain import CREEP, OUTPUTS, PHI, STATES, P, open_chain
+
+Array = NDArray[np.float64]
+STAGES = ("pressure", "angle", "force")
+"""What each stage predicts, in the order of the chain's outputs."""
+UNITS = ("Pa", "deg", "N")
+SHOWN = (1.0, 180.0 / np.pi, 1.0)
+"""From SI to the unit a person reads."""
+FLOOR = (300.0, np.radians(0.05), 0.05)
+"""Practical repeatability of each signal, correlated over CORRELATION_S: smaller differences claim nothing."""
+CORRELATION_S = 0.5
+SETTLING_S = 0.5
+"""After the start, and after a gap, the model needs this long to forget what it could not know."""
+BLOCK_S = 2.5
+"""Length of the blocks into which a recording is cut for held-out data and the bootstrap."""
+HELD_OUT_EVERY = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """One recording of the joint. Signals (T,), exogenous (T, EXOGENOUS), curve (T,): correction of the angle [rad].
+
+    use: (OUTPUTS, T) samples that count.  block: (T,) number of the block of each sample, over all recordings.
+    """
+
+    name: str
+    period_s: float
+    set_point_pa: Array
+    pressure_pa: Array
+    angle_rad: Array
+    force_n: Array
+    exogenous: Array
+    use: NDArray[np.bool_]
+    block: NDArray[np.int64]
+    start: Array
+
+    @property
+    def measured(self) -> Array:
+        """(OUTPUTS, T)."""
+        return np.array([self.pressure_pa, self.angle_rad, np.nan_to_num(self.force_n)])
+
+
+@dataclass(slots=True)
+class JointProblem:
+    """A joint: its pieces, nominal parameters (rows,), weights (OUTPUTS,) of squared residuals, held-out blocks."""
+
+    joint: str
+    pieces: list[Piece]
+    nominal: Array
+    weight: Array
+    lever_m: float = 1.0
+    step_s: float = 1.3e-3
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return int(self.pieces[-1].block[-1]) + 1
+
+    @property
+    def held_out(self) -> NDArray[np.bool_]:
+        """(blocks,) which are not fitted: every third, so that each stretch of a recording is judged."""
+        return np.arange(self.blocks) % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
+
+    def columns(self, moves: Sequence[Move], z: Array) -> tuple[Array, Array]:
+        """Parameter sets (k, rows) and starting creep (k,) of coordinates z (k, moves)."""
+        columns = np.repeat(self.nominal[None], len(z), axis=0)
+        creep = np.zeros(len(z))
+        for index, move in enumerate(moves):
+            if move.row == START_CREEP:
+                creep = move.value(z[:, index])
+            else:
+                columns[:, move.row] = move.value(z[:, index])
+        return columns, creep
+
+    def predict(self, columns: Array, creep: Array) -> list[Array]:
+        """Readings (k, OUTPUTS, T) of every piece."""
+        out = []
+        for piece in self.pieces:
+            start = np.zeros((len(columns), STATES))
+            start[:, P], start[:, PHI], start[:, CREEP] = piece.start[P], piece.start[PHI], creep
+            out.append(
+                open_chain(
+                    columns, start, piece.set_point_pa, piece.pressure_pa, piece.exogenous, piece.period_s,
+                    self.lever_m, self.step_s,
+                )
+            )  # fmt: skip
+        return out
+
+    def residuals(self, columns: Array, creep: Array) -> list[Array]:
+        """Measured minus predicted (k, OUTPUTS, T) of every piece; 0 where it does not count."""
+        return [
+            np.where(piece.use, piece.measured - predicted, 0.0)
+            for piece, predicted in zip(self.pieces, self.predict(columns, creep), strict=True)
+        ]
+
+    def block_squares(self, residuals: Sequence[Array]) -> Array:
+        """Sums of squares (k, OUTPUTS, blocks)."""
+        total = np.zeros((len(residuals[0]), OUTPUTS, self.blocks))
+        for piece, residual in zip(self.pieces, residuals, strict=True):
+            first, last = piece.block[0], piece.block[-1]
+            starts = np.searchsorted(piece.block, np.arange(first, last + 1))
+            total[:, :, first : last + 1] += np.add.reduceat(residual * residual, starts, axis=2)
+        return total
+
+    @property
+    def block_counts(self) -> Array:
+        """Samples that count, (OUTPUTS, blocks)."""
+        counts = np.zeros((OUTPUTS, self.blocks))
+        for piece in self.pieces:
+            first, last = piece.block[0], piece.block[-1]
+            starts = np.searchsorted(piece.block, np.arange(first, last + 1))
+            counts[:, first : last + 1] += np.add.reduceat(piece.use.astype(float), starts, axis=1)
+        return counts
+
+    def effective_counts(self) -> Array:
+        """Independent samples of each stage (OUTPUTS,): correlation makes many of one."""
+        per_sample = self.pieces[0].period_s / CORRELATION_S
+        counts: Array = self.block_counts[:, ~self.held_out].sum(axis=1) * min(per_sample, 1.0)
+        return counts
+
+
+def initial_weights(period_s: float, noise: Array) -> Array:
+    """Weights (OUTPUTS,) of squared residuals: white noise (OUTPUTS,) and the practical floor, correlated."""
+    samples = max(CORRELATION_S / period_s, 1.0)
+    weights: Array = 1.0 / (noise**2 + np.array(FLOOR) ** 2 * samples)
+    return weights
+
+
+def block_numbers(samples: int, period_s: float, first: int) -> NDArray[np.int64]:
+    """Block of each sample of a recording, numbered from `first`; at least six blocks a recording."""
+    length = max(1, min(round(BLOCK_S / period_s), samples // 6))
+    numbers: NDArray[np.int64] = first + np.minimum(np.arange(samples) // length, max(samples // length - 1, 0))
+    return numbers

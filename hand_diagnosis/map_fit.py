@@ -1,0 +1,120 @@
+"""Maximum a posteriori fit of a joint by simulation error: damped Gauss-Newton, all columns as lanes of one rollout."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_diagnosis.joint_problem import JointProblem
+from hand_diagnosis.moves import Move
+
+Array = NDArray[np.float64]
+DIFFERENCE = 0.05
+"""Step of the finite differences, in standard deviations of the prior."""
+DAMPING = (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3)
+"""Trial steps: as many as fit one block of lanes with room to spare, all tried at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapFit:
+    """The best point: coordinates z (moves,), cost, squares (OUTPUTS, blocks), residuals by piece, curvature.
+
+    normal: (moves, moves), J' W J of the data alone.  cost: weighted train squares + z' z.
+    """
+
+    moves: tuple[Move, ...]
+    z: Array
+    cost: float
+    squares: Array
+    residuals: tuple[Array, ...]
+    normal: Array
+    sensitivity: tuple[Array, ...]
+    iterations: int
+
+    @property
+    def covariance(self) -> Array:
+        """Of z, prior included, (moves, moves)."""
+        covariance: Array = np.linalg.inv(self.normal + np.eye(len(self.z)))
+        return covariance
+
+
+def map_fit(
+    problem: JointProblem, moves: Sequence[Move], z: Array, iterations: int = 12, tolerance: float = 0.02
+) -> MapFit:
+    """Fit from z (moves,). Stops when the cost falls by less than `tolerance` of a unit (or 1e-4 of itself)."""
+    train = (~problem.held_out).astype(float)
+    bounds = _bounds(moves)
+    z = np.clip(z, *bounds)
+    for done in range(1, iterations + 1):
+        cost, squares, residuals, sensitivity = _differentiate(problem, moves, z, train)
+        normal, slope = _normal_equations(problem, residuals, sensitivity, train)
+        if done == iterations:
+            break
+        trials = _trial_steps(z, normal, slope, bounds)
+        costs = _costs(problem, moves, trials, train)
+        best = int(np.argmin(costs))
+        if not costs[best] < cost - max(tolerance, 1e-4 * cost):
+            if costs[best] < cost:
+                z = trials[best]
+                cost, squares, residuals, sensitivity = _differentiate(problem, moves, z, train)
+                normal, slope = _normal_equations(problem, residuals, sensitivity, train)
+            break
+        z = trials[best]
+    return MapFit(tuple(moves), z, cost, squares, tuple(residuals), normal, tuple(sensitivity), done)
+
+
+def _bounds(moves: Sequence[Move]) -> tuple[Array, Array]:
+    low = np.array([max(move.coordinate(move.low), -8.0) if _reachable(move, move.low) else -8.0 for move in moves])
+    high = np.array([min(move.coordinate(move.high), 8.0) for move in moves])
+    return low, high
+
+
+def _reachable(move: Move, value: float) -> bool:
+    return not move.log or value > 0.0
+
+
+def _differentiate(
+    problem: JointProblem, moves: Sequence[Move], z: Array, train: Array
+) -> tuple[float, Array, list[Array], list[Array]]:
+    """Cost, squares (OUTPUTS, blocks), residuals (OUTPUTS, T) and their slopes (moves, OUTPUTS, T) by piece."""
+    _, high = _bounds(moves)
+    steps = np.where(z + DIFFERENCE > high, -DIFFERENCE, DIFFERENCE)
+    points = np.vstack([z[None], z[None] + np.diag(steps)])
+    residuals = problem.residuals(*problem.columns(moves, points))
+    squares = problem.block_squares([r[:1] for r in residuals])[0]
+    sensitivity = [(r[1:] - r[:1]) / steps[:, None, None] for r in residuals]
+    cost = float((problem.weight[:, None] * squares * train).sum() + z @ z)
+    return cost, squares, [r[0] for r in residuals], sensitivity
+
+
+def _normal_equations(
+    problem: JointProblem, residuals: Sequence[Array], sensitivity: Sequence[Array], train: Array
+) -> tuple[Array, Array]:
+    count = len(sensitivity[0])
+    normal, slope = np.zeros((count, count)), np.zeros(count)
+    for piece, residual, slopes in zip(problem.pieces, residuals, sensitivity, strict=True):
+        root = np.sqrt(problem.weight)[:, None] * train[piece.block][None]
+        j = (slopes * root).reshape(count, -1)
+        normal += j @ j.T
+        slope += j @ (residual * root).ravel()
+    return normal, slope
+
+
+def _trial_steps(z: Array, normal: Array, slope: Array, bounds: tuple[Array, Array]) -> Array:
+    gradient = slope + z
+    hessian = normal + np.eye(len(z))
+    scale = np.diag(np.diag(hessian))
+    trials = []
+    for damping in DAMPING:
+        step = np.linalg.solve(hessian + damping * scale, -gradient)
+        trials.append(np.clip(z + step, *bounds))
+    return np.array(trials)
+
+
+def _costs(problem: JointProblem, moves: Sequence[Move], points: Array, train: Array) -> Array:
+    squares = problem.block_squares(problem.residuals(*problem.columns(moves, points)))
+    costs: Array = (problem.weight[None, :, None] * squares * train).sum(axis=(1, 2)) + (points**2).sum(axis=1)
+    return np.where(np.isfinite(costs), costs, np.inf)

@@ -1,0 +1,137 @@
+"""The numbers that a fit may move: which parameter, around what, how far it is expected to go.
+
+A move is a coordinate z of the fit with prior N(0, 1): the value is centre + scale z, or centre exp(scale z) where
+only ratios make sense. Nominal numbers are trusted to a relative tolerance; parameters of an effect are free within
+what is physically usual.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_model.effects import Effect
+from hand_model.effects.effect import Times
+from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_model.plant_parameters import PLANT_PARAMETERS
+
+Array = NDArray[np.float64]
+START_CREEP = len(JOINT_PARAMETERS)
+"""Row of the creeping ratio at the start, behind the parameters."""
+EFFECT_SPREAD = 3.0
+"""How many typical sizes an effect is expected to have, one standard deviation."""
+LOG_SPREAD = 0.7
+"""Standard deviation of the logarithm of a plain number that an effect sets free."""
+
+NOMINAL_KEYS = (
+    "valve.dead_time_s",
+    "valve.time_constant_s",
+    "statics.a0_nm",
+    "statics.a1_nm_per_rad",
+    "statics.a2_nm_per_pa",
+    "statics.a3_nm_per_pa_rad",
+    "material.phi_max_deg",
+    "material.p_min_pa",
+    "material.b1_per_pa",
+    "material.extension_time_s",
+    "material.b0_per_pa",
+    "material.recovery_time_s",
+    "dynamics.inertia_kg_m2",
+    "dynamics.viscous_friction_nm_s_per_rad",
+    "dynamics.coupling_inertia_kg_m2",
+    "valve.fill_rate_pa_per_s",
+    "valve.vent_rate_pa_per_s",
+)
+_FLOOR = {"valve.dead_time_s": 0.002, "statics.a0_nm": 0.01}
+"""Size that stands for a nominal number whose own is too small to measure a tolerance by; dead time: one step."""
+_WIDE = {"valve.dead_time_s": 0.4}
+"""Tolerances that are wider than the common one: a set-point waits for the board's tick, too."""
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """One coordinate of a fit. row: of the parameter array.  low, high: bounds of the value, SI."""
+
+    row: int
+    centre: float
+    scale: float
+    log: bool
+    low: float
+    high: float
+
+    def value(self, z: Array) -> Array:
+        """Values at coordinates z, within the bounds."""
+        raw = self.centre * np.exp(self.scale * z) if self.log else self.centre + self.scale * z
+        return np.asarray(np.clip(raw, self.low, self.high))
+
+    def coordinate(self, value: float) -> float:
+        """The coordinate of a value."""
+        value = min(max(value, self.low), self.high)
+        if self.log:
+            return math.log(max(value, 1e-300) / self.centre) / self.scale
+        return (value - self.centre) / self.scale
+
+    @property
+    def key(self) -> str:
+        """Its name in hand.yaml."""
+        return "start.creep" if self.row == START_CREEP else JOINT_PARAMETERS[self.row].key
+
+
+def nominal_moves(nominal: Array, tolerance: float, rested: bool) -> list[Move]:
+    """Moves of the plain plant around its nominal parameters (rows,), each by a relative tolerance."""
+    moves = []
+    for key in NOMINAL_KEYS:
+        row = ROW[key]
+        size = max(abs(nominal[row]), _FLOOR.get(key, 0.0))
+        creepless = key.startswith("material.") and nominal[ROW["material.phi_max_deg"]] == 0.0
+        if size == 0.0 or creepless:
+            continue
+        bound = JOINT_PARAMETERS[row]
+        scale = size * max(tolerance, _WIDE.get(key, 0.0))
+        moves.append(Move(row, nominal[row], scale, False, bound.low * bound.scale, bound.high * bound.scale))
+    if nominal[ROW["material.phi_max_deg"]] != 0.0:
+        moves.append(Move(START_CREEP, 0.0, 0.02 if rested else 0.3, False, 0.0, 1.0))
+    return moves
+
+
+def effect_moves(effect: Effect, nominal: Array) -> list[Move]:
+    """Moves of an effect's own parameters and of the plain numbers that it sets free."""
+    moves = []
+    for key in effect.keys:
+        row = ROW[key]
+        bound = JOINT_PARAMETERS[row]
+        low, high = bound.low * bound.scale, bound.high * bound.scale
+        own = row >= len(PLANT_PARAMETERS)
+        centre = (bound.neutral or 0.0) * bound.scale if own else nominal[row]
+        if bound.typical > 0.0 and key not in effect.spread:
+            scale = bound.typical * bound.scale * (EFFECT_SPREAD if own else 1.0)
+            moves.append(Move(row, centre, scale, False, low, high))
+        else:
+            spread = effect.spread.get(key, LOG_SPREAD)
+            moves.append(Move(row, centre if centre > 0.0 else bound.typical * bound.scale, spread, True, low, high))
+    return moves
+
+
+def probe_values(effect: Effect, nominal: Array) -> list[dict[int, float]]:
+    """Starting points of an effect as values by row, SI; those that change nothing are left out."""
+    probes = []
+    for probe in effect.probes:
+        values = {}
+        for key, number in zip(effect.keys, probe, strict=True):
+            row = ROW[key]
+            bound = JOINT_PARAMETERS[row]
+            value = nominal[row] * float(number) if isinstance(number, Times) else number * bound.scale
+            values[row] = float(np.clip(value, bound.low * bound.scale, bound.high * bound.scale))
+        if any(values[row] != nominal[row] for row in values):
+            probes.append(values)
+    return probes
+
+
+def merged(base: Sequence[Move], added: Sequence[Move]) -> list[Move]:
+    """Base moves, with those replaced that an effect sets free."""
+    rows = {move.row for move in added}
+    return [move for move in base if move.row not in rows] + list(added)

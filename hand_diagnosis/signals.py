@@ -1,0 +1,90 @@
+"""What the diagnosis works on: the measured signals of every joint on one uniform clock, without gaps, with weights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import savgol_filter
+
+Array = NDArray[np.float64]
+SMOOTHING_S = 0.045
+"""Window over which speed and acceleration are taken from measured angles; short against any motion of a finger."""
+
+
+@dataclass(frozen=True, slots=True)
+class Signals:
+    """One recording. T samples, J joints; every array (T, J).
+
+    set_point_pa: in force from its sample to the next.  pressure_pa, angle_rad: as read, gaps bridged.
+    force_n: NaN where no sensor.  known: False where a reading was bridged.  has_*: (J,) whether the stage can be
+    judged at all.  notes: what the data check found.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    period_s: float
+    set_point_pa: Array
+    pressure_pa: Array
+    angle_rad: Array
+    force_n: Array
+    known: NDArray[np.bool_]
+    has_set_point: NDArray[np.bool_]
+    has_pressure: NDArray[np.bool_]
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def samples(self) -> int:
+        """T."""
+        return len(self.angle_rad)
+
+    @property
+    def time_s(self) -> Array:
+        """(T,) [s] from 0."""
+        return np.arange(self.samples) * self.period_s
+
+
+def bridge(values: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Columns (T, J) with NaN replaced by linear interpolation, and where they were known; an empty column is 0."""
+    known = np.isfinite(values)
+    filled = np.zeros_like(values)
+    at = np.arange(len(values))
+    for j in range(values.shape[1]):
+        if known[:, j].any():
+            filled[:, j] = np.interp(at, at[known[:, j]], values[known[:, j], j])
+    return filled, known
+
+
+def derivatives(angle_rad: Array, period_s: float) -> tuple[Array, Array]:
+    """Speed and acceleration (T, J) from angles by a cubic over a short moving window."""
+    half = max(2, round(SMOOTHING_S / period_s / 2.0))
+    window = min(2 * half + 1, (len(angle_rad) - 1) // 2 * 2 + 1)
+    if window < 5:
+        return np.gradient(angle_rad, period_s, axis=0), np.zeros_like(angle_rad)
+    speed = savgol_filter(angle_rad, window, 3, deriv=1, delta=period_s, axis=0)
+    acceleration = savgol_filter(angle_rad, window, 3, deriv=2, delta=period_s, axis=0)
+    return speed, acceleration
+
+
+def total_inflow(pressure_pa: Array, period_s: float) -> Array:
+    """Sum of all pressure rises (T,) [Pa/s], smoothed over a few samples."""
+    rises = np.maximum(np.gradient(pressure_pa, period_s, axis=0), 0.0).sum(axis=1)
+    smooth: Array = uniform_filter1d(rises, max(1, round(0.02 / period_s)))
+    return smooth
+
+
+def white_noise(values: Array, known: NDArray[np.bool_] | None = None) -> float:
+    """Standard deviation of the white part of a signal (T,), from its third differences (robust against motion)."""
+    difference = np.diff(values, 3)
+    if known is not None:
+        inside = known[3:] & known[2:-1] & known[1:-2] & known[:-3]
+        difference = difference[inside]
+    if not len(difference):
+        return 0.0
+    quiet = np.abs(difference)
+    # Third differences of unit white noise have variance 1 + 9 + 9 + 1. Of quantised or quiet signals most are 0.
+    return float(
+        max(np.median(quiet) / 0.6745, 0.3 * np.sqrt(np.mean(np.minimum(quiet, np.quantile(quiet, 0.9)) ** 2)))
+    ) / np.sqrt(20.0)

@@ -1,0 +1,352 @@
+"""One joint's signal chain with every effect of the catalogue, opened at the measured signals or closed.
+
+    set-point -> valve -> pressure -> reading            (the valve stage)
+    pressure -> torque -> motion -> angle -> reading     (the joint stage)
+    angle, pressure -> torque of the surroundings -> force -> reading   (the force stage)
+
+Opened, every stage runs on what was measured at its input, so that a fault in one leaves the others alone. Closed,
+one stage feeds the next: that is the plant of a hand whose description has effects. The equations are those of
+plant.py (Eqs. 6, 8, 11, 12) with the hooks of hand_model/effects; where no effect acts both agree.
+
+Integrator: the valve by Heun's method, creep by exact decay towards its zone, motion by the linearly implicit
+trapezoidal rule, which is of second order and stable for any stiffness; dry friction as an impulse that stops the
+joint or slows it (Moreau, Unilateral contact and dry friction in finite freedom dynamics, 1988). Lanes are parameter
+sets of one joint: the inputs are common, which is what a fit by finite differences needs.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import carray, njit, prange
+from numpy.typing import NDArray
+
+from hand_model.effects import CATALOGUE, MEMORY
+from hand_model.effects.effect import ACCELERATION, ANGLE, MEMORY_ROW, PARTNER, SPEED, inline
+from hand_model.joint import one_sided
+from hand_model.material import creep_rate
+from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_model.stack_rows import stack_doubles
+from hand_model.statics import torque as static_torque
+
+Array = NDArray[np.float64]
+LANES = 16
+OUTPUTS = 3
+"""Readings of pressure [Pa], angle [rad] and force [N]."""
+STATES = 4
+P, PHI, OMEGA, CREEP = range(STATES)
+_ROWS = len(JOINT_PARAMETERS)
+_FAST = {"contract", "nnan", "nsz"}
+
+_torque, _one_sided, _creep_rate = (inline(f.py_func) for f in (static_torque, one_sided, creep_rate))
+_DEAD, _TAU = ROW["valve.dead_time_s"], ROW["valve.time_constant_s"]
+_FILL, _VENT = ROW["valve.fill_rate_pa_per_s"], ROW["valve.vent_rate_pa_per_s"]
+_A0, _A1, _A2, _A3 = (ROW[f"statics.{key}"] for key in ("a0_nm", "a1_nm_per_rad", "a2_nm_per_pa", "a3_nm_per_pa_rad"))
+_PHI_MAX, _P_MIN = ROW["material.phi_max_deg"], ROW["material.p_min_pa"]
+_B1, _T_EXT = ROW["material.b1_per_pa"], ROW["material.extension_time_s"]
+_B0, _T_REC = ROW["material.b0_per_pa"], ROW["material.recovery_time_s"]
+_J, _D = ROW["dynamics.inertia_kg_m2"], ROW["dynamics.viscous_friction_nm_s_per_rad"]
+_JC = ROW["dynamics.coupling_inertia_kg_m2"]
+_LOW, _HIGH = ROW["end_stop.low_deg"], ROW["end_stop.high_deg"]
+_K_STOP, _D_STOP = ROW["end_stop.stiffness_nm_per_rad"], ROW["end_stop.damping_nm_s_per_rad"]
+_W_STOP = ROW["end_stop.engagement_deg"]
+_LOAD = ROW["constant_load.torque_nm"]
+_CONTACT, _K_CONTACT = ROW["contact.angle_deg"], ROW["contact.stiffness_nm_per_rad"]
+_D_CONTACT, _W_CONTACT = ROW["contact.damping_nm_s_per_rad"], ROW["contact.engagement_deg"]
+_SUPPLY, _CLOCK = ROW["supply.pressure_pa"], ROW["clock_offset.offset_s"]
+
+
+def _composed(hook: str, pair: Callable[[Any, Any], Any], nothing: Any) -> Any:
+    """The functions that effects hook in at one place, as one function."""
+    functions = [inline(effect.hooks[hook].py_func) for effect in CATALOGUE if hook in effect.hooks]
+    whole = functions[0] if functions else inline(nothing)
+    for function in functions[1:]:
+        whole = inline(pair(whole, function))
+    return whole
+
+
+def _then_set_point(a: Any, b: Any) -> Any:
+    return lambda w, i, u, p, e, h: b(w, i, a(w, i, u, p, e, h), p, e, h)
+
+
+def _then_rate(a: Any, b: Any) -> Any:
+    return lambda w, i, rate, p, u, e: b(w, i, a(w, i, rate, p, u, e), p, u, e)
+
+
+def _then(a: Any, b: Any) -> Any:
+    return lambda w, i, x: b(w, i, a(w, i, x))
+
+
+def _then_undo(a: Any, b: Any) -> Any:
+    return lambda w, i, x: a(w, i, b(w, i, x))
+
+
+def _then_timed(a: Any, b: Any) -> Any:
+    return lambda w, i, x, h: b(w, i, a(w, i, x, h), h)
+
+
+def _plus_torque(a: Any, b: Any) -> Any:
+    def both(w, i, phi, omega, p, e):  # type: ignore[no-untyped-def]
+        torque_a, stiffness_a = a(w, i, phi, omega, p, e)
+        torque_b, stiffness_b = b(w, i, phi, omega, p, e)
+        return torque_a + torque_b, stiffness_a + stiffness_b
+
+    return both
+
+
+def _plus_speed(a: Any, b: Any) -> Any:
+    return lambda w, i, omega: a(w, i, omega) + b(w, i, omega)
+
+
+def _plus_dry(a: Any, b: Any) -> Any:
+    return lambda w, i, omega, p: a(w, i, omega, p) + b(w, i, omega, p)
+
+
+def _both_moved(a: Any, b: Any) -> Any:
+    return lambda w, i, before, after, h: a(w, i, before, after, h) + b(w, i, before, after, h)
+
+
+_shape_set_point = _composed("set_point", _then_set_point, lambda w, i, u, p, e, h: u)
+_felt_error = _composed("valve_error", _then, lambda w, i, error: error)
+_changed_rate = _composed("pressure_rate", _then_rate, lambda w, i, rate, p, u, e: rate)
+read_pressure = _composed("pressure_reading", _then, lambda w, i, p: p)
+_true_pressure = _composed("pressure_true", _then_undo, lambda w, i, p: p)
+at_actuator = _composed("actuator_pressure", _then_timed, lambda w, i, p, h: p)
+_added_torque = _composed("torque", _plus_torque, lambda w, i, phi, omega, p, e: (0.0, 0.0))
+_added_damping = _composed("damping", _plus_speed, lambda w, i, omega: 0.0)
+_dry_friction = _composed("dry", _plus_dry, lambda w, i, omega, p: 0.0)
+_keep_motion = _composed("moved", _both_moved, lambda w, i, before, after, h: 0.0)
+read_angle = _composed("angle_reading", _then_timed, lambda w, i, phi, h: phi)
+_read_force = _composed("force_reading", _then_timed, lambda w, i, force, h: force)
+
+
+@inline
+def _filling(w, i, p, u, e):  # type: ignore[no-untyped-def]
+    """Pressure rate [Pa/s] at p under the set-point u."""
+    rate = _felt_error(w, i, u - p) / w[_TAU, i]
+    rate = min(max(rate, -w[_VENT, i]), w[_FILL, i])
+    return _changed_rate(w, i, rate, p, u, e)
+
+
+@inline
+def valve_step(w, i, p, u, e, h):  # type: ignore[no-untyped-def]
+    """Pressure [Pa] after h [s] under the delayed set-point u; Heun's method."""
+    u = _shape_set_point(w, i, min(max(u, 0.0), w[_SUPPLY, i]), p, e, h)
+    first = _filling(w, i, p, u, e)
+    second = _filling(w, i, p + h * first, u, e)
+    return p + 0.5 * h * (first + second)
+
+
+@inline
+def _stop_stiffness(depth, k, width):  # type: ignore[no-untyped-def]
+    return k * min(max(depth / width, 0.0), 1.0)
+
+
+@inline
+def _acting_torque(w, i, phi, omega, p, creep, e):  # type: ignore[no-untyped-def]
+    """Torque on the joint but for damping and dry friction [N m], and its stiffness [N m/rad]."""
+    added, stiffness = _added_torque(w, i, phi, omega, p, e)
+    width, contact_width = w[_W_STOP, i], w[_W_CONTACT, i]
+    high, low, contact = phi - w[_HIGH, i], w[_LOW, i] - phi, phi - w[_CONTACT, i]
+    total = (
+        _torque(p, phi, creep, w[_A0, i], w[_A1, i], w[_A2, i], w[_A3, i], w[_PHI_MAX, i])
+        + added
+        - w[_LOAD, i]
+        - w[_JC, i] * e[PARTNER]
+        - _one_sided(high, omega, w[_K_STOP, i], w[_D_STOP, i], width, 1.0 / width)
+        + _one_sided(low, -omega, w[_K_STOP, i], w[_D_STOP, i], width, 1.0 / width)
+        - _one_sided(contact, omega, w[_K_CONTACT, i], w[_D_CONTACT, i], contact_width, 1.0 / contact_width)
+    )
+    stiffness += (
+        _stop_stiffness(high, w[_K_STOP, i], width)
+        + _stop_stiffness(low, w[_K_STOP, i], width)
+        + _stop_stiffness(contact, w[_K_CONTACT, i], contact_width)
+        - w[_A1, i]
+        - w[_A3, i] * p
+    )
+    return total, max(stiffness, 0.0)
+
+
+@inline
+def creep_step(w, i, p, creep, h):  # type: ignore[no-untyped-def]
+    """Creeping ratio after h [s]; Heun's method (h is far below both time constants)."""
+    ext, rec = 1.0 / w[_T_EXT, i], 1.0 / w[_T_REC, i]
+    first = _creep_rate(p, creep, w[_P_MIN, i], w[_B1, i], ext, w[_B0, i], rec)
+    second = _creep_rate(p, creep + h * first, w[_P_MIN, i], w[_B1, i], ext, w[_B0, i], rec)
+    return creep + 0.5 * h * (first + second)
+
+
+@inline
+def joint_step(w, i, phi, omega, p, creep, e, h):  # type: ignore[no-untyped-def]
+    """Angle [rad] and speed [rad/s] after h [s] at the actuator pressure p."""
+    total, stiffness = _acting_torque(w, i, phi, omega, p, creep, e)
+    damping = w[_D, i] + _added_damping(w, i, omega)
+    implicit = 0.5 * h * damping + 0.25 * h * h * stiffness
+    mass = w[_J, i] + implicit
+    free = ((w[_J, i] - implicit) * omega + h * total) / mass
+    stopping = h * _dry_friction(w, i, omega, p) / mass
+    after = max(abs(free) - stopping, 0.0)
+    after = after if free > 0.0 else -after
+    moved = phi + 0.5 * h * (omega + after)
+    _keep_motion(w, i, phi, moved, h)
+    return moved, after
+
+
+@inline
+def _outside_torque(w, i, p, creep, e):  # type: ignore[no-untyped-def]
+    """Torque [N m] that the surroundings must exert for the measured motion, stops left out; Eq. 8 for M_d."""
+    phi, omega = e[ANGLE], e[SPEED]
+    added, _ = _added_torque(w, i, phi, omega, p, e)
+    damping = w[_D, i] + _added_damping(w, i, omega)
+    actuator = _torque(p, phi, creep, w[_A0, i], w[_A1, i], w[_A2, i], w[_A3, i], w[_PHI_MAX, i])
+    inertial = w[_J, i] * e[ACCELERATION] + w[_JC, i] * e[PARTNER]
+    return actuator + added - w[_LOAD, i] - damping * omega - inertial
+
+
+@inline
+def _delayed(u, x, y):  # type: ignore[no-untyped-def]
+    """Mean of the piecewise constant u between the sample positions x <= y, less than one apart."""
+    last = u.shape[0] - 1
+    a = math.floor(x)
+    b = math.floor(y)
+    first, second = u[min(max(a, 0), last)], u[min(max(b, 0), last)]
+    share = (y - b) / (y - x) if b > a else 1.0
+    return first + share * (second - first)
+
+
+@inline
+def _between(signal, x):  # type: ignore[no-untyped-def]
+    """Linear interpolation of samples at the position x."""
+    x = min(max(x, 0.0), signal.shape[0] - 1.0)
+    a = min(int(x), signal.shape[0] - 2)
+    return signal[a] + (x - a) * (signal[a + 1] - signal[a])
+
+
+def equations() -> str:
+    """Numba's cache looks at changes of one file alone; this key makes it look at every equation."""
+    here = Path(__file__).parent
+    files = [here / f"{name}.py" for name in ("joint", "material", "statics", "plant_parameters")]
+    files += sorted((here / "effects").glob("*.py"))
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+
+
+X = MEMORY_ROW + MEMORY
+"""First state row of the working array."""
+# Above it, what is the input of a step.
+_COMMAND, _INPUT, _ACTUATOR = range(X + STATES, X + STATES + 3)
+WORK = X + STATES + 3
+_SIZE = WORK * LANES
+
+
+@inline
+def _inputs(w, u, reading, begin, end, dt):  # type: ignore[no-untyped-def]
+    """Delayed set-point and measured pressure of a step, lane by lane (gathers keep a loop from being vectorised)."""
+    for i in range(LANES):
+        lag = w[_DEAD, i] / dt
+        w[_COMMAND, i] = _delayed(u, begin - lag, end - lag)
+        w[_INPUT, i] = _between(reading, 0.5 * (begin + end) + w[_CLOCK, i] / dt)
+
+
+@inline
+def _open_step(w, e, h):  # type: ignore[no-untyped-def]
+    """One step of the valve stage on the set-points and of the joint stage on the measured pressures."""
+    for i in range(LANES):
+        w[X + P, i] = valve_step(w, i, w[X + P, i], w[_COMMAND, i], e, h)
+        p = at_actuator(w, i, _true_pressure(w, i, w[_INPUT, i]), h)
+        w[_ACTUATOR, i] = p
+        creep = w[X + CREEP, i]
+        phi, omega = joint_step(w, i, w[X + PHI, i], w[X + OMEGA, i], p, creep, e, h)
+        w[X + PHI, i], w[X + OMEGA, i] = phi, omega
+        w[X + CREEP, i] = creep_step(w, i, p, creep, h)
+
+
+@inline
+def _read(w, e, dt, lever, out, k):  # type: ignore[no-untyped-def]
+    """Readings at the end of a sample."""
+    for i in range(LANES):
+        out[0, k, i] = read_pressure(w, i, w[X + P, i])
+        out[1, k, i] = read_angle(w, i, w[X + PHI, i], dt)
+        force = _outside_torque(w, i, w[_ACTUATOR, i], w[X + CREEP, i], e) / lever
+        out[2, k, i] = _read_force(w, i, max(force, 0.0), dt)
+
+
+@inline
+def _around(e, k):  # type: ignore[no-untyped-def]
+    return e[k, 0], e[k, 1], e[k, 2], e[k, 3], e[k, 4], e[k, 5], e[k, 6]
+
+
+def _block_kernel() -> Any:
+    """One block through all samples, compiled alone: a parallel region would keep it from being vectorised."""
+    key = equations()
+
+    def open_block(work, u, reading, e, dt, steps, lever, out):  # type: ignore[no-untyped-def]
+        _ = key
+        w = carray(stack_doubles(_SIZE), (WORK, LANES))  # of known shape: rows cannot overlap
+        for row in range(WORK):
+            for i in range(LANES):
+                w[row, i] = work[row, i]
+        h = dt / steps
+        for k in range(reading.shape[0] - 1):
+            now = _around(e, k)
+            for n in range(steps):
+                _inputs(w, u, reading, k + n / steps, k + (n + 1) / steps, dt)
+                _open_step(w, now, h)
+            _read(w, _around(e, k + 1), dt, lever, out, k + 1)
+
+    return njit(cache=True, fastmath=_FAST, error_model="numpy")(open_block)
+
+
+_open_block = _block_kernel()
+
+
+def _kernel() -> Any:
+    key = equations()
+
+    def open_lanes(w, u, reading, e, dt, steps, lever, out):  # type: ignore[no-untyped-def]
+        _ = key
+        for block in prange(w.shape[0]):
+            _open_block(w[block], u, reading, e, dt, steps, lever, out[block])
+
+    return njit(cache=True, parallel=True, fastmath=_FAST)(open_lanes)
+
+
+_open_lanes = _kernel()
+
+
+def open_chain(
+    columns: Array,
+    start: Array,
+    set_point_pa: Array,
+    pressure_pa: Array,
+    exogenous: Array,
+    period_s: float,
+    lever_m: float = 1.0,
+    step_s: float = 1.3e-3,
+) -> Array:
+    """Readings (columns, OUTPUTS, samples) that each parameter set predicts from the measured inputs of each stage.
+
+    columns: (columns, rows of JOINT_PARAMETERS) SI.  start: (columns, STATES) at the first sample.  set_point_pa,
+    pressure_pa: (samples,), no gaps; the set-point of a sample holds until the next.  exogenous: (samples, EXOGENOUS).
+    lever_m: arm of the force sensor.  step_s: largest step of integration.
+    """
+    count, samples = len(columns), len(pressure_pa)
+    blocks = -(-count // LANES)
+    w = np.zeros((blocks * LANES, WORK))
+    w[:count, :_ROWS], w[count:, :_ROWS] = columns, columns[-1]
+    w[:count, X : X + STATES], w[count:, X : X + STATES] = start, start[-1]
+    for effect in CATALOGUE:
+        for row, kind in effect.starts:
+            w[:, row] = w[:, X + PHI] if kind == "angle" else pressure_pa[0]
+    work = np.ascontiguousarray(w.reshape(blocks, LANES, WORK).transpose(0, 2, 1))
+    out = np.empty((blocks, OUTPUTS, samples, LANES))
+    out[:, 0, 0], out[:, 1, 0], out[:, 2, 0] = work[:, X + P], work[:, X + PHI], 0.0
+    steps = max(1, math.ceil(period_s / step_s - 1e-9))
+    u, p, e = (np.ascontiguousarray(signal, dtype=np.float64) for signal in (set_point_pa, pressure_pa, exogenous))
+    _open_lanes(work, u, p, e, period_s, steps, lever_m, out)
+    readings: Array = out.transpose(0, 3, 1, 2).reshape(blocks * LANES, OUTPUTS, samples)[:count]
+    return readings

@@ -1,0 +1,26 @@
+"""The silicone creeps: the rest angle follows the pressure over tens of seconds."""
+
+from __future__ import annotations
+
+from hand_model.effects.effect import Effect, Times
+
+_KEYS = ("phi_max_deg", "extension_time_s", "recovery_time_s", "p_min_pa", "b1_per_pa", "b0_per_pa")
+
+EFFECT = Effect(
+    "creep",
+    "material",
+    tuple(f"material.{key}" for key in _KEYS),
+    (
+        (60.0, 25.0, 40.0, Times(1.0), Times(1.0), Times(1.0)),
+        (30.0, 8.0, 12.0, Times(1.0), Times(1.0), Times(1.0)),
+        (40.0, 80.0, 100.0, Times(1.0), Times(1.0), Times(1.0)),
+        (Times(1.5), Times(1.0), Times(1.0), Times(1.0), Times(1.0), Times(1.0)),
+        (Times(0.5), Times(1.0), Times(1.0), Times(1.0), Times(1.0), Times(1.0)),
+    ),
+    "the material creeps by up to {phi_max_deg} degrees, within {extension_time_s} s under pressure"
+    " and {recovery_time_s} s back",
+    ("staircase", "hold"),
+    "Viscoelastic shift of the rest angle in three zones: extension, hold, recovery.",
+    "Eqs. 11-13, Martin et al. 2004",
+    spread={"material.p_min_pa": 0.3, "material.b1_per_pa": 0.2, "material.b0_per_pa": 0.2},
+)

@@ -1,0 +1,25 @@
+"""A stop is softer or nearer than modelled."""
+
+from __future__ import annotations
+
+from hand_model.effects.effect import Effect, Times
+
+_KEYS = ("end_stop.high_deg", "end_stop.low_deg", "end_stop.stiffness_nm_per_rad")
+
+EFFECT = Effect(
+    "end_stop",
+    "joint",
+    _KEYS,
+    (
+        (85.0, Times(1.0), 1.0),
+        (70.0, Times(1.0), 1.0),
+        (55.0, Times(1.0), 1.0),
+        (Times(1.0), 0.0, 1.0),
+        (Times(1.0), 10.0, 1.0),
+    ),
+    "the stops stand at {low_deg} and {high_deg} degrees with {stiffness_nm_per_rad} N m/rad",
+    ("staircase", "slow_triangle"),
+    "Range of motion of the joint, with an elastic stop at both ends.",
+    "one-sided spring and damper, Hunt and Crossley, J. Appl. Mech. 42, 1975",
+    spread={"end_stop.stiffness_nm_per_rad": 1.5},
+)

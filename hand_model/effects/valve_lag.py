@@ -1,0 +1,30 @@
+"""The valve is slower than its model: a longer time constant or a further one."""
+
+from __future__ import annotations
+
+from hand_model.effects.effect import Effect, Times, declare, inline, remember
+from hand_model.plant_parameters import Parameter
+
+(TAU,) = declare(Parameter("valve_lag.time_constant_s", 0.0, 1.0, "second lag of the valve", 1.0, 0.0, 0.03))
+LAGGED = remember()
+
+
+@inline
+def set_point(w, i, u, p, e, h):  # type: ignore[no-untyped-def]
+    """First-order lag ahead of the valve's own."""
+    w[LAGGED, i] += (u - w[LAGGED, i]) * min(h / (w[TAU, i] + 0.5 * h), 1.0)
+    return w[LAGGED, i]
+
+
+EFFECT = Effect(
+    "valve_lag",
+    "valve",
+    ("valve_lag.time_constant_s", "valve.time_constant_s"),
+    ((0.02, Times(1.0)), (0.08, Times(1.0)), (0.0, Times(1.6)), (0.0, Times(0.5))),
+    "the valve is slower than modelled: lags of {time_constant_s} s",
+    ("steps", "multisine"),
+    "A valve of second order, or of another time constant than the nominal one.",
+    "Eq. 8's separately identified valve, Martin et al. 2004",
+    {"set_point": set_point},
+    starts=((LAGGED, "pressure"),),
+)
