@@ -63,7 +63,7 @@ _SUPPLY, _CLOCK = ROW["supply.pressure_pa"], ROW["clock_offset.offset_s"]
 
 def _composed(hook: str, pair: Callable[[Any, Any], Any], nothing: Any) -> Any:
     """The functions that effects hook in at one place, as one function."""
-    functions = [inline(effect.hooks[hook].py_func) for effect in CATALOGUE if hook in effect.hooks]
+    functions: list[Any] = [effect.hooks[hook] for effect in CATALOGUE if hook in effect.hooks]
     whole = functions[0] if functions else inline(nothing)
     for function in functions[1:]:
         whole = inline(pair(whole, function))

@@ -23,6 +23,7 @@ _TOP = (
     "schema",
     "name",
     "joint_prefix",
+    "fluid",
     "supply",
     "board",
     "joint_defaults",
@@ -30,6 +31,8 @@ _TOP = (
     "force_site_defaults",
     "force_sites",
 )
+_FLUIDS = ("pneumatic", "hydraulic")
+_HYDRAULIC = "hydraulic.share"
 _SUPPLY = ("pressure_pa", "sensor_voltage_v")
 _BOARD = ("rate_hz", "watchdog_s", "adc_bits", "adc_reference_v")
 _JOINT = ("name", "coupled_to", "limits", *_GROUPS, "angle_sensor", "pressure_sensor")
@@ -100,6 +103,7 @@ def load_hand(path: str | Path) -> Hand:
     joints = [joint.over(defaults) for joint in top.sections("joints", _JOINT)]
     names = read_names(joints)
     parameters = np.array([_joint_parameters(joint, supply_pressure_pa) for joint in joints]).T
+    parameters[ROW[_HYDRAULIC]] = top.choice("fluid", list(_FLUIDS), _FLUIDS[0]) == "hydraulic"
     partner = np.array([_partner(joint, names) for joint in joints], dtype=np.int64)
     for index, joint in enumerate(joints):
         _check_coupling(index, joints, partner, parameters)

@@ -8,7 +8,10 @@ import typer
 
 from hand_tool.demo import demo
 from hand_tool.emulate_board import emulate_board
+from hand_tool.identify import app as identify
+from hand_tool.magnet import magnet
 from hand_tool.record import record
+from hand_tool.reproduce import reproduce
 from hand_tool.simulate import simulate
 
 app = typer.Typer(
@@ -21,6 +24,9 @@ app.command()(record)
 app.command()(simulate)
 app.command("emulate-board")(emulate_board)
 app.command()(demo)
+app.add_typer(identify, name="identify")
+app.command()(magnet)
+app.command()(reproduce)
 
 
 def main() -> None:

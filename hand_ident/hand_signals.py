@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_diagnosis.signals import Signals, bridge
 from hand_ident.loader import Recording, RecordingError
+from hand_ident.signals import Signals, bridge
 from hand_ident.time_base import TimeBase, published_on_stamp_clock
 from hand_model.description import Hand
 from hand_sim.offline import Commands, Ticks, rebuild_ticks, set_points_in_force
@@ -49,7 +51,7 @@ def hand_signals(recording: Recording, hand: Hand) -> Signals:
         _forces(base, hand, joints),
         known & (pressure_known | ~pressure_known.any(axis=0)),
         commanded,
-        pressure_known.any(axis=0),
+        np.asarray(pressure_known.any(axis=0)),
         notes,
     )
 
@@ -96,3 +98,15 @@ def _notes(recording: Recording, base: TimeBase, stamps: int, ticks: int) -> tup
         if topic not in recording or not len(recording[topic]):
             notes.append(f"no {topic}: the stages that need them are not judged")
     return tuple(notes)
+
+
+def without_sensor_curve(signals: Signals, hand: Hand) -> Signals:
+    """The angles behind the readings, where sensor and calibration are as described: the line's error taken back."""
+    grid = np.radians(np.linspace(-40.0, 130.0, 1701))
+    line, hall = hand.sensors.angle_line, hand.sensors.hall
+    curves = line.angle_rad(hall.ratio(np.repeat(grid[:, None], len(hand.joints), axis=1)))
+    true = signals.angle_rad.copy()
+    for column, joint in enumerate(signals.joints):
+        curve = np.maximum.accumulate(curves[:, hand.joints.index(joint)])
+        true[:, column] = np.interp(signals.angle_rad[:, column], curve, grid)
+    return replace(signals, angle_rad=true)

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_diagnosis.joint_problem import JointProblem
-from hand_diagnosis.moves import Move
+from hand_ident.joint_problem import JointProblem
+from hand_ident.moves import Move
 
 Array = NDArray[np.float64]
-DIFFERENCE = 0.05
+DIFFERENCE = 0.002
 """Step of the finite differences, in standard deviations of the prior."""
+LONGEST_STEP = 0.7
+"""Of any coordinate: beyond a prior's width the slopes say little."""
 DAMPING = (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3)
 """Trial steps: as many as fit one block of lanes with room to spare, all tried at once."""
 
@@ -37,17 +39,16 @@ class MapFit:
     @property
     def covariance(self) -> Array:
         """Of z, prior included, (moves, moves)."""
-        covariance: Array = np.linalg.inv(self.normal + np.eye(len(self.z)))
-        return covariance
+        return np.asarray(np.linalg.inv(self.normal + np.eye(len(self.z))), dtype=np.float64)
 
 
 def map_fit(
-    problem: JointProblem, moves: Sequence[Move], z: Array, iterations: int = 12, tolerance: float = 0.02
+    problem: JointProblem, moves: Sequence[Move], start: Array, iterations: int = 12, tolerance: float = 0.02
 ) -> MapFit:
-    """Fit from z (moves,). Stops when the cost falls by less than `tolerance` of a unit (or 1e-4 of itself)."""
+    """Fit from start (moves,). Stops when the cost falls by less than `tolerance` of a unit (or 1e-4 of itself)."""
     train = (~problem.held_out).astype(float)
     bounds = _bounds(moves)
-    z = np.clip(z, *bounds)
+    z = _usable(problem, moves, np.clip(start, *bounds), train)
     for done in range(1, iterations + 1):
         cost, squares, residuals, sensitivity = _differentiate(problem, moves, z, train)
         normal, slope = _normal_equations(problem, residuals, sensitivity, train)
@@ -64,6 +65,23 @@ def map_fit(
             break
         z = trials[best]
     return MapFit(tuple(moves), z, cost, squares, tuple(residuals), normal, tuple(sensitivity), done)
+
+
+def _usable(problem: JointProblem, moves: Sequence[Move], z: Array, train: Array) -> Array:
+    """The start, or as far from the nominal values towards it as the simulation stays finite."""
+    shares = np.linspace(1.0, 0.0, 8)
+    costs = _costs(problem, moves, shares[:, None] * z, train)
+    usable: Array = shares[int(np.argmax(np.isfinite(costs)))] * z
+    return usable
+
+
+def multi_start(
+    problem: JointProblem, moves: Sequence[Move], starts: Sequence[Array], first: int = 4, iterations: int = 25
+) -> MapFit:
+    """Fit briefly from every start, then to the end from the two best: simulation error has local minima."""
+    tried = sorted((map_fit(problem, moves, start, first) for start in starts), key=lambda fit: fit.cost)
+    ended = [map_fit(problem, moves, fit.z, iterations) for fit in tried[:2]]
+    return min(ended, key=lambda fit: fit.cost)
 
 
 def _bounds(moves: Sequence[Move]) -> tuple[Array, Array]:
@@ -110,6 +128,7 @@ def _trial_steps(z: Array, normal: Array, slope: Array, bounds: tuple[Array, Arr
     trials = []
     for damping in DAMPING:
         step = np.linalg.solve(hessian + damping * scale, -gradient)
+        step *= min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-300))
         trials.append(np.clip(z + step, *bounds))
     return np.array(trials)
 

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_model.effects import Effect
-from hand_model.effects.effect import Times
+from hand_model.effects.effect import Effect, Times
 from hand_model.parameters import JOINT_PARAMETERS, ROW
 from hand_model.plant_parameters import PLANT_PARAMETERS
 

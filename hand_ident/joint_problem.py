@@ -1,4 +1,4 @@
-"""One joint of one or more recordings as a least-squares problem: parameters in, weighted residuals of each stage out."""
+"""One joint of one or more recordings as a least-squares problem: parameters in, residuals of each stage out."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_diagnosis.moves import START_CREEP, Move
+from hand_ident.moves import START_CREEP, Move
 from hand_model.chain import CREEP, OUTPUTS, PHI, STATES, P, open_chain
 
 Array = NDArray[np.float64]
@@ -70,7 +70,7 @@ class JointProblem:
     @property
     def held_out(self) -> NDArray[np.bool_]:
         """(blocks,) which are not fitted: every third, so that each stretch of a recording is judged."""
-        return np.arange(self.blocks) % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
+        return np.asarray(np.arange(self.blocks) % HELD_OUT_EVERY == HELD_OUT_EVERY - 1)
 
     def columns(self, moves: Sequence[Move], z: Array) -> tuple[Array, Array]:
         """Parameter sets (k, rows) and starting creep (k,) of coordinates z (k, moves)."""

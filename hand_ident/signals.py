@@ -43,7 +43,7 @@ class Signals:
     @property
     def time_s(self) -> Array:
         """(T,) [s] from 0."""
-        return np.arange(self.samples) * self.period_s
+        return np.asarray(np.arange(self.samples) * self.period_s, dtype=np.float64)
 
 
 def bridge(values: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -62,9 +62,9 @@ def derivatives(angle_rad: Array, period_s: float) -> tuple[Array, Array]:
     half = max(2, round(SMOOTHING_S / period_s / 2.0))
     window = min(2 * half + 1, (len(angle_rad) - 1) // 2 * 2 + 1)
     if window < 5:
-        return np.gradient(angle_rad, period_s, axis=0), np.zeros_like(angle_rad)
-    speed = savgol_filter(angle_rad, window, 3, deriv=1, delta=period_s, axis=0)
-    acceleration = savgol_filter(angle_rad, window, 3, deriv=2, delta=period_s, axis=0)
+        return np.zeros_like(angle_rad), np.zeros_like(angle_rad)
+    speed: Array = savgol_filter(angle_rad, window, 3, deriv=1, delta=period_s, axis=0)
+    acceleration: Array = savgol_filter(angle_rad, window, 3, deriv=2, delta=period_s, axis=0)
     return speed, acceleration
 
 
@@ -85,6 +85,5 @@ def white_noise(values: Array, known: NDArray[np.bool_] | None = None) -> float:
         return 0.0
     quiet = np.abs(difference)
     # Third differences of unit white noise have variance 1 + 9 + 9 + 1. Of quantised or quiet signals most are 0.
-    return float(
-        max(np.median(quiet) / 0.6745, 0.3 * np.sqrt(np.mean(np.minimum(quiet, np.quantile(quiet, 0.9)) ** 2)))
-    ) / np.sqrt(20.0)
+    trimmed = float(np.sqrt(np.mean(np.minimum(quiet, np.quantile(quiet, 0.9)) ** 2)))
+    return max(float(np.median(quiet)) / 0.6745, 0.3 * trimmed) / float(np.sqrt(20.0))

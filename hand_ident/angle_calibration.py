@@ -1,0 +1,154 @@
+"""Calibration of a Hall angle sensor from a rig: a line through two ends, a sine, or a sine with harmonics.
+
+The three models, from a reference angle phi and the sensor's voltage U:
+
+    line        phi = a + b U, through the samples nearest to 0 and 90 degrees (the paper's two-point interpolation)
+    sine        U = m + s sin(phi - phi_0), Eq. 1 through Eq. 3
+    harmonic    U = m + sum of sines and cosines of phi and 2 phi, 3 phi: misalignment and a shaped magnet
+
+A model is chosen by the error it makes on samples it was not fitted to; the simpler one wins where they are alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+Array = NDArray[np.float64]
+FOLDS = 5
+MARGIN = 1.1
+"""A richer model must be better by more than this factor."""
+MODELS = ("line", "sine", "harmonic")
+
+
+@dataclass(frozen=True, slots=True)
+class AngleCalibration:
+    """A calibrated sensor: model, its numbers, errors in degrees (RMS, largest, held-out by model)."""
+
+    model: str
+    numbers: tuple[float, ...]
+    rms_deg: float
+    largest_deg: float
+    held_out_deg: dict[str, float]
+    low_v: float
+    high_v: float
+
+    def angle_deg(self, voltage_v: Array) -> Array:
+        """Angles [deg] of voltages (n,); NaN outside the voltages of the calibration."""
+        inside = (voltage_v >= self.low_v) & (voltage_v <= self.high_v)
+        return np.where(inside, _INVERSE[self.model](np.array(self.numbers), voltage_v), np.nan)
+
+
+def calibrate_angle(angle_deg: Array, voltage_v: Array) -> AngleCalibration:
+    """Fit and choose. angle_deg, voltage_v: (n,). Raises ValueError, one line, for data that fit no model."""
+    _check(angle_deg, voltage_v)
+    held_out = {model: _held_out_deg(model, angle_deg, voltage_v) for model in MODELS}
+    chosen = MODELS[0]
+    for model in MODELS[1:]:
+        if held_out[model] * MARGIN < held_out[chosen]:
+            chosen = model
+    numbers = _FIT[chosen](angle_deg, voltage_v)
+    error = _INVERSE[chosen](numbers, voltage_v) - angle_deg
+    return AngleCalibration(
+        chosen,
+        tuple(float(x) for x in numbers),
+        float(np.sqrt(np.mean(error**2))),
+        float(np.abs(error).max()),
+        held_out,
+        float(voltage_v.min()),
+        float(voltage_v.max()),
+    )
+
+
+def _check(angle_deg: Array, voltage_v: Array) -> None:
+    if len(angle_deg) < 12:
+        raise ValueError(f"{len(angle_deg)} samples; 12 or more are needed")
+    if np.ptp(voltage_v) < 1e-3:
+        raise ValueError(f"voltage_v is constant at {voltage_v[0]:g} V; the joint must be moved")
+    if np.ptp(angle_deg) < 5.0:
+        span = np.ptp(angle_deg)
+        hint = "; are these radians?" if np.ptp(angle_deg) > 0.3 and np.abs(angle_deg).max() < 2 * np.pi else ""
+        raise ValueError(f"angle_deg spans {span:.3g} degrees; 5 or more are needed{hint}")
+    if np.abs(angle_deg).max() > 360.0:
+        raise ValueError(f"angle_deg reaches {np.abs(angle_deg).max():g}; the allowed range is -360 to 360")
+
+
+def _held_out_deg(model: str, angle_deg: Array, voltage_v: Array) -> float:
+    """RMS error on samples left out of the fit, each once, in interleaved folds of the sorted angles."""
+    order = np.argsort(angle_deg, kind="stable")
+    fold = np.empty(len(order), dtype=int)
+    fold[order] = np.arange(len(order)) % FOLDS
+    squares = []
+    for k in range(FOLDS):
+        train, test = fold != k, fold == k
+        numbers = _FIT[model](angle_deg[train], voltage_v[train])
+        squares.append((_INVERSE[model](numbers, voltage_v[test]) - angle_deg[test]) ** 2)
+    return float(np.sqrt(np.mean(np.concatenate(squares))))
+
+
+def _fit_line(angle_deg: Array, voltage_v: Array) -> Array:
+    """Through the mean of the samples around each of the two ends."""
+    low, high = max(0.0, angle_deg.min()), min(90.0, angle_deg.max())
+    near = [np.argsort(np.abs(angle_deg - end))[: max(1, len(angle_deg) // 50)] for end in (low, high)]
+    (a0, v0), (a1, v1) = [(angle_deg[n].mean(), voltage_v[n].mean()) for n in near]
+    slope = (a1 - a0) / (v1 - v0) if v1 != v0 else 0.0
+    return np.array([a0 - slope * v0, slope])
+
+
+def _line(numbers: Array, voltage_v: Array) -> Array:
+    angle: Array = numbers[0] + numbers[1] * voltage_v
+    return angle
+
+
+def _harmonics(angle_deg: Array, count: int) -> Array:
+    phi = np.radians(angle_deg)
+    columns = [np.ones_like(phi)]
+    for k in range(1, count + 1):
+        columns += [np.sin(k * phi), np.cos(k * phi)]
+    return np.array(columns).T
+
+
+def _fit_harmonics(count: int) -> Callable[[Array, Array], Array]:
+    def fit(angle_deg: Array, voltage_v: Array) -> Array:
+        table = _harmonics(angle_deg, count)
+        # A little ridge: over a part of the turn the harmonics are nearly alike.
+        ridge = 1e-9 * len(table) * np.eye(table.shape[1])
+        numbers = np.asarray(np.linalg.solve(table.T @ table + ridge, table.T @ voltage_v), dtype=np.float64)
+        spread = float(np.std(voltage_v - table @ numbers))
+        robust = least_squares(lambda x: table @ x - voltage_v, numbers, loss="soft_l1", f_scale=max(3 * spread, 1e-9))
+        return np.asarray(robust.x)
+
+    return fit
+
+
+def _inverse_harmonics(count: int) -> Callable[[Array, Array], Array]:
+    def inverse(numbers: Array, voltage_v: Array) -> Array:
+        grid = np.linspace(-45.0, 135.0, 3601)
+        curve = _harmonics(grid, count) @ numbers
+        middle = int(np.argmin(np.abs(grid - 45.0)))
+        rising = 1.0 if curve[middle + 1] > curve[middle - 1] else -1.0
+        slope = rising * np.diff(curve)
+        below, above = np.flatnonzero(slope[:middle] <= 0), np.flatnonzero(slope[middle:] <= 0)
+        first = int(below[-1]) + 1 if len(below) else 0
+        last = middle + int(above[0]) if len(above) else len(grid) - 1
+        part = slice(first, last + 1)
+        angle: Array = np.interp(rising * voltage_v, rising * curve[part], grid[part])
+        return angle
+
+    return inverse
+
+
+_FIT: dict[str, Callable[[Array, Array], Array]] = {
+    "line": _fit_line,
+    "sine": _fit_harmonics(1),
+    "harmonic": _fit_harmonics(3),
+}
+_INVERSE: dict[str, Callable[[Array, Array], Array]] = {
+    "line": _line,
+    "sine": _inverse_harmonics(1),
+    "harmonic": _inverse_harmonics(3),
+}

@@ -1,0 +1,101 @@
+"""From signals to the problem of one joint: what surrounds the joint, what counts, where it begins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_ident.joint_problem import (
+    SETTLING_S,
+    JointProblem,
+    Piece,
+    block_numbers,
+    initial_weights,
+)
+from hand_ident.signals import Signals, derivatives, total_inflow, white_noise
+from hand_model.chain import OUTPUTS, PHI, STATES, P
+from hand_model.description import Hand
+from hand_model.effects.effect import ACCELERATION, ANGLE, EXOGENOUS, INFLOW, NEIGHBOUR, PARTNER, SPEED, TIME
+
+Array = NDArray[np.float64]
+TOUCHING_N = 0.3
+"""A force below this may be noise; the force stage is judged only while something is touched."""
+
+
+def joint_problem(signals: Sequence[Signals], hand: Hand, joint: str) -> JointProblem:
+    """The problem of one joint over all recordings that hold it, with the hand's nominal parameters."""
+    index = hand.joints.index(joint)
+    pieces: list[Piece] = []
+    first = 0
+    for one in signals:
+        if joint in one.joints:
+            pieces.append(_piece(one, hand, joint, first))
+            first = int(pieces[-1].block[-1]) + 1
+    noise = np.max([_noise(piece) for piece in pieces], axis=0)
+    return JointProblem(
+        joint,
+        pieces,
+        hand.parameters[:, index].copy(),
+        initial_weights(pieces[0].period_s, noise),
+        _lever_m(hand, index),
+    )
+
+
+def _piece(signals: Signals, hand: Hand, joint: str, first_block: int) -> Piece:
+    j = signals.joints.index(joint)
+    force = signals.force_n[:, j]
+    start = np.zeros(STATES)
+    start[P], start[PHI] = signals.pressure_pa[0, j], signals.angle_rad[0, j]
+    return Piece(
+        signals.name,
+        signals.period_s,
+        signals.set_point_pa[:, j],
+        signals.pressure_pa[:, j],
+        signals.angle_rad[:, j],
+        force,
+        _surroundings(signals, hand, joint),
+        _use(signals, j, force),
+        block_numbers(signals.samples, signals.period_s, first_block),
+        start,
+    )
+
+
+def _surroundings(signals: Signals, hand: Hand, joint: str) -> Array:
+    """Columns of e, (T, EXOGENOUS)."""
+    j = signals.joints.index(joint)
+    speed, acceleration = derivatives(signals.angle_rad, signals.period_s)
+    e = np.zeros((signals.samples, EXOGENOUS))
+    e[:, TIME] = signals.time_s
+    e[:, INFLOW] = total_inflow(signals.pressure_pa, signals.period_s)
+    e[:, ANGLE], e[:, SPEED] = signals.angle_rad[:, j], speed[:, j]
+    e[:, ACCELERATION] = acceleration[:, j]
+    partner = int(hand.partner[hand.joints.index(joint)])
+    if partner >= 0 and hand.joints[partner] in signals.joints:
+        other = signals.joints.index(hand.joints[partner])
+        e[:, PARTNER], e[:, NEIGHBOUR] = acceleration[:, other], signals.angle_rad[:, other]
+    elif len(signals.joints) > 1:
+        e[:, NEIGHBOUR] = signals.angle_rad[:, j - 1 if j else 1]
+    return e
+
+
+def _use(signals: Signals, j: int, force: Array) -> NDArray[np.bool_]:
+    """Samples of each stage that count, (OUTPUTS, T)."""
+    settled = np.arange(signals.samples) >= round(SETTLING_S / signals.period_s)
+    known = signals.known[:, j] & settled
+    use = np.zeros((OUTPUTS, signals.samples), dtype=bool)
+    use[0] = known & bool(signals.has_set_point[j]) & bool(signals.has_pressure[j])
+    use[1] = known & bool(signals.has_pressure[j])
+    use[2] = known & np.isfinite(force) & (np.nan_to_num(force) > TOUCHING_N)
+    return use
+
+
+def _noise(piece: Piece) -> Array:
+    """White noise of each measured signal (OUTPUTS,), from the data."""
+    return np.array([white_noise(signal) for signal in piece.measured])
+
+
+def _lever_m(hand: Hand, joint: int) -> float:
+    sites = np.flatnonzero(hand.sensors.site_joint == joint)
+    return float(hand.sensors.lever_arm_m[sites[0]]) if len(sites) else 1.0

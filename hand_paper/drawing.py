@@ -1,0 +1,23 @@
+"""How figures look: size, colours, no window."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+INK, BLUE, RED, GREEN, GREY = "#1a1a1a", "#1f6f9f", "#c0392b", "#2e8b57", "#888888"
+
+
+def panels(
+    rows: int = 1, columns: int = 1, width: float = 8.0, height: float = 3.6, **options: Any
+) -> tuple[Figure, Any]:
+    """A figure without a window and its axes."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(rows, columns, **options)
+    for axis in axes.flat if hasattr(axes, "flat") else [axes]:
+        axis.spines[["top", "right"]].set_visible(False)
+        axis.grid(alpha=0.25, lw=0.6)
+    return figure, axes

@@ -1,0 +1,126 @@
+"""`hand identify statics`: the torque map of Eq. 6 from a rig recording."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import matplotlib
+import numpy as np
+import typer
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from hand_ident.loader import load_recording
+from hand_ident.rig_file import RigError, read_rig
+from hand_ident.static_map import TERMS, StaticMap, VolumeMap, identify_statics, identify_volume, residual_map
+
+Columns = dict[str, NDArray[np.float64]]
+BAGS = {".mcap", ".db3"}
+
+
+def statics(
+    rig: Annotated[
+        Path, typer.Argument(help="CSV (pressure_pa, angle_deg, torque_nm, volume_m3) or a rosbag2 recording.")
+    ],
+    joint: Annotated[str, typer.Option(help="Joint to take from a rosbag2 recording; its effort is the torque.")] = "",
+    out: Annotated[Path | None, typer.Option(help="Folder for statics.json and the residual map.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the outcome as JSON.")] = False,
+) -> None:
+    """Regress a0 ... a3 of Eq. 6 with standard errors, and the volume map where volume_m3 was measured.
+
+    Example: hand identify statics rig.csv --out out/statics
+
+    Exit codes: 0 done, 2 bad usage or a file that cannot be used.
+    """
+    try:
+        columns = _columns(rig, joint)
+        pressure, angle, torque = columns["pressure_pa"], np.radians(columns["angle_deg"]), columns["torque_nm"]
+        found = identify_statics(pressure, angle, torque)
+        volume = identify_volume(pressure, angle, columns["volume_m3"], found) if "volume_m3" in columns else None
+        document = _document(found, volume)
+        if out is not None:
+            out.mkdir(parents=True, exist_ok=True)
+            (out / "statics.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+            _figure(found, pressure, angle, torque, out / "residual_map.png")
+    except (ValueError, OSError) as error:
+        text = str(error)
+        print(f"hand identify statics: {text if str(rig) in text else f'{rig}: {text}'}", file=sys.stderr)
+        raise typer.Exit(2) from None
+    if as_json:
+        print(json.dumps(document))
+    else:
+        _print(found, volume)
+
+
+def _columns(rig: Path, joint: str) -> Columns:
+    if rig.is_dir() or rig.suffix in BAGS:
+        recording = load_recording(rig)
+        base = recording.on_time_base()
+        if joint not in base.joints:
+            raise RigError(f"{rig}: --joint is {joint!r}; the recording has: {', '.join(base.joints)}")
+        j = base.joints.index(joint)
+        table = np.array([base.pressure[:, j], np.degrees(base.position[:, j]), base.effort[:, j]])
+        table = table[:, np.isfinite(table).all(axis=0)]
+        return dict(zip(("pressure_pa", "angle_deg", "torque_nm"), table, strict=True))
+    return read_rig(rig, ("pressure_pa", "angle_deg", "torque_nm"), ("volume_m3",))
+
+
+def _document(found: StaticMap, volume: VolumeMap | None) -> dict[str, object]:
+    document: dict[str, object] = {
+        "parameters": {
+            term: {"value": float(value), "std": float(error)}
+            for term, value, error in zip(TERMS, found.values, found.errors, strict=True)
+        },
+        "r2": found.r2,
+        "rms_nm": found.rms_nm,
+        "samples": found.samples,
+        "independent_samples": found.independent,
+        "warnings": list(found.warnings),
+    }
+    if volume is not None:
+        document["volume"] = {
+            "values": volume.values.tolist(),
+            "std": volume.errors.tolist(),
+            "r2": volume.r2,
+            "displacement_over_a2": volume.displacement_over_a2,
+            "curvature_over_half_a3": volume.curvature_over_half_a3,
+        }
+    return document
+
+
+def _print(found: StaticMap, volume: VolumeMap | None) -> None:
+    table = Table("parameter", "value", "std", title="Eq. 6: M = a0 + a1 phi + a2 p + a3 p phi")
+    for term, value, error in zip(TERMS, found.values, found.errors, strict=True):
+        table.add_row(term, f"{value:.5g}", f"{error:.2g}")
+    Console().print(table)
+    samples = f"{found.samples} samples ({found.independent:.0f} independent)"
+    print(f"R^2 {found.r2:.5f}, residual {found.rms_nm:.3g} N m RMS, {samples}")
+    for line in found.warnings:
+        print(f"warning: {line}")
+    if volume is not None:
+        v = volume.values
+        print(f"V = {v[0]:.4g} + {v[1]:.4g} p + {v[2]:.4g} phi + {v[3]:.4g} phi^2 m^3, R^2 {volume.r2:.4f}")
+        ratios = f"{volume.displacement_over_a2:.3f} of a2, curvature {volume.curvature_over_half_a3:.3f} of a3/2"
+        print(f"virtual work: dV/dphi is {ratios} (1 agrees)")
+
+
+def _figure(
+    found: StaticMap, pressure: NDArray[np.float64], angle: NDArray[np.float64], torque: NDArray[np.float64], path: Path
+) -> None:
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt  # noqa: PLC0415 - after the backend is chosen
+
+    p_edges, phi_edges, means = residual_map(found, pressure, angle, torque)
+    figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
+    limit = float(np.nanmax(np.abs(means))) or 1.0
+    image = axes.pcolormesh(
+        np.degrees(phi_edges), p_edges * 1e-5, 1e3 * means, cmap="RdBu", vmin=-1e3 * limit, vmax=1e3 * limit
+    )
+    figure.colorbar(image, label="mean residual [mN m]")
+    axes.set(xlabel="angle [deg]", ylabel="pressure [bar]", title="torque rig minus Eq. 6")
+    figure.savefig(path, dpi=120)
+    plt.close(figure)
