@@ -21,7 +21,8 @@ from scipy.optimize import least_squares
 Array = NDArray[np.float64]
 FOLDS = 5
 MARGIN = 1.1
-"""A richer model must be better by more than this factor."""
+MARGIN_DEG = 0.03
+"""A richer model must be better by more than this factor and this much, about the resolution of the sensor."""
 MODELS = ("line", "sine", "harmonic")
 
 
@@ -49,7 +50,7 @@ def calibrate_angle(angle_deg: Array, voltage_v: Array) -> AngleCalibration:
     held_out = {model: _held_out_deg(model, angle_deg, voltage_v) for model in MODELS}
     chosen = MODELS[0]
     for model in MODELS[1:]:
-        if held_out[model] * MARGIN < held_out[chosen]:
+        if held_out[model] * MARGIN + MARGIN_DEG < held_out[chosen]:
             chosen = model
     numbers = _FIT[chosen](angle_deg, voltage_v)
     error = _INVERSE[chosen](numbers, voltage_v) - angle_deg

@@ -135,7 +135,7 @@ def _filling(w, i, p, u, e):  # type: ignore[no-untyped-def]
 
 @inline
 def valve_step(w, i, p, u, e, h):  # type: ignore[no-untyped-def]
-    """Pressure [Pa] after h [s] under the delayed set-point u; Heun's method."""
+    """Pressure [Pa] after h [s] under the delayed set-point u (Eq. 8's valve); Heun's method."""
     u = _shape_set_point(w, i, min(max(u, 0.0), w[_SUPPLY, i]), p, e, h)
     first = _filling(w, i, p, u, e)
     second = _filling(w, i, p + h * first, u, e)
@@ -174,7 +174,7 @@ def _acting_torque(w, i, phi, omega, p, creep, e):  # type: ignore[no-untyped-de
 
 @inline
 def creep_step(w, i, p, creep, h):  # type: ignore[no-untyped-def]
-    """Creeping ratio after h [s]; Heun's method (h is far below both time constants)."""
+    """Creeping ratio after h [s], Eq. 12; Heun's method (h is far below both time constants)."""
     ext, rec = 1.0 / w[_T_EXT, i], 1.0 / w[_T_REC, i]
     first = _creep_rate(p, creep, w[_P_MIN, i], w[_B1, i], ext, w[_B0, i], rec)
     second = _creep_rate(p, creep + h * first, w[_P_MIN, i], w[_B1, i], ext, w[_B0, i], rec)
@@ -183,7 +183,7 @@ def creep_step(w, i, p, creep, h):  # type: ignore[no-untyped-def]
 
 @inline
 def joint_step(w, i, phi, omega, p, creep, e, h):  # type: ignore[no-untyped-def]
-    """Angle [rad] and speed [rad/s] after h [s] at the actuator pressure p."""
+    """Angle [rad] and speed [rad/s] after h [s] at the actuator pressure p, Eq. 8."""
     total, stiffness = _acting_torque(w, i, phi, omega, p, creep, e)
     damping = w[_D, i] + _added_damping(w, i, omega)
     implicit = 0.5 * h * damping + 0.25 * h * h * stiffness
@@ -328,7 +328,9 @@ def open_chain(
     lever_m: float = 1.0,
     step_s: float = 1.3e-3,
 ) -> Array:
-    """Readings (columns, OUTPUTS, samples) that each parameter set predicts from the measured inputs of each stage.
+    """Readings (columns, OUTPUTS, samples) that each parameter set predicts from each stage's measured inputs.
+
+    Eqs. 6, 8, 11 and 12 with every effect of the catalogue.
 
     columns: (columns, rows of JOINT_PARAMETERS) SI.  start: (columns, STATES) at the first sample.  set_point_pa,
     pressure_pa: (samples,), no gaps; the set-point of a sample holds until the next.  exogenous: (samples, EXOGENOUS).

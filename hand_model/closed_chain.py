@@ -103,7 +103,7 @@ _advance = _kernel()
 
 
 class ClosedChain:
-    """The joints of one hand with effects, advanced sample by sample."""
+    """The joints of one hand with effects, Eqs. 6 to 13 and the catalogue, advanced sample by sample."""
 
     def __init__(self, parameters: Array, partner: NDArray[np.int64], state: Array, period_s: float) -> None:
         """Begin at state (STATES, joints) with parameters (rows, joints) and coupled joints partner (joints,) or -1.

@@ -59,7 +59,7 @@ def pneumatic_pressure_pa(actuator: Actuator, start_pa: float, start_rad: float,
 
 
 def hydraulic_pressure_pa(actuator: Actuator, start_pa: float, start_rad: float, phi: Array) -> Array:
-    """Gauge pressure (n,) at angles phi (n,) [rad] for a closed valve and an incompressible fluid: constant volume."""
+    """Gauge pressure (n,) at angles phi (n,) [rad] for a closed valve, constant volume, Eq. 7."""
     volume = actuator.volume_m3(start_pa, start_rad)
     return np.asarray((volume - actuator.volume_m3(0.0, phi)) / actuator.c_v)
 

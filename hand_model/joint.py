@@ -10,7 +10,8 @@ def one_sided(depth, speed, stiffness, damping, engagement, per_engagement):  # 
     """Torque [N m] of a stop pressed to a depth [rad] at a speed [rad/s] into it; 0 outside.
 
     Stiffness grows linearly over the engagement depth [rad], so torque is once continuously differentiable;
-    the damper engages with it and never pulls. per_engagement is 1 / engagement: a kernel divides once only.
+    the damper engages with it and never pulls (after Hunt and Crossley, 1975). A part of Eq. 8's M_d.
+    per_engagement is 1 / engagement: a kernel divides once only.
     """
     inside = max(depth, 0.0)
     soft = min(inside, engagement)

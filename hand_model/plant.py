@@ -93,7 +93,7 @@ _WORK_SIZE = _WORK * LANES
 
 
 def steps_per_sample(period_s: float) -> int:
-    """Number of integration steps in one sample period [s]; each is at most STEP_S long."""
+    """Number of integration steps in one sample period [s]; by definition each is at most STEP_S long."""
     return max(1, math.ceil(period_s / STEP_S - 1e-9))
 
 
@@ -282,7 +282,7 @@ def advance(
     h: float,
     out: NDArray[np.float64],
 ) -> None:
-    """Advance blocks of joints in place, in parallel where that pays; the result is the same either way.
+    """Advance blocks of joints by Eqs. 6 to 13 in place, in parallel where that pays, to the same result.
 
     x: (blocks, STATES, LANES) state.  par: (blocks, rows, LANES).  history: (blocks, HISTORY, LANES) set-points
     of the past samples, newest at heads[block].  commands: (blocks, samples, LANES) [Pa], each held for one sample.

@@ -26,7 +26,7 @@ def hall_ratio(angle, field, field_max, zero, third_harmonic):  # type: ignore[n
 
 @njit(cache=True, forceinline=True)
 def line_angle(ratio, at_0_deg, at_90_deg):  # type: ignore[no-untyped-def]
-    """Angle [rad] on the line through the ratios at 0 and 90 degrees."""
+    """Angle [rad] on the line through the ratios at 0 and 90 degrees (Sec. 2.1)."""
     return (ratio - at_0_deg) / (at_90_deg - at_0_deg) * (np.pi / 2.0)
 
 
@@ -40,7 +40,7 @@ def fsr_ratio(force, c0, c1, divider, threshold):  # type: ignore[no-untyped-def
 
 @njit(cache=True, forceinline=True, error_model="numpy")
 def fsr_force(ratio, k, divider, ratio_min):  # type: ignore[no-untyped-def]
-    """Normal force [N] of one FSR from U_D / U_0: log10 F = sum k_i (log10 R_S)^i; 0 where open, NaN for NaN."""
+    """Normal force [N] of one FSR (Eq. 5) from U_D / U_0: log10 F = sum k_i (log10 R_S)^i; 0 where open."""
     if ratio <= ratio_min:
         return 0.0
     inside = min(max(ratio, 1e-6), 1.0 - 1e-6)
@@ -50,7 +50,7 @@ def fsr_force(ratio, k, divider, ratio_min):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, forceinline=True)
 def adc_code(volts, reference, full_scale):  # type: ignore[no-untyped-def]
-    """Nearest code of an ADC; what lies outside 0 ... reference [V] sits at the rail."""
+    """Nearest code of an ideal ADC; what lies outside 0 ... reference [V] sits at the rail."""
     return min(max(np.rint(volts / reference * full_scale), 0.0), full_scale)
 
 
@@ -97,7 +97,7 @@ class HallSensors:
 
 @dataclass(frozen=True, slots=True)
 class AngleLine:
-    """Two-point Hall calibration: the line through the ratios at 0 and 90 degrees, (joints,) each."""
+    """Two-point Hall calibration (Sec. 2.1): the line through the ratios at 0 and 90 degrees, (joints,) each."""
 
     ratio_at_0_deg: Array
     ratio_at_90_deg: Array
@@ -156,7 +156,7 @@ class ForceSensors:
 
 @dataclass(frozen=True, slots=True)
 class ForcePolynomial:
-    """FSR calibration: log10 F = sum k_i (log10 R_S)^i, third order.
+    """FSR calibration (Sec. 2.2): log10 F = sum k_i (log10 R_S)^i, third order.
 
     coefficients: (sites, 4), k_0 first.  divider_ohm: (sites,).  ratio_min: (sites,) U_D/U_0 below which the
     film is open and the force is 0.
@@ -175,7 +175,7 @@ class ForcePolynomial:
 
 @dataclass(frozen=True, slots=True)
 class Adc:
-    """The converter: resolution [bit] and reference voltage [V], unipolar from 0 V."""
+    """The ideal converter: resolution [bit] and reference voltage [V], unipolar from 0 V."""
 
     bits: int
     reference_v: float

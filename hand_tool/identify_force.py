@@ -39,7 +39,6 @@ def force(
     terms = " + ".join(f"{c:.6g} x^{k}" for k, c in enumerate(found.coefficients))
     print(f"log10 F = {terms}, x = log10 R_S")
     print(f"residual {found.rms_n:.3g} N RMS, {found.largest_n:.3g} N at most, {found.relative_rms:.2%} relative")
-    print(
-        f"valid {found.low_n:.3g} to {found.high_n:.3g} N, {found.low_ohm:.4g} to {found.high_ohm:.4g} ohm; no force outside"
-    )
+    print(f"valid {found.low_n:.3g} to {found.high_n:.3g} N; no force outside")
+    print(f"that is {found.low_ohm:.4g} to {found.high_ohm:.4g} ohm")
     print(f"straight line of Eq. 5 for hand.yaml: c0 {found.c0:.4f}, c1 {found.c1:.4f}")

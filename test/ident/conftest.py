@@ -13,6 +13,8 @@ import pytest
 
 from hand_ident.bag_writer import BagWriter, Topic, open_bag
 from hand_ident.loader import HAND_TOPICS
+from hand_ident.offline_recording import record_offline
+from hand_model.description import load_hand
 from hand_ros import layouts
 from hand_ros.cdr import Layout
 
@@ -85,3 +87,14 @@ def ros_environment() -> dict[str, str]:
         "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
         "PYTHONPATH": path,
     }
+
+
+@pytest.fixture(scope="session")
+def short_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bare .mcap of the whole simulated hand stepping for 12 s."""
+    hand = load_hand(ROOT / "config" / "hand.yaml")
+    levels = np.random.default_rng(11).uniform(0.0, 3.5e5, (12, len(hand.joints)))
+    out = tmp_path_factory.mktemp("recording") / "steps.mcap"
+    for _ in record_offline(hand, np.repeat(levels, 200, axis=0), out, seed=11):
+        pass
+    return out

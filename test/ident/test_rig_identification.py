@@ -76,7 +76,7 @@ def test_residual_map_shows_where() -> None:
     corner = (pressure > 4.3e5) & (phi > np.radians(80))
     clean = identify_statics(pressure, phi, torque)
     means = residual_map(clean, pressure, phi, torque + 0.02 * corner)[2]
-    assert np.unravel_index(np.nanargmax(means), means.shape) == (7, 7)
+    assert np.nanargmax(means) == means.size - 1
 
 
 def test_torque_uncertainty_is_that_of_repeated_measurements() -> None:

@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hand_ident.moves import probe_values
 from hand_model.chain import open_chain
 from hand_model.closed_chain import ClosedChain, has_effects
 from hand_model.description import Hand, load_hand
 from hand_model.effects import CATALOGUE, EFFECTS
 from hand_model.effects.effect import EXOGENOUS, MEMORY_ROW, sine_cosine
 from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_model.plant_parameters import PLANT_PARAMETERS
 from hand_sim.plant import PHI, HandPlant, P, resting_state
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "hand.yaml"
@@ -59,7 +61,7 @@ def test_open_chain_follows_the_plain_plant_on_its_own_signals(hand: Hand) -> No
     around = np.zeros((len(commands), EXOGENOUS))
     columns, at = hand.parameters[:, j][None], start[:, j][None]
     pressure, angle, _ = open_chain(columns, at, commands[:, j], states[:, P, j], around, PERIOD_S)[0]
-    assert np.abs(pressure - states[:, P, j])[40:].max() < 20.0
+    assert np.abs(pressure - states[:, P, j])[120:].max() < 20.0
     assert np.degrees(np.abs(angle - states[:, PHI, j]).max()) < 0.05
 
 
@@ -82,20 +84,20 @@ def test_every_effect_changes_something_and_neutral_changes_nothing(hand: Hand) 
     assert not has_effects(hand.parameters)
     plain = ClosedChain(hand.parameters, hand.partner, resting_state(hand), PERIOD_S).advance(steps(6.0))
     for effect in CATALOGUE:
-        own = [key for key in effect.keys if key.partition(".")[0] == effect.name]
+        own = [key for key in effect.keys if ROW[key] >= len(PLANT_PARAMETERS)]
         if not own or effect.place in ("force_sensor", "timing"):
             continue
-        values = {key: JOINT_PARAMETERS[ROW[key]] for key in own}
-        parameters = hand.parameters.copy()
-        for key, one in values.items():
-            if one.typical > 0.0:
-                parameters[ROW[key]] = one.typical * one.scale
-        states = ClosedChain(parameters, hand.partner, resting_state(hand), PERIOD_S).advance(steps(6.0))
-        assert np.all(np.isfinite(states)), effect.name
-        if effect.name not in ("contact", "constant_load"):
-            assert has_effects(parameters), effect.name
-        moved = np.abs(states - plain)[:, [P, PHI]].max(axis=(0, 2)) / (500.0, np.radians(0.05))
-        assert moved.max() > 1.0, effect.name
+        largest, switched_on = 0.0, False
+        for probe in probe_values(effect, hand.parameters[:, 0]):
+            parameters = hand.parameters.copy()
+            for row, value in probe.items():
+                parameters[row] = value
+            states = ClosedChain(parameters, hand.partner, resting_state(hand), PERIOD_S).advance(steps(6.0))
+            assert np.all(np.isfinite(states)), effect.name
+            moved = np.abs(states - plain)[:, [P, PHI]].max(axis=(0, 2)) / (500.0, np.radians(0.05))
+            largest, switched_on = max(largest, moved.max()), switched_on or has_effects(parameters)
+        assert switched_on, effect.name
+        assert largest > 1.0, effect.name
 
 
 def test_coulomb_friction_sticks(hand: Hand) -> None:
@@ -114,14 +116,17 @@ def test_backlash_is_the_gap_at_reversal(hand: Hand) -> None:
     loose = changed(hand, backlash__gap_deg=np.radians(3.0), material__phi_max_deg=0.0)
     triangle = np.concatenate([np.linspace(0, 4e5, 3000), np.linspace(4e5, 0, 3000)])
     commands = np.repeat(triangle[:, None], 11, axis=1)
-    states = ClosedChain(loose.parameters, loose.partner, resting_state(loose), PERIOD_S).advance(commands)
-    up = np.interp(2e5, states[:3000, P, 0], states[:3000, PHI, 0])
-    down = np.interp(2e5, states[3000:, P, 0][::-1], states[3000:, PHI, 0][::-1])
-    assert np.degrees(down - up) == pytest.approx(3.0, abs=0.35)  # and a little viscous lag
+    loops = []
+    for one in (loose, changed(loose, backlash__gap_deg=0.0)):
+        states = ClosedChain(one.parameters, one.partner, resting_state(one), PERIOD_S).advance(commands)
+        up = np.interp(2e5, states[:3000, P, 0], states[:3000, PHI, 0])
+        down = np.interp(2e5, states[3000:, P, 0][::-1], states[3000:, PHI, 0][::-1])
+        loops.append(np.degrees(down - up))
+    assert loops[0] - loops[1] == pytest.approx(3.0, abs=0.02)
 
 
 def test_hydraulic_joint_resists_and_still_holds(hand: Hand) -> None:
-    """Fails when `fluid: hydraulic` is not stiffer against a fast push than air, or does not settle at the same angle."""
+    """Fails when `fluid: hydraulic` does not slow the motion down, or settles at another angle."""
     liquid = changed(hand, hydraulic__share=1.0)
     assert has_effects(liquid.parameters)
     ends = []

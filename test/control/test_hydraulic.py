@@ -1,0 +1,42 @@
+"""The same control law on a hand that is filled with a liquid."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from hand_control.law import PRESSURE, Law, gains
+from hand_control.settings import Settings
+from hand_control.shaping import Shaper
+from hand_model.description import load_hand
+from hand_model.parameters import ROW
+from hand_sim.plant import OMEGA, PHI, HandPlant, P
+
+CONFIG = Path(__file__).resolve().parents[2] / "config" / "hand.yaml"
+RATE_HZ = 200.0
+
+
+def test_steps_settle_on_a_hydraulic_hand() -> None:
+    """Fails when the controller cannot hold a joint whose motion displaces an incompressible fluid."""
+    hand = load_hand(CONFIG)
+    parameters = hand.parameters.copy()
+    parameters[ROW["hydraulic.share"]] = 1.0
+    plant = HandPlant(replace(hand, parameters=parameters), 1.0 / RATE_HZ)
+    settings = Settings.of(hand, {})
+    law = Law(gains(hand, settings.kp, settings.ki, settings.kd, settings.integral_limit))
+    shaper = Shaper(11)
+    shaper.latch(plant.state[PHI])
+    for target_deg in (30.0, 80.0, 30.0):
+        target, still = np.full(11, np.radians(target_deg)), np.zeros(11)
+        late = []
+        for tick in range(600):
+            shaper.step(target, still, settings.bandwidth_rad_s, settings.max_speed_rad_s, 1.0 / RATE_HZ)
+            state = plant.state
+            limit = hand.limits.max_torque_nm
+            out = law.tick(shaper.r, shaper.v, limit, state[PHI], state[OMEGA], state[P], 1.0 / RATE_HZ)
+            plant.advance(out[PRESSURE][None].copy())
+            if tick > 500:
+                late.append(np.abs(state[PHI] - target).max())
+        assert np.degrees(max(late)) < 1.0, target_deg
