@@ -5,6 +5,7 @@ from setuptools import setup
 NAME = "fluidic_hand"
 PACKAGES = [
     "hand_model",
+    "hand_model.effects",
     "hand_ros",
     "hand_driver",
     "hand_sim",

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_model.plant_parameters import PLANT_PARAMETERS
-from hand_model.plant_parameters import PLANT_ROW as ROW
+from hand_model.parameters import JOINT_PARAMETERS, ROW
 
 LANES = 16
 HALF = LANES // 2
@@ -73,7 +72,7 @@ def map_lanes(partner: NDArray[np.int64]) -> LaneMap:
 
 def idle_parameters() -> NDArray[np.float64]:
     """Parameters (rows,) of an unused lane: a slow, damped joint that stays at rest."""
-    values = np.array([(parameter.neutral or 0.0) * parameter.scale for parameter in PLANT_PARAMETERS])
+    values = np.array([(parameter.neutral or 0.0) * parameter.scale for parameter in JOINT_PARAMETERS])
     for key, value in _IDLE.items():
         values[ROW[key]] = value
     return values

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_ident.installed import default_model
 from hand_ident.joint_data import joint_problem
 from hand_ident.joint_problem import JointProblem
 from hand_ident.signals import Signals
@@ -23,13 +23,8 @@ ANGLE_NOISE_RAD, PRESSURE_NOISE_PA = np.radians(0.1), 300.0
 
 
 def description() -> Hand:
-    """The hand as shipped: of this source tree, or of the installed package."""
-    here = Path(__file__).resolve().parent.parent / "config" / "hand.yaml"
-    if here.exists():
-        return load_hand(here)
-    from ament_index_python.packages import get_package_share_directory  # noqa: PLC0415 - only where installed
-
-    return load_hand(Path(get_package_share_directory("fluidic_hand")) / "config" / "hand.yaml")
+    """The hand as shipped: installed, or of this source tree."""
+    return load_hand(default_model())
 
 
 def set_points(seed: int) -> Array:

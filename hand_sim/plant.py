@@ -11,7 +11,6 @@ from hand_model.description import Hand
 from hand_model.lanes import LANES, LaneMap, idle_parameters, map_lanes
 from hand_model.parameters import ROW
 from hand_model.plant import CREEP, OMEGA, PHI, STATES, P, Plant
-from hand_model.plant_parameters import PLANT_PARAMETERS
 from hand_model.statics import equilibrium_angle
 from hand_sim.channels import Channels
 
@@ -44,7 +43,7 @@ class HandPlants:
         _check_shape("state", start, (self.hands, STATES, self.joints))
         offset = np.arange(self.hands)[:, None] * self.joints
         self._map: LaneMap = map_lanes(np.where(hand.partner < 0, -1, hand.partner + offset).ravel())
-        par = self._map.scatter(_side_by_side(parameters[:, : len(PLANT_PARAMETERS)]), idle_parameters())
+        par = self._map.scatter(_side_by_side(parameters), idle_parameters())
         self._plant = Plant(par, self._map.scatter(_side_by_side(start), np.zeros(STATES)), period_s)
 
     @property

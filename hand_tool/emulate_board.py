@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from hand_driver.board import BoardError
+from hand_ident.installed import default_model
 from hand_model.description import Hand, load_hand
 from hand_sim.can_port import BusPort, SlcanPort
 from hand_sim.emulator import Emulator
@@ -19,7 +20,6 @@ from hand_sim.faults import Faults, parse_disconnect, parse_stuck
 from hand_sim.plant import SimulatedPlant
 from hand_sim.port import Port
 from hand_sim.serial_port import SerialPort
-from hand_tool.paths import default_model
 
 SLCAN = "slcan"
 UNPLUGGED_S = 1.5

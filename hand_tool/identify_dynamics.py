@@ -16,12 +16,12 @@ from rich.table import Table
 
 from hand_ident.dynamics import DYNAMIC_KEYS, MATERIAL_KEYS, STATIC_KEYS, JointDynamics, identify
 from hand_ident.hand_signals import hand_signals, without_sensor_curve
+from hand_ident.installed import default_model
 from hand_ident.loader import load_recording
 from hand_ident.model_file import write_model
 from hand_ident.signals import Signals
 from hand_model.description import Hand, load_hand
 from hand_model.parameters import JOINT_PARAMETERS, ROW
-from hand_tool.paths import default_model
 
 
 def dynamics(

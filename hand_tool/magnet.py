@@ -6,17 +6,15 @@ import csv
 import json
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from hand_magnet.contour import METHODS, Optimum, contour_m, magnet_of, optimise
-from hand_magnet.field import radial_field
-from hand_magnet.linearity import joint_nonlinearity, position_error_deg
-from hand_paper.fig06 import draw
+if TYPE_CHECKING:
+    from hand_magnet.contour import Optimum
 
 
 def magnet(
@@ -33,6 +31,9 @@ def magnet(
     Exit codes: 0 done, 2 bad usage or bad input.
     """
     try:
+        from hand_magnet.contour import METHODS, optimise  # noqa: PLC0415 - the nodes' machines may lack its libraries
+        from hand_paper.fig06 import draw  # noqa: PLC0415 - as above
+
         if method not in (*METHODS, "both"):
             raise ValueError(f"--method is {method!r}; it must be one of {', '.join((*METHODS, 'both'))}")
         if not 30 <= budget <= 100_000:
@@ -50,7 +51,7 @@ def magnet(
         for one in found:
             _write_contour(one, out / f"contour_{one.method}.csv")
         draw(found).savefig(out / "magnet.png", dpi=130)
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, ImportError) as error:
         print(f"hand magnet: {error}", file=sys.stderr)
         raise typer.Exit(2) from None
     if as_json:
@@ -65,6 +66,10 @@ def magnet(
 
 
 def _result(one: Optimum) -> dict[str, Any]:
+    from hand_magnet.contour import magnet_of  # noqa: PLC0415 - as above
+    from hand_magnet.field import radial_field  # noqa: PLC0415 - as above
+    from hand_magnet.linearity import joint_nonlinearity, position_error_deg  # noqa: PLC0415 - as above
+
     angle, field = radial_field(magnet_of(one.genes_m))
     ring = radial_field(magnet_of(np.zeros_like(one.genes_m)))
     error = position_error_deg(angle, field)[1]
@@ -81,6 +86,8 @@ def _result(one: Optimum) -> dict[str, Any]:
 
 
 def _write_contour(one: Optimum, path: Path) -> None:
+    from hand_magnet.contour import contour_m  # noqa: PLC0415 - as above
+
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream)
         writer.writerow(("angle_deg", "radius_mm"))

@@ -44,7 +44,7 @@ def reproduce(
         for result, picture in results:
             (out / f"{result.id}.png").write_bytes(picture)
         write_page(results, out / "index.html")
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, ImportError) as error:
         print(f"hand reproduce: {error}", file=sys.stderr)
         raise typer.Exit(2) from None
     quantities = [asdict(quantity) for result, _ in results for quantity in result.quantities]

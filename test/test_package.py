@@ -77,10 +77,10 @@ def test_launch_files_start_what_exists_with_parameters_that_exist() -> None:
 
 def test_every_package_is_installed() -> None:
     """Fails when a new package is forgotten in setup.py."""
-    listed = re.search(r"PACKAGES = \[(.*?)\]", (ROOT / "setup.py").read_text(encoding="utf-8"))
+    listed = re.search(r"PACKAGES = \[(.*?)\]", (ROOT / "setup.py").read_text(encoding="utf-8"), re.DOTALL)
     assert listed is not None
-    found = {path.parent.name for path in ROOT.glob("hand_*/__init__.py")}
-    assert set(re.findall(r'"(\w+)"', listed.group(1))) == found
+    found = {".".join(path.parent.relative_to(ROOT).parts) for path in ROOT.glob("hand_*/**/__init__.py")}
+    assert set(re.findall(r'"([\w.]+)"', listed.group(1))) == found
 
 
 def test_interface_is_the_published_one() -> None:
