@@ -27,7 +27,18 @@ def test_quoted_constants_are_current() -> None:
 
 def test_names_end_in_their_unit() -> None:
     """Broken by a parameter whose unit its key does not tell."""
-    units = ("_s", "_pa_per_s", "_nm", "_nm_per_rad", "_per_pa", "_pa_rad", "_deg", "_pa", "_kg_m2", "_s_per_rad")
+    units: tuple[str, ...] = (
+        "_s",
+        "_pa_per_s",
+        "_nm",
+        "_nm_per_rad",
+        "_per_pa",
+        "_pa_rad",
+        "_deg",
+        "_pa",
+        "_kg_m2",
+        "_s_per_rad",
+    )
     units += ("_m3", "_per_s", "_per_h", "_rad2", "_rad3", "_pa2")
     shares = (".share", ".error", ".exponent", ".softening", ".choking")  # of nothing but numbers
     for parameter in JOINT_PARAMETERS:
