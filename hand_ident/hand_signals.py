@@ -40,7 +40,7 @@ def hand_signals(recording: Recording, hand: Hand) -> Signals:
     angle, known = bridge(base.position)
     pressure, pressure_known = bridge(base.pressure)
     held, commanded = _set_points(recording, joints, ticks)
-    notes = _notes(recording, base, len(stamps), len(grid))
+    notes = _notes(recording)
     return Signals(
         recording.path.name,
         joints,
@@ -53,6 +53,7 @@ def hand_signals(recording: Recording, hand: Hand) -> Signals:
         commanded,
         np.asarray(pressure_known.any(axis=0)),
         notes,
+        1.0 - len(stamps) / len(grid),
     )
 
 
@@ -92,7 +93,7 @@ def _forces(base: TimeBase, hand: Hand, joints: tuple[str, ...]) -> Array:
     return forces
 
 
-def _notes(recording: Recording, base: TimeBase, stamps: int, ticks: int) -> tuple[str, ...]:
+def _notes(recording: Recording) -> tuple[str, ...]:
     notes = []
     for topic in ("pressures", "valve_command"):
         if topic not in recording or not len(recording[topic]):

@@ -93,7 +93,7 @@ def nominal_moves(nominal: Array, tolerance: float, rested: bool) -> list[Move]:
         scale = size * max(tolerance, _WIDE.get(key, 0.0))
         moves.append(Move(row, nominal[row], scale, False, bound.low * bound.scale, bound.high * bound.scale))
     if nominal[ROW["material.phi_max_deg"]] != 0.0:
-        moves.append(Move(START_CREEP, 0.0, 0.02 if rested else 0.3, False, 0.0, 1.0))
+        moves.append(Move(START_CREEP, 0.0, 0.1 if rested else 0.3, False, 0.0, 1.0))
     return moves
 
 

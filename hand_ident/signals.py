@@ -19,7 +19,7 @@ class Signals:
     """One recording. T samples, J joints; every array (T, J).
 
     set_point_pa: in force from its sample to the next.  pressure_pa, angle_rad: as read, gaps bridged.
-    force_n: NaN where no sensor.  known: False where a reading was bridged.  has_*: (J,) whether the stage can be
+    force_n: NaN where no sensor.  known: False where a reading was bridged.  dropped: share of frames that never came.  has_*: (J,) whether the stage can be
     judged at all.  notes: what the data check found.
     """
 
@@ -34,6 +34,7 @@ class Signals:
     has_set_point: NDArray[np.bool_]
     has_pressure: NDArray[np.bool_]
     notes: tuple[str, ...] = field(default=())
+    dropped: float = 0.0
 
     @property
     def samples(self) -> int:

@@ -7,6 +7,7 @@ import sys
 import typer
 
 from hand_tool.demo import demo
+from hand_tool.diagnose import diagnose
 from hand_tool.emulate_board import emulate_board
 from hand_tool.identify import app as identify
 from hand_tool.magnet import magnet
@@ -24,6 +25,7 @@ app.command()(record)
 app.command()(simulate)
 app.command("emulate-board")(emulate_board)
 app.command()(demo)
+app.command()(diagnose)
 app.add_typer(identify, name="identify")
 app.command()(magnet)
 app.command()(reproduce)

@@ -1,0 +1,232 @@
+"""The whole diagnosis of a hand: data check, every joint, findings that concern the hand, verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_diagnosis.findings import Finding, joint_findings, unknown_finding
+from hand_diagnosis.search import JointSearch, search_joint
+from hand_diagnosis.verdict import StageResult, describe, stage_results
+from hand_ident.hand_signals import without_sensor_curve
+from hand_ident.joint_data import joint_problem
+from hand_ident.map_fit import map_fit
+from hand_ident.moves import nominal_moves
+from hand_ident.signals import Signals
+from hand_model.description import Hand
+from hand_model.effects import CATALOGUE, EFFECTS
+from hand_model.effects.effect import NEIGHBOUR, Effect
+
+Array = NDArray[np.float64]
+MOVES_RAD = np.radians(2.0)
+"""A joint that moves less tells nothing."""
+RESTED_PA = 5e3
+CURVE_JOINTS = 3
+SHARED_JOINTS = 0.5
+"""Share of the joints that must show an effect of the whole hand."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointDiagnosis:
+    """A joint: the search, its stages on held-out data."""
+
+    joint: str
+    search: JointSearch
+    results: tuple[StageResult, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """All of it. verdict: agrees, explained, partly_explained or unknown_physics.  check: lines of the data check."""
+
+    verdict: str
+    findings: tuple[Finding, ...]
+    joints: tuple[JointDiagnosis, ...]
+    check: tuple[str, ...]
+    sensor_curve: bool
+
+
+def diagnose(
+    signals: Sequence[Signals],
+    hand: Hand,
+    *,
+    tolerance: float,
+    seed: int,
+    joints: Sequence[str] = (),
+    without: Sequence[str] = (),
+    sensor_curve: bool | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Diagnose recordings. tolerance: relative standard deviation of the nominal numbers.  without: effects left out.
+
+    sensor_curve: whether angles are readings of the described Hall sensors; None: what fits better.
+    Raises ValueError for joints or effects that do not exist.
+    """
+    effects = _effects(without)
+    wanted = _joints(signals, hand, joints)
+    if sensor_curve is None:
+        sensor_curve = _reads_through_curve(signals, hand, wanted, tolerance)
+    if sensor_curve:
+        signals = [without_sensor_curve(one, hand) for one in signals]
+    check = [line for one in signals for line in (*one.notes, *_still(one, wanted))]
+    done = []
+    for number, joint in enumerate(wanted):
+        done.append(_diagnose_joint(signals, hand, joint, effects, tolerance, np.random.default_rng([seed, number])))
+        progress(joint)
+    done = _without_lonely(done, effects, signals, hand, tolerance, seed)
+    findings = [*_dropped(signals), *_ranked(done)]
+    return Diagnosis(_verdict(findings, done), tuple(findings), tuple(done), tuple(check), sensor_curve)
+
+
+def _effects(without: Sequence[str]) -> list[Effect]:
+    for name in without:
+        if name not in EFFECTS:
+            raise ValueError(f"--without is {name!r}; the effects are: {', '.join(EFFECTS)}")
+    return [effect for effect in CATALOGUE if effect.keys and effect.name not in without]
+
+
+def _joints(signals: Sequence[Signals], hand: Hand, joints: Sequence[str]) -> list[str]:
+    recorded = [joint for joint in hand.joints if any(joint in one.joints for one in signals)]
+    for joint in joints:
+        if joint not in recorded:
+            raise ValueError(f"--joints: {joint!r} was not recorded; the recordings hold: {', '.join(recorded)}")
+    return [joint for joint in joints or recorded if any(_moves(one, joint) for one in signals)]
+
+
+def _moves(one: Signals, joint: str) -> bool:
+    return joint in one.joints and bool(np.ptp(one.angle_rad[:, one.joints.index(joint)]) > MOVES_RAD)
+
+
+def _still(one: Signals, wanted: Sequence[str]) -> list[str]:
+    still = [joint for joint in one.joints if joint not in wanted]
+    return [f"{one.name}: {', '.join(still)} hardly moves and is not judged"] if still else []
+
+
+def _rested(signals: Sequence[Signals], joint: str) -> bool:
+    return all(one.pressure_pa[0, one.joints.index(joint)] < RESTED_PA for one in signals if joint in one.joints)
+
+
+def _reads_through_curve(signals: Sequence[Signals], hand: Hand, joints: Sequence[str], tolerance: float) -> bool:
+    """Whether the angles fit the model better once the described sensors' own error is taken back."""
+    costs = []
+    for candidate in (signals, [without_sensor_curve(one, hand) for one in signals]):
+        total = 0.0
+        for joint in joints[:CURVE_JOINTS]:
+            problem = joint_problem(candidate, hand, joint)
+            moves = nominal_moves(problem.nominal, tolerance, _rested(signals, joint))
+            total += map_fit(problem, moves, np.zeros(len(moves)), 4).cost
+        costs.append(total)
+    return costs[1] < costs[0]
+
+
+def _diagnose_joint(
+    signals: Sequence[Signals],
+    hand: Hand,
+    joint: str,
+    effects: Sequence[Effect],
+    tolerance: float,
+    rng: np.random.Generator,
+) -> JointDiagnosis:
+    problem = joint_problem(signals, hand, joint)
+    rested = _rested(signals, joint)
+    _choose_neighbour(signals, joint, problem, tolerance, rested)
+    search = search_joint(problem, effects, tolerance, rested, rng)
+    return JointDiagnosis(joint, search, tuple(stage_results(problem, search.nominal, search.final)))
+
+
+def _choose_neighbour(signals: Sequence[Signals], joint: str, problem, tolerance: float, rested: bool) -> None:  # type: ignore[no-untyped-def]
+    """Put the angle into e that best explains what the nominal model leaves: whoever pulls, pulls with his motion."""
+    moves = nominal_moves(problem.nominal, tolerance, rested)
+    fit = map_fit(problem, moves, np.zeros(len(moves)), 3)
+    pieces = [one for one in signals if joint in one.joints]
+    names = [name for name in pieces[0].joints if name != joint and all(name in one.joints for one in pieces)]
+    best, chosen = 0.0, None
+    for name in names:
+        together = []
+        for one, piece, residual in zip(pieces, problem.pieces, fit.residuals, strict=True):
+            use = piece.use[1]
+            other = one.angle_rad[use, one.joints.index(name)]
+            own = np.column_stack([piece.angle_rad[use], piece.pressure_pa[use] * 1e-5, np.ones(use.sum())])
+            rest = other - own @ np.linalg.lstsq(own, other, rcond=None)[0]
+            norm = float(np.linalg.norm(rest)) * float(np.linalg.norm(residual[1][use]))
+            together.append(abs(float(rest @ residual[1][use])) / max(norm, 1e-300))
+        if float(np.mean(together)) > best:
+            best, chosen = float(np.mean(together)), name
+    if chosen is not None:
+        for one, piece in zip(pieces, problem.pieces, strict=True):
+            piece.exogenous[:, NEIGHBOUR] = one.angle_rad[:, one.joints.index(chosen)]
+
+
+def _without_lonely(
+    done: list[JointDiagnosis],
+    effects: Sequence[Effect],
+    signals: Sequence[Signals],
+    hand: Hand,
+    tolerance: float,
+    seed: int,
+) -> list[JointDiagnosis]:
+    """Effects of the whole hand that only few of several joints show are no such effects: judge these joints anew."""
+    if len(done) < 3:
+        return done
+    shared = {effect.name for effect in effects if effect.everywhere}
+    for name in shared:
+        having = [k for k, one in enumerate(done) if any(h.effect.name == name for h in one.search.accepted)]
+        if having and len(having) < SHARED_JOINTS * len(done):
+            left = [effect for effect in effects if effect.name != name]
+            for k in having:
+                rng = np.random.default_rng([seed, k, 1])
+                done[k] = _diagnose_joint(signals, hand, done[k].joint, left, tolerance, rng)
+    return done
+
+
+def _ranked(done: Sequence[JointDiagnosis]) -> list[Finding]:
+    """Findings of every joint by how much they explain; one of the whole hand only once."""
+    scored: list[tuple[float, Finding]] = []
+    for one in done:
+        worst = max(one.results, key=lambda r: r.excess_after * r.unexplained, default=None)
+        weight = one.search.final.cost
+        gain = one.search.nominal.cost - weight
+        if worst is not None and worst.unexplained:
+            structure = describe(one.search.problem, one.search.final, worst.stage)
+            scored.append((gain + weight, unknown_finding(one.joint, one.search, worst, structure)))
+            continue
+        for order, finding in enumerate(joint_findings(one.joint, one.search, one.results)):
+            scored.append((gain / (order + 1.0), finding))
+    scored.sort(key=lambda pair: -pair[0])
+    unique: list[Finding] = []
+    for _, finding in scored:
+        if finding.joint is None and any(f.joint is None and f.effect == finding.effect for f in unique):
+            continue
+        unique.append(finding)
+    return unique
+
+
+def _dropped(signals: Sequence[Signals]) -> list[Finding]:
+    """Missing frames, as the stamps tell."""
+    found = []
+    for one in signals:
+        lost = 1.0 - float(one.known.any(axis=1).mean()) if one.samples else 0.0
+        share = max(one.dropped, lost)
+        if share > DROPPED:
+            statement = f"{one.name}: {share:.2%} of the frames are missing; gaps are bridged and not judged."
+            found.append(
+                Finding(None, "timing", "dropped_frames", 0.99, (), (), "stamps", "gaps between stamps", (), statement)
+            )
+    return found
+
+
+DROPPED = 2e-3
+"""Share of missing frames that is worth a finding."""
+
+
+def _verdict(findings: Sequence[Finding], done: Sequence[JointDiagnosis]) -> str:
+    names = {finding.effect for finding in findings}
+    if not names:
+        return "agrees"
+    if "unknown" in names:
+        return "unknown_physics" if names <= {"unknown", "dropped_frames"} else "partly_explained"
+    left = any(result.leftover for one in done for result in one.results if one.search.accepted)
+    return "partly_explained" if left else "explained"

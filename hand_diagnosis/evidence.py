@@ -1,0 +1,56 @@
+"""How much the data speak for a hypothesis: weighted error on fitted blocks, priors, and what its freedom costs.
+
+The scale of the correlated noise is not known beforehand, only its floor (joint_problem.FLOOR). With n independent
+samples in a stage and chi2 the weighted squares there, log p = -n/2 log(1 + chi2 / n): a parabola near the floor, and
+only a logarithm far above it, where no model fits and differences of squares overstate what is known.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_ident.joint_problem import JointProblem
+from hand_ident.map_fit import MapFit
+
+Array = NDArray[np.float64]
+
+
+def log_likelihood(problem: JointProblem, squares: Array) -> float:
+    """Of train blocks, from squares (OUTPUTS, blocks)."""
+    train = ~problem.held_out
+    counts = np.maximum(problem.effective_counts(), 1.0)
+    chi2 = problem.weight * squares[:, train].sum(axis=1)
+    return float(-0.5 * (counts * np.log1p(chi2 / counts)).sum())
+
+
+def log_evidence(problem: JointProblem, fit: MapFit) -> float:
+    """Laplace: log likelihood and prior at the best point, and the volume that the data leave of the prior's."""
+    counts = np.maximum(problem.effective_counts(), 1.0)
+    train = ~problem.held_out
+    chi2 = problem.weight * fit.squares[:, train].sum(axis=1)
+    # Far above the floor the noise is larger than weighted; curvature shrinks alike.
+    shrink = float((counts.sum()) / (counts.sum() + chi2.sum()))
+    _, logdet = np.linalg.slogdet(np.eye(len(fit.z)) + shrink * fit.normal)
+    return log_likelihood(problem, fit.squares) - 0.5 * float(fit.z @ fit.z) - 0.5 * float(logdet)
+
+
+def held_out_rmse(problem: JointProblem, squares: Array) -> Array:
+    """(OUTPUTS,) SI, over held-out blocks; NaN where a stage has none."""
+    held = problem.held_out
+    counts = problem.block_counts[:, held].sum(axis=1)
+    return np.sqrt(np.where(counts > 0, squares[:, held].sum(axis=1) / np.maximum(counts, 1), np.nan))
+
+
+def block_bootstrap(
+    problem: JointProblem, before: Array, after: Array, stage: int, rng: np.random.Generator, draws: int = 400
+) -> tuple[float, float]:
+    """95 % interval of the relative fall of the held-out mean square, by drawing held-out blocks in pairs."""
+    held = np.flatnonzero(problem.held_out & (problem.block_counts[stage] > 0))
+    if len(held) < 2:
+        return -np.inf, np.inf
+    drawn = rng.choice(held, size=(draws, len(held)))
+    a, b = before[stage][drawn].sum(axis=1), after[stage][drawn].sum(axis=1)
+    fall = 1.0 - b / np.maximum(a, 1e-300)
+    low, high = np.quantile(fall, [0.025, 0.975])
+    return float(low), float(high)

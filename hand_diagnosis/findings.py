@@ -1,0 +1,199 @@
+"""Findings: which effect, where, how sure, with what numbers; and what it could be mistaken for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_diagnosis.search import Hypothesis, JointSearch
+from hand_diagnosis.verdict import StageResult, Structure
+from hand_ident.joint_problem import BLOCK_S, SHOWN, STAGES, UNITS
+from hand_ident.map_fit import MapFit
+from hand_model.effects.effect import Effect
+from hand_model.parameters import JOINT_PARAMETERS, ROW
+
+Array = NDArray[np.float64]
+TEMPERATURE = 3.0
+"""Log evidences are divided by it: equations that are only nearly right make differences look larger than they are."""
+MENTIONED = 0.02
+"""Alternatives less probable than this are left out."""
+UNITS_OF_KEYS = (
+    ("_nm_per_pa_rad2", "N m/(Pa rad^2)"), ("_nm_per_rad3", "N m/rad^3"), ("_nm_per_pa2", "N m/Pa^2"),
+    ("_nm_s2_per_rad2", "N m s^2/rad^2"), ("_nm_s_per_rad", "N m s/rad"), ("_nm_per_rad", "N m/rad"),
+    ("_nm_per_pa", "N m/Pa"), ("_rad_per_s", "rad/s"), ("_pa_per_s", "Pa/s"), ("_per_pa", "1/Pa"), ("_per_s", "1/s"),
+    ("_per_h", "1/h"), ("_kg_m2", "kg m^2"), ("_nm", "N m"), ("_deg", "deg"), ("_pa", "Pa"), ("_s", "s"),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """One parameter of a finding, in the unit of its key."""
+
+    key: str
+    value: float
+    std: float
+    unit: str
+    determined: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One finding. joint None: the whole hand.  alternatives: (effect, probability, experiment that separates)."""
+
+    joint: str | None
+    place: str
+    effect: str
+    probability: float
+    alternatives: tuple[tuple[str, float, str], ...]
+    when: tuple[tuple[float, float], ...]
+    signal: str
+    condition: str
+    numbers: tuple[Number, ...]
+    statement: str
+
+
+def unit_of(key: str) -> str:
+    """The unit that a key's name ends in."""
+    return next((unit for ending, unit in UNITS_OF_KEYS if key.endswith(ending)), "1")
+
+
+def joint_findings(joint: str, search: JointSearch, results: Sequence[StageResult]) -> list[Finding]:
+    """A finding for every accepted effect of a joint."""
+    found = []
+    for index, accepted in enumerate(search.accepted):
+        rivals = _rivals(search, accepted)
+        found.append(_finding(joint, search, accepted, rivals, index))
+    del results
+    return found
+
+
+def unknown_finding(joint: str, search: JointSearch, result: StageResult, structure: Structure) -> Finding:
+    """Something is there that no effect explains."""
+    scale, unit = SHOWN[result.stage], UNITS[result.stage]
+    size = scale * result.excess_after
+    memory = "changes slowly" if structure.frequency_hz < 0.2 else f"around {structure.frequency_hz:.1f} Hz"
+    direction = scale * structure.direction
+    statement = (
+        f"{joint}: {size:.3g} {unit} RMS of the {structure.signal} on held-out data is more than noise and fits no effect"
+        f" of the catalogue; it depends most on {structure.state} ({structure.share:.0%} of its variance), {memory},"
+        f" and differs by {direction:.2g} {unit} between flexing and extending."
+    )
+    names = [
+        (one.effect.name, 0.1 / (k + 1), one.effect.experiments[0]) for k, one in enumerate(_first_round(search)[:2])
+    ]
+    place = "valve" if result.stage == 0 else "force_sensor" if result.stage == 2 else "joint"
+    return Finding(
+        joint, place, "unknown", 0.8, tuple(names), _when(search, result.stage), structure.signal,
+        f"mostly with {structure.state}", (), statement,
+    )  # fmt: skip
+
+
+def _first_round(search: JointSearch) -> list[Hypothesis]:
+    return search.rounds[0] if search.rounds else []
+
+
+def _rivals(search: JointSearch, accepted: Hypothesis) -> list[tuple[Effect, float]]:
+    """Effects and probabilities of the round in which the effect was accepted, the model without it included."""
+    for hypotheses, without in zip(search.rounds, search.evidences, strict=True):
+        names = [one.effect.name for one in hypotheses]
+        if accepted.effect.name in names and hypotheses[names.index(accepted.effect.name)].log_evidence > without:
+            logs = np.array([one.log_evidence for one in hypotheses] + [without])
+            weights = np.exp((logs - logs.max()) / TEMPERATURE)
+            weights /= weights.sum()
+            return [(one.effect, float(w)) for one, w in zip(hypotheses, weights, strict=False)]
+    return [(accepted.effect, 0.9)]
+
+
+def _finding(
+    joint: str, search: JointSearch, accepted: Hypothesis, rivals: Sequence[tuple[Effect, float]], index: int
+) -> Finding:
+    effect = accepted.effect
+    probability = next(p for e, p in rivals if e.name == effect.name)
+    others = [(e, p) for e, p in rivals if e.name != effect.name and p > MENTIONED]
+    alternatives = tuple((e.name, p, _separating(effect, e)) for e, p in sorted(others, key=lambda pair: -pair[1]))
+    numbers = tuple(parameter_numbers(search, effect))
+    stage = accepted.stage
+    before = search.nominal if index == 0 else search.accepted[index - 1].fit
+    fall = _fall(search, before, accepted.fit, stage)
+    values = {n.key.rsplit(".", 1)[1]: f"{n.value:.3g} ± {n.std:.1g}" for n in numbers}
+    says = effect.says.format(**values)
+    statement = f"{joint}: {says}. The held-out error of the {STAGES[stage]} falls from {fall}."
+    if alternatives:
+        statement += (
+            f" It could also be {alternatives[0][0]} ({alternatives[0][1]:.0%}); {alternatives[0][2]} would tell."
+        )
+    return Finding(
+        None if effect.everywhere or effect.place == "supply" else joint,
+        effect.place,
+        effect.name,
+        min(max(probability, 0.01), 0.99),
+        alternatives,
+        _when(search, stage),
+        STAGES[stage],
+        _condition(search, before, stage),
+        numbers,
+        statement,
+    )
+
+
+def _separating(one: Effect, other: Effect) -> str:
+    """An experiment that shows the one better than the other, by what the catalogue says of both."""
+    own = [name for name in one.experiments if name not in other.experiments]
+    theirs = [name for name in other.experiments if name not in one.experiments]
+    return (own or theirs or list(one.experiments) or ["slow_triangle"])[0]
+
+
+def parameter_numbers(search: JointSearch, effect: Effect) -> list[Number]:
+    """The effect's parameters in the final fit with standard errors, in the units of their keys."""
+    fit = search.final
+    columns, _ = search.problem.columns(fit.moves, fit.z[None])
+    deviation = np.sqrt(np.diag(fit.covariance))
+    numbers = []
+    for key in effect.keys:
+        row, scale = ROW[key], JOINT_PARAMETERS[ROW[key]].scale
+        index = next((k for k, move in enumerate(fit.moves) if move.row == row), None)
+        if index is None:
+            continue
+        move, value = fit.moves[index], float(columns[0, row])
+        std = (abs(value) * move.scale if move.log else move.scale) * float(deviation[index])
+        numbers.append(Number(key, value / scale, std / scale, unit_of(key), bool(deviation[index] < 0.5)))
+    return numbers
+
+
+def _fall(search: JointSearch, before: MapFit, after: MapFit, stage: int) -> str:
+    held = search.problem.held_out
+    counts = max(float(search.problem.block_counts[stage, held].sum()), 1.0)
+    errors = [SHOWN[stage] * float(np.sqrt(fit.squares[stage, held].sum() / counts)) for fit in (before, after)]
+    return f"{errors[0]:.3g} to {errors[1]:.3g} {UNITS[stage]}"
+
+
+def _when(search: JointSearch, stage: int) -> tuple[tuple[float, float], ...]:
+    """Stretches of the first recording in which the nominal model misses clearly, [s]."""
+    piece = search.problem.pieces[0]
+    count = search.problem.block_counts[stage]
+    rms = np.sqrt(search.nominal.squares[stage] / np.maximum(count, 1))
+    blocks = np.unique(piece.block)
+    level = max(0.5 * float(rms[blocks].max(initial=0.0)), 1e-300)
+    spans: list[tuple[float, float]] = []
+    for block in blocks[rms[blocks] > level]:
+        inside = np.flatnonzero(piece.block == block)
+        start, end = inside[0] * piece.period_s, (inside[-1] + 1) * piece.period_s
+        if spans and start - spans[-1][1] < 0.5 * BLOCK_S:
+            spans[-1] = (spans[-1][0], float(end))
+        else:
+            spans.append((float(start), float(end)))
+    return tuple((round(a, 2), round(b, 2)) for a, b in spans)
+
+
+def _condition(search: JointSearch, before: MapFit, stage: int) -> str:
+    from hand_diagnosis.verdict import describe  # noqa: PLC0415 - verdict and findings look at each other's words
+
+    structure = describe(search.problem, before, stage)
+    low = "below" if structure.direction < 0 else "above"
+    return (
+        f"varies most with {structure.state} ({structure.share:.0%} of the residual's variance); while flexing"
+        f" {abs(SHOWN[stage] * structure.direction):.2g} {UNITS[stage]} {low} extending"
+    )

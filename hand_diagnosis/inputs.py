@@ -1,0 +1,145 @@
+"""Recordings of either kind as signals: rosbag2, or CSV and Parquet through a mapping file.
+
+A mapping names, per joint, the columns of a table with their units and signs:
+
+    time: {column: t_ms, unit: ms}
+    joints:
+      index_proximal:
+        set_point: {column: u_bar, unit: bar}
+        pressure: {column: p_bar, unit: bar}
+        angle: {column: phi_deg, unit: deg, sign: -1}
+        force: {column: f_n, unit: n}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_ident.hand_signals import SHORTEST_S, hand_signals
+from hand_ident.loader import load_recording
+from hand_ident.recording_files import RecordingError
+from hand_ident.rig_file import UNITS
+from hand_ident.signals import Signals, bridge
+from hand_model.description import Hand
+from hand_model.yaml_reader import Section, read_yaml
+
+Array = NDArray[np.float64]
+TABLES = {".csv", ".parquet", ".pq"}
+QUANTITIES = {"set_point": "pa", "pressure": "pa", "angle": "deg", "force": "n"}
+LONGEST = 20_000_000
+"""Samples of a table; more belong into several recordings."""
+
+
+def read_signals(paths: Sequence[Path], hand: Hand, mapping: Path | None) -> list[Signals]:
+    """Every recording. Raises RecordingError or DescriptionError, one line, for what cannot be used."""
+    signals = []
+    for path in paths:
+        if path.suffix in TABLES:
+            if mapping is None:
+                raise RecordingError(f"{path} is a table; name its columns in a file and give it with --map")
+            signals.append(_table(path, hand, mapping))
+        else:
+            signals.append(hand_signals(load_recording(path), hand))
+    return signals
+
+
+def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
+    top = read_yaml(mapping, ("time", "joints"))
+    columns = _columns(path)
+    time_s = _column(top.section("time", ("column", "unit")), path, columns, "s", signed=False)
+    order = np.argsort(time_s, kind="stable")
+    kept = order[np.concatenate([[True], np.diff(time_s[order]) > 0.0])]
+    time_s = time_s[kept]
+    if len(time_s) < 3 or time_s[-1] - time_s[0] < SHORTEST_S:
+        raise RecordingError(f"{path} has {len(time_s)} different times; {SHORTEST_S:g} s of samples are needed")
+    period_s = float(np.median(np.diff(time_s)))
+    grid = np.arange(time_s[0], time_s[-1] + 0.5 * period_s, period_s)
+    if len(grid) > LONGEST:
+        raise RecordingError(f"{path} needs {len(grid)} samples; the allowed range is up to {LONGEST}")
+    joints = _joints(top, hand, mapping)
+    data = {name: np.full((len(grid), len(joints)), np.nan) for name in QUANTITIES}
+    for j, (_, section) in enumerate(joints):
+        for name, unit in QUANTITIES.items():
+            if name in section:
+                part = section.section(name, ("column", "unit", "sign"))
+                values = _column(part, path, columns, unit, signed=True)[kept]
+                data[name][:, j] = _on_grid(grid, time_s, values, held=name == "set_point")
+    return _signals(path, tuple(name for name, _ in joints), period_s, data, len(time_s) / len(grid))
+
+
+def _joints(top: Section, hand: Hand, mapping: Path) -> list[tuple[str, Section]]:
+    section = top.section("joints", hand.joints)
+    joints = [(name, section.section(name, tuple(QUANTITIES))) for name in hand.joints if name in section]
+    if not joints:
+        raise RecordingError(f"{mapping}: joints names none; known here: {', '.join(hand.joints)}")
+    for name, one in joints:
+        if "angle" not in one or "pressure" not in one:
+            raise RecordingError(f"{mapping}: joints.{name} must name angle and pressure")
+    return joints
+
+
+def _columns(path: Path) -> dict[str, Any]:
+    import pyarrow.csv  # noqa: PLC0415 - large, and of no use to bags
+    import pyarrow.parquet  # noqa: PLC0415 - as above
+
+    try:
+        table = pyarrow.csv.read_csv(path) if path.suffix == ".csv" else pyarrow.parquet.read_table(path)
+    except (OSError, ValueError, pyarrow.ArrowException) as error:
+        raise RecordingError(f"{path} cannot be read: {str(error).splitlines()[0]}") from None
+    return {name: table.column(name) for name in table.column_names}
+
+
+def _column(section: Section, path: Path, columns: dict[str, Any], unit: str, *, signed: bool) -> Array:
+    name = section.raw("column", "the name of a column")
+    given = section.choice("unit", list(UNITS[unit]), unit)
+    if name not in columns:
+        raise RecordingError(f"{path} has no column {name!r}; it has: {', '.join(columns)}")
+    try:
+        values = np.asarray(columns[name].to_numpy(zero_copy_only=False), dtype=np.float64)
+    except (TypeError, ValueError):
+        raise RecordingError(f"{path}: column {name!r} holds something other than numbers") from None
+    if not np.isfinite(values).any():
+        raise RecordingError(f"{path}: column {name!r} holds no finite number")
+    sign = section.integer("sign", -1, 1, 1) if signed else 1
+    scaled: Array = sign * UNITS[unit][given] * values
+    return scaled
+
+
+def _on_grid(grid: Array, time_s: Array, values: Array, *, held: bool) -> Array:
+    """Interpolated linearly where known on both sides within three periods, or held from the last one."""
+    known = np.isfinite(values)
+    if held:
+        index = np.maximum(np.searchsorted(time_s[known], grid + 1e-9, side="right") - 1, 0)
+        held_values: Array = values[known][index]
+        return held_values
+    result = np.interp(grid, time_s[known], values[known])
+    near = np.searchsorted(time_s[known], grid)
+    left = grid - time_s[known][np.maximum(near - 1, 0)]
+    right = time_s[known][np.minimum(near, known.sum() - 1)] - grid
+    result[(np.abs(left) > 0.1) & (np.abs(right) > 0.1)] = np.nan
+    return result
+
+
+def _signals(path: Path, joints: tuple[str, ...], period_s: float, data: dict[str, Array], share: float) -> Signals:
+    angle, known = bridge(np.radians(data["angle"]))
+    pressure, pressure_known = bridge(data["pressure"])
+    commanded = np.isfinite(data["set_point"]).any(axis=0)
+    return Signals(
+        path.name,
+        joints,
+        period_s,
+        np.nan_to_num(data["set_point"]),
+        pressure,
+        angle,
+        data["force"],
+        known & pressure_known,
+        np.asarray(commanded),
+        np.asarray(pressure_known.any(axis=0)),
+        (),
+        max(0.0, 1.0 - share),
+    )

@@ -1,0 +1,162 @@
+"""report.html: the diagnosis for a person who has two minutes, in one file; and the figures as PNGs."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from hand_diagnosis.diagnose import Diagnosis, JointDiagnosis
+from hand_ident.joint_problem import SHOWN, STAGES, UNITS
+
+VERDICTS = {
+    "agrees": "Model and recording agree.",
+    "explained": "What the model left out is found and explains the difference.",
+    "partly_explained": "A part of the difference is explained.",
+    "unknown_physics": "Something is missing that no known effect explains.",
+}
+INK, BLUE, RED, GREY = "#1a1a1a", "#1f6f9f", "#c0392b", "#888888"
+
+
+def write_page(diagnosis: Diagnosis, content: dict[str, Any], out: Path) -> None:
+    """report.html and a PNG for every joint with a finding (or the worst joint where there is none)."""
+    joints = _shown(diagnosis)
+    pictures = {}
+    for one in joints:
+        pictures[one.joint] = _png(_figure(one))
+        (out / f"{one.joint}.png").write_bytes(pictures[one.joint])
+    body = _head(diagnosis, content) + "".join(_joint(one, pictures[one.joint], content) for one in joints)
+    body += _next(content) + _details(content)
+    template = files("hand_diagnosis").joinpath("report.html").read_text(encoding="utf-8")
+    (out / "report.html").write_text(template.replace("<!--body-->", body), encoding="utf-8")
+
+
+def _shown(diagnosis: Diagnosis) -> list[JointDiagnosis]:
+    found = [finding.joint for finding in diagnosis.findings]
+    shown = [one for one in diagnosis.joints if one.joint in found or one.search.accepted]
+    return shown or list(diagnosis.joints[:1])
+
+
+def _head(diagnosis: Diagnosis, content: dict[str, Any]) -> str:
+    items = "".join(
+        f"<li><b>{html.escape(f['effect'].replace('_', ' '))}</b> <span class=p>{f['probability']:.0%}</span><br>"
+        f"{html.escape(f['statement'])}</li>"
+        for f in content["findings"]
+    )
+    listing = f"<ol>{items}</ol>" if items else "<p>No effect of the catalogue is missing from the model.</p>"
+    names = ", ".join(html.escape(name) for name in content["recordings"])
+    return (
+        f"<h1>{VERDICTS[diagnosis.verdict]}</h1><p class=sub>{names} against {html.escape(Path(content['model']).name)},"
+        f" {len(diagnosis.joints)} joints judged</p>{listing}"
+    )
+
+
+def _joint(one: JointDiagnosis, picture: bytes, content: dict[str, Any]) -> str:
+    data = base64.b64encode(picture).decode("ascii")
+    rivals = "".join(
+        f"<tr><td>{html.escape(h.effect.name)}</td><td>{h.log_evidence - one.search.nominal_evidence:+.0f}</td>"
+        f"<td>{_fall(one, h)}</td></tr>"
+        for h in (one.search.rounds[0] if one.search.rounds else [])
+    )
+    evidence = (
+        f"<table><tr><th>hypothesis</th><th>log evidence over the nominal model</th><th>held-out error</th></tr>{rivals}</table>"
+        if rivals
+        else "<p>No hypothesis promised an improvement.</p>"
+    )
+    numbers = "".join(
+        f"<tr><td>{html.escape(key)}</td><td>{p['value']:.4g}</td><td>{p['std']:.2g}</td><td>{html.escape(p['unit'])}</td>"
+        f"<td>{'' if p['determined'] else 'not determined by these data'}</td></tr>"
+        for f in content["findings"]
+        if f["joint"] == one.joint
+        for key, p in f["parameters"].items()
+    )
+    table = (
+        f"<table><tr><th>parameter</th><th>value</th><th>std</th><th>unit</th><th></th></tr>{numbers}</table>"
+        if numbers
+        else ""
+    )
+    return (
+        f"<section><h2>{html.escape(one.joint)}</h2><img alt='measured and simulated {html.escape(one.joint)}'"
+        f" src='data:image/png;base64,{data}'>{table}<details><summary>Evidence</summary>{evidence}</details></section>"
+    )
+
+
+def _fall(one: JointDiagnosis, hypothesis: Any) -> str:
+    problem, stage = one.search.problem, hypothesis.stage
+    held = problem.held_out
+    count = max(float(problem.block_counts[stage, held].sum()), 1.0)
+    values = [
+        SHOWN[stage] * float(np.sqrt(fit.squares[stage, held].sum() / count))
+        for fit in (one.search.nominal, hypothesis.fit)
+    ]
+    return f"{values[0]:.3g} &rarr; {values[1]:.3g} {UNITS[stage]}"
+
+
+def _next(content: dict[str, Any]) -> str:
+    chosen = content["next_experiment"]
+    if chosen is None:
+        return ""
+    name = html.escape(chosen["name"].replace("_", " "))
+    return f"<section><h2>What to record next</h2><p><b>{name}</b>: {html.escape(chosen['why'])}.</p></section>"
+
+
+def _details(content: dict[str, Any]) -> str:
+    fits = "".join(
+        f"<tr><td>{html.escape(r['joint'])}</td><td>{r['signal']}</td><td>{r['split'].replace('_', ' ')}</td>"
+        f"<td>{r['rmse_before']:.4g}</td><td>{r['rmse_after']:.4g}</td><td>{r['noise_floor']:.3g}</td><td>{r['unit']}</td></tr>"
+        for r in content["fit"]
+    )
+    changes = "".join(
+        f"<tr><td>{html.escape(r['joint'])}</td><td>{html.escape(r['parameter'])}</td>"
+        f"<td>{'' if r['relative_change'] is None else format(r['relative_change'], '+.1%')}</td></tr>"
+        for r in content["parameter_changes"]
+    )
+    check = "".join(f"<li>{html.escape(line)}</li>" for line in content["data_check"]) or "<li>nothing unusual</li>"
+    return (
+        "<details><summary>Fit of every joint</summary><table><tr><th>joint</th><th>signal</th><th>data</th><th>before</th>"
+        f"<th>after</th><th>noise</th><th>unit</th></tr>{fits}</table></details>"
+        "<details><summary>Nominal numbers that moved within their tolerance</summary><table><tr><th>joint</th>"
+        f"<th>parameter</th><th>change</th></tr>{changes}</table></details>"
+        f"<details><summary>Data check</summary><ul>{check}</ul></details>"
+    )
+
+
+def _png(figure: Figure) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    return buffer.getvalue()
+
+
+def _figure(one: JointDiagnosis) -> Figure:
+    """Measured, before and after on the stage that gained most; residuals over time and over the telling state."""
+    stage = max(one.results, key=lambda r: r.excess_before / (r.noise + 1e-12)).stage if one.results else 1
+    piece, before, after = (
+        x[0] for x in (one.search.problem.pieces, one.search.nominal.residuals, one.search.final.residuals)
+    )
+    scale, unit = SHOWN[stage], UNITS[stage]
+    time_s = np.arange(len(piece.angle_rad)) * piece.period_s
+    use = piece.use[stage]
+    measured = scale * piece.measured[stage]
+    figure = Figure(figsize=(9.5, 6.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    top, bottom = figure.subplots(2, 1, height_ratios=(2, 1))
+    shade = one.search.problem.held_out[piece.block]
+    for axis in (top, bottom):
+        axis.fill_between(time_s, 0, 1, where=shade, transform=axis.get_xaxis_transform(), color="#f0f0f0", lw=0)
+        axis.spines[["top", "right"]].set_visible(False)
+    top.plot(time_s, measured, color=INK, lw=1.4, label="measured")
+    for residual, colour, label in ((before, RED, "nominal model"), (after, BLUE, "with the findings")):
+        simulated = np.where(use, measured - scale * residual[stage], np.nan)
+        top.plot(time_s, simulated, color=colour, lw=0.9, label=label)
+        bottom.plot(time_s, np.where(use, scale * residual[stage], np.nan), color=colour, lw=0.7)
+    top.set(ylabel=f"{STAGES[stage]} [{unit}]", title=f"{one.joint} (grey: held-out data)")
+    top.legend(frameon=False, ncols=3, loc="upper right")
+    bottom.set(xlabel="time [s]", ylabel=f"measured - model [{unit}]")
+    return figure

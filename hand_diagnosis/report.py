@@ -1,0 +1,158 @@
+"""report.json, schema 1, and the patched model.yaml."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hand_diagnosis.diagnose import Diagnosis, JointDiagnosis
+from hand_diagnosis.findings import Finding
+from hand_ident.joint_problem import SHOWN, UNITS
+from hand_ident.model_file import write_model
+from hand_ident.moves import START_CREEP
+from hand_model.description import Hand
+
+SCHEMA = 1
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema of report.json."""
+    text = files("hand_diagnosis").joinpath("report.schema.json").read_text(encoding="utf-8")
+    document: dict[str, Any] = json.loads(text)
+    return document
+
+
+def document(diagnosis: Diagnosis, recordings: Sequence[str], model: str) -> dict[str, Any]:
+    """report.json's content."""
+    return {
+        "schema": SCHEMA,
+        "recordings": list(recordings),
+        "model": model,
+        "verdict": diagnosis.verdict,
+        "findings": [_finding(rank + 1, one) for rank, one in enumerate(diagnosis.findings)],
+        "fit": [row for one in diagnosis.joints for row in _fit(one)],
+        "parameter_changes": [row for one in diagnosis.joints for row in _changes(one)],
+        "data_check": list(diagnosis.check),
+        "sensor_curve": diagnosis.sensor_curve,
+        "next_experiment": next_experiment(diagnosis),
+    }
+
+
+def _finding(rank: int, one: Finding) -> dict[str, Any]:
+    return {
+        "rank": rank,
+        "joint": one.joint,
+        "place": one.place,
+        "effect": one.effect,
+        "probability": round(one.probability, 4),
+        "alternatives": [
+            {"effect": name, "probability": round(p, 4), "separate_by": experiment}
+            for name, p, experiment in one.alternatives
+        ],
+        "when": [{"start": start, "end": end} for start, end in one.when],
+        "where": {"signal": one.signal, "condition": one.condition},
+        "parameters": {
+            number.key: {
+                "value": number.value,
+                "std": number.std,
+                "unit": number.unit,
+                "determined": number.determined,
+            }
+            for number in one.numbers
+        },
+        "statement": one.statement,
+    }
+
+
+def _fit(one: JointDiagnosis) -> list[dict[str, Any]]:
+    """Errors before and after, on fitted and held-out blocks, per stage in its unit."""
+    rows = []
+    problem = one.search.problem
+    counts = problem.block_counts
+    for result in one.results:
+        scale = SHOWN[result.stage]
+        for split, blocks in (("train", ~problem.held_out), ("held_out", problem.held_out)):
+            total = max(float(counts[result.stage, blocks].sum()), 1.0)
+            before, after = (
+                scale * float(np.sqrt(fit.squares[result.stage, blocks].sum() / total))
+                for fit in (one.search.nominal, one.search.final)
+            )
+            rows.append(
+                {
+                    "joint": one.joint,
+                    "signal": result.name,
+                    "unit": UNITS[result.stage],
+                    "split": split,
+                    "rmse_before": before,
+                    "rmse_after": after,
+                    "noise_floor": scale * result.noise,
+                }
+            )
+    return rows
+
+
+def _changes(one: JointDiagnosis) -> list[dict[str, Any]]:
+    """Nominal numbers that moved by more than two standard errors and a tenth of their tolerance."""
+    fit, problem = one.search.final, one.search.problem
+    deviation = np.sqrt(np.diag(fit.covariance))
+    columns, _ = problem.columns(fit.moves, fit.z[None])
+    own = {key for accepted in one.search.accepted for key in accepted.effect.keys}
+    rows = []
+    for move, z, std in zip(fit.moves, fit.z, deviation, strict=True):
+        if move.row == START_CREEP or move.key in own or abs(z) < max(2.0 * std, 0.1):
+            continue
+        nominal, value = float(problem.nominal[move.row]), float(columns[0, move.row])
+        change = (value - nominal) / nominal if nominal else None
+        rows.append(
+            {
+                "joint": one.joint,
+                "parameter": move.key,
+                "nominal": nominal,
+                "value": value,
+                "std": float(move.scale * std),
+                "relative_change": change,
+            }
+        )
+    return rows
+
+
+def next_experiment(diagnosis: Diagnosis) -> dict[str, str] | None:
+    """The experiment that separates the least certain finding from its strongest rival."""
+    unsure = [one for one in diagnosis.findings if one.alternatives and one.effect != "unknown"]
+    if unsure:
+        one = min(unsure, key=lambda finding: finding.probability)
+        rival, share, experiment = one.alternatives[0]
+        why = f"tells {one.effect} ({one.probability:.0%}) from {rival} ({share:.0%}) on {one.joint or 'the hand'}"
+        return {"name": experiment, "why": why}
+    strange = next((one for one in diagnosis.findings if one.effect == "unknown"), None)
+    if strange is not None:
+        return {"name": "slow_triangle", "why": f"shows whether {strange.joint} depends on direction or on speed"}
+    return None
+
+
+def write_report(
+    diagnosis: Diagnosis, hand: Hand, recordings: Sequence[str], out: Path
+) -> tuple[dict[str, Any], Mapping[str, Mapping[str, float]]]:
+    """Write report.json and model.yaml; returns the document and the changes by joint, SI."""
+    out.mkdir(parents=True, exist_ok=True)
+    content = document(diagnosis, recordings, str(hand.path))
+    (out / "report.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    changes = {one.joint: _values(one) for one in diagnosis.joints}
+    comment = f"Diagnosed from {', '.join(recordings)}: {diagnosis.verdict}. Nominal: {hand.path.name}."
+    write_model(hand, {joint: values for joint, values in changes.items() if values}, out / "model.yaml", comment)
+    return content, changes
+
+
+def _values(one: JointDiagnosis) -> dict[str, float]:
+    """Every number of the final model that differs from the nominal one for sure; none of an unexplained joint."""
+    if any(result.unexplained for result in one.results):
+        return {}
+    fit, problem = one.search.final, one.search.problem
+    columns, _ = problem.columns(fit.moves, fit.z[None])
+    moved = {m.key for m, z in zip(fit.moves, fit.z, strict=True) if m.row != START_CREEP and abs(z) > 1e-6}
+    return {key: float(columns[0, move.row]) for move in fit.moves for key in [move.key] if key in moved}

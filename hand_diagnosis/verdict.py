@@ -1,0 +1,123 @@
+"""What remains after the best model: nothing but noise, a part, or physics that the catalogue does not hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_diagnosis.evidence import held_out_rmse
+from hand_ident.joint_problem import FLOOR, STAGES, JointProblem
+from hand_ident.map_fit import MapFit
+from hand_ident.signals import white_noise
+
+Array = NDArray[np.float64]
+UNEXPLAINED = 2.5
+"""Held-out error beyond the noise, in practical floors, from which something is left to explain."""
+MOSTLY = 0.45
+"""Share of the first model's excess that may remain for the effects to count as the explanation."""
+
+
+@dataclass(frozen=True, slots=True)
+class StageResult:
+    """A stage on held-out data, SI: error before and after, white noise, excess over the noise before and after."""
+
+    stage: int
+    before: float
+    after: float
+    noise: float
+    excess_before: float
+    excess_after: float
+
+    @property
+    def name(self) -> str:
+        """Of the signal."""
+        return STAGES[self.stage]
+
+    @property
+    def unexplained(self) -> bool:
+        """Whether structure is left that is worth a word."""
+        left = self.excess_after > UNEXPLAINED * FLOOR[self.stage]
+        return left and self.excess_after > MOSTLY * self.excess_before
+
+    @property
+    def leftover(self) -> bool:
+        """Whether anything beyond the floor is left, explained mostly or not."""
+        return self.excess_after > UNEXPLAINED * FLOOR[self.stage]
+
+
+def stage_results(problem: JointProblem, nominal: MapFit, final: MapFit) -> list[StageResult]:
+    """Pressure, angle and force, those that the recording holds."""
+    before, after = held_out_rmse(problem, nominal.squares), held_out_rmse(problem, final.squares)
+    results = []
+    for stage in range(len(STAGES)):
+        if not np.isfinite(before[stage]):
+            continue
+        noise = float(np.max([white_noise(r[stage][p.use[stage]]) for p, r in _pairs(problem, final, stage)]))
+        excess = [float(np.sqrt(max(rmse[stage] ** 2 - noise**2, 0.0))) for rmse in (before, after)]
+        results.append(StageResult(stage, float(before[stage]), float(after[stage]), noise, excess[0], excess[1]))
+    return results
+
+
+def _pairs(problem: JointProblem, fit: MapFit, stage: int):  # type: ignore[no-untyped-def]
+    return [(p, r) for p, r in zip(problem.pieces, fit.residuals, strict=True) if p.use[stage].sum() > 10]
+
+
+@dataclass(frozen=True, slots=True)
+class Structure:
+    """An unexplained residual in words and numbers: signal, state it depends on most, share of variance, memory, size.
+
+    direction: mean residual while the joint flexes minus while it extends, SI.  frequency_hz: centroid of its spectrum.
+    """
+
+    signal: str
+    state: str
+    share: float
+    direction: float
+    memory_s: float
+    frequency_hz: float
+    size: float
+
+
+def describe(problem: JointProblem, fit: MapFit, stage: int) -> Structure:
+    """Where in state space a residual lives, by binned means over each candidate state."""
+    piece, residual = max(_pairs(problem, fit, stage), key=lambda pair: pair[0].use[stage].sum())
+    use = piece.use[stage]
+    r = residual[stage][use]
+    states = _states(piece, use)
+    shares = {name: _explained(r, values) for name, values in states.items()}
+    state = max(shares, key=lambda name: shares[name])
+    speed = states["speed"]
+    moving = np.abs(speed) > 0.1
+    direction = 0.0
+    if (moving & (speed > 0)).any() and (moving & (speed < 0)).any():
+        direction = float(r[moving & (speed > 0)].mean() - r[moving & (speed < 0)].mean())
+    spectrum = np.abs(np.fft.rfft(r - r.mean())) ** 2
+    frequency = np.fft.rfftfreq(len(r), piece.period_s)
+    centroid = float((spectrum * frequency).sum() / max(spectrum.sum(), 1e-300))
+    memory = 0.5 / max(centroid, 1e-3)
+    return Structure(STAGES[stage], state, shares[state], direction, memory, centroid, float(np.sqrt(np.mean(r**2))))
+
+
+def _states(piece, use: NDArray[np.bool_]) -> dict[str, Array]:  # type: ignore[no-untyped-def]
+    time = np.arange(len(use)) * piece.period_s
+    speed = piece.exogenous[:, 5]
+    return {
+        "angle": piece.angle_rad[use],
+        "pressure": piece.pressure_pa[use],
+        "speed": speed[use],
+        "set-point": piece.set_point_pa[use],
+        "time": time[use],
+    }
+
+
+def _explained(residual: Array, values: Array, bins: int = 20) -> float:
+    """Share of the residual's variance that its mean over bins of a state takes away."""
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, bins + 1)))
+    if len(edges) < 3:
+        return 0.0
+    index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    counts = np.bincount(index, minlength=len(edges) - 1)
+    means = np.bincount(index, residual, minlength=len(edges) - 1) / np.maximum(counts, 1)
+    return float(1.0 - np.var(residual - means[index]) / max(np.var(residual), 1e-300))

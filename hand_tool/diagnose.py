@@ -1,0 +1,96 @@
+"""`hand diagnose`: where simulation and recording differ, what physics is missing, and a model with it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from hand_ident.installed import default_model
+from hand_model.description import load_hand
+
+LINES = 15
+
+
+def diagnose(
+    recordings: Annotated[list[Path], typer.Argument(help="rosbag2 folders or .mcap/.db3 files, or CSV with --map.")],
+    out: Annotated[Path, typer.Option(help="Folder for report.json, report.html, model.yaml and PNGs.")],
+    model: Annotated[Path | None, typer.Option(help="Nominal hand.yaml. Default: the installed one.")] = None,
+    mapping: Annotated[
+        Path | None, typer.Option("--map", help="YAML that names the columns of a CSV or Parquet.")
+    ] = None,
+    joints: Annotated[str, typer.Option(help="Comma-separated joints. Default: all that move.")] = "",
+    tolerance: Annotated[float, typer.Option(help="Expected relative error of the nominal numbers.")] = 0.05,
+    without: Annotated[str, typer.Option(help="Comma-separated effects to leave out of the search.")] = "",
+    sensor_curve: Annotated[
+        bool | None, typer.Option(help="Angles are readings of the described Hall sensors. Default: what fits.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the bootstrap.")] = 0,
+    ask: Annotated[bool, typer.Option("--ask", help="Print the command of the experiment to record next.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print report.json's content.")] = False,
+) -> None:
+    """Locate the mismatch, name the missing physics, model it, and show the fit improve.
+
+    Example: hand diagnose recording.mcap --model config/hand.yaml --out out/diagnosis
+
+    Exit codes: 0 done, 2 bad usage or a recording or model that cannot be used.
+    """
+    try:
+        from hand_diagnosis.diagnose import diagnose as run  # noqa: PLC0415 - compiles; only where it is used
+        from hand_diagnosis.inputs import read_signals  # noqa: PLC0415 - as above
+        from hand_diagnosis.page import write_page  # noqa: PLC0415 - as above
+        from hand_diagnosis.report import write_report  # noqa: PLC0415 - as above
+
+        if not 0.0 < tolerance <= 1.0:
+            raise ValueError(f"--tolerance is {tolerance:g}; the allowed range is above 0 to 1")
+        hand = load_hand(model or default_model())
+        signals = read_signals(recordings, hand, mapping)
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+        with Progress(*columns, console=Console(stderr=True, quiet=as_json)) as progress:
+            total = len({joint for one in signals for joint in one.joints})
+            bar = progress.add_task("joints", total=total)
+            result = run(
+                signals,
+                hand,
+                tolerance=tolerance,
+                seed=seed,
+                joints=_list(joints),
+                without=_list(without),
+                sensor_curve=sensor_curve,
+                progress=lambda joint: progress.update(bar, advance=1, description=joint),
+            )
+            progress.update(bar, completed=total)
+        content, _ = write_report(result, hand, [str(path) for path in recordings], out)
+        write_page(result, content, out)
+    except (ValueError, OSError, ImportError) as error:
+        print(f"hand diagnose: {error}", file=sys.stderr)
+        raise typer.Exit(2) from None
+    if as_json:
+        print(json.dumps(content))
+    else:
+        print("\n".join(_summary(content, out, ask)[:LINES]))
+
+
+def _list(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _summary(content: dict[str, Any], out: Path, ask: bool) -> list[str]:
+    lines = [f"verdict: {content['verdict']}"]
+    for finding in content["findings"][:6]:
+        lines.append(f"{finding['rank']}. {finding['effect']} ({finding['probability']:.0%}): {finding['statement']}")
+    if not content["findings"]:
+        lines.append("no effect of the catalogue is missing from the model")
+    following = content["next_experiment"]
+    if following:
+        lines.append(f"record next: {following['name']} - {following['why']}")
+        if ask:
+            lines.append(f"  hand excite {following['name']} --out {following['name']}.mcap")
+    lines += [f"note: {line}" for line in content["data_check"][:3]]
+    lines.append(f"written: {out / 'report.html'}, {out / 'report.json'}, {out / 'model.yaml'}")
+    return lines
