@@ -77,13 +77,13 @@ def unknown_finding(joint: str, search: JointSearch, result: StageResult, struct
     memory = "changes slowly" if structure.frequency_hz < 0.2 else f"around {structure.frequency_hz:.1f} Hz"
     direction = scale * structure.direction
     statement = (
-        f"{joint}: {size:.3g} {unit} RMS of the {structure.signal} on held-out data is more than noise and fits no effect"
-        f" of the catalogue; it depends most on {structure.state} ({structure.share:.0%} of its variance), {memory},"
+        f"{joint}: {size:.3g} {unit} RMS of the {structure.signal} on held-out data is more than noise and fits no"
+        f" effect of the catalogue; it depends most on {structure.state}"
+        f" ({structure.share:.0%} of its variance), {memory},"
         f" and differs by {direction:.2g} {unit} between flexing and extending."
     )
-    names = [
-        (one.effect.name, 0.1 / (k + 1), one.effect.experiments[0]) for k, one in enumerate(_first_round(search)[:2])
-    ]
+    nearest = [one.effect for one in _first_round(search)[:2]]
+    names = [(effect.name, 0.1 / (k + 1), effect.experiments[0]) for k, effect in enumerate(nearest)]
     place = "valve" if result.stage == 0 else "force_sensor" if result.stage == 2 else "joint"
     return Finding(
         joint, place, "unknown", 0.8, tuple(names), _when(search, result.stage), structure.signal,

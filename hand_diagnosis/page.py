@@ -52,9 +52,10 @@ def _head(diagnosis: Diagnosis, content: dict[str, Any]) -> str:
     )
     listing = f"<ol>{items}</ol>" if items else "<p>No effect of the catalogue is missing from the model.</p>"
     names = ", ".join(html.escape(name) for name in content["recordings"])
+    model = html.escape(Path(content["model"]).name)
     return (
-        f"<h1>{VERDICTS[diagnosis.verdict]}</h1><p class=sub>{names} against {html.escape(Path(content['model']).name)},"
-        f" {len(diagnosis.joints)} joints judged</p>{listing}"
+        f"<h1>{VERDICTS[diagnosis.verdict]}</h1>"
+        f"<p class=sub>{names} against {model}, {len(diagnosis.joints)} joints judged</p>{listing}"
     )
 
 
@@ -65,11 +66,10 @@ def _joint(one: JointDiagnosis, picture: bytes, content: dict[str, Any]) -> str:
         f"<td>{_fall(one, h)}</td></tr>"
         for h in (one.search.rounds[0] if one.search.rounds else [])
     )
-    evidence = (
-        f"<table><tr><th>hypothesis</th><th>log evidence over the nominal model</th><th>held-out error</th></tr>{rivals}</table>"
-        if rivals
-        else "<p>No hypothesis promised an improvement.</p>"
-    )
+    evidence = "<p>No hypothesis promised an improvement.</p>"
+    if rivals:
+        head = "<tr><th>hypothesis</th><th>log evidence over the nominal model</th><th>held-out error</th></tr>"
+        evidence = f"<table>{head}{rivals}</table>"
     numbers = "".join(
         f"<tr><td>{html.escape(key)}</td><td>{p['value']:.4g}</td><td>{p['std']:.2g}</td><td>{html.escape(p['unit'])}</td>"
         f"<td>{'' if p['determined'] else 'not determined by these data'}</td></tr>"
@@ -77,11 +77,8 @@ def _joint(one: JointDiagnosis, picture: bytes, content: dict[str, Any]) -> str:
         if f["joint"] == one.joint
         for key, p in f["parameters"].items()
     )
-    table = (
-        f"<table><tr><th>parameter</th><th>value</th><th>std</th><th>unit</th><th></th></tr>{numbers}</table>"
-        if numbers
-        else ""
-    )
+    head = "<tr><th>parameter</th><th>value</th><th>std</th><th>unit</th><th></th></tr>"
+    table = f"<table>{head}{numbers}</table>" if numbers else ""
     return (
         f"<section><h2>{html.escape(one.joint)}</h2><img alt='measured and simulated {html.escape(one.joint)}'"
         f" src='data:image/png;base64,{data}'>{table}<details><summary>Evidence</summary>{evidence}</details></section>"
@@ -120,8 +117,8 @@ def _details(content: dict[str, Any]) -> str:
     )
     check = "".join(f"<li>{html.escape(line)}</li>" for line in content["data_check"]) or "<li>nothing unusual</li>"
     return (
-        "<details><summary>Fit of every joint</summary><table><tr><th>joint</th><th>signal</th><th>data</th><th>before</th>"
-        f"<th>after</th><th>noise</th><th>unit</th></tr>{fits}</table></details>"
+        "<details><summary>Fit of every joint</summary><table><tr><th>joint</th><th>signal</th><th>data</th>"
+        f"<th>before</th><th>after</th><th>noise</th><th>unit</th></tr>{fits}</table></details>"
         "<details><summary>Nominal numbers that moved within their tolerance</summary><table><tr><th>joint</th>"
         f"<th>parameter</th><th>change</th></tr>{changes}</table></details>"
         f"<details><summary>Data check</summary><ul>{check}</ul></details>"
@@ -137,9 +134,8 @@ def _png(figure: Figure) -> bytes:
 def _figure(one: JointDiagnosis) -> Figure:
     """Measured, before and after on the stage that gained most; residuals over time and over the telling state."""
     stage = max(one.results, key=lambda r: r.excess_before / (r.noise + 1e-12)).stage if one.results else 1
-    piece, before, after = (
-        x[0] for x in (one.search.problem.pieces, one.search.nominal.residuals, one.search.final.residuals)
-    )
+    piece = one.search.problem.pieces[0]
+    before, after = one.search.nominal.residuals[0], one.search.final.residuals[0]
     scale, unit = SHOWN[stage], UNITS[stage]
     time_s = np.arange(len(piece.angle_rad)) * piece.period_s
     use = piece.use[stage]

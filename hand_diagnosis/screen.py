@@ -1,7 +1,7 @@
 """Which effects are worth a fit: how far each probe, with the nominal numbers free to follow, explains the residual.
 
-To first order. A probe changes the prediction by s; the residual r is explained by alpha s + J dz, alpha within 0 ... 3,
-dz under its prior. What the nominal numbers explain alone is no merit of the probe.
+To first order. A probe changes the prediction by s; the residual r is explained by alpha s + J dz, alpha within
+0 ... 3, dz under its prior. What the nominal numbers explain alone is no merit of the probe.
 """
 
 from __future__ import annotations

@@ -13,9 +13,9 @@ from hand_ident.map_fit import MapFit
 from hand_ident.signals import white_noise
 
 Array = NDArray[np.float64]
-UNEXPLAINED = 2.5
+UNEXPLAINED = 1.6
 """Held-out error beyond the noise, in practical floors, from which something is left to explain."""
-MOSTLY = 0.45
+MOSTLY = 0.15
 """Share of the first model's excess that may remain for the effects to count as the explanation."""
 
 
@@ -86,7 +86,7 @@ def describe(problem: JointProblem, fit: MapFit, stage: int) -> Structure:
     use = piece.use[stage]
     r = residual[stage][use]
     states = _states(piece, use)
-    shares = {name: _explained(r, values) for name, values in states.items()}
+    shares: dict[str, float] = {name: _explained(r, values) for name, values in states.items()}
     state = max(shares, key=lambda name: shares[name])
     speed = states["speed"]
     moving = np.abs(speed) > 0.1
@@ -95,7 +95,7 @@ def describe(problem: JointProblem, fit: MapFit, stage: int) -> Structure:
         direction = float(r[moving & (speed > 0)].mean() - r[moving & (speed < 0)].mean())
     spectrum = np.abs(np.fft.rfft(r - r.mean())) ** 2
     frequency = np.fft.rfftfreq(len(r), piece.period_s)
-    centroid = float((spectrum * frequency).sum() / max(spectrum.sum(), 1e-300))
+    centroid = float((spectrum * frequency).sum() / max(float(spectrum.sum()), 1e-300))
     memory = 0.5 / max(centroid, 1e-3)
     return Structure(STAGES[stage], state, shares[state], direction, memory, centroid, float(np.sqrt(np.mean(r**2))))
 
@@ -120,4 +120,4 @@ def _explained(residual: Array, values: Array, bins: int = 20) -> float:
     index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
     counts = np.bincount(index, minlength=len(edges) - 1)
     means = np.bincount(index, residual, minlength=len(edges) - 1) / np.maximum(counts, 1)
-    return float(1.0 - np.var(residual - means[index]) / max(np.var(residual), 1e-300))
+    return float(1.0 - np.var(residual - means[index]) / max(float(np.var(residual)), 1e-300))

@@ -19,8 +19,8 @@ class Signals:
     """One recording. T samples, J joints; every array (T, J).
 
     set_point_pa: in force from its sample to the next.  pressure_pa, angle_rad: as read, gaps bridged.
-    force_n: NaN where no sensor.  known: False where a reading was bridged.  dropped: share of frames that never came.  has_*: (J,) whether the stage can be
-    judged at all.  notes: what the data check found.
+    force_n: NaN where no sensor.  known: False where a reading was bridged.  has_*: (J,) whether the stage can be
+    judged at all.  notes: what the data check found.  dropped: share of frames that never came.
     """
 
     name: str
