@@ -12,6 +12,7 @@ import numpy as np
 
 from hand_diagnosis.diagnose import Diagnosis, JointDiagnosis
 from hand_diagnosis.findings import Finding
+from hand_diagnosis.separation import best_experiment
 from hand_ident.joint_problem import SHOWN, UNITS
 from hand_ident.model_file import write_model
 from hand_ident.moves import START_CREEP
@@ -127,11 +128,22 @@ def next_experiment(diagnosis: Diagnosis) -> dict[str, str] | None:
     if unsure:
         one = min(unsure, key=lambda finding: finding.probability)
         rival, share, experiment = one.alternatives[0]
+        name, sigma = _predicted(diagnosis, one.effect, rival) or (experiment, None)
         why = f"tells {one.effect} ({one.probability:.0%}) from {rival} ({share:.0%}) on {one.joint or 'the hand'}"
-        return {"name": experiment, "why": why}
+        return {"name": name, "why": why + ("" if sigma is None else f", by {sigma:.0f} sigma as simulated")}
     strange = next((one for one in diagnosis.findings if one.effect == "unknown"), None)
     if strange is not None:
         return {"name": "slow_triangle", "why": f"shows whether {strange.joint} depends on direction or on speed"}
+    return None
+
+
+def _predicted(diagnosis: Diagnosis, effect: str, rival: str) -> tuple[str, float] | None:
+    """The best experiment by simulation of both fitted hypotheses, where both were fitted on one joint."""
+    for one in diagnosis.joints:
+        for hypotheses in one.search.rounds:
+            named = {h.effect.name: h for h in hypotheses}
+            if effect in named and rival in named:
+                return best_experiment(one.search.problem, named[effect], named[rival])
     return None
 
 

@@ -9,6 +9,7 @@ import typer
 from hand_tool.demo import demo
 from hand_tool.diagnose import diagnose
 from hand_tool.emulate_board import emulate_board
+from hand_tool.excite import excite
 from hand_tool.identify import app as identify
 from hand_tool.magnet import magnet
 from hand_tool.record import record
@@ -26,6 +27,7 @@ app.command()(simulate)
 app.command("emulate-board")(emulate_board)
 app.command()(demo)
 app.command()(diagnose)
+app.command()(excite)
 app.add_typer(identify, name="identify")
 app.command()(magnet)
 app.command()(reproduce)

@@ -118,7 +118,7 @@ def _prepare(files: Files, model: Path) -> tuple[Hand, dict[str, Grasp]]:
 
 def _play(files: Files, hand: Hand, grasps: dict[str, Grasp], progress: Progress) -> None:
     """Record simulation and controller while they perform the grasps."""
-    from hand_tool.demo_node import NotReadyError, Pose, perform  # noqa: PLC0415 - needs ROS, --help does not
+    from hand_tool.live_node import NotReadyError, Pose, perform  # noqa: PLC0415 - needs ROS, --help does not
 
     poses = []
     for name in PATTERNS:

@@ -31,7 +31,7 @@ BELOW = {
     },
 }
 ROS = {"rclpy", "ament_index_python"}
-NODE_MODULES = {"node.py", "recorder_node.py", "demo_node.py"}
+NODE_MODULES = {"node.py", "recorder_node.py", "live_node.py"}
 GENERATED = ("_msgs", "_srvs", "_interfaces")
 
 

@@ -1,21 +1,24 @@
-"""The demo's hands-on part over ROS 2: wait for the controller, send shapes, watch. The only rclpy module here."""
+"""What the tool does on a running hand over ROS 2: the demo's poses, experiments. The only rclpy module here."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import rclpy
 from builtin_interfaces.msg import Duration
-from hand_msgs.msg import ControllerState
+from hand_msgs.msg import ControllerState, ValveCommand
 from numpy.typing import NDArray
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.task import Future
+from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from hand_model.description import Hand
 from hand_ros.node import DEFAULT_NAMESPACE, QUEUED_QOS, SENSOR_QOS
 
 READY_S = 60.0
@@ -23,6 +26,12 @@ READY_S = 60.0
 TICK_S = 0.1
 LISTENERS = 2
 """Of our trajectories: the controller and the recorder."""
+
+
+LIFETIME_NS = 100_000_000
+"""Of an experiment's set-points: when the tool is stopped the board vents."""
+BEYOND_RAD = np.radians(8.0)
+"""An angle further than this outside its limits ends an experiment."""
 
 
 class NotReadyError(RuntimeError):
@@ -100,3 +109,68 @@ def _trajectory(joints: Sequence[str], pose: Pose) -> JointTrajectory:
         time_from_start=Duration(sec=seconds, nanosec=round((pose.move_s - seconds) * 1e9)),
     )
     return JointTrajectory(joint_names=list(joints), points=[point])
+
+
+def run_experiment(
+    hand: Hand, commands: NDArray[np.float64], namespace: str, healthy: Callable[[], None]
+) -> Iterator[float]:
+    """Send set-points (T, joints) [Pa] at the board's rate; yields the share done, vents at the end and on any error.
+
+    Raises NotReadyError where no hand answers, somebody else commands the valves, or an angle leaves its limits.
+    """
+    rclpy.init()
+    node = rclpy.create_node("experiment", namespace=namespace)
+    executor = EventsExecutor()
+    executor.add_node(node)
+    latest: dict[str, float] = {}
+    node.create_subscription(
+        JointState, "joint_states", lambda m: latest.update(zip(m.name, m.position, strict=True)), QUEUED_QOS
+    )
+    publisher = node.create_publisher(ValveCommand, "valve_command", QUEUED_QOS)
+    vent = np.zeros(len(hand.joints))
+    try:
+        _await_hand(node, executor, publisher, latest, healthy)
+        begun, period_s = time.monotonic(), 1.0 / hand.rate_hz
+        for k, row in enumerate(commands):
+            _spin(executor, max(begun + k * period_s - time.monotonic(), 0.0))
+            publisher.publish(_valve_command(node, hand, row))
+            if k % 20 == 0:
+                healthy()
+                _check_angles(hand, latest)
+                yield (k + 1) / len(commands)
+        yield 1.0
+    finally:
+        for _ in range(3):
+            publisher.publish(_valve_command(node, hand, vent))
+            _spin(executor, 0.02)
+        executor.remove_node(node)
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _await_hand(
+    node: Node, executor: EventsExecutor, publisher: Any, latest: dict[str, float], healthy: Callable[[], None]
+) -> None:
+    end = time.monotonic() + READY_S
+    while not latest or publisher.get_subscription_count() < LISTENERS:
+        _spin(executor, TICK_S)
+        healthy()
+        if time.monotonic() > end:
+            raise NotReadyError(f"no joint_states and valve_command listeners within {READY_S:g} s")
+    if node.count_publishers("valve_command") > 1:
+        raise NotReadyError("another node commands the valves; stop the controller first")
+
+
+def _valve_command(node: Node, hand: Hand, pressure_pa: NDArray[np.float64]) -> ValveCommand:
+    message = ValveCommand(name=list(hand.joints), pressure=pressure_pa.tolist())
+    message.header.stamp = node.get_clock().now().to_msg()
+    message.lifetime = Duration(sec=0, nanosec=LIFETIME_NS)
+    return message
+
+
+def _check_angles(hand: Hand, latest: dict[str, float]) -> None:
+    for joint, low, high in zip(hand.joints, hand.limits.low_rad, hand.limits.high_rad, strict=True):
+        angle = latest.get(joint, low)
+        if not low - BEYOND_RAD <= angle <= high + BEYOND_RAD:
+            limits = f"{np.degrees(low):.0f} to {np.degrees(high):.0f}"
+            raise NotReadyError(f"{joint} is at {np.degrees(angle):.1f} degrees, outside {limits}; vented")
