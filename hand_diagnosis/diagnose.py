@@ -102,7 +102,7 @@ def _moves(one: Signals, joint: str) -> bool:
 
 def _still(one: Signals, wanted: Sequence[str]) -> list[str]:
     still = [joint for joint in one.joints if joint not in wanted]
-    return [f"{one.name}: {', '.join(still)} hardly moves and is not judged"] if still else []
+    return [f"{one.name}: {', '.join(still)} too little motion to judge"] if still else []
 
 
 def _rested(signals: Sequence[Signals], joint: str) -> bool:

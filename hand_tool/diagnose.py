@@ -51,7 +51,7 @@ def diagnose(
         hand = load_hand(model or default_model())
         signals = read_signals(recordings, hand, mapping)
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-        with Progress(*columns, console=Console(stderr=True, quiet=as_json)) as progress:
+        with Progress(*columns, console=Console(stderr=True, quiet=as_json), transient=True) as progress:
             total = len({joint for one in signals for joint in one.joints})
             bar = progress.add_task("joints", total=total)
             result = run(

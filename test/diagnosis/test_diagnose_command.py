@@ -1,0 +1,193 @@
+"""`hand diagnose` and `hand excite` as a person uses them: bags, tables, pages, bad input."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from hand_diagnosis.excitation import EXPERIMENTS, pressure_ceiling_pa, set_points
+from hand_diagnosis.report import schema
+from hand_ident.loader import load_recording
+from hand_ident.offline_recording import record_offline
+from hand_model.description import Hand, load_hand
+from hand_model.effects import CATALOGUE
+from hand_model.parameters import ROW
+from hand_tool.cli import app
+from test.diagnosis.conftest import CONFIG, changed, excitation
+
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+
+def hand_tool(*arguments: str) -> Result:
+    return CliRunner().invoke(app, list(arguments))
+
+
+@pytest.fixture(scope="module")
+def rubbing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A bag of a hand with friction in index_proximal, through ADC and calibration."""
+    out = tmp_path_factory.mktemp("bag") / "rubbing.mcap"
+    hand = load_hand(CONFIG)
+    truth = changed(hand, "index_proximal", coulomb_friction__torque_nm=0.012)
+    for _ in record_offline(truth, excitation(np.random.default_rng(3), 40.0, 11), out, seed=3):
+        pass
+    return out
+
+
+@pytest.fixture(scope="module")
+def report(rubbing: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("report")
+    joints = "index_proximal,index_distal"
+    command = ["diagnose", str(rubbing), "--model", str(CONFIG), "--out", str(out), "--joints", joints, "--ask"]
+    result = hand_tool(*command)
+    assert result.exit_code == 0, result.output
+    lines = [line for line in result.output.splitlines() if line.strip()]
+    assert lines[0] == "verdict: explained"
+    assert len(lines) <= 20
+    return out
+
+
+def test_report_json_is_valid_and_names_the_friction(report: Path) -> None:
+    """Fails when report.json leaves its schema, or a bag's readings (Hall curve, ADC) are taken for physics."""
+    content = json.loads((report / "report.json").read_text(encoding="utf-8"))
+    jsonschema.validate(content, schema())
+    assert [(f["joint"], f["effect"]) for f in content["findings"]] == [("index_proximal", "coulomb_friction")]
+    assert content["sensor_curve"]
+    held = [r for r in content["fit"] if r["split"] == "held_out" and r["signal"] == "angle"]
+    assert all(r["rmse_after"] < 0.06 for r in held)
+
+
+def test_the_patched_model_runs_and_has_the_friction(report: Path) -> None:
+    """Fails when model.yaml does not load or lacks what was found."""
+    patched = load_hand(report / "model.yaml")
+    j = patched.joints.index("index_proximal")
+    assert patched.parameters[ROW["coulomb_friction.torque_nm"], j] == pytest.approx(0.012, rel=0.1)
+    assert np.all(np.delete(patched.parameters[ROW["coulomb_friction.torque_nm"]], j) == 0.0)
+
+
+def test_the_page_stands_alone(report: Path) -> None:
+    """Fails when the page needs the network, a picture is missing, or a browser cannot show it."""
+    page = (report / "report.html").read_text(encoding="utf-8")
+    assert not re.search(r"(src|href)=[\"'](https?:|//)", page)
+    assert (report / "index_proximal.png").read_bytes()[:4] == b"\x89PNG"
+    assert BROWSER, "no browser: install chromium"
+    flags = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--dump-dom"]
+    url = f"file://{report}/report.html"
+    dom = subprocess.run([BROWSER, *flags, url], capture_output=True, text=True, timeout=60, check=False)
+    assert "coulomb friction" in dom.stdout
+    assert dom.stdout.count("<img") == 1
+
+
+def test_a_table_gives_the_same_finding(rubbing: Path, tmp_path: Path) -> None:
+    """Fails when units, signs or times of a mapped CSV are not applied."""
+    base = load_recording(rubbing).on_time_base()
+    j = base.joints.index("index_proximal")
+    rows = np.column_stack(
+        [
+            1e3 * base.time_s,
+            1e-5 * base.valve_command[:, j],
+            1e-5 * base.pressure[:, j],
+            -np.degrees(base.position[:, j]),
+        ]
+    )
+    table = tmp_path / "rig.csv"
+    np.savetxt(table, rows[np.isfinite(rows).all(axis=1)], delimiter=",", header="t,u,p,phi", comments="", fmt="%.6f")
+    mapping = tmp_path / "map.yaml"
+    mapping.write_text(
+        "time: {column: t, unit: ms}\njoints:\n  index_proximal:\n    set_point: {column: u, unit: bar}\n"
+        "    pressure: {column: p, unit: bar}\n    angle: {column: phi, unit: deg, sign: -1}\n",
+        encoding="utf-8",
+    )
+    out = tmp_path / "out"
+    result = hand_tool(
+        "diagnose", str(table), "--map", str(mapping), "--model", str(CONFIG), "--out", str(out), "--json"
+    )
+    assert result.exit_code == 0, result.output
+    content = json.loads(result.output)
+    # The partner's motion is not in the table, so its inertia stays unseen; friction is still by far the largest.
+    assert content["findings"][0]["effect"] in ("coulomb_friction", "unknown")
+    assert any(a["effect"] == "coulomb_friction" for f in content["findings"] for a in [f, *f["alternatives"]])
+
+
+BAD = {
+    "no file": (("nowhere.mcap",), "nowhere.mcap"),
+    "empty": (("empty.mcap",), "empty.mcap"),
+    "text": (("text.mcap",), "text.mcap"),
+    "no map": (("table.csv",), "--map"),
+    "tolerance": (("text.mcap", "--tolerance", "0"), "above 0 to 1"),
+    "column": (("table.csv", "--map", "map.yaml"), "no column 'phi'"),
+    "other model": (("text.mcap", "--model", "nowhere.yaml"), "nowhere.yaml"),
+    "effect": (("{bag}", "--without", "fricton"), "fricton"),
+    "joint": (("{bag}", "--joints", "toe"), "'toe' was not recorded"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_line(case: str, rubbing: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when bad input gives a traceback, a finding, or another exit code than 2."""
+    monkeypatch.chdir(tmp_path)
+    Path("empty.mcap").touch()
+    Path("text.mcap").write_text("no recording\n", encoding="utf-8")
+    Path("table.csv").write_text("t,p\n0,1\n1,2\n2,3\n", encoding="utf-8")
+    Path("map.yaml").write_text(
+        "time: {column: t}\njoints: {index_distal: {angle: {column: phi}, pressure: {column: p}}}\n", encoding="utf-8"
+    )
+    arguments, line = BAD[case]
+    result = hand_tool("diagnose", *(a.format(bag=rubbing) for a in arguments), "--out", "out")
+    said = [text for text in result.output.splitlines() if text.strip()]
+    assert result.exit_code == 2, result.output
+    assert len(said) == 1, said
+    assert line in said[0]
+
+
+def test_three_samples_are_refused(tmp_path: Path, hand: Hand) -> None:
+    """Fails when a recording too short to say anything is diagnosed."""
+    out = tmp_path / "short.mcap"
+    for _ in record_offline(hand, np.zeros((3, 11)), out, seed=0):
+        pass
+    result = hand_tool("diagnose", str(out), "--out", str(tmp_path / "out"))
+    assert result.exit_code == 2
+    assert "are needed" in result.output
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_experiments_keep_their_limits(name: str, hand: Hand) -> None:
+    """Fails when an experiment leaves pressure, torque or shape limits, or moves a joint not asked for."""
+    commands = set_points(name, hand, ["index_distal", "ring_proximal"], 20.0, 3.5e5, 1)
+    moved = [hand.joints.index(joint) for joint in ("index_distal", "ring_proximal")]
+    assert commands.min() >= 0.0
+    assert commands.max() <= 3.5e5
+    assert np.all(np.delete(commands, moved, axis=1) == 0.0)
+    for j in moved:
+        ceiling = pressure_ceiling_pa(hand, j)
+        a0, a1, a2, a3 = hand.parameters[ROW["statics.a0_nm"] : ROW["statics.a3_nm_per_pa_rad"] + 1, j]
+        angles = np.linspace(hand.limits.low_rad[j], hand.limits.high_rad[j], 30)
+        torque = a0 + a1 * angles + (a2 + a3 * angles) * ceiling
+        assert torque.max() <= hand.limits.max_torque_nm[j] + 1e-9
+
+
+def test_excite_records_what_diagnose_reads(tmp_path: Path) -> None:
+    """Fails when an experiment's recording is not a whole one."""
+    out = tmp_path / "steps.mcap"
+    result = hand_tool("excite", "steps", "--joints", "index_distal", "--duration", "6", "--out", str(out), "--json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.output)["samples"] == 1200
+    assert len(load_recording(out)["joint_states"]) == 1200
+    for arguments, line in ((("stpes",), "staircase"), (("steps", "--duration", "1"), "2 to 3600")):
+        refused = hand_tool("excite", *arguments, "--out", str(tmp_path / "x.mcap"))
+        assert refused.exit_code == 2
+        assert line in refused.output
+
+
+def test_every_experiment_that_effects_ask_for_exists_or_is_a_rearrangement() -> None:
+    """Fails when the catalogue asks for an experiment that nobody can run."""
+    by_hand = {"second_attitude", "stops", "neighbour_moves"}
+    for effect in CATALOGUE:
+        assert set(effect.experiments) <= set(EXPERIMENTS) | by_hand, effect.name
