@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_diagnosis.correction import sparse_correction
 from hand_diagnosis.findings import Finding, joint_findings, unknown_finding
 from hand_diagnosis.search import JointSearch, search_joint
 from hand_diagnosis.verdict import StageResult, describe, stage_results
@@ -71,7 +72,7 @@ def diagnose(
         sensor_curve = _reads_through_curve(signals, hand, wanted, tolerance)
     if sensor_curve:
         signals = [without_sensor_curve(one, hand) for one in signals]
-    check = [line for one in signals for line in (*one.notes, *_still(one, wanted))]
+    check = [line for one in signals for line in (*one.notes, *_still(one, wanted, joints))]
     done = []
     for number, joint in enumerate(wanted):
         done.append(_diagnose_joint(signals, hand, joint, effects, tolerance, np.random.default_rng([seed, number])))
@@ -100,8 +101,8 @@ def _moves(one: Signals, joint: str) -> bool:
     return joint in one.joints and bool(np.ptp(one.angle_rad[:, one.joints.index(joint)]) > MOVES_RAD)
 
 
-def _still(one: Signals, wanted: Sequence[str]) -> list[str]:
-    still = [joint for joint in one.joints if joint not in wanted]
+def _still(one: Signals, wanted: Sequence[str], asked: Sequence[str]) -> list[str]:
+    still = [joint for joint in asked or one.joints if joint in one.joints and joint not in wanted]
     return [f"{one.name}: {', '.join(still)} too little motion to judge"] if still else []
 
 
@@ -191,7 +192,8 @@ def _ranked(done: Sequence[JointDiagnosis]) -> list[Finding]:
         gain = one.search.nominal.cost - weight
         if worst is not None and worst.unexplained:
             structure = describe(one.search.problem, one.search.final, worst.stage)
-            scored.append((gain + weight, unknown_finding(one.joint, one.search, worst, structure)))
+            correction = sparse_correction(one.search.problem, one.search.final, worst.stage)
+            scored.append((gain + weight, unknown_finding(one.joint, one.search, worst, structure, correction)))
             continue
         for order, finding in enumerate(joint_findings(one.joint, one.search, one.results)):
             scored.append((gain / (order + 1.0), finding))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_diagnosis.correction import Correction
 from hand_diagnosis.search import Hypothesis, JointSearch
 from hand_diagnosis.verdict import StageResult, Structure
 from hand_ident.joint_problem import BLOCK_S, SHOWN, STAGES, UNITS
@@ -70,7 +71,9 @@ def joint_findings(joint: str, search: JointSearch, results: Sequence[StageResul
     return found
 
 
-def unknown_finding(joint: str, search: JointSearch, result: StageResult, structure: Structure) -> Finding:
+def unknown_finding(
+    joint: str, search: JointSearch, result: StageResult, structure: Structure, correction: Correction
+) -> Finding:
     """Something is there that no effect explains."""
     scale, unit = SHOWN[result.stage], UNITS[result.stage]
     size = scale * result.excess_after
@@ -81,6 +84,8 @@ def unknown_finding(joint: str, search: JointSearch, result: StageResult, struct
         f" effect of the catalogue; it depends most on {structure.state}"
         f" ({structure.share:.0%} of its variance), {memory},"
         f" and differs by {direction:.2g} {unit} between flexing and extending."
+        f" Data-driven correction, no physics: {correction.text} {unit}, which takes away"
+        f" {correction.held_out_share:.0%} of it on held-out data."
     )
     nearest = [one.effect for one in _first_round(search)[:2]]
     names = [(effect.name, 0.1 / (k + 1), effect.experiments[0]) for k, effect in enumerate(nearest)]

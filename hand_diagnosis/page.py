@@ -14,6 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hand_diagnosis.diagnose import Diagnosis, JointDiagnosis
+from hand_diagnosis.isolability import ALIKE
 from hand_ident.joint_problem import SHOWN, STAGES, UNITS
 
 VERDICTS = {
@@ -121,8 +122,25 @@ def _details(content: dict[str, Any]) -> str:
         f"<th>before</th><th>after</th><th>noise</th><th>unit</th></tr>{fits}</table></details>"
         "<details><summary>Nominal numbers that moved within their tolerance</summary><table><tr><th>joint</th>"
         f"<th>parameter</th><th>change</th></tr>{changes}</table></details>"
+        f"<details><summary>What these data can tell apart</summary>{_alike(content)}</details>"
         f"<details><summary>Data check</summary><ul>{check}</ul></details>"
     )
+
+
+def _alike(content: dict[str, Any]) -> str:
+    """For each joint with findings: how visible each effect is, and which look the same."""
+    parts = []
+    for one in content["isolability"]:
+        rows = ""
+        for k, name in enumerate(one["effects"]):
+            same = [o for i, o in enumerate(one["effects"]) if i != k and one["alike"][k][i] > ALIKE]
+            rows += (
+                f"<tr><td>{name}</td><td>{one['visible_sigma'][k]:.1f}</td><td>{one['absorbed_by_nominal'][k]:.0%}</td>"
+                f"<td>{', '.join(same)}</td></tr>"
+            )
+        head = "<tr><th>effect</th><th>visible [sigma]</th><th>absorbed by nominal numbers</th><th>looks like</th></tr>"
+        parts.append(f"<h3>{html.escape(one['joint'])}</h3><table>{head}{rows}</table>")
+    return "".join(parts) or "<p>Nothing was found that could be confused.</p>"
 
 
 def _png(figure: Figure) -> bytes:

@@ -12,11 +12,13 @@ import numpy as np
 
 from hand_diagnosis.diagnose import Diagnosis, JointDiagnosis
 from hand_diagnosis.findings import Finding
+from hand_diagnosis.isolability import isolability
 from hand_diagnosis.separation import best_experiment
 from hand_ident.joint_problem import SHOWN, UNITS
 from hand_ident.model_file import write_model
 from hand_ident.moves import START_CREEP
 from hand_model.description import Hand
+from hand_model.effects import CATALOGUE
 
 SCHEMA = 1
 
@@ -40,6 +42,7 @@ def document(diagnosis: Diagnosis, recordings: Sequence[str], model: str) -> dic
         "parameter_changes": [row for one in diagnosis.joints for row in _changes(one)],
         "data_check": list(diagnosis.check),
         "sensor_curve": diagnosis.sensor_curve,
+        "isolability": [_isolability(one) for one in diagnosis.joints if one.search.accepted],
         "next_experiment": next_experiment(diagnosis),
     }
 
@@ -120,6 +123,21 @@ def _changes(one: JointDiagnosis) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _isolability(one: JointDiagnosis) -> dict[str, Any]:
+    """What these data can tell apart on a joint with findings, at the nominal model."""
+    effects = [effect for effect in CATALOGUE if effect.keys and effect.place != "force_sensor"]
+    found = isolability(one.search.problem, one.search.nominal, effects)
+    groups = {h.effect.name: found.group_of(h.effect.name) for h in one.search.accepted if h.effect.name in found.names}
+    return {
+        "joint": one.joint,
+        "effects": list(found.names),
+        "visible_sigma": [round(float(v), 2) for v in found.visible],
+        "absorbed_by_nominal": [round(float(v), 3) for v in found.absorbed],
+        "alike": [[round(float(v), 3) for v in row] for row in found.alike],
+        "groups": groups,
+    }
 
 
 def next_experiment(diagnosis: Diagnosis) -> dict[str, str] | None:

@@ -1,0 +1,77 @@
+"""A data-driven correction where no effect explains a residual: sparse regression of it on the states.
+
+Sequentially thresholded least squares (Brunton, Proctor and Kutz, PNAS 113(15), 2016) on polynomials of angle, pressure
+and speed with the sign of the motion, by PySINDy's optimiser. It describes, it does not explain: the report says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_ident.joint_problem import SHOWN, UNITS, JointProblem
+from hand_ident.map_fit import MapFit
+from hand_model.effects.effect import SPEED
+
+Array = NDArray[np.float64]
+THRESHOLD = 0.05
+"""Of the residual's RMS: smaller terms are dropped."""
+SLOW_RAD_S = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """residual = sum of coefficient times term, in the shown unit; held-out share of variance that it takes away."""
+
+    signal_unit: str
+    terms: tuple[tuple[str, float], ...]
+    held_out_share: float
+
+    @property
+    def text(self) -> str:
+        """A formula for people; states are scaled: rad, bar, rad/s."""
+        return " ".join(f"{value:+.3g} {name}" for name, value in self.terms) or "0"
+
+
+def sparse_correction(problem: JointProblem, fit: MapFit, stage: int) -> Correction:
+    """Fit the residual of a stage on train blocks and judge it on held-out ones."""
+    from pysindy import STLSQ  # noqa: PLC0415 - large, and of use here alone
+
+    rows, targets, held = [], [], []
+    for piece, residual in zip(problem.pieces, fit.residuals, strict=True):
+        use = piece.use[stage]
+        rows.append(_library(piece.angle_rad[use], 1e-5 * piece.pressure_pa[use], piece.exogenous[use, SPEED]))
+        targets.append(SHOWN[stage] * residual[stage][use])
+        held.append(problem.held_out[piece.block[use]])
+    names = [name for name, _ in rows[0]]
+    table = np.concatenate([np.column_stack([values for _, values in part]) for part in rows])
+    target, out = np.concatenate(targets), np.concatenate(held)
+    scale = np.maximum(np.abs(table).max(axis=0), 1e-12)
+    rms = float(np.sqrt(np.mean(target**2))) or 1.0
+    optimiser = STLSQ(threshold=THRESHOLD, alpha=1e-3, normalize_columns=False, max_iter=10)
+    optimiser.fit((table / scale)[~out], (target / rms)[~out][:, None])
+    weights = np.asarray(optimiser.coef_).ravel() * rms / scale
+    left = target[out] - table[out] @ weights
+    share = 1.0 - float(np.mean(left**2)) / max(float(np.mean(target[out] ** 2)), 1e-300)
+    terms = tuple((name, float(w)) for name, w in zip(names, weights, strict=True) if w != 0.0)
+    return Correction(UNITS[stage], terms, max(share, 0.0))
+
+
+def _library(angle: Array, pressure_bar: Array, speed: Array) -> list[tuple[str, Array]]:
+    """Candidate terms."""
+    direction = np.tanh(speed / SLOW_RAD_S)
+    return [
+        ("1", np.ones_like(angle)),
+        ("phi", angle),
+        ("p", pressure_bar),
+        ("omega", speed),
+        ("phi^2", angle**2),
+        ("phi p", angle * pressure_bar),
+        ("p^2", pressure_bar**2),
+        ("phi^3", angle**3),
+        ("sign(omega)", direction),
+        ("p sign(omega)", pressure_bar * direction),
+        ("omega |omega|", speed * np.abs(speed)),
+    ]

@@ -1,0 +1,87 @@
+"""Which effects these data can tell apart, from each other and from a mere change of the nominal numbers.
+
+Each effect's probe changes the prediction by s. What the nominal numbers could do as well, within their tolerance, is
+taken out of s. What is left, in sigma of the practical noise, is how visible the effect is; the cosine between what is
+left of two effects is how alike they look. 1 means that no amount of this data separates them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_ident.joint_problem import JointProblem
+from hand_ident.map_fit import MapFit
+from hand_ident.moves import probe_values
+from hand_model.effects.effect import Effect
+
+Array = NDArray[np.float64]
+ALIKE = 0.95
+"""Cosine from which two effects are reported as a group."""
+HIDDEN = 0.5
+"""Sigma below which a probe shows nothing that could be compared."""
+
+
+@dataclass(frozen=True, slots=True)
+class Isolability:
+    """names (n,); visible (n,): sigma of each effect's first probe; absorbed (n,): share taken by nominal numbers.
+
+    alike (n, n): largest cosine between the probes of two effects.
+    """
+
+    names: tuple[str, ...]
+    visible: Array
+    absorbed: Array
+    alike: Array
+
+    def group_of(self, name: str) -> list[str]:
+        """Effects that these data cannot separate from one, itself left out."""
+        k = self.names.index(name)
+        return [other for i, other in enumerate(self.names) if i != k and self.alike[k, i] > ALIKE]
+
+
+def isolability(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> Isolability:
+    """At a fit, from the sensitivities of the very recording."""
+    base, creep = problem.columns(fit.moves, fit.z[None])
+    probes = [(k, values) for k, effect in enumerate(effects) for values in probe_values(effect, base[0])]
+    columns = np.repeat(base, len(probes), axis=0)
+    for column, (_, values) in zip(columns, probes, strict=True):
+        for row, value in values.items():
+            column[row] = value
+    changed = problem.residuals(columns, np.repeat(creep, len(probes)))
+    moves = len(fit.z)
+    gram, cross = np.zeros((len(probes), len(probes))), np.zeros((len(probes), moves))
+    normal = np.zeros((moves, moves))
+    for residual, slopes, other in zip(fit.residuals, fit.sensitivity, changed, strict=True):
+        root = np.sqrt(problem.weight)[:, None]
+        s = np.nan_to_num(((other - residual) * root).reshape(len(probes), -1))
+        gram += s @ s.T
+        j = (slopes * root).reshape(moves, -1)
+        cross += s @ j.T
+        normal += j @ j.T
+    left = gram - cross @ np.linalg.inv(normal + np.eye(moves)) @ cross.T
+    return _summary([effect.name for effect in effects], [k for k, _ in probes], gram, left)
+
+
+def _summary(names: Sequence[str], owner: Sequence[int], gram: Array, left: Array) -> Isolability:
+    size = np.sqrt(np.maximum(np.diag(left), 0.0))
+    seen = np.where(size > HIDDEN, size, np.inf)  # what cannot be seen looks like nothing
+    cosine = np.abs(left / np.outer(seen, seen))
+    count = len(names)
+    alike, visible, absorbed = np.eye(count), np.zeros(count), np.ones(count)
+    owners = np.array(owner, dtype=int)
+    for a in range(count):
+        mine = np.flatnonzero(owners == a)
+        if not len(mine):
+            continue
+        best = mine[int(np.argmax(size[mine]))]
+        visible[a] = size[best]
+        absorbed[a] = 1.0 - left[best, best] / max(gram[best, best], 1e-12)
+        for b in range(count):
+            theirs = np.flatnonzero(owners == b)
+            if a != b and len(theirs):
+                alike[a, b] = min(float(cosine[np.ix_(mine, theirs)].max()), 1.0)
+    return Isolability(tuple(names), visible, np.clip(absorbed, 0.0, 1.0), alike)
