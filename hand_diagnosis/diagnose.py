@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hand_diagnosis.correction import sparse_correction
 from hand_diagnosis.findings import Finding, joint_findings, unknown_finding
+from hand_diagnosis.isolability import Isolability, isolability
 from hand_diagnosis.search import JointSearch, search_joint
 from hand_diagnosis.verdict import StageResult, describe, stage_results
 from hand_ident.hand_signals import without_sensor_curve
@@ -32,11 +33,12 @@ SHARED_JOINTS = 0.5
 
 @dataclass(frozen=True, slots=True)
 class JointDiagnosis:
-    """A joint: the search, its stages on held-out data."""
+    """A joint: the search, its stages on held-out data, what its data can tell apart (where something was found)."""
 
     joint: str
     search: JointSearch
     results: tuple[StageResult, ...]
+    isolability: Isolability | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +137,19 @@ def _diagnose_joint(
     rested = _rested(signals, joint)
     _choose_neighbour(signals, joint, problem, tolerance, rested)
     search = search_joint(problem, effects, tolerance, rested, rng)
-    return JointDiagnosis(joint, search, tuple(stage_results(problem, search.nominal, search.final)))
+    results = tuple(stage_results(problem, search.nominal, search.final))
+    judged = [effect for effect in effects if effect.place != "force_sensor"]
+    told = isolability(problem, search.nominal, judged) if search.accepted else None
+    _forget_slopes(search)
+    return JointDiagnosis(joint, search, results, told)
+
+
+def _forget_slopes(search: JointSearch) -> None:
+    """Residuals are still drawn; sensitivities have done their work and are large."""
+    search.nominal = replace(search.nominal, sensitivity=())
+    if search.accepted:
+        last = search.accepted[-1]
+        search.accepted[-1] = replace(last, fit=replace(last.fit, sensitivity=()))
 
 
 def _choose_neighbour(signals: Sequence[Signals], joint: str, problem, tolerance: float, rested: bool) -> None:  # type: ignore[no-untyped-def]

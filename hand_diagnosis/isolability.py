@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_diagnosis.screen import AT_ONCE
 from hand_ident.joint_problem import JointProblem
 from hand_ident.map_fit import MapFit
 from hand_ident.moves import probe_values
@@ -21,6 +22,8 @@ from hand_model.effects.effect import Effect
 Array = NDArray[np.float64]
 ALIKE = 0.95
 """Cosine from which two effects are reported as a group."""
+ENOUGH = 20_000
+"""Samples from which a longer recording is thinned out."""
 HIDDEN = 0.5
 """Sigma below which a probe shows nothing that could be compared."""
 
@@ -51,19 +54,28 @@ def isolability(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -
     for column, (_, values) in zip(columns, probes, strict=True):
         for row, value in values.items():
             column[row] = value
-    changed = problem.residuals(columns, np.repeat(creep, len(probes)))
     moves = len(fit.z)
     gram, cross = np.zeros((len(probes), len(probes))), np.zeros((len(probes), moves))
     normal = np.zeros((moves, moves))
-    for residual, slopes, other in zip(fit.residuals, fit.sensitivity, changed, strict=True):
-        root = np.sqrt(problem.weight)[:, None]
-        s = np.nan_to_num(((other - residual) * root).reshape(len(probes), -1))
+    stride = max(1, sum(len(piece.angle_rad) for piece in problem.pieces) // ENOUGH)
+    parts = [columns[begin : begin + AT_ONCE] for begin in range(0, len(probes), AT_ONCE)]
+    thinned = [_thinned_change(problem, fit, part, creep, stride) for part in parts]
+    for index, slopes in enumerate(fit.sensitivity):
+        root = np.sqrt(problem.weight * stride)[:, None]
+        s = (np.concatenate([part[index] for part in thinned]) * root).reshape(len(probes), -1)
+        j = (slopes[:, :, ::stride] * root).reshape(moves, -1)
         gram += s @ s.T
-        j = (slopes * root).reshape(moves, -1)
         cross += s @ j.T
         normal += j @ j.T
     left = gram - cross @ np.linalg.inv(normal + np.eye(moves)) @ cross.T
     return _summary([effect.name for effect in effects], [k for k, _ in probes], gram, left)
+
+
+def _thinned_change(problem: JointProblem, fit: MapFit, columns: Array, creep: Array, stride: int) -> list[Array]:
+    """Changes of the residuals (k, OUTPUTS, T / stride) by piece."""
+    changed = problem.residuals(columns, np.repeat(creep, len(columns)))
+    pairs = zip(fit.residuals, changed, strict=True)
+    return [np.nan_to_num((other - residual)[:, :, ::stride]) for residual, other in pairs]
 
 
 def _summary(names: Sequence[str], owner: Sequence[int], gram: Array, left: Array) -> Isolability:

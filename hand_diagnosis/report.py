@@ -12,13 +12,12 @@ import numpy as np
 
 from hand_diagnosis.diagnose import Diagnosis, JointDiagnosis
 from hand_diagnosis.findings import Finding
-from hand_diagnosis.isolability import isolability
+from hand_diagnosis.isolability import Isolability
 from hand_diagnosis.separation import best_experiment
 from hand_ident.joint_problem import SHOWN, UNITS
 from hand_ident.model_file import write_model
 from hand_ident.moves import START_CREEP
 from hand_model.description import Hand
-from hand_model.effects import CATALOGUE
 
 SCHEMA = 1
 
@@ -42,7 +41,7 @@ def document(diagnosis: Diagnosis, recordings: Sequence[str], model: str) -> dic
         "parameter_changes": [row for one in diagnosis.joints for row in _changes(one)],
         "data_check": list(diagnosis.check),
         "sensor_curve": diagnosis.sensor_curve,
-        "isolability": [_isolability(one) for one in diagnosis.joints if one.search.accepted],
+        "isolability": [_isolability(one, one.isolability) for one in diagnosis.joints if one.isolability],
         "next_experiment": next_experiment(diagnosis),
     }
 
@@ -125,10 +124,8 @@ def _changes(one: JointDiagnosis) -> list[dict[str, Any]]:
     return rows
 
 
-def _isolability(one: JointDiagnosis) -> dict[str, Any]:
+def _isolability(one: JointDiagnosis, found: Isolability) -> dict[str, Any]:
     """What these data can tell apart on a joint with findings, at the nominal model."""
-    effects = [effect for effect in CATALOGUE if effect.keys and effect.place != "force_sensor"]
-    found = isolability(one.search.problem, one.search.nominal, effects)
     groups = {h.effect.name: found.group_of(h.effect.name) for h in one.search.accepted if h.effect.name in found.names}
     return {
         "joint": one.joint,

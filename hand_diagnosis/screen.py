@@ -15,10 +15,13 @@ from numpy.typing import NDArray
 from hand_ident.joint_problem import JointProblem
 from hand_ident.map_fit import MapFit
 from hand_ident.moves import probe_values
+from hand_model.chain import LANES
 from hand_model.effects.effect import Effect
 from hand_model.parameters import ROW
 
 Array = NDArray[np.float64]
+AT_ONCE = 2 * LANES
+"""Probes simulated together: enough for both cores, few enough for ten minutes of data in memory."""
 LARGEST_SHARE = 3.0
 """A probe is not followed further than this many times its size: it was not a linear one."""
 
@@ -43,8 +46,11 @@ def screen(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> lis
     for column, (_, values) in zip(columns, probes, strict=True):
         for row, value in values.items():
             column[row] = value
-    changed = problem.residuals(columns, np.repeat(creep, len(probes)))
-    gains, shares = _gains(problem, fit, changed)
+    gains, shares = np.zeros(len(probes)), np.zeros(len(probes))
+    for begin in range(0, len(probes), AT_ONCE):
+        part = slice(begin, begin + AT_ONCE)
+        changed = problem.residuals(columns[part], np.repeat(creep, len(columns[part])))
+        gains[part], shares[part] = _gains(problem, fit, changed)
     best: dict[str, Screened] = {}
     for (effect, values), gain, share in zip(probes, gains, shares, strict=True):
         if effect.name not in best or gain > best[effect.name].gain:

@@ -8,7 +8,7 @@ superfluous is dropped again. No effect is treated differently from another.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +85,9 @@ def search_joint(
         found.accepted.append(best)
         current, evidence = best.fit, best.log_evidence
         left = [effect for effect in left if effect.name != best.effect.name]
-    _prune(found, tolerance, rested, rng)
+    _prune(found, tolerance, rested)
+    found.rounds = [[replace(one, fit=one.fit.lean()) for one in hypotheses] for hypotheses in found.rounds]
+    found.accepted[:-1] = [replace(one, fit=one.fit.lean()) for one in found.accepted[:-1]]
     return found
 
 
@@ -148,7 +150,7 @@ def _confirmed(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -
     return bool(hypothesis.fall[0] > 0.0 and before - after > enough)
 
 
-def _prune(found: JointSearch, tolerance: float, rested: bool, rng: np.random.Generator) -> None:
+def _prune(found: JointSearch, tolerance: float, rested: bool) -> None:
     """Drop effects that the later ones made superfluous, the least needed first."""
     while len(found.accepted) > 1:
         names = [one.effect.name for one in found.accepted]
@@ -170,4 +172,3 @@ def _prune(found: JointSearch, tolerance: float, rested: bool, rng: np.random.Ge
         last = kept_hypotheses[-1]
         kept_hypotheses[-1] = Hypothesis(last.effect, best[2], best[0], last.stage, last.fall)
         found.accepted = kept_hypotheses
-    del rng

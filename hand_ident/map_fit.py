@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,10 @@ class MapFit:
     normal: Array
     sensitivity: tuple[Array, ...]
     iterations: int
+
+    def lean(self) -> MapFit:
+        """The same without the large arrays: what a hypothesis that was not taken needs to be reported."""
+        return replace(self, residuals=(), sensitivity=())
 
     @property
     def covariance(self) -> Array:

@@ -31,6 +31,9 @@ def diagnose(
         bool | None, typer.Option(help="Angles are readings of the described Hall sensors. Default: what fits.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the bootstrap.")] = 0,
+    each: Annotated[bool, typer.Option("--each", help="Every recording for itself, into one table.")] = False,
+    jobs: Annotated[int, typer.Option(help="Processes; more than 1 means --each.")] = 1,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler; means --each.")] = None,
     ask: Annotated[bool, typer.Option("--ask", help="Print the command of the experiment to record next.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print report.json's content.")] = False,
 ) -> None:
@@ -48,7 +51,13 @@ def diagnose(
 
         if not 0.0 < tolerance <= 1.0:
             raise ValueError(f"--tolerance is {tolerance:g}; the allowed range is above 0 to 1")
+        if not 1 <= jobs <= 256:
+            raise ValueError(f"--jobs is {jobs}; the allowed range is 1 to 256")
         hand = load_hand(model or default_model())
+        if each or jobs > 1 or scheduler is not None:
+            options = (tolerance, seed, tuple(_list(joints)), tuple(_list(without)), sensor_curve)
+            _fleet(recordings, hand.path, mapping, out, options, jobs, scheduler, as_json)
+            return
         signals = read_signals(recordings, hand, mapping)
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
         with Progress(*columns, console=Console(stderr=True, quiet=as_json), transient=True) as progress:
@@ -74,6 +83,42 @@ def diagnose(
         print(json.dumps(content))
     else:
         print("\n".join(_summary(content, out, ask)[:LINES]))
+
+
+def _fleet(
+    recordings: list[Path],
+    model: Path,
+    mapping: Path | None,
+    out: Path,
+    options: Any,
+    jobs: int,
+    scheduler: str | None,
+    as_json: bool,
+) -> None:
+    """Every recording for itself, resumed where a report is there already; the table and what it says in short."""
+    from hand_diagnosis.fleet import Job, run_fleet, write_table  # noqa: PLC0415 - compiles; only where it is used
+
+    names = [f"{number:05d}_{path.stem}" for number, path in enumerate(recordings)]
+    work = [
+        Job(str(path), str(model), str(mapping) if mapping else None, str(out / name), *options)
+        for path, name in zip(recordings, names, strict=True)
+    ]
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    rows = []
+    with Progress(*columns, console=Console(stderr=True, quiet=as_json), transient=True) as progress:
+        bar = progress.add_task("recordings", total=len(work))
+        for part in run_fleet(work, jobs, scheduler):
+            rows += part
+            progress.advance(bar)
+    summary = write_table(rows, out)
+    if as_json:
+        print(json.dumps(summary))
+        return
+    counts = ", ".join(f"{count} {verdict}" for verdict, count in summary["verdicts"].items())
+    print(f"{summary['recordings']} recordings: {counts}")
+    for name, count in list(summary["by_joint"].items())[:10]:
+        print(f"  {count:4d}  {name}")
+    print(f"written: {out / 'findings.parquet'}, {out / 'summary.json'}, a report a recording")
 
 
 def _list(text: str) -> list[str]:

@@ -81,3 +81,13 @@ CATALOGUE: tuple[Effect, ...] = (
 EFFECT_PARAMETERS, MEMORY = declared()
 EFFECTS: dict[str, Effect] = {effect.name: effect for effect in CATALOGUE}
 """Every effect by its name."""
+
+
+def markdown_table() -> str:
+    """The catalogue as a Markdown table; docs/diagnosis.md carries it."""
+    rows = ["| place | effect | what it is | shown by | source |", "|---|---|---|---|---|"]
+    for effect in CATALOGUE:
+        if effect.says and effect.name != "hydraulic":
+            shown = ", ".join(effect.experiments) or "-"
+            rows.append(f"| {effect.place} | `{effect.name}` | {effect.doc} | {shown} | {effect.source} |")
+    return "\n".join(rows) + "\n"

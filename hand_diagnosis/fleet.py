@@ -1,0 +1,131 @@
+"""Many recordings, each diagnosed for itself, on the cores of this machine or a dask cluster: one table of findings.
+
+A recording whose report is there and was made from the same file, model and options is not diagnosed again, so an
+interrupted run goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hand_diagnosis.diagnose import diagnose
+from hand_diagnosis.inputs import read_signals
+from hand_diagnosis.page import write_page
+from hand_diagnosis.report import write_report
+from hand_model.description import load_hand
+
+KEY = "made_from"
+COLUMNS = ("recording", "verdict", "rank", "joint", "place", "effect", "probability", "statement", "error")
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One recording with all that its report depends on; plain, so that it can be sent to another machine."""
+
+    recording: str
+    model: str
+    mapping: str | None
+    out: str
+    tolerance: float
+    seed: int
+    joints: tuple[str, ...]
+    without: tuple[str, ...]
+    sensor_curve: bool | None
+
+    @property
+    def key(self) -> str:
+        """Changes with the recording's file, the model's text or an option."""
+        path = Path(self.recording)
+        files = sorted(path.rglob("*")) if path.is_dir() else [path]
+        sizes = [(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in files if file.is_file()]
+        model = Path(self.model).read_bytes()
+        options = (self.mapping, self.tolerance, self.seed, self.joints, self.without, self.sensor_curve)
+        return hashlib.sha256(repr((sizes, model, options)).encode()).hexdigest()[:16]
+
+
+def run_job(job: Job) -> list[dict[str, Any]]:
+    """Diagnose one recording unless that was done; rows of the table. Never raises for a recording that is bad."""
+    out = Path(job.out)
+    stamp = out / KEY
+    report = out / "report.json"
+    try:
+        key = job.key
+        if not (report.exists() and stamp.exists() and stamp.read_text(encoding="utf-8") == key):
+            hand = load_hand(job.model)
+            signals = read_signals([Path(job.recording)], hand, Path(job.mapping) if job.mapping else None)
+            result = diagnose(
+                signals,
+                hand,
+                tolerance=job.tolerance,
+                seed=job.seed,
+                joints=job.joints,
+                without=job.without,
+                sensor_curve=job.sensor_curve,
+            )
+            content, _ = write_report(result, hand, [job.recording], out)
+            write_page(result, content, out)
+            stamp.write_text(key, encoding="utf-8")
+        return _rows(job.recording, json.loads(report.read_text(encoding="utf-8")))
+    except (ValueError, OSError) as error:
+        return [dict.fromkeys(COLUMNS) | {"recording": job.recording, "verdict": "unusable", "error": str(error)}]
+
+
+def _rows(recording: str, content: dict[str, Any]) -> list[dict[str, Any]]:
+    rows = [
+        dict.fromkeys(COLUMNS)
+        | {"recording": recording, "verdict": content["verdict"]}
+        | {key: finding[key] for key in ("rank", "joint", "place", "effect", "probability", "statement")}
+        for finding in content["findings"]
+    ]
+    return rows or [dict.fromkeys(COLUMNS) | {"recording": recording, "verdict": content["verdict"]}]
+
+
+def run_fleet(jobs: Sequence[Job], workers: int, scheduler: str | None) -> Iterator[list[dict[str, Any]]]:
+    """Rows of each recording as they are done, on `workers` processes here or on the cluster at an address.
+
+    Raises OSError where the cluster does not answer.
+    """
+    if workers == 1 and scheduler is None:
+        yield from map(run_job, jobs)
+        return
+    from distributed import Client, LocalCluster, as_completed  # noqa: PLC0415 - only for fleets
+
+    os.environ.setdefault("NUMBA_NUM_THREADS", "1")
+    local = None if scheduler else LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None)
+    try:
+        with Client(scheduler or local, timeout=20) as client:
+            waiting = client.map(run_job, list(jobs), pure=False)
+            for future in as_completed(waiting):
+                yield future.result()
+    finally:
+        if local is not None:
+            local.close()
+
+
+def write_table(rows: Sequence[dict[str, Any]], out: Path) -> dict[str, Any]:
+    """findings.parquet and summary.json: verdicts, effects, and effects by joint, counted over recordings."""
+    import pyarrow as pa  # noqa: PLC0415 - only for fleets
+    import pyarrow.parquet as pq  # noqa: PLC0415 - as above
+
+    out.mkdir(parents=True, exist_ok=True)
+    types = {"rank": pa.int64(), "probability": pa.float64()}
+    fields = pa.schema([(name, types.get(name, pa.string())) for name in COLUMNS])
+    ordered = sorted(rows, key=lambda row: (row["recording"], row["rank"] or 0))
+    pq.write_table(pa.Table.from_pylist(ordered, schema=fields), out / "findings.parquet")
+    verdicts = Counter({row["recording"]: row["verdict"] for row in rows}.values())
+    found = [row for row in rows if row["effect"]]
+    summary = {
+        "recordings": len({row["recording"] for row in rows}),
+        "verdicts": dict(verdicts),
+        "effects": dict(Counter(row["effect"] for row in found).most_common()),
+        "by_joint": dict(Counter(f"{row['joint'] or 'hand'}: {row['effect']}" for row in found).most_common()),
+    }
+    (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    return summary

@@ -1,0 +1,74 @@
+"""Many recordings on a real cluster of worker processes; an interrupted run resumes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from typer.testing import CliRunner
+
+from hand_ident.offline_recording import record_offline
+from hand_model.description import load_hand
+from hand_tool.cli import app
+from test.diagnosis.conftest import CONFIG, changed, excitation
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Two hands with friction at one joint, one without, and a file that is no recording."""
+    folder = tmp_path_factory.mktemp("fleet")
+    hand = load_hand(CONFIG)
+    rubbing = changed(hand, "index_distal", coulomb_friction__torque_nm=0.01)
+    paths = []
+    for number, one in enumerate((rubbing, hand, rubbing)):
+        paths.append(folder / f"hand_{number}.mcap")
+        for _ in record_offline(one, excitation(np.random.default_rng(number), 24.0, 11), paths[-1], seed=number):
+            pass
+    bad = folder / "hand_3.mcap"
+    bad.write_text("nothing\n", encoding="utf-8")
+    return [*paths, bad]
+
+
+def fleet(recordings: list[Path], out: Path, *options: str) -> dict[str, object]:
+    names = [str(path) for path in recordings]
+    command = ["diagnose", *names, "--model", str(CONFIG), "--out", str(out), "--joints", "index_distal", "--json"]
+    result = CliRunner().invoke(app, [*command, *options])
+    assert result.exit_code == 0, result.output
+    content: dict[str, object] = json.loads(result.output.splitlines()[-1])
+    return content
+
+
+def test_a_cluster_of_processes_gives_the_table_and_resumes(recordings: list[Path], tmp_path: Path) -> None:
+    """Fails when a worker's result is lost, a bad recording stops the rest, or finished work is done again."""
+    out = tmp_path / "out"
+    fleet(recordings[:1], out, "--each")
+    done = (out / "00000_hand_0" / "report.json").stat().st_mtime_ns
+    address = "tcp://127.0.0.1:" + str(20000 + time.monotonic_ns() % 20000)
+    python = [sys.executable, "-m"]
+    port = address.rpartition(":")[2]
+    scheduler = [*python, "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard"]
+    worker = [*python, "distributed.cli.dask_worker", address, "--nthreads", "1", "--nworkers", "2", "--no-dashboard"]
+    running = []
+    try:
+        for command in (scheduler, worker):
+            running.append(
+                subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=tmp_path)
+            )
+        summary = fleet(recordings, out, "--scheduler", address)
+    finally:
+        for process in reversed(running):
+            process.terminate()
+            process.wait(timeout=20)
+    assert summary["recordings"] == 4
+    assert summary["verdicts"] == {"explained": 2, "agrees": 1, "unusable": 1}
+    assert summary["by_joint"] == {"index_distal: coulomb_friction": 2}
+    table = pq.read_table(out / "findings.parquet").to_pylist()
+    assert [row["verdict"] for row in table] == ["explained", "agrees", "explained", "unusable"]
+    assert "hand_3.mcap" in table[3]["error"]
+    assert (out / "00000_hand_0" / "report.json").stat().st_mtime_ns == done
