@@ -7,13 +7,12 @@ from pathlib import Path
 from hand_model.effects import CATALOGUE, markdown_table
 
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "diagnosis.md"
-NAMES = {
-    "supply_droop", "valve_lag", "valve_delay", "valve_deadband", "valve_flow_limit", "valve_hysteresis", "leak", "tube_lag",
-    "gas_compression", "creep", "hysteresis", "stiffening", "ageing", "thermal_drift", "coulomb_friction", "viscous_friction",
-    "backlash", "end_stop", "gravity", "added_inertia", "joint_coupling", "contact", "constant_load", "angle_offset",
-    "angle_gain", "hall_misalignment", "angle_lag", "pressure_offset", "pressure_gain", "fsr_drift", "fsr_hysteresis", "fsr_gain",
-    "clock_offset", "dropped_frames",
-}  # fmt: skip
+NAMES = """
+supply_droop valve_lag valve_delay valve_deadband valve_flow_limit valve_hysteresis leak tube_lag gas_compression creep
+hysteresis stiffening ageing thermal_drift coulomb_friction viscous_friction backlash end_stop gravity added_inertia
+joint_coupling contact constant_load angle_offset angle_gain hall_misalignment angle_lag pressure_offset pressure_gain
+fsr_drift fsr_hysteresis fsr_gain clock_offset dropped_frames
+"""
 
 
 def test_the_table_is_current() -> None:
@@ -25,4 +24,4 @@ def test_the_table_is_current() -> None:
 
 def test_the_names_are_the_published_ones() -> None:
     """Fails when an effect is renamed, added or lost: the names are part of the interface."""
-    assert {effect.name for effect in CATALOGUE} - {"hydraulic"} == NAMES
+    assert {effect.name for effect in CATALOGUE} - {"hydraulic"} == set(NAMES.split())
