@@ -15,6 +15,7 @@ from hand_diagnosis.search import JointSearch, search_joint
 from hand_diagnosis.verdict import StageResult, describe, stage_results
 from hand_ident.hand_signals import without_sensor_curve
 from hand_ident.joint_data import joint_problem
+from hand_ident.joint_problem import JointProblem
 from hand_ident.map_fit import map_fit
 from hand_ident.moves import nominal_moves
 from hand_ident.signals import Signals
@@ -135,8 +136,8 @@ def _diagnose_joint(
 ) -> JointDiagnosis:
     problem = joint_problem(signals, hand, joint)
     rested = _rested(signals, joint)
-    _choose_neighbour(signals, joint, problem, tolerance, rested)
-    search = search_joint(problem, effects, tolerance, rested, rng)
+    start = _choose_neighbour(signals, joint, problem, tolerance, rested)
+    search = search_joint(problem, effects, tolerance, rested, rng, start)
     results = tuple(stage_results(problem, search.nominal, search.final))
     judged = [effect for effect in effects if effect.place != "force_sensor"]
     told = isolability(problem, search.nominal, judged) if search.accepted else None
@@ -152,8 +153,13 @@ def _forget_slopes(search: JointSearch) -> None:
         search.accepted[-1] = replace(last, fit=replace(last.fit, sensitivity=()))
 
 
-def _choose_neighbour(signals: Sequence[Signals], joint: str, problem, tolerance: float, rested: bool) -> None:  # type: ignore[no-untyped-def]
-    """Put the angle into e that best explains what the nominal model leaves: whoever pulls, pulls with his motion."""
+def _choose_neighbour(
+    signals: Sequence[Signals], joint: str, problem: JointProblem, tolerance: float, rested: bool
+) -> Array:
+    """Put the angle into e that best explains what the nominal model leaves: what pulls, pulls with its motion.
+
+    Returns the nominal numbers found on the way, as coordinates.
+    """
     moves = nominal_moves(problem.nominal, tolerance, rested)
     fit = map_fit(problem, moves, np.zeros(len(moves)), 3)
     pieces = [one for one in signals if joint in one.joints]
@@ -173,6 +179,7 @@ def _choose_neighbour(signals: Sequence[Signals], joint: str, problem, tolerance
     if chosen is not None:
         for one, piece in zip(pieces, problem.pieces, strict=True):
             piece.exogenous[:, NEIGHBOUR] = one.angle_rad[:, one.joints.index(chosen)]
+    return fit.z
 
 
 def _without_lonely(

@@ -21,7 +21,9 @@ from hand_model.parameters import ROW
 
 Array = NDArray[np.float64]
 AT_ONCE = 2 * LANES
-"""Probes simulated together: enough for both cores, few enough for ten minutes of data in memory."""
+"""Probes simulated together: enough for both cores."""
+LONG = 60_000
+"""Samples from which half as many are simulated together, for the memory's sake."""
 LARGEST_SHARE = 3.0
 """A probe is not followed further than this many times its size: it was not a linear one."""
 
@@ -47,8 +49,9 @@ def screen(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> lis
         for row, value in values.items():
             column[row] = value
     gains, shares = np.zeros(len(probes)), np.zeros(len(probes))
-    for begin in range(0, len(probes), AT_ONCE):
-        part = slice(begin, begin + AT_ONCE)
+    at_once = AT_ONCE if sum(len(piece.angle_rad) for piece in problem.pieces) < LONG else LANES
+    for begin in range(0, len(probes), at_once):
+        part = slice(begin, begin + at_once)
         changed = problem.residuals(columns[part], np.repeat(creep, len(columns[part])))
         gains[part], shares[part] = _gains(problem, fit, changed)
     best: dict[str, Screened] = {}
@@ -78,8 +81,9 @@ def _gains(problem: JointProblem, fit: MapFit, changed: Sequence[Array]) -> tupl
         root = np.sqrt(problem.weight)[:, None] * train[piece.block][None]
         r = (residual * root).ravel()
         j = (slopes * root).reshape(moves, -1)
-        s = ((other - residual) * root).reshape(count, -1)  # as a change of the residual, like j
-        s = np.where(np.isfinite(s), s, 0.0)
+        other -= residual  # in place: of ten minutes these arrays are large
+        other *= root
+        s = np.nan_to_num(other, copy=False, posinf=0.0, neginf=0.0).reshape(count, -1)
         ss += (s * s).sum(axis=1)
         sr += s @ r
         cross += s @ j.T

@@ -67,11 +67,19 @@ class JointSearch:
 
 
 def search_joint(
-    problem: JointProblem, effects: Sequence[Effect], tolerance: float, rested: bool, rng: np.random.Generator
+    problem: JointProblem,
+    effects: Sequence[Effect],
+    tolerance: float,
+    rested: bool,
+    rng: np.random.Generator,
+    start: Array | None = None,
 ) -> JointSearch:
-    """Explain one joint by the effects given. tolerance: relative standard deviation of the nominal numbers."""
+    """Explain one joint by the effects given. tolerance: relative standard deviation of the nominal numbers.
+
+    start: coordinates of the nominal numbers (moves,) from which their fit begins.
+    """
     base = nominal_moves(problem.nominal, tolerance, rested)
-    nominal = map_fit(problem, base, np.zeros(len(base)), 8)
+    nominal = map_fit(problem, base, np.zeros(len(base)) if start is None else start, 8)
     found = JointSearch(problem, nominal, log_evidence(problem, nominal))
     current, evidence = nominal, found.nominal_evidence
     left = list(effects)
@@ -106,7 +114,8 @@ def _fit(problem: JointProblem, current: MapFit, screened: Screened, rng: np.ran
     added = effect_moves(screened.effect, problem.nominal)
     moves = merged(current.moves, added)
     start = np.array([_start(move, current, screened, columns[0]) for move in moves])
-    return _judge(problem, current, screened.effect, map_fit(problem, moves, start, 7), rng)
+    rough = _judge(problem, current, screened.effect, map_fit(problem, moves, start, 7), rng)
+    return replace(rough, fit=rough.fit.lean())
 
 
 def _refine(problem: JointProblem, current: MapFit, rough: Hypothesis, rng: np.random.Generator) -> Hypothesis:

@@ -99,10 +99,11 @@ class JointProblem:
 
     def residuals(self, columns: Array, creep: Array) -> list[Array]:
         """Measured minus predicted (k, OUTPUTS, T) of every piece; 0 where it does not count."""
-        return [
-            np.where(piece.use, piece.measured - predicted, 0.0)
-            for piece, predicted in zip(self.pieces, self.predict(columns, creep), strict=True)
-        ]
+        residuals = self.predict(columns, creep)
+        for piece, predicted in zip(self.pieces, residuals, strict=True):
+            np.subtract(piece.measured, predicted, out=predicted)
+            predicted[:, ~piece.use] = 0.0
+        return residuals
 
     def block_squares(self, residuals: Sequence[Array]) -> Array:
         """Sums of squares (k, OUTPUTS, blocks)."""
@@ -110,7 +111,8 @@ class JointProblem:
         for piece, residual in zip(self.pieces, residuals, strict=True):
             first, last = piece.block[0], piece.block[-1]
             starts = np.searchsorted(piece.block, np.arange(first, last + 1))
-            total[:, :, first : last + 1] += np.add.reduceat(residual * residual, starts, axis=2)
+            for column, one in zip(total, residual, strict=True):
+                column[:, first : last + 1] += np.add.reduceat(one * one, starts, axis=1)
         return total
 
     @property

@@ -350,5 +350,7 @@ def open_chain(
     steps = max(1, math.ceil(period_s / step_s - 1e-9))
     u, p, e = (np.ascontiguousarray(signal, dtype=np.float64) for signal in (set_point_pa, pressure_pa, exogenous))
     _open_lanes(work, u, p, e, period_s, steps, lever_m, out)
-    readings: Array = out.transpose(0, 3, 1, 2).reshape(blocks * LANES, OUTPUTS, samples)[:count]
+    readings = np.empty((count, OUTPUTS, samples))
+    for k in range(count):  # lane by lane: of ten minutes a second copy of all would be large
+        readings[k] = out[k // LANES, :, :, k % LANES]
     return readings
