@@ -102,7 +102,7 @@ def _first_round(search: JointSearch) -> list[Hypothesis]:
 
 def _rivals(search: JointSearch, accepted: Hypothesis) -> list[tuple[Effect, float]]:
     """Effects and probabilities of the round in which the effect was accepted, the model without it included."""
-    for hypotheses, without in zip(search.rounds, search.evidences, strict=True):
+    for hypotheses, without in reversed(list(zip(search.rounds, search.evidences, strict=True))):
         names = [one.effect.name for one in hypotheses]
         if accepted.effect.name in names and hypotheses[names.index(accepted.effect.name)].log_evidence > without:
             logs = np.array([one.log_evidence for one in hypotheses] + [without])
@@ -138,7 +138,7 @@ def _finding(
         alternatives,
         _when(search, stage),
         STAGES[stage],
-        _condition(search, before, stage),
+        _condition(search, search.nominal, stage),
         numbers,
         statement,
     )

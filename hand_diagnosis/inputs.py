@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +28,7 @@ from hand_model.description import Hand
 from hand_model.yaml_reader import Section, read_yaml
 
 Array = NDArray[np.float64]
-TABLES = {".csv", ".parquet", ".pq"}
+TABLES = {".csv", ".parquet", ".pq", ".npz"}
 QUANTITIES = {"set_point": "pa", "pressure": "pa", "angle": "deg", "force": "n"}
 LONGEST = 20_000_000
 """Samples of a table; more belong into several recordings."""
@@ -50,7 +49,7 @@ def read_signals(paths: Sequence[Path], hand: Hand, mapping: Path | None) -> lis
 
 def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
     top = read_yaml(mapping, ("time", "joints"))
-    columns = _columns(path)
+    columns = table_columns(path)
     time_s = _column(top.section("time", ("column", "unit")), path, columns, "s", signed=False)
     order = np.argsort(time_s, kind="stable")
     kept = order[np.concatenate([[True], np.diff(time_s[order]) > 0.0])]
@@ -83,26 +82,34 @@ def _joints(top: Section, hand: Hand, mapping: Path) -> list[tuple[str, Section]
     return joints
 
 
-def _columns(path: Path) -> dict[str, Any]:
+def table_columns(path: Path) -> dict[str, Array]:
+    """Columns of a CSV, Parquet or NPZ file as floats; RecordingError, one line, for what cannot be read."""
     import pyarrow.csv  # noqa: PLC0415 - large, and of no use to bags
     import pyarrow.parquet  # noqa: PLC0415 - as above
 
     try:
+        if path.suffix == ".npz":
+            with np.load(path) as archive:
+                return {name: np.asarray(archive[name], dtype=np.float64) for name in archive.files}
         table = pyarrow.csv.read_csv(path) if path.suffix == ".csv" else pyarrow.parquet.read_table(path)
+        columns = {name: table.column(name) for name in table.column_names}
     except (OSError, ValueError, pyarrow.ArrowException) as error:
         raise RecordingError(f"{path} cannot be read: {str(error).splitlines()[0]}") from None
-    return {name: table.column(name) for name in table.column_names}
+    numbers = {}
+    for name, column in columns.items():
+        try:
+            numbers[name] = np.asarray(column.to_numpy(zero_copy_only=False), dtype=np.float64)
+        except (TypeError, ValueError):
+            continue  # text beside the numbers
+    return numbers
 
 
-def _column(section: Section, path: Path, columns: dict[str, Any], unit: str, *, signed: bool) -> Array:
+def _column(section: Section, path: Path, columns: dict[str, Array], unit: str, *, signed: bool) -> Array:
     name = section.raw("column", "the name of a column")
     given = section.choice("unit", list(UNITS[unit]), unit)
     if name not in columns:
-        raise RecordingError(f"{path} has no column {name!r}; it has: {', '.join(columns)}")
-    try:
-        values = np.asarray(columns[name].to_numpy(zero_copy_only=False), dtype=np.float64)
-    except (TypeError, ValueError):
-        raise RecordingError(f"{path}: column {name!r} holds something other than numbers") from None
+        raise RecordingError(f"{path} has no column {name!r}; its columns of numbers: {', '.join(columns)}")
+    values = columns[name]
     if not np.isfinite(values).any():
         raise RecordingError(f"{path}: column {name!r} holds no finite number")
     sign = section.integer("sign", -1, 1, 1) if signed else 1

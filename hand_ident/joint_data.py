@@ -40,6 +40,7 @@ def joint_problem(signals: Sequence[Signals], hand: Hand, joint: str) -> JointPr
         hand.parameters[:, index].copy(),
         initial_weights(pieces[0].period_s, noise),
         _lever_m(hand, index),
+        driven=signals[0].driven,
     )
 
 
@@ -87,6 +88,9 @@ def _use(signals: Signals, j: int, force: Array) -> NDArray[np.bool_]:
     use = np.zeros((OUTPUTS, signals.samples), dtype=bool)
     use[0] = known & bool(signals.has_set_point[j]) & bool(signals.has_pressure[j])
     use[1] = known & bool(signals.has_pressure[j])
+    if signals.driven:
+        use[1], use[2] = False, known & np.isfinite(force)
+        return use
     use[2] = known & np.isfinite(force) & (np.nan_to_num(force) > TOUCHING_N)
     return use
 

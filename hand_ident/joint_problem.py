@@ -61,6 +61,7 @@ class JointProblem:
     weight: Array
     lever_m: float = 1.0
     step_s: float = 1.3e-3
+    driven: bool = False
 
     @property
     def blocks(self) -> int:
@@ -92,7 +93,7 @@ class JointProblem:
             out.append(
                 open_chain(
                     columns, start, piece.set_point_pa, piece.pressure_pa, piece.exogenous, piece.period_s,
-                    self.lever_m, self.step_s,
+                    self.lever_m, self.step_s, self.driven,
                 )
             )  # fmt: skip
         return out

@@ -21,6 +21,7 @@ class Signals:
     set_point_pa: in force from its sample to the next.  pressure_pa, angle_rad: as read, gaps bridged.
     force_n: NaN where no sensor.  known: False where a reading was bridged.  has_*: (J,) whether the stage can be
     judged at all.  notes: what the data check found.  dropped: share of frames that never came.
+    driven: the motion was imposed, and force_n is what the machine answered.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Signals:
     has_pressure: NDArray[np.bool_]
     notes: tuple[str, ...] = field(default=())
     dropped: float = 0.0
+    driven: bool = False
 
     @property
     def samples(self) -> int:

@@ -38,6 +38,8 @@ Array = NDArray[np.float64]
 LANES = 16
 OUTPUTS = 3
 """Readings of pressure [Pa], angle [rad] and force [N]."""
+STANDSTILL_RAD_S = 0.02
+"""Speed below which a machine with imposed motion counts as standing, and friction has no full size yet."""
 STATES = 4
 P, PHI, OMEGA, CREEP = range(STATES)
 _ROWS = len(JOINT_PARAMETERS)
@@ -266,6 +268,31 @@ def _open_step(w, e, h):  # type: ignore[no-untyped-def]
 
 
 @inline
+def _driven_step(w, e, following, share, h):  # type: ignore[no-untyped-def]
+    """One step of a machine whose motion is imposed: the joint goes where it was measured."""
+    for i in range(LANES):
+        w[X + P, i] = valve_step(w, i, w[X + P, i], w[_COMMAND, i], e, h)
+        p = at_actuator(w, i, _true_pressure(w, i, w[_INPUT, i]), h)
+        w[_ACTUATOR, i] = p
+        phi = e[ANGLE] + share * (following - e[ANGLE])
+        _keep_motion(w, i, w[X + PHI, i], phi, h)
+        w[X + PHI, i], w[X + OMEGA, i] = phi, e[SPEED]
+        w[X + CREEP, i] = creep_step(w, i, p, w[X + CREEP, i], h)
+
+
+@inline
+def _read_driven(w, e, dt, lever, out, k):  # type: ignore[no-untyped-def]
+    """Readings of such a machine: the force it gives outward, dry friction against the motion included."""
+    for i in range(LANES):
+        out[0, k, i] = read_pressure(w, i, w[X + P, i])
+        out[1, k, i] = read_angle(w, i, w[X + PHI, i], dt)
+        outside = _outside_torque(w, i, w[_ACTUATOR, i], w[X + CREEP, i], e)
+        direction = min(max(e[SPEED] / STANDSTILL_RAD_S, -1.0), 1.0)
+        friction = direction * _dry_friction(w, i, e[SPEED], w[_ACTUATOR, i])
+        out[2, k, i] = _read_force(w, i, (outside - friction) / lever, dt)
+
+
+@inline
 def _read(w, e, dt, lever, out, k):  # type: ignore[no-untyped-def]
     """Readings at the end of a sample."""
     for i in range(LANES):
@@ -284,7 +311,7 @@ def _block_kernel() -> Any:
     """One block through all samples, compiled alone: a parallel region would keep it from being vectorised."""
     key = equations()
 
-    def open_block(work, u, reading, e, dt, steps, lever, out):  # type: ignore[no-untyped-def]
+    def open_block(work, u, reading, e, dt, steps, lever, driven, out):  # type: ignore[no-untyped-def]
         _ = key
         w = carray(stack_doubles(_SIZE), (WORK, LANES))  # of known shape: rows cannot overlap
         for row in range(WORK):
@@ -295,8 +322,14 @@ def _block_kernel() -> Any:
             now = _around(e, k)
             for n in range(steps):
                 _inputs(w, u, reading, k + n / steps, k + (n + 1) / steps, dt)
-                _open_step(w, now, h)
-            _read(w, _around(e, k + 1), dt, lever, out, k + 1)
+                if driven:
+                    _driven_step(w, now, e[k + 1, ANGLE], (n + 1.0) / steps, h)
+                else:
+                    _open_step(w, now, h)
+            if driven:
+                _read_driven(w, _around(e, k + 1), dt, lever, out, k + 1)
+            else:
+                _read(w, _around(e, k + 1), dt, lever, out, k + 1)
 
     return njit(cache=True, fastmath=_FAST, error_model="numpy")(open_block)
 
@@ -307,10 +340,10 @@ _open_block = _block_kernel()
 def _kernel() -> Any:
     key = equations()
 
-    def open_lanes(w, u, reading, e, dt, steps, lever, out):  # type: ignore[no-untyped-def]
+    def open_lanes(w, u, reading, e, dt, steps, lever, driven, out):  # type: ignore[no-untyped-def]
         _ = key
         for block in prange(w.shape[0]):
-            _open_block(w[block], u, reading, e, dt, steps, lever, out[block])
+            _open_block(w[block], u, reading, e, dt, steps, lever, driven, out[block])
 
     return njit(cache=True, parallel=True, fastmath=_FAST)(open_lanes)
 
@@ -327,6 +360,7 @@ def open_chain(
     period_s: float,
     lever_m: float = 1.0,
     step_s: float = 1.3e-3,
+    driven: bool = False,
 ) -> Array:
     """Readings (columns, OUTPUTS, samples) that each parameter set predicts from each stage's measured inputs.
 
@@ -334,7 +368,8 @@ def open_chain(
 
     columns: (columns, rows of JOINT_PARAMETERS) SI.  start: (columns, STATES) at the first sample.  set_point_pa,
     pressure_pa: (samples,), no gaps; the set-point of a sample holds until the next.  exogenous: (samples, EXOGENOUS).
-    lever_m: arm of the force sensor.  step_s: largest step of integration.
+    lever_m: arm of the force sensor.  step_s: largest step of integration.  driven: the motion is imposed, and the
+    force is what is predicted.
     """
     count, samples = len(columns), len(pressure_pa)
     blocks = -(-count // LANES)
@@ -349,7 +384,7 @@ def open_chain(
     out[:, 0, 0], out[:, 1, 0], out[:, 2, 0] = work[:, X + P], work[:, X + PHI], 0.0
     steps = max(1, math.ceil(period_s / step_s - 1e-9))
     u, p, e = (np.ascontiguousarray(signal, dtype=np.float64) for signal in (set_point_pa, pressure_pa, exogenous))
-    _open_lanes(work, u, p, e, period_s, steps, lever_m, out)
+    _open_lanes(work, u, p, e, period_s, steps, lever_m, driven, out)
     readings = np.empty((count, OUTPUTS, samples))
     for k in range(count):  # lane by lane: of ten minutes a second copy of all would be large
         readings[k] = out[k // LANES, :, :, k % LANES]

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+import yaml
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -24,6 +25,7 @@ def diagnose(
     mapping: Annotated[
         Path | None, typer.Option("--map", help="YAML that names the columns of a CSV or Parquet.")
     ] = None,
+    machine: Annotated[Path | None, typer.Option(help="Another single-axis machine's file instead of a hand.")] = None,
     joints: Annotated[str, typer.Option(help="Comma-separated joints. Default: all that move.")] = "",
     tolerance: Annotated[float, typer.Option(help="Expected relative error of the nominal numbers.")] = 0.05,
     without: Annotated[str, typer.Option(help="Comma-separated effects to leave out of the search.")] = "",
@@ -53,6 +55,10 @@ def diagnose(
             raise ValueError(f"--tolerance is {tolerance:g}; the allowed range is above 0 to 1")
         if not 1 <= jobs <= 256:
             raise ValueError(f"--jobs is {jobs}; the allowed range is 1 to 256")
+        if machine is not None:
+            content = _machine(machine, recordings, out, tolerance, seed, _list(without))
+            print(json.dumps(content) if as_json else "\n".join(_summary(content, out, ask=False)[:LINES]))
+            return
         hand = load_hand(model or default_model())
         if each or jobs > 1 or scheduler is not None:
             options = (tolerance, seed, tuple(_list(joints)), tuple(_list(without)), sensor_curve)
@@ -83,6 +89,30 @@ def diagnose(
         print(json.dumps(content))
     else:
         print("\n".join(_summary(content, out, ask)[:LINES]))
+
+
+def _machine(
+    machine: Path, recordings: list[Path], out: Path, tolerance: float, seed: int, without: list[str]
+) -> dict[str, Any]:
+    """Diagnose a machine that is no hand; report and page in its own units, parameters instead of a hand's model."""
+    from hand_diagnosis.diagnose import diagnose as run  # noqa: PLC0415 - compiles; only where it is used
+    from hand_diagnosis.machine import in_own_units, load_machine  # noqa: PLC0415 - as above
+    from hand_diagnosis.page import write_page  # noqa: PLC0415 - as above
+    from hand_diagnosis.report import document  # noqa: PLC0415 - as above
+
+    loaded = load_machine(machine, recordings)
+    result = run(loaded.signals, loaded.hand, tolerance=tolerance, seed=seed, without=without, sensor_curve=False)
+    content = in_own_units(document(result, [str(path) for path in recordings], str(machine)), loaded)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "report.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    effects = {
+        key: {"value": number["value"], "unit": number["unit"]}
+        for finding in content["findings"]
+        for key, number in finding["parameters"].items()
+    }
+    (out / "model.yaml").write_text(yaml.safe_dump({"machine": loaded.name, "effects": effects}), encoding="utf-8")
+    write_page(result, content, out)
+    return content
 
 
 def _fleet(

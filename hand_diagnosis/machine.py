@@ -1,0 +1,205 @@
+"""Any single-axis machine in the units of a hand: the same chain, search and report diagnose it.
+
+A machine file says what moves, by what, and where the columns are:
+
+    schema: 1
+    name: seal_rig
+    motion: linear                     # or rotary
+    imposed: true                      # the rig moves the axis and measures force; false: the input moves it
+    gain: 4.9087e-4                    # force [N] or torque [N m] per unit of input, in SI
+    stiffness: 0.0                     # [N/m] or [N m/rad]
+    damping: 0.0                       # [N s/m] or [N m s/rad]
+    inertia: 0.1                       # [kg] or [kg m^2]
+    columns:
+      time: {column: t_s}
+      input: {column: p_bar, scale: 1.0e+5}
+      position: {column: x_mm, scale: -1.0e-3}
+      force: {column: F_N}
+
+Signals are scaled so that force, travel and input have the size they have in a finger; the tolerances, floors and
+typical sizes of effects then fit. Results are scaled back. Positive input drives towards positive position; a measured
+force is what the axis exerts in that direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_diagnosis.inputs import LONGEST, table_columns
+from hand_ident.hand_signals import SHORTEST_S
+from hand_ident.installed import default_model
+from hand_ident.recording_files import RecordingError
+from hand_ident.signals import Signals, bridge
+from hand_model.description import Hand, load_hand
+from hand_model.parameters import ROW
+from hand_model.yaml_reader import Section, read_yaml
+
+Array = NDArray[np.float64]
+AXIS = "axis"
+TORQUE, TRAVEL, INPUT, FORCE = 0.5, 1.5, 4e5, 10.0
+"""Sizes in a finger: torque [N m], travel [rad], input [Pa], force at the pad [N]."""
+LEVER_M = TORQUE / FORCE
+_KEYS = ("schema", "name", "motion", "imposed", "gain", "stiffness", "damping", "inertia", "columns")
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """A machine as a hand of one joint, its signals, and what one unit of the hand is there (torque, angle, input)."""
+
+    name: str
+    linear: bool
+    hand: Hand
+    signals: tuple[Signals, ...]
+    per_torque: float
+    per_angle: float
+    per_input: float
+
+    def unit_factor(self, unit: str) -> tuple[float, str]:
+        """Factor and name of a unit of a finding in the machine's own units."""
+        torque, angle = ("N", "m") if self.linear else ("N m", "rad")
+        turn = np.pi / 180.0
+        t, a, p = self.per_torque, self.per_angle, self.per_input
+        table = {
+            "N m": (t, torque),
+            "deg": (a * turn * (1e3 if self.linear else 1 / turn), "mm" if self.linear else "deg"),
+            "Pa": (p, "input"),
+            "N m/Pa": (t / p, f"{torque}/input"),
+            "N m/rad": (t / a, f"{torque}/{angle}"),
+            "N m/rad^3": (t / a**3, f"{torque}/{angle}^3"),
+            "N m/(Pa rad^2)": (t / p / a**2, f"{torque}/(input {angle}^2)"),
+            "N m/Pa^2": (t / p**2, f"{torque}/input^2"),
+            "N m s/rad": (t / a, f"{torque} s/{angle}"),
+            "N m s^2/rad^2": (t / a**2, f"{torque} s^2/{angle}^2"),
+            "rad/s": (a, f"{angle}/s"),
+            "kg m^2": (t / a, "kg" if self.linear else "kg m^2"),
+            "Pa/s": (p, "input/s"),
+            "1/Pa": (1 / p, "1/input"),
+        }
+        return table.get(unit, (1.0, unit))
+
+
+def load_machine(path: Path, recordings: Sequence[Path]) -> Machine:
+    """Read a machine file and its recordings. Raises DescriptionError or RecordingError, one line."""
+    top = read_yaml(path, _KEYS)
+    top.integer("schema", 1, 1)
+    linear = top.choice("motion", ["linear", "rotary"]) == "linear"
+    imposed = bool(top.raw("imposed", "true or false", False))
+    tables = [_read(path, top, recording, imposed) for recording in recordings]
+    gain = top.number("gain", 1e-12, 1e12)
+    per_angle = max(float(np.ptp(np.concatenate([t["position"] for t in tables]))), 1e-12) / TRAVEL
+    largest = max(float(np.abs(np.concatenate([t["input"] for t in tables])).max()), 1e-12)
+    per_input = largest / INPUT
+    per_torque = gain * largest / TORQUE
+    hand = _hand(path, top, gain * per_input / per_torque, per_angle, per_torque)
+    signals = tuple(
+        _signals(recording, table, imposed, (per_torque, per_angle, per_input))
+        for recording, table in zip(recordings, tables, strict=True)
+    )
+    return Machine(top.name("name"), linear, hand, signals, per_torque, per_angle, per_input)
+
+
+def _read(path: Path, top: Section, recording: Path, imposed: bool) -> dict[str, Array]:
+    """Columns on a uniform clock, SI: time, input, position, force (where the motion is imposed)."""
+    wanted = ("time", "input", "position", *(("force",) if imposed else ()))
+    section = top.section("columns", ("time", "input", "position", "force"))
+    columns = table_columns(recording)
+    data = {}
+    for name in wanted:
+        part = section.section(name, ("column", "scale"))
+        column = part.raw("column", "the name of a column")
+        if column not in columns:
+            raise RecordingError(f"{recording} has no column {column!r}; it has: {', '.join(columns)}")
+        data[name] = part.number("scale", -1e12, 1e12, 1.0) * columns[column]
+    order = np.argsort(data["time"], kind="stable")
+    kept = order[np.concatenate([[True], np.diff(data["time"][order]) > 0.0])]
+    time_s = data["time"][kept]
+    if len(time_s) < 3 or not np.isfinite(time_s).all() or time_s[-1] - time_s[0] < SHORTEST_S:
+        raise RecordingError(f"{recording} has {len(time_s)} different times; {SHORTEST_S:g} s of samples are needed")
+    period = float(np.median(np.diff(time_s)))
+    grid = np.arange(time_s[0], time_s[-1] + 0.5 * period, period)
+    if len(grid) > LONGEST:
+        raise RecordingError(f"{recording} needs {len(grid)} samples; the allowed range is up to {LONGEST}")
+    del path
+    return {"time": grid} | {name: _known(recording, name, grid, time_s, data[name][kept]) for name in wanted[1:]}
+
+
+def _known(recording: Path, name: str, grid: Array, time_s: Array, values: Array) -> Array:
+    finite = np.isfinite(values)
+    if not finite.any():
+        raise RecordingError(f"{recording}: {name} holds no finite number")
+    if name == "position" and np.ptp(values[finite]) == 0.0:
+        raise RecordingError(f"{recording}: position is constant at {values[finite][0]:g}; the axis must move")
+    return np.asarray(np.interp(grid, time_s[finite], values[finite]), dtype=np.float64)
+
+
+def _hand(path: Path, top: Section, a2: float, per_angle: float, per_torque: float) -> Hand:
+    """The axis as the only joint; no stops, no creep, nothing coupled."""
+    base = load_hand(default_model())
+    scale = per_angle / per_torque
+    row = base.parameters[:, 0].copy()
+    changes = {
+        "statics.a0_nm": 0.0,
+        "statics.a1_nm_per_rad": -max(top.number("stiffness", 0.0, 1e12, 0.0) * scale, 1e-6),
+        "statics.a2_nm_per_pa": a2,
+        "statics.a3_nm_per_pa_rad": 0.0,
+        "material.phi_max_deg": 0.0,
+        "dynamics.inertia_kg_m2": max(top.number("inertia", 0.0, 1e12, 0.0) * scale, 1e-9),
+        "dynamics.viscous_friction_nm_s_per_rad": max(top.number("damping", 0.0, 1e12, 0.0) * scale, 1e-6),
+        "dynamics.coupling_inertia_kg_m2": 0.0,
+        "end_stop.low_deg": -np.pi,
+        "end_stop.high_deg": 2.0 * np.pi,
+        "supply.pressure_pa": 2e6,
+    }
+    for key, value in changes.items():
+        row[ROW[key]] = value
+    sensors = replace(base.sensors, site_joint=np.zeros(1, dtype=np.int64), lever_arm_m=np.array([LEVER_M]))
+    return replace(
+        base,
+        path=path,
+        name=top.name("name"),
+        joints=(AXIS,),
+        parameters=row[:, None],
+        partner=np.array([-1]),
+        sensors=sensors,
+    )
+
+
+def _signals(recording: Path, table: dict[str, Array], imposed: bool, units: tuple[float, float, float]) -> Signals:
+    per_torque, per_angle, per_input = units
+    drive, known = bridge(table["input"][:, None] / per_input)
+    force = np.full_like(drive, np.nan)
+    if imposed:
+        force = table["force"][:, None] / per_torque / LEVER_M
+    yes = np.ones(1, dtype=bool)
+    period = float(np.median(np.diff(table["time"])))
+    return Signals(
+        recording.name, (AXIS,), period, drive, drive, table["position"][:, None] / per_angle, force, known, ~yes, yes,
+        driven=imposed,
+    )  # fmt: skip
+
+
+def in_own_units(content: dict[str, Any], machine: Machine) -> dict[str, Any]:
+    """report.json's content with parameters and errors in the machine's units."""
+    torque = "N" if machine.linear else "N m"
+    for finding in content["findings"]:
+        statement = finding["statement"]
+        for number in finding["parameters"].values():
+            factor, unit = machine.unit_factor(number["unit"])
+            old = (f"{number['value']:.3g} ± {number['std']:.1g}", number["unit"])
+            number["value"], number["std"], number["unit"] = number["value"] * factor, number["std"] * factor, unit
+            new = f"{number['value']:.3g} ± {number['std']:.1g}"
+            statement = statement.replace(old[0], new, 1)
+        finding["statement"] = statement.replace("N m", torque) if machine.linear else statement
+    for row in content["fit"]:
+        factors = {"force": machine.per_torque * LEVER_M, "angle": machine.unit_factor("deg")[0]}
+        factor = factors.get(row["signal"], machine.per_input)
+        for key in ("rmse_before", "rmse_after", "noise_floor"):
+            row[key] *= factor
+        row["unit"] = {"force": torque, "angle": machine.unit_factor("deg")[1]}.get(row["signal"], "input")
+    return content

@@ -1,0 +1,131 @@
+"""Machines that are no hand: a rig that imposes the motion, a pendulum driven by a torque."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from hand_diagnosis.diagnose import diagnose
+from hand_diagnosis.findings import joint_findings
+from hand_diagnosis.report import schema
+from hand_model.description import Hand
+from hand_tool.cli import app
+from test.diagnosis.conftest import changed, off_by_a_little, record
+
+CYLINDER = """
+schema: 1
+name: cylinder
+motion: linear
+imposed: true
+gain: 5.0e-4
+columns:
+  time: {column: t}
+  input: {column: p_bar, scale: 1.0e+5}
+  position: {column: x_mm, scale: 1.0e-3}
+  force: {column: f}
+"""
+PENDULUM = """
+schema: 1
+name: arm
+motion: rotary
+gain: 2.0
+stiffness: 2.0
+damping: 0.05
+inertia: 0.005
+columns:
+  time: {column: t}
+  input: {column: goal}
+  position: {column: angle}
+"""
+
+
+def run(folder: Path, machine: str, table: np.ndarray, header: str) -> dict[str, object]:
+    (folder / "machine.yaml").write_text(machine, encoding="utf-8")
+    np.savetxt(folder / "data.csv", table, delimiter=",", header=header, comments="", fmt="%.7g")
+    out = folder / "out"
+    arguments = ["diagnose", str(folder / "data.csv"), "--machine", str(folder / "machine.yaml"), "--out", str(out)]
+    result = CliRunner().invoke(app, [*arguments, "--json"])
+    assert result.exit_code == 0, result.output
+    content: dict[str, object] = json.loads(result.output.splitlines()[-1])
+    jsonschema.validate(content, schema())
+    assert (out / "report.html").exists()
+    return content
+
+
+def test_seal_friction_of_a_cylinder(tmp_path: Path) -> None:
+    """Fails when friction against an imposed motion is not seen in the force, or comes back in other units."""
+    rng = np.random.default_rng(2)
+    time = np.arange(0.0, 60.0, 0.01)
+    x = 20.0 * (1.0 - np.cos(2 * np.pi * time / 9.0))
+    speed = np.gradient(x, time)
+    pressure = 3.0 + 0.3 * np.sin(2 * np.pi * time / 23.0)
+    force = 50.0 * pressure - 8.0 * np.tanh(speed / 0.2) + 0.3 * rng.standard_normal(len(time))
+    content = run(tmp_path, CYLINDER, np.column_stack([time, pressure, x, force]), "t,p_bar,x_mm,f")
+    first = content["findings"][0]  # type: ignore[index]
+    assert first["effect"] == "coulomb_friction"
+    parameters = first["parameters"]
+    total = parameters["coulomb_friction.torque_nm"]["value"]
+    total += 3e5 * parameters["coulomb_friction.torque_nm_per_pa"]["value"]
+    assert parameters["coulomb_friction.torque_nm"]["unit"] == "N"
+    assert total == pytest.approx(8.0, rel=0.1)
+
+
+def test_friction_of_a_driven_arm(tmp_path: Path) -> None:
+    """Fails when an axis that is moved by its input is not simulated in its own inertia, damping and stiffness."""
+    rng = np.random.default_rng(3)
+    period, steps = 0.005, 10
+    time = np.arange(0.0, 40.0, period)
+    goal = np.interp(time, np.arange(0, 45, 1.5), rng.uniform(-0.8, 0.8, 30))
+    angle, speed, angles = 0.0, 0.0, []
+    for target in goal:
+        angles.append(angle)
+        for _ in range(steps):  # fine Euler steps with a steep sign: no code shared with the tool
+            torque = 2.0 * (target - angle) - 0.05 * speed - 0.12 * np.tanh(speed / 2e-3)
+            speed += period / steps * torque / 0.005
+            angle += period / steps * speed
+    noisy = np.array(angles) + 5e-4 * rng.standard_normal(len(angles))
+    content = run(tmp_path, PENDULUM, np.column_stack([time, goal, noisy]), "t,goal,angle")
+    first = content["findings"][0]  # type: ignore[index]
+    assert first["effect"] == "coulomb_friction"
+    number = first["parameters"]["coulomb_friction.torque_nm"]
+    assert number["unit"] == "N m"
+    assert number["value"] == pytest.approx(0.12, rel=0.15)
+
+
+def test_two_effects_on_one_joint(hand: Hand) -> None:
+    """Fails when a second effect hides behind the first, or its probability is that of the first round."""
+    rng = np.random.default_rng(70)
+    truth = changed(hand, "index_distal", coulomb_friction__torque_nm=0.008, valve_deadband__width_pa=4e3)
+    signals = record(truth, rng)
+    nominal = off_by_a_little(hand, rng)
+    result = diagnose([signals], nominal, tolerance=0.05, seed=0, joints=["index_distal"], sensor_curve=False)
+    assert {finding.effect for finding in result.findings} == {"coulomb_friction", "valve_deadband"}
+    assert all(finding.probability > 0.5 for finding in result.findings)
+    one = result.joints[0]
+    assert len(joint_findings(one.joint, one.search, one.results)) == 2
+
+
+@pytest.mark.parametrize(
+    ("machine", "line"),
+    [
+        (CYLINDER.replace("gain: 5.0e-4", "gain: none"), "gain"),
+        (CYLINDER.replace("column: f}", "column: load}"), "no column 'load'"),
+        (CYLINDER.replace("motion: linear", "motion: sideways"), "one of linear, rotary"),
+        ("", "machine.yaml"),
+    ],
+)
+def test_a_wrong_machine_file_is_one_line(machine: str, line: str, tmp_path: Path) -> None:
+    """Fails when a wrong machine file gives a traceback or a finding."""
+    (tmp_path / "machine.yaml").write_text(machine, encoding="utf-8")
+    (tmp_path / "data.csv").write_text("t,p_bar,x_mm,f\n" + "".join(f"{k},1,{k},1\n" for k in range(50)), "utf-8")
+    files = [str(tmp_path / "data.csv"), "--machine", str(tmp_path / "machine.yaml")]
+    result = CliRunner().invoke(app, ["diagnose", *files, "--out", str(tmp_path / "out")])
+    said = [text for text in result.output.splitlines() if text.strip()]
+    assert result.exit_code == 2, result.output
+    assert len(said) == 1, said
+    assert line in said[0]
