@@ -37,6 +37,7 @@ from hand_ident.installed import default_model
 from hand_ident.recording_files import RecordingError
 from hand_ident.signals import Signals, bridge
 from hand_model.description import Hand, load_hand
+from hand_model.effects import EFFECTS
 from hand_model.parameters import ROW
 from hand_model.yaml_reader import Section, read_yaml
 
@@ -59,6 +60,13 @@ class Machine:
     per_torque: float
     per_angle: float
     per_input: float
+
+    @property
+    def units(self) -> dict[str, tuple[float, str]]:
+        """Factor from the hand's SI and name of the unit of each signal, for figures."""
+        angle, name = self.unit_factor("deg")
+        force = (self.per_torque * LEVER_M, "N" if self.linear else "N m")
+        return {"pressure": (self.per_input, "input"), "angle": (angle * 180.0 / np.pi, name), "force": force}
 
     def unit_factor(self, unit: str) -> tuple[float, str]:
         """Factor and name of a unit of a finding in the machine's own units."""
@@ -188,18 +196,32 @@ def in_own_units(content: dict[str, Any], machine: Machine) -> dict[str, Any]:
     """report.json's content with parameters and errors in the machine's units."""
     torque = "N" if machine.linear else "N m"
     for finding in content["findings"]:
-        statement = finding["statement"]
         for number in finding["parameters"].values():
             factor, unit = machine.unit_factor(number["unit"])
-            old = (f"{number['value']:.3g} ± {number['std']:.1g}", number["unit"])
             number["value"], number["std"], number["unit"] = number["value"] * factor, number["std"] * factor, unit
-            new = f"{number['value']:.3g} ± {number['std']:.1g}"
-            statement = statement.replace(old[0], new, 1)
-        finding["statement"] = statement.replace("N m", torque) if machine.linear else statement
     for row in content["fit"]:
         factors = {"force": machine.per_torque * LEVER_M, "angle": machine.unit_factor("deg")[0]}
         factor = factors.get(row["signal"], machine.per_input)
         for key in ("rmse_before", "rmse_after", "noise_floor"):
             row[key] *= factor
         row["unit"] = {"force": torque, "angle": machine.unit_factor("deg")[1]}.get(row["signal"], "input")
+    for finding in content["findings"]:
+        finding["statement"] = _statement(finding, content, machine.linear)
     return content
+
+
+def _statement(finding: dict[str, Any], content: dict[str, Any], linear: bool) -> str:
+    """The finding said again with the machine's numbers and units."""
+    if finding["effect"] not in EFFECTS:
+        return str(finding["statement"])
+    values = {
+        key.rsplit(".", 1)[1]: f"{number['value']:.3g} ± {number['std']:.1g}"
+        for key, number in finding["parameters"].items()
+    }
+    said = EFFECTS[finding["effect"]].says.format(**values)
+    if linear:
+        for word, own in (("N m", "N"), ("degrees", "mm"), ("rad", "m"), ("/Pa", "/input"), (" Pa", " input")):
+            said = said.replace(word, own)
+    row = next(r for r in content["fit"] if r["split"] == "held_out" and r["signal"] == finding["where"]["signal"])
+    errors = f"{row['rmse_before']:.3g} to {row['rmse_after']:.3g} {row['unit']}"
+    return f"{AXIS}: {said}. With all findings the held-out error of the {row['signal']} falls from {errors}."

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import io
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -23,17 +24,22 @@ VERDICTS = {
     "partly_explained": "A part of the difference is explained.",
     "unknown_physics": "Something is missing that no known effect explains.",
 }
+Units = Mapping[str, tuple[float, str]]
+HAND_UNITS: Units = {name: (scale, unit) for name, scale, unit in zip(STAGES, SHOWN, UNITS, strict=True)}
 INK, BLUE, RED, GREY = "#1a1a1a", "#1f6f9f", "#c0392b", "#888888"
 
 
-def write_page(diagnosis: Diagnosis, content: dict[str, Any], out: Path) -> None:
-    """report.html and a PNG for every joint with a finding (or the worst joint where there is none)."""
+def write_page(diagnosis: Diagnosis, content: dict[str, Any], out: Path, units: Units = HAND_UNITS) -> None:
+    """report.html and a PNG for every joint with a finding (or the worst joint where there is none).
+
+    units: factor from SI and name of the unit in which each signal is shown.
+    """
     joints = _shown(diagnosis)
     pictures = {}
     for one in joints:
-        pictures[one.joint] = _png(_figure(one))
+        pictures[one.joint] = _png(_figure(one, units))
         (out / f"{one.joint}.png").write_bytes(pictures[one.joint])
-    body = _head(diagnosis, content) + "".join(_joint(one, pictures[one.joint], content) for one in joints)
+    body = _head(diagnosis, content) + "".join(_joint(one, pictures[one.joint], content, units) for one in joints)
     body += _next(content) + _details(content)
     template = files("hand_diagnosis").joinpath("report.html").read_text(encoding="utf-8")
     (out / "report.html").write_text(template.replace("<!--body-->", body), encoding="utf-8")
@@ -60,11 +66,11 @@ def _head(diagnosis: Diagnosis, content: dict[str, Any]) -> str:
     )
 
 
-def _joint(one: JointDiagnosis, picture: bytes, content: dict[str, Any]) -> str:
+def _joint(one: JointDiagnosis, picture: bytes, content: dict[str, Any], units: Units) -> str:
     data = base64.b64encode(picture).decode("ascii")
     rivals = "".join(
         f"<tr><td>{html.escape(h.effect.name)}</td><td>{h.log_evidence - one.search.nominal_evidence:+.0f}</td>"
-        f"<td>{_fall(one, h)}</td></tr>"
+        f"<td>{_fall(one, h, units)}</td></tr>"
         for h in (one.search.rounds[0] if one.search.rounds else [])
     )
     evidence = "<p>No hypothesis promised an improvement.</p>"
@@ -86,15 +92,15 @@ def _joint(one: JointDiagnosis, picture: bytes, content: dict[str, Any]) -> str:
     )
 
 
-def _fall(one: JointDiagnosis, hypothesis: Any) -> str:
+def _fall(one: JointDiagnosis, hypothesis: Any, units: Units) -> str:
     problem, stage = one.search.problem, hypothesis.stage
+    scale, unit = units[STAGES[stage]]
     held = problem.held_out
     count = max(float(problem.block_counts[stage, held].sum()), 1.0)
     values = [
-        SHOWN[stage] * float(np.sqrt(fit.squares[stage, held].sum() / count))
-        for fit in (one.search.nominal, hypothesis.fit)
+        scale * float(np.sqrt(fit.squares[stage, held].sum() / count)) for fit in (one.search.nominal, hypothesis.fit)
     ]
-    return f"{values[0]:.3g} &rarr; {values[1]:.3g} {UNITS[stage]}"
+    return f"{values[0]:.3g} &rarr; {values[1]:.3g} {unit}"
 
 
 def _next(content: dict[str, Any]) -> str:
@@ -149,12 +155,12 @@ def _png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def _figure(one: JointDiagnosis) -> Figure:
+def _figure(one: JointDiagnosis, units: Units) -> Figure:
     """Measured, before and after on the stage that gained most; residuals over time and over the telling state."""
     stage = max(one.results, key=lambda r: r.excess_before / (r.noise + 1e-12)).stage if one.results else 1
     piece = one.search.problem.pieces[0]
     before, after = one.search.nominal.residuals[0], one.search.final.residuals[0]
-    scale, unit = SHOWN[stage], UNITS[stage]
+    scale, unit = units[STAGES[stage]]
     time_s = np.arange(len(piece.angle_rad)) * piece.period_s
     use = piece.use[stage]
     measured = scale * piece.measured[stage]

@@ -111,7 +111,7 @@ def _machine(
         for key, number in finding["parameters"].items()
     }
     (out / "model.yaml").write_text(yaml.safe_dump({"machine": loaded.name, "effects": effects}), encoding="utf-8")
-    write_page(result, content, out)
+    write_page(result, content, out, loaded.units)
     return content
 
 

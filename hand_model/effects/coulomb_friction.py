@@ -25,7 +25,8 @@ EFFECT = Effect(
     "joint",
     ("coulomb_friction.torque_nm", "coulomb_friction.breakaway_nm", "coulomb_friction.torque_nm_per_pa"),
     ((0.004, 0.0, 0.0), (0.015, 0.0, 0.0), (0.003, 0.006, 0.0), (0.0, 0.0, 3e-8)),
-    "Coulomb friction of {torque_nm} N m (and {breakaway_nm} N m to break away) is missing",
+    "Coulomb friction of {torque_nm} N m is missing (with {breakaway_nm} N m more to break away and"
+    " {torque_nm_per_pa} N m/Pa more under pressure)",
     ("slow_triangle", "reversals"),
     "Dry friction lets the joint stick and lag after reversals by the same torque at any speed.",
     "Coulomb 1785; Stribeck 1902; Armstrong-Helouvry et al., Automatica 30(7), 1994",
