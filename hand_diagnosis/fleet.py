@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -97,8 +96,10 @@ def run_fleet(jobs: Sequence[Job], workers: int, scheduler: str | None) -> Itera
         return
     from distributed import Client, LocalCluster, as_completed  # noqa: PLC0415 - only for fleets
 
-    os.environ.setdefault("NUMBA_NUM_THREADS", "1")
-    local = None if scheduler else LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None)
+    local = None
+    if scheduler is None:
+        one_thread = {"NUMBA_NUM_THREADS": "1"}  # the processes share the cores already
+        local = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, env=one_thread)
     try:
         with Client(scheduler or local, timeout=20) as client:
             waiting = client.map(run_job, list(jobs), pure=False)
