@@ -30,7 +30,43 @@ PARAMETERS = (
     NodeParameter("kp_nm_per_rad", [0.15], f"proportional gain, {_EACH}", 0.0, 10.0, read_only=False),
     NodeParameter("ki_nm_per_rad_s", [1.5], f"integral gain, {_EACH}", 0.0, 100.0, read_only=False),
     NodeParameter("kd_nm_s_per_rad", [0.003], f"gain on measured speed, {_EACH}", 0.0, 1.0, read_only=False),
-    NodeParameter("integral_limit_nm", [0.3], f"bound of the integral, {_EACH}", 0.0, 10.0, read_only=False),
+    NodeParameter("integral_limit_nm", [0.6], f"bound of the integral, {_EACH}", 0.0, 10.0, read_only=False),
+    NodeParameter(
+        "control_mode", "position", "torque: effort is the wanted torque, position is not used",
+        choices=("position", "torque"), read_only=False,
+    ),
+    NodeParameter(
+        "anti_windup", "conditional_integration", "what the integrator does at a limit",
+        choices=("conditional_integration", "back_calculation"), read_only=False,
+    ),
+    NodeParameter("tracking_time_s", 0.1, "of back-calculation", 0.005, 10.0, read_only=False),
+    NodeParameter("speed_filter_s", 0.01, "time constant of the filter on measured speed", 1e-4, 1.0, read_only=False),
+    NodeParameter(
+        "max_pressure_rate_pa_per_s", 1e8, "of the set-points, but for a falling torque ceiling", 1e4, 1e9,
+        read_only=False,
+    ),
+    NodeParameter("deadband_pa", 300.0, "smallest change of a set-point that is sent; 0: off", 0.0, 5e4, read_only=False),
+    NodeParameter("feed_forward", True, "pressure from the model at the reference", read_only=False),
+    NodeParameter("creep_compensation", True, "the model follows the creep of the material, Eq. 12", read_only=False),
+    NodeParameter("gain_schedule", True, "gains from the model over angle and pressure; else the fixed ones", read_only=False),
+    NodeParameter("response_time_s", 0.05, "closed-loop time constant of scheduled gains", 0.01, 2.0, read_only=False),
+    NodeParameter("adaptation", True, "the static map follows what free motion shows", read_only=False),
+    NodeParameter("adaptation_memory_s", 60.0, "time constant of forgetting", 1.0, 1e5, read_only=False),
+    NodeParameter("adaptation_bound", 2.0, "factor by which a constant may change", 1.01, 10.0, read_only=False),
+    NodeParameter("map_uncertainty", 0.17, "relative standard deviation of the map at first", 1e-3, 1.0, read_only=False),
+    NodeParameter("contact_detection", True, "from motion that differs from the expected", read_only=False),
+    NodeParameter(
+        "contact_false_alarms_per_hour", 1.0, "rate of false alarms wanted, a joint", 1e-4, 3600.0, read_only=False
+    ),
+    NodeParameter(
+        "contact_torque_std_nm", 0.004, "standard deviation of the torque balance in free motion", 1e-5, 1.0,
+        read_only=False,
+    ),
+    NodeParameter("observer_filter_s", 0.02, "time constant of the torque balance's filters", 0.002, 1.0, read_only=False),
+    NodeParameter(
+        "force_sensors", True, "contact is also what the force sensors feel", read_only=False
+    ),
+    NodeParameter("contact_force_n", 0.5, "force that is a contact", 0.05, 100.0, read_only=False),
 )
 _GAINS = ("kp_nm_per_rad", "ki_nm_per_rad_s", "kd_nm_s_per_rad", "integral_limit_nm")
 
@@ -48,6 +84,26 @@ class Settings:
     ki: Array
     kd: Array
     integral_limit: Array
+    torque_mode: bool
+    back_calculation: bool
+    tracking_time: float
+    speed_filter: float
+    p_rate: float
+    deadband: float
+    feed_forward: bool
+    creep: bool
+    schedule: bool
+    response_time: float
+    adapt: bool
+    memory: float
+    adapt_bound: float
+    map_uncertainty: float
+    detect: bool
+    false_alarms_per_hour: float
+    residual_std: float
+    observer_filter: float
+    force_sensors: bool
+    contact_force_n: float
 
     @classmethod
     def of(cls, hand: Hand, values: Mapping[str, Any]) -> Settings:
@@ -56,13 +112,37 @@ class Settings:
         for parameter in PARAMETERS:
             if not isinstance(parameter.default, list):
                 parameter.check(full[parameter.name])
+        kp, ki, kd, integral_limit = (_per_joint(hand, name, full[name]) for name in _GAINS)
         return cls(
-            full["command_lifetime_s"],
-            full["command_timeout_s"],
-            math.radians(full["max_speed_deg_per_s"]),
-            full["reference_bandwidth_rad_per_s"],
-            math.radians(full["max_jump_deg"]),
-            *(_per_joint(hand, name, full[name]) for name in _GAINS),
+            command_lifetime_s=full["command_lifetime_s"],
+            command_timeout_s=full["command_timeout_s"],
+            max_speed_rad_s=math.radians(full["max_speed_deg_per_s"]),
+            bandwidth_rad_s=full["reference_bandwidth_rad_per_s"],
+            max_jump_rad=math.radians(full["max_jump_deg"]),
+            kp=kp,
+            ki=ki,
+            kd=kd,
+            integral_limit=integral_limit,
+            torque_mode=full["control_mode"] == "torque",
+            back_calculation=full["anti_windup"] == "back_calculation",
+            tracking_time=full["tracking_time_s"],
+            speed_filter=full["speed_filter_s"],
+            p_rate=full["max_pressure_rate_pa_per_s"],
+            deadband=full["deadband_pa"],
+            feed_forward=full["feed_forward"],
+            creep=full["creep_compensation"],
+            schedule=full["gain_schedule"],
+            response_time=full["response_time_s"],
+            adapt=full["adaptation"],
+            memory=full["adaptation_memory_s"],
+            adapt_bound=full["adaptation_bound"],
+            map_uncertainty=full["map_uncertainty"],
+            detect=full["contact_detection"],
+            false_alarms_per_hour=full["contact_false_alarms_per_hour"],
+            residual_std=full["contact_torque_std_nm"],
+            observer_filter=full["observer_filter_s"],
+            force_sensors=full["force_sensors"],
+            contact_force_n=full["contact_force_n"],
         )
 
 

@@ -16,28 +16,31 @@ Array = NDArray[np.float64]
 
 
 @njit(cache=True)
-def _shape(r, v, target, target_speed, bandwidth, max_speed, dt):  # type: ignore[no-untyped-def]
+def _shape(r, v, acc, target, target_speed, bandwidth, max_speed, dt):  # type: ignore[no-untyped-def]
     steps = max(1, int(np.ceil(2.0 * bandwidth * dt / 0.2)))  # the explicit step stays well inside stability
     h = dt / steps
     for i in range(len(r)):
+        before = v[i]
         for _ in range(steps):
             a = bandwidth * bandwidth * (target[i] - r[i]) + 2.0 * bandwidth * (target_speed[i] - v[i])
             v[i] = min(max(v[i] + a * h, -max_speed), max_speed)
             r[i] += v[i] * h
+        acc[i] = (v[i] - before) / dt if dt > 0.0 else 0.0
 
 
 class Shaper:
-    """The shaped reference r [rad] and its speed v [rad/s], (n,) each."""
+    """The shaped reference r [rad], its speed v [rad/s] and acceleration a [rad/s^2], (n,) each."""
 
     def __init__(self, joints: int) -> None:
         """Begin at 0; latch before use."""
         self.r = np.zeros(joints)
         self.v = np.zeros(joints)
+        self.a = np.zeros(joints)
 
     def latch(self, position: Array) -> None:
         """Stand still at position (n,) [rad]."""
-        self.r[:], self.v[:] = position, 0.0
+        self.r[:], self.v[:], self.a[:] = position, 0.0, 0.0
 
     def step(self, target: Array, target_speed: Array, bandwidth: float, max_speed: float, dt: float) -> None:
         """Follow target [rad] and its speed [rad/s] for dt [s]."""
-        _shape(self.r, self.v, target, target_speed, bandwidth, max_speed, dt)
+        _shape(self.r, self.v, self.a, target, target_speed, bandwidth, max_speed, dt)
