@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from simple_pid import PID
 
-from hand_control.law import PRESSURE, Law, gains
+from hand_control.law import PRESSURE, Law
 from hand_control.settings import Settings
+from hand_control.tuning import gains
 from hand_model.description import load_hand
 
 DT_S = 0.005
@@ -40,19 +41,19 @@ def law_tick() -> Callable[[], object]:
     """The law as the controller calls it, from and to the arrays that messages hold."""
     hand = load_hand(Path(__file__).parent.parent / "config" / "hand.yaml")
     settings = Settings.of(hand, {})
-    law = Law(gains(hand, settings.kp, settings.ki, settings.kd, settings.integral_limit))
+    law = Law(gains(hand, settings))
     count = len(hand.joints)
     reference, speed = np.full(count, 0.8), np.zeros(count)
     limit = hand.limits.max_torque_nm
-    position, velocity, pressure = (array("d", [value] * count) for value in (0.5, 0.1, 1e5))
+    position, pressure = (array("d", [value] * count) for value in (0.5, 1e5))
 
     def tick() -> object:
         out = law.tick(
             reference,
             speed,
+            speed,
             limit,
             np.frombuffer(position),
-            np.frombuffer(velocity),
             np.frombuffer(pressure),
             DT_S,
         )

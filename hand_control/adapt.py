@@ -103,5 +103,3 @@ def adapt(g, s, i, balance, speed, saturated, dt):  # type: ignore[no-untyped-de
     s[_C00, i], s[_C00 + 1, i], s[_C00 + 2, i], s[_C00 + 3, i] = c00 * grow, c01 * grow, c02 * grow, c03 * grow
     s[_C00 + 4, i], s[_C00 + 5, i], s[_C00 + 6, i] = c11 * grow, c12 * grow, c13 * grow
     s[_C00 + 7, i], s[_C00 + 8, i], s[_C00 + 9, i] = c22 * grow, c23 * grow, c33 * grow
-
-

@@ -9,13 +9,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_control.command_check import check_joint_command, check_trajectory
-from hand_control.law import PRESSURE, SATURATED, TORQUE, Law, gains
+from hand_control.command_check import JointCommand, check_joint_command, check_trajectory
+from hand_control.grasping import Approach, Grasping, Outcome
+from hand_control.grasps import Grasp
+from hand_control.law import CONTACT, CONTACT_AGE, CONTACT_TORQUE, PRESSURE, SATURATED, TORQUE, Law
 from hand_control.plausibility import JUMPED, NOT_FINITE, implausible
+from hand_control.pressure_watch import FINE, OVER_PRESSURE, STUCK_HIGH, PressureWatch
 from hand_control.references import References
 from hand_control.settings import Settings
 from hand_control.shaping import Shaper
 from hand_control.supervisor import VENT_S, Phase, Supervisor
+from hand_control.tolerance import Tolerance
+from hand_control.touch import Event, Touch
+from hand_control.tuning import gains
 from hand_model.description import Hand
 from hand_ros.health import Health, Level
 
@@ -56,22 +62,25 @@ class Controller:
         self.safety = Supervisor()
         self._references = References(hand)
         self._shaper = Shaper(count)
-        self._law = Law(np.zeros((0, 0)))
+        self._law = Law(gains(hand, settings))
+        self._watch = PressureWatch(hand)
+        self._touch = Touch(hand)
+        self._tolerance = Tolerance(hand)
         self._last_position = np.full(count, np.nan)
         self._stamp_ns: int | None = None
         self._refusal: tuple[int, str] | None = None
-        self._no_contact = np.zeros(count, dtype=np.bool_)
+        self._nothing = np.zeros(count, dtype=np.bool_)
+        self._starved = ""
+        self._grasp: Grasping | None = None
+        self.grasp_end = ""
+        self.grasp_contact: NDArray[np.bool_] = self._nothing
         self._limit = hand.limits.max_torque_nm.copy()
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
-        """Take over settings; integrators and references stay, so nothing jumps."""
-        state = self._law.state if self._law.gains.size else None
+        """Take over settings; the law sees to it that nothing jumps."""
         self.settings = settings
-        gain_rows = gains(self.hand, settings.kp, settings.ki, settings.kd, settings.integral_limit)
-        self._law = Law(gain_rows)
-        if state is not None:
-            self._law.state[:] = state
+        self._law.change(gains(self.hand, settings))
 
     def enable(self, on: bool) -> None:
         """Drive the hand from its present pose, or vent it. ValueError while a fault is latched."""
@@ -102,10 +111,40 @@ class Controller:
             self._accept()
             checked = check_joint_command(self.hand, names, position, effort, stamp_ns, now_ns)
         except ValueError as error:
-            self._refuse(str(error), host_ns)
+            self.refuse(str(error), host_ns)
             raise
+        self.stop_grasp("preempted by joint_commands")
         self._references.command(checked)
         self.safety.command(host_ns)
+
+    def grasp(self, grasp: Grasp, closure: float, max_torque_nm: float, host_ns: int) -> None:
+        """Begin a grasp from the present reference; a running one is preempted. ValueError: refused, one line."""
+        self._accept()
+        approach = Approach(self.settings.grasp_speed_rad_s, self.settings.grasp_torque_nm)
+        started = Grasping(self.hand, grasp, closure, max_torque_nm, self._shaper.r, approach)
+        self.stop_grasp("preempted by another grasp")
+        self._grasp, self.grasp_end = started, ""
+        self.safety.command(host_ns)
+
+    def stop_grasp(self, reason: str) -> None:
+        """End a running grasp for a reason; its joints stay at their reference."""
+        if self._grasp is not None:
+            self._grasp.stop()
+            self._grasp, self.grasp_end = None, reason
+
+    @property
+    def grasping(self) -> Grasping | None:
+        """The running grasp, or None; `grasp_end` then says why the last one ended."""
+        return self._grasp
+
+    def forces(self, stamp_ns: int, force_n: Array) -> None:
+        """Readings of the force sites, (sites,) [N] in the description's order."""
+        if self.settings.force_sensors:
+            self._touch.forces(stamp_ns, force_n, self.settings.contact_force_n)
+
+    def contacts(self) -> list[Event]:
+        """Contacts that began or ended since the last call."""
+        return self._touch.take()
 
     def trajectory(
         self,
@@ -120,8 +159,9 @@ class Controller:
             self._accept()
             checked = check_trajectory(self.hand, names, points, stamp_ns, now_ns)
         except ValueError as error:
-            self._refuse(str(error), host_ns)
+            self.refuse(str(error), host_ns)
             raise
+        self.stop_grasp("preempted by joint_trajectory")
         self._references.trajectory(checked)
         self.safety.command(host_ns)
 
@@ -130,7 +170,8 @@ class Controller:
             reason = self.safety.fault or self.safety.reason or self.safety.phase.value
             raise ValueError(f"command refused: the hand is not being controlled ({reason})")
 
-    def _refuse(self, line: str, host_ns: int) -> None:
+    def refuse(self, line: str, host_ns: int) -> None:
+        """Show a refused command on diagnostics for a while."""
         self._refusal = (host_ns, line)
 
     def frame(
@@ -150,13 +191,15 @@ class Controller:
         self._stamp_ns = stamp_ns
         fresh = self.safety.frame(host_ns)
         if self.safety.phase is not Phase.VENTED:
-            self._judge(position, velocity, pressure, host_ns)
+            self._judge(position, velocity, pressure, host_ns, min(max(dt, 0.0), MAX_DT_S))
         self.safety.check(host_ns, self.settings.command_timeout_s)
+        step_s = min(max(dt, 0.0), MAX_DT_S)
         if self.safety.phase is not Phase.ACTIVE:
-            return self._vented(stamp_ns, position, pressure)
+            return self._vented(stamp_ns, position, pressure, step_s)
         if self.safety.command_held(host_ns, self.settings.command_timeout_s):
+            self.stop_grasp("no command for too long")
             self._references.latch(self._shaper.r)
-        return self._drive(stamp_ns, now_ns, min(max(dt, 0.0), MAX_DT_S), fresh, position, velocity, pressure)
+        return self._drive(stamp_ns, now_ns, step_s, fresh, position, pressure, host_ns)
 
     def check(self, host_ns: int) -> bool:
         """Between frames: whether the hand has just become vented and a vent is to be sent."""
@@ -164,7 +207,7 @@ class Controller:
         self.safety.check(host_ns, self.settings.command_timeout_s)
         return before is Phase.ACTIVE and self.safety.phase is Phase.VENTED
 
-    def _judge(self, position: Array, velocity: Array, pressure: Array, host_ns: int) -> None:
+    def _judge(self, position: Array, velocity: Array, pressure: Array, host_ns: int, dt: float) -> None:
         """Trip on what cannot be; arm on the first measurement that can."""
         verdict, worst = implausible(position, velocity, pressure, self._last_position, self.settings.max_jump_rad)
         if verdict == NOT_FINITE:
@@ -172,16 +215,31 @@ class Controller:
                 self.safety.trip(f"{self.hand.joints[worst]}: the measurement is not a number")
             return
         if self.safety.phase is Phase.ARMING:
-            self._arm(position, host_ns)
+            self._arm(position, pressure, host_ns)
             return
         if verdict == JUMPED:
             jump = math.degrees(abs(position[worst] - self._last_position[worst]))
             self.safety.trip(f"{self.hand.joints[worst]}: angle jumped by {jump:.0f} degrees")
+        else:
+            self._judge_pressure(pressure, dt)
         self._last_position[:] = position
 
-    def _arm(self, position: Array, host_ns: int) -> None:
+    def _judge_pressure(self, pressure: Array, dt: float) -> None:
+        verdict, worst = self._watch.look(self._law.out[PRESSURE], pressure, dt)
+        joint, bar = self.hand.joints[worst], pressure[worst] * 1e-5
+        self._starved = ""
+        if verdict == OVER_PRESSURE:
+            self.safety.trip(f"{joint}: over-pressure, {bar:.2f} bar")
+        elif verdict == STUCK_HIGH:
+            self.safety.trip(f"{joint}: the valve does not follow, pressure stays at {bar:.2f} bar")
+        elif verdict != FINE:
+            self._starved = f"{joint}: the valve does not follow, only {bar:.2f} bar; leak, supply or a shut valve"
+
+    def _arm(self, position: Array, pressure: Array, host_ns: int) -> None:
         """Drive from the measured pose: nothing jumps."""
         self._law.release()
+        self._law.out[PRESSURE] = 0.0
+        self._watch.start(pressure)
         pose = np.clip(position, self.hand.limits.low_rad, self.hand.limits.high_rad)
         self._references.latch(pose)
         self._shaper.latch(pose)
@@ -189,36 +247,62 @@ class Controller:
         self.safety.arm(host_ns)
 
     def _drive(
-        self, stamp_ns: int, now_ns: int, dt: float, fresh: bool, position: Array, velocity: Array, pressure: Array
+        self, stamp_ns: int, now_ns: int, dt: float, fresh: bool, position: Array, pressure: Array, host_ns: int
     ) -> Tick:
+        if self._grasp is not None:
+            self._follow_grasp(self._grasp, position, dt, host_ns)
         target, speed, self._limit = self._references.sample(now_ns)
         shaper = self._shaper
         shaper.step(target, speed, self.settings.bandwidth_rad_s, self.settings.max_speed_rad_s, dt)
-        out = self._law.tick(shaper.r, shaper.v, self._limit, position, velocity, pressure, dt, fresh)
+        out = self._law.tick(
+            shaper.r, shaper.v, shaper.a, self._limit, position, pressure, dt, fresh and not self._starved
+        )
+        self._touch.update(stamp_ns, out[CONTACT], out[CONTACT_AGE], out[CONTACT_TORQUE])
+        error = shaper.r - position
+        self._watch_tolerance(error, position, dt, host_ns)
         return Tick(
             stamp_ns,
             shaper.r,
             position,
-            shaper.r - position,
+            error,
             out[PRESSURE],
             out[TORQUE],
             self._limit,
             out[SATURATED] != 0.0,
-            self._no_contact,
+            self._touch.contact,
         )
 
-    def _vented(self, stamp_ns: int, position: Array, pressure: Array) -> Tick:
+    def _follow_grasp(self, grasp: Grasping, position: Array, dt: float, host_ns: int) -> None:
+        target, limit = grasp.step(dt, position, self._touch.contact)
+        self._references.command(JointCommand(np.arange(len(position)), target, limit))
+        self.safety.command(host_ns)
+        self.grasp_contact = grasp.contact
+        if grasp.outcome is not Outcome.RUNNING:
+            self._grasp, self.grasp_end = None, grasp.outcome.value
+
+    def _watch_tolerance(self, error: Array, position: Array, dt: float, host_ns: int) -> None:
+        """Abort what a trajectory does to joints that have left their tolerance: they hold where they are."""
+        on_path, at_goal = self._references.motion
+        line = self._tolerance.look(error, on_path, at_goal, self.settings, dt)
+        if line:
+            self._references.hold(position, on_path | at_goal)
+            self.refuse(line, host_ns)
+
+    def _vented(self, stamp_ns: int, position: Array, pressure: Array, dt: float) -> Tick:
         """No pressure; the reference is where the hand is, since nothing is asked of it."""
         zero = np.zeros(len(position))
-        out = self._law.tick(position, zero, self._limit, position, zero, pressure, 0.0, False)
+        self.stop_grasp(f"the hand was vented: {self.safety.fault or self.safety.reason or 'not enabled'}")
         self._law.release()
-        return Tick(
-            stamp_ns, position, position, zero, zero, out[TORQUE], self._limit, self._no_contact, self._no_contact
-        )
+        out = self._law.tick(position, zero, zero, self._limit, position, pressure, dt, False, False)
+        self._touch.release()
+        return Tick(stamp_ns, position, position, zero, zero, out[TORQUE], self._limit, self._nothing, self._nothing)
 
     def health(self, host_ns: int) -> list[Health]:
         """Safety state and refused commands."""
         commands = Health("commands", Level.OK, "accepted")
         if self._refusal is not None and (host_ns - self._refusal[0]) * 1e-9 < REFUSAL_S:
             commands = Health("commands", Level.ERROR, self._refusal[1])
-        return [self.safety.health(host_ns), commands]
+        valves = (
+            Health("valves", Level.WARN, self._starved) if self._starved else Health("valves", Level.OK, "following")
+        )
+        return [self.safety.health(host_ns), commands, valves]

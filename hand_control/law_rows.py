@@ -5,8 +5,8 @@ from __future__ import annotations
 GAINS = (
     "a0", "a1", "a2", "a3", "phi_max", "p_min", "b1", "extension_rate", "b0", "recovery_rate", "inertia", "viscous",
     "coupling", "partner", "valve_lag", "dead_time", "low", "high", "p_max",
-    "kp", "ki", "kd", "i_max", "speed_filter", "observer_filter", "p_rate", "deadband", "tracking_time", "response_time",
-    "memory", "adapt_bound", "map_uncertainty", "residual_std", "threshold",
+    "kp", "ki", "kd", "i_max", "speed_filter", "observer_filter", "p_rate", "deadband", "tracking_time",
+    "response_time", "memory", "adapt_bound", "map_uncertainty", "residual_std", "threshold",
     "back_calculation", "feed_forward", "creep", "schedule", "adapt", "detect", "torque_mode",
 )  # fmt: skip
 """Rows of the gains: the model of each joint [SI], the tuning, and a switch (0 or 1) for every part."""

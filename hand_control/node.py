@@ -5,27 +5,38 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from hand_msgs.msg import ControllerState, JointPressures, ValveCommand
+from hand_msgs.action import Grasp
+from hand_msgs.msg import Contact, ContactForces, ControllerState, JointPressures, ValveCommand
 from numpy.typing import NDArray
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from hand_control.controller import Controller, Tick
+from hand_control.grasping import Outcome
+from hand_control.grasps import load_grasps
 from hand_control.inputs import JointInput
 from hand_control.settings import PARAMETERS, Settings
 from hand_control.supervisor import FREEZE_S
 from hand_model.description import Hand, load_hand
 from hand_ros.cdr import Layout
 from hand_ros.health import Health, Level
-from hand_ros.layouts import CONTROLLER_STATE, JOINT_PRESSURES, JOINT_STATE, VALVE_COMMAND
+from hand_ros.layouts import CONTACT_FORCES, CONTROLLER_STATE, JOINT_PRESSURES, JOINT_STATE, VALVE_COMMAND
 from hand_ros.node import COMMAND_QOS, QUEUED_QOS, SENSOR_QOS, STATE_QOS, HandNode, default_config, run
 
 WATCH_PERIOD_S = 0.02
 """Silence is noticed this late at most; the board vents by the lifetime of its set-points anyway."""
+
+
+FEEDBACK_HZ = 20.0
+CANCELLED, DONE = "cancelled", Outcome.DONE.value
 
 
 class ControllerNode(HandNode):
@@ -41,12 +52,16 @@ class ControllerNode(HandNode):
         self._hand: Hand = load_hand(values["hand_description"] or default_config("hand.yaml"))
         self._settings = Settings.of(self._hand, values)
         self._enabled_at_start = values["enabled_at_start"]
+        self._grasps = load_grasps(Path(values["grasps"] or default_config("grasps.yaml")), self._hand)
         self._controller = Controller(self._hand, self._settings)
         joints, frame_id = self._hand.joints, values["frame_id"]
         self._states_in = JointInput(JOINT_STATE, joints, ("position", "velocity"))
+        self._forces_in = JointInput(CONTACT_FORCES, self._hand.sensors.sites, ("force",))
         self._pressures_in = JointInput(JOINT_PRESSURES, joints, ("pressure",))
         self._command_out = Layout(VALVE_COMMAND, frame_id, joints)
         self._state_out = Layout(CONTROLLER_STATE, frame_id, joints)
+        self._state_out_frame = frame_id
+        self._position = np.zeros(len(joints))
         self._input_fault = ""
         self._warm_up()
         self._create_interfaces()
@@ -65,6 +80,7 @@ class ControllerNode(HandNode):
         subscriptions = (
             self.create_subscription(JointPressures, "pressures", self._on_pressures, SENSOR_QOS, raw=True),
             self.create_subscription(JointState, "joint_states", self._on_joint_states, STATE_QOS, raw=True),
+            self.create_subscription(ContactForces, "contact_forces", self._on_forces, SENSOR_QOS, raw=True),
             self.create_subscription(JointState, "joint_commands", self._on_command, QUEUED_QOS),
             self.create_subscription(JointTrajectory, "joint_trajectory", self._on_trajectory, QUEUED_QOS),
         )
@@ -73,7 +89,13 @@ class ControllerNode(HandNode):
             self.create_service(Trigger, "reset", self._on_reset),
             self.create_service(SetBool, "enable", self._on_enable),
         )
+        self._contact_publisher = self.create_publisher(Contact, "contacts", QUEUED_QOS)
+        self._grasp_server = ActionServer(
+            self, Grasp, "grasp", self._run_grasp, goal_callback=self._on_goal, cancel_callback=self._on_cancel
+        )
         self._interfaces = [
+            self._grasp_server.destroy,
+            lambda: self.destroy_publisher(self._contact_publisher),
             lambda: self.destroy_publisher(self._command_publisher),
             lambda: self.destroy_publisher(self._state_publisher),
             *(lambda s=s: self.destroy_subscription(s) for s in subscriptions),  # type: ignore[misc]
@@ -90,12 +112,17 @@ class ControllerNode(HandNode):
         self._pressure_ns = 0
         if self._enabled_at_start:
             self._controller.enable(True)
+        self._grasp_handle: ServerGoalHandle | None = None
+        self._grasp_over: Future | None = None
+        self._feedback_ns = 0
         self._watch = self.create_timer(WATCH_PERIOD_S, self._on_watch)
 
     def stop(self) -> None:
         """Vent and say so; the last command does not survive."""
         self.destroy_timer(self._watch)
         self._controller.vent("the controller was deactivated")
+        self._controller.stop_grasp("the controller was deactivated")
+        self._watch_grasp()
         self._send_vent()
         self.get_logger().info("vented: the controller was deactivated")
 
@@ -125,9 +152,12 @@ class ControllerNode(HandNode):
             return
         if abs(stamp_ns - self._pressure_ns) > FREEZE_S * 1e9:
             return  # no pressures to go with it: not a usable frame, and silence vents
+        self._position = position
         tick = self._controller.frame(stamp_ns, self._now_ns(), host_ns, position, velocity, self._pressure)
         if tick is not None:
             self._publish(tick)
+            self._publish_contacts()
+            self._watch_grasp(tick)
         self._input_fault = ""
 
     def _input_problem(self, line: str) -> None:
@@ -153,6 +183,95 @@ class ControllerNode(HandNode):
                 contact=tick.contact,
             )
         )
+
+    def _on_forces(self, raw: bytes) -> None:
+        try:
+            stamp_ns, (force,) = self._forces_in.read(raw)
+        except ValueError as error:
+            self._input_problem(f"contact_forces: {error}")
+            return
+        self._controller.forces(stamp_ns, force)
+
+    def _publish_contacts(self) -> None:
+        for event in self._controller.contacts():
+            message = Contact(
+                name=self._hand.joints[event.joint],
+                touching=event.touching,
+                torque=event.torque_nm,
+                force=event.force_n,
+                source=event.source,
+                delay=event.delay_s,
+            )
+            message.header.frame_id = self._state_out_frame
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(event.onset_ns, 1_000_000_000)
+            self._contact_publisher.publish(message)
+
+    def _on_goal(self, goal: Grasp.Goal) -> GoalResponse:
+        """Accept a grasp, or say why not; accepted, it begins at once and preempts."""
+        try:
+            if not self.active:
+                raise ValueError("the controller is not active")
+            if goal.pattern not in self._grasps:
+                raise ValueError(f"pattern is {goal.pattern!r}; it must be one of {', '.join(self._grasps)}")
+            pattern = self._grasps[goal.pattern]
+            self._controller.grasp(pattern, goal.closure, goal.max_torque, time.monotonic_ns())
+        except ValueError as error:
+            line = f"grasp refused: {error}"
+            self.say(Level.ERROR, "grasp", line)
+            self._controller.refuse(line, time.monotonic_ns())
+            self.publish_health()
+            return GoalResponse.REJECT
+        if self._grasp_over is not None and not self._grasp_over.done():
+            self._grasp_over.set_result("preempted by another grasp")
+        self._grasp_over = Future()
+        return GoalResponse.ACCEPT
+
+    def _on_cancel(self, _handle: ServerGoalHandle) -> CancelResponse:
+        return CancelResponse.ACCEPT
+
+    async def _run_grasp(self, handle: ServerGoalHandle) -> Grasp.Result:
+        over = self._grasp_over
+        self._grasp_handle = handle
+        assert over is not None
+        end = await over
+        if end == CANCELLED:
+            handle.canceled()
+        elif end == DONE:
+            handle.succeed()
+        else:
+            handle.abort()
+        contact = self._controller.grasp_contact
+        held = int(contact.sum())
+        message = f"{held} joints hold something" if end == DONE else end
+        return Grasp.Result(
+            success=end == DONE,
+            message=message,
+            name=list(self._hand.joints),
+            contact=contact.tolist(),
+            position=self._position.tolist(),
+        )
+
+    def _watch_grasp(self, tick: Tick | None = None) -> None:
+        """Feedback of a running grasp at FEEDBACK_HZ; its end, where it has ended or is cancelled."""
+        handle, over = self._grasp_handle, self._grasp_over
+        if over is None or over.done():
+            return
+        if handle is not None and handle.is_cancel_requested:
+            self._controller.stop_grasp(CANCELLED)
+        grasp = self._controller.grasping
+        if grasp is None:
+            over.set_result(self._controller.grasp_end)
+            self._grasp_handle = None
+        elif handle is not None and tick is not None and tick.stamp_ns - self._feedback_ns > 1e9 / FEEDBACK_HZ:
+            self._feedback_ns = tick.stamp_ns
+            handle.publish_feedback(
+                Grasp.Feedback(
+                    name=list(self._hand.joints),
+                    contact=grasp.contact.tolist(),
+                    torque=tick.torque_estimate.tolist(),
+                    progress=grasp.progress,
+                )
+            )
 
     def _send_vent(self) -> None:
         """Set every valve to 0 Pa now. It answers no frame, so it bears the present time."""

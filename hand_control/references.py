@@ -55,6 +55,22 @@ class References:
         self._motions: list[_Motion] = []
         self._waiting: list[Trajectory] = []
         self._now_ns = 0
+        self._on_path = np.zeros(len(hand.joints), dtype=np.bool_)
+        self._at_goal = np.zeros(len(hand.joints), dtype=np.bool_)
+
+    @property
+    def motion(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """(n,) each: joints on the way of a trajectory, and joints past the end of the last one."""
+        return self._on_path, self._at_goal
+
+    def hold(self, position_rad: Array, joints: NDArray[np.bool_]) -> None:
+        """Some joints (n,) stand still at position_rad (n,) or the nearest limit, their trajectories ended."""
+        index = np.flatnonzero(joints)
+        self._take(index)
+        self._drop_waiting(index)
+        limits = self._hand.limits
+        self._target[index] = np.clip(position_rad, limits.low_rad, limits.high_rad)[index]
+        self._speed[index] = 0.0
 
     def latch(self, position_rad: Array) -> None:
         """Stand still at position_rad (n,) or the nearest limit; no trajectories, the configured torque limits.
@@ -68,6 +84,7 @@ class References:
         self._limit = limits.max_torque_nm.copy()
         self._motions = []
         self._waiting = []
+        self._on_path[:] = self._at_goal[:] = False
 
     def command(self, command: JointCommand) -> None:
         """Go to the commanded angles; the shaping filter makes a motion of the step."""
@@ -114,6 +131,7 @@ class References:
             at = min(seconds, motion.end_s)
             self._target[motion.joints] = motion.position(at)[motion.columns]
             self._speed[motion.joints] = 0.0 if over else motion.speed(at)[motion.columns]
+            self._on_path[motion.joints], self._at_goal[motion.joints] = not over, over
         self._motions = [m for m in self._motions if (now_ns - m.start_ns) * 1e-9 < m.end_s]
         # A curve with steep velocities may swing beyond its points; the joint's limits hold all the same.
         np.clip(self._target, self._hand.limits.low_rad, self._hand.limits.high_rad, out=self._target)
@@ -130,12 +148,14 @@ class References:
         self._motions = []
         self._waiting = []
         self._speed[:] = 0.0
+        self._on_path[:] = self._at_goal[:] = False
 
     def _drop_waiting(self, index: NDArray[np.int64]) -> None:
         kept = ((waiting, ~np.isin(waiting.index, index)) for waiting in self._waiting)
         self._waiting = [_columns(waiting, keep) for waiting, keep in kept if keep.any()]
 
     def _take(self, index: NDArray[np.int64]) -> None:
+        self._on_path[index] = self._at_goal[index] = False
         motions = (motion.without(index) for motion in self._motions)
         self._motions = [motion for motion in motions if len(motion.joints)]
 

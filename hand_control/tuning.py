@@ -51,6 +51,7 @@ def gains(hand: Hand, settings: Settings) -> Array:
 
 
 _TUNING = (
-    "speed_filter", "observer_filter", "p_rate", "deadband", "tracking_time", "response_time", "memory", "adapt_bound", "map_uncertainty",
-    "residual_std", "back_calculation", "feed_forward", "creep", "schedule", "adapt", "detect", "torque_mode",
+    "speed_filter", "observer_filter", "p_rate", "deadband", "tracking_time", "response_time", "memory",
+    "adapt_bound", "map_uncertainty", "residual_std", "back_calculation", "feed_forward", "creep", "schedule", "adapt",
+    "detect", "torque_mode",
 )  # fmt: skip

@@ -232,7 +232,7 @@ def _between(signal, x):  # type: ignore[no-untyped-def]
 def equations() -> str:
     """Numba's cache looks at changes of one file alone; this key makes it look at every equation."""
     here = Path(__file__).parent
-    files = [here / f"{name}.py" for name in ("joint", "material", "statics", "plant_parameters")]
+    files = [here / f"{name}.py" for name in ("joint", "material", "statics", "plant_parameters", "pressure_loop")]
     files += sorted((here / "effects").glob("*.py"))
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 

@@ -29,7 +29,7 @@ from hand_model.chain import (
     read_pressure,
     valve_step,
 )
-from hand_model.effects import CATALOGUE
+from hand_model.effects import CATALOGUE, switching_valve
 from hand_model.effects.effect import inline
 from hand_model.parameters import JOINT_PARAMETERS, ROW
 from hand_model.plant_parameters import PLANT_PARAMETERS, STEP_S
@@ -38,6 +38,8 @@ from hand_model.stack_rows import stack_doubles
 Array = NDArray[np.float64]
 MAX_JOINTS = 16
 _DEAD = ROW["valve.dead_time_s"]
+_SUPPLY, _SWITCHING = ROW["supply.pressure_pa"], switching_valve.ON
+_switching_step = switching_valve.step
 _HISTORY = 64
 _COMMAND, _ACCELERATION, _RISE = WORK, WORK + 1, WORK + 2
 _ALL = WORK + 3
@@ -78,7 +80,11 @@ def _kernel() -> Any:
                     shared = w[_ACCELERATION, partner[i]] if partner[i] >= 0 else 0.0
                     phi, omega, p = w[X + PHI, i], w[X + OMEGA, i], w[X + P, i]
                     e = (clock, w[X + PHI, neighbour[i]], inflow, shared, phi, omega, w[_ACCELERATION, i])
-                    w[X + P, i] = valve_step(w, i, p, w[_COMMAND, i], e, h)
+                    if w[_SWITCHING, i] != 0.0:
+                        command = min(max(w[_COMMAND, i], 0.0), w[_SUPPLY, i])
+                        w[X + P, i] = _switching_step(w, i, p, command, e, h)
+                    else:
+                        w[X + P, i] = valve_step(w, i, p, w[_COMMAND, i], e, h)
                     w[_RISE, i] = (w[X + P, i] - p) / h
                     middle = at_actuator(w, i, 0.5 * (p + w[X + P, i]), h)
                     creep = w[X + CREEP, i]

@@ -24,6 +24,7 @@ _TOP = (
     "name",
     "joint_prefix",
     "fluid",
+    "valve_kind",
     "supply",
     "board",
     "joint_defaults",
@@ -32,6 +33,8 @@ _TOP = (
     "force_sites",
 )
 _FLUIDS = ("pneumatic", "hydraulic")
+_VALVES = ("analog", "switching")
+_SWITCHING = "switching_valve.share"
 _HYDRAULIC = "hydraulic.share"
 _SUPPLY = ("pressure_pa", "sensor_voltage_v")
 _BOARD = ("rate_hz", "watchdog_s", "adc_bits", "adc_reference_v")
@@ -104,6 +107,7 @@ def load_hand(path: str | Path) -> Hand:
     names = read_names(joints)
     parameters = np.array([_joint_parameters(joint, supply_pressure_pa) for joint in joints]).T
     parameters[ROW[_HYDRAULIC]] = top.choice("fluid", list(_FLUIDS), _FLUIDS[0]) == "hydraulic"
+    parameters[ROW[_SWITCHING]] = top.choice("valve_kind", list(_VALVES), _VALVES[0]) == "switching"
     partner = np.array([_partner(joint, names) for joint in joints], dtype=np.int64)
     for index, joint in enumerate(joints):
         _check_coupling(index, joints, partner, parameters)

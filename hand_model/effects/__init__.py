@@ -9,6 +9,7 @@ from hand_model.effects import (  # isort: skip - hooks that share a signal act 
     valve_delay,
     valve_deadband,
     valve_flow_limit,
+    switching_valve,
     hydraulic,
     leak,
     tube_lag,
@@ -48,6 +49,7 @@ CATALOGUE: tuple[Effect, ...] = (
     valve_delay.EFFECT,
     valve_deadband.EFFECT,
     valve_flow_limit.EFFECT,
+    switching_valve.EFFECT,
     hydraulic.EFFECT,
     leak.EFFECT,
     tube_lag.EFFECT,
@@ -87,7 +89,7 @@ def markdown_table() -> str:
     """The catalogue as a Markdown table; docs/diagnosis.md carries it."""
     rows = ["| place | effect | what it is | shown by | source |", "|---|---|---|---|---|"]
     for effect in CATALOGUE:
-        if effect.says and effect.name != "hydraulic":
+        if effect.keys or effect.experiments:
             shown = ", ".join(effect.experiments) or "-"
             rows.append(f"| {effect.place} | `{effect.name}` | {effect.doc} | {shown} | {effect.source} |")
     return "\n".join(rows) + "\n"

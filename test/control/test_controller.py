@@ -13,10 +13,12 @@ from hypothesis import strategies as st
 
 from bench.bench_steps import figures, step_response
 from hand_control.controller import Controller
-from hand_control.law import INTEGRAL, PRESSURE, SATURATED, TORQUE, Law, gains
+from hand_control.law import PRESSURE, SATURATED, TORQUE, Law
+from hand_control.law_rows import S
 from hand_control.settings import PARAMETERS, Settings
 from hand_control.shaping import Shaper
 from hand_control.supervisor import FREEZE_S, VENT_S, WARN_S, Phase, Supervisor
+from hand_control.tuning import gains
 from hand_model.description import load_hand
 from hand_model.parameters import ROW
 from hand_ros.health import Level
@@ -32,7 +34,7 @@ anything = st.floats(allow_nan=True, allow_infinity=True)
 
 def law() -> Law:
     chosen = Settings.of(HAND, {})
-    return Law(gains(HAND, chosen.kp, chosen.ki, chosen.kd, chosen.integral_limit))
+    return Law(gains(HAND, chosen))
 
 
 def full(value: float) -> np.ndarray:
@@ -47,7 +49,7 @@ def test_whatever_comes_in_a_finite_pressure_within_limits_goes_out(ticks: list[
     for reference, speed, limit, position, velocity, pressure in ticks:
         with np.errstate(all="ignore"):
             out = made.tick(
-                full(reference), full(speed), full(limit), full(position), full(velocity), full(pressure), DT_S
+                full(reference), full(speed), full(velocity), full(limit), full(position), full(pressure), DT_S
             )
         assert np.all((out[PRESSURE] >= 0.0) & (out[PRESSURE] <= HAND.limits.max_pressure_pa))
 
@@ -55,7 +57,7 @@ def test_whatever_comes_in_a_finite_pressure_within_limits_goes_out(ticks: list[
 @given(st.floats(0.0, 1.7), st.floats(0.0, 1.7), st.floats(0.0, 0.6))
 def test_the_ceiling_follows_the_torque_limit(reference: float, position: float, limit: float) -> None:
     """Fails when a command could, at rest at this angle, give more torque than the limit."""
-    out = law().tick(full(reference), full(0.0), full(limit), full(position), full(0.0), full(0.0), DT_S)
+    out = law().tick(full(reference), full(0.0), full(0.0), full(limit), full(position), full(0.0), DT_S)
     a0, a1, a2, a3 = (
         HAND.row(f"statics.{key}") for key in ("a0_nm", "a1_nm_per_rad", "a2_nm_per_pa", "a3_nm_per_pa_rad")
     )
@@ -65,7 +67,7 @@ def test_the_ceiling_follows_the_torque_limit(reference: float, position: float,
 
 def test_torque_estimate_is_equation_6() -> None:
     """Fails when the published torque is not Eq. 6 at the measured pressure and angle."""
-    out = law().tick(full(0.5), full(0.0), full(0.6), full(0.5), full(0.0), full(1e5), DT_S)
+    out = law().tick(full(0.5), full(0.0), full(0.0), full(0.6), full(0.5), full(1e5), DT_S)
     assert out[TORQUE] == pytest.approx(-0.010 - 0.0573 * 0.5 + (1.12e-6 - 5.6e-7 * 0.5) * 1e5)
 
 
@@ -73,20 +75,20 @@ def test_a_saturated_integrator_stands_still_and_lets_go() -> None:
     """Fails when the integral winds up against the limit, or does not come back from it."""
     made = law()
     for _ in range(2000):
-        out = made.tick(full(1.2), full(0.0), full(0.02), full(0.2), full(0.0), full(0.0), DT_S)
+        out = made.tick(full(1.2), full(0.0), full(0.0), full(0.02), full(0.2), full(0.0), DT_S)
     assert out[SATURATED].all()
-    assert np.abs(made.state[INTEGRAL]).max() < 0.01
-    out = made.tick(full(0.0), full(0.0), full(0.6), full(0.2), full(0.0), full(0.0), DT_S)
+    assert np.abs(made.state[S["integral"]]).max() < 0.01
+    out = made.tick(full(0.0), full(0.0), full(0.0), full(0.6), full(0.2), full(0.0), DT_S)
     assert out[PRESSURE].max() < 1.2e5
 
 
 def test_freezing_keeps_the_integral() -> None:
     """Fails when a frozen integrator moves."""
     made = law()
-    made.tick(full(0.6), full(0.0), full(0.6), full(0.5), full(0.0), full(0.0), DT_S)
-    before = made.state[INTEGRAL].copy()
-    made.tick(full(0.6), full(0.0), full(0.6), full(0.5), full(0.0), full(0.0), DT_S, False)
-    assert np.array_equal(made.state[INTEGRAL], before)
+    made.tick(full(0.6), full(0.0), full(0.0), full(0.6), full(0.5), full(0.0), DT_S)
+    before = made.state[S["integral"]].copy()
+    made.tick(full(0.6), full(0.0), full(0.0), full(0.6), full(0.5), full(0.0), DT_S, False)
+    assert np.array_equal(made.state[S["integral"]], before)
     assert before.min() > 0.0
 
 

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from hand_control.law import PRESSURE, Law, gains
+from hand_control.law import PRESSURE, Law
 from hand_control.settings import Settings
 from hand_control.shaping import Shaper
+from hand_control.tuning import gains
 from hand_model.description import load_hand
 from hand_model.parameters import ROW
-from hand_sim.plant import OMEGA, PHI, HandPlant, P
+from hand_sim.plant import PHI, HandPlant, P
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "hand.yaml"
 RATE_HZ = 200.0
@@ -25,7 +26,7 @@ def test_steps_settle_on_a_hydraulic_hand() -> None:
     parameters[ROW["hydraulic.share"]] = 1.0
     plant = HandPlant(replace(hand, parameters=parameters), 1.0 / RATE_HZ)
     settings = Settings.of(hand, {})
-    law = Law(gains(hand, settings.kp, settings.ki, settings.kd, settings.integral_limit))
+    law = Law(gains(hand, settings))
     shaper = Shaper(11)
     shaper.latch(plant.state[PHI])
     for target_deg in (30.0, 80.0, 30.0):
@@ -35,7 +36,7 @@ def test_steps_settle_on_a_hydraulic_hand() -> None:
             shaper.step(target, still, settings.bandwidth_rad_s, settings.max_speed_rad_s, 1.0 / RATE_HZ)
             state = plant.state
             limit = hand.limits.max_torque_nm
-            out = law.tick(shaper.r, shaper.v, limit, state[PHI], state[OMEGA], state[P], 1.0 / RATE_HZ)
+            out = law.tick(shaper.r, shaper.v, shaper.a, limit, state[PHI], state[P], 1.0 / RATE_HZ)
             plant.advance(out[PRESSURE][None].copy())
             if tick > 500:
                 late.append(np.abs(state[PHI] - target).max())

@@ -1,0 +1,88 @@
+"""Contact of each joint, from the law's model and from force sensors, as events with an onset."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_model.description import Hand
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+FORCE_AGE_S = 0.1
+"""Older readings of the force sensors tell nothing of now."""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A contact begins or ends: joint index, onset_ns, torque_nm, force_n (NaN: no sensor), source, delay_s."""
+
+    joint: int
+    touching: bool
+    onset_ns: int
+    torque_nm: float
+    force_n: float
+    source: str
+    delay_s: float
+
+
+class Touch:
+    """Contact now, (n,), and the events since they were last taken."""
+
+    def __init__(self, hand: Hand) -> None:
+        """Begin free."""
+        count = len(hand.joints)
+        self.contact: Flags = np.zeros(count, dtype=np.bool_)
+        self.events: list[Event] = []
+        self._sites = [(k, int(joint)) for k, joint in enumerate(hand.sensors.site_joint) if joint >= 0]
+        self._force = np.full(count, np.nan)
+        self._felt: Flags = np.zeros(count, dtype=np.bool_)
+        self._felt_ns = np.zeros(count, dtype=np.int64)
+        self._force_ns = 0
+
+    def release(self) -> None:
+        """Nothing touches: the hand is vented."""
+        self.contact[:] = False
+        self._felt[:] = False
+
+    def forces(self, stamp_ns: int, force_n: Array, threshold_n: float) -> None:
+        """Readings of the force sites (sites,) [N] in the description's order; NaN where one fails."""
+        self._force_ns = stamp_ns
+        self._force[:] = np.nan
+        for site, joint in self._sites:
+            self._force[joint] = np.fmax(self._force[joint], force_n[site])
+        felt = self._force > threshold_n
+        self._felt_ns[felt & ~self._felt] = stamp_ns
+        # A force must fall well below the threshold to be gone, or noise at the threshold would chatter.
+        self._felt = felt | (self._felt & (self._force > 0.5 * threshold_n))
+
+    def update(self, stamp_ns: int, by_model: Array, age_s: Array, torque_nm: Array) -> None:
+        """Fuse: by_model (n,) is 1 where the law says contact, age_s since its onset, torque_nm held."""
+        if (stamp_ns - self._force_ns) * 1e-9 > FORCE_AGE_S:
+            self._felt[:] = False
+            self._force[:] = np.nan
+        now = (by_model != 0.0) | self._felt
+        changed = np.flatnonzero(now != self.contact)
+        for joint in changed:
+            self.events.append(self._event(int(joint), stamp_ns, by_model, age_s, torque_nm))
+        if len(changed):
+            self.contact = now
+
+    def _event(self, joint: int, stamp_ns: int, by_model: Array, age_s: Array, torque_nm: Array) -> Event:
+        touching = not self.contact[joint]
+        seen, felt = bool(by_model[joint] != 0.0), bool(self._felt[joint])
+        onsets = [stamp_ns - round(age_s[joint] * 1e9)] * seen + [int(self._felt_ns[joint])] * felt
+        onset = min(onsets) if touching else stamp_ns
+        source = " and ".join(["model"] * seen + ["force"] * felt)
+        force, torque = float(self._force[joint]), float(torque_nm[joint])
+        return Event(
+            joint, touching, onset, torque if math.isfinite(torque) else 0.0, force, source, (stamp_ns - onset) * 1e-9
+        )
+
+    def take(self) -> list[Event]:
+        """The events since the last call."""
+        events, self.events = self.events, []
+        return events
