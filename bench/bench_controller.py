@@ -18,7 +18,7 @@ from hand_control.tuning import gains
 from hand_model.description import load_hand
 
 DT_S = 0.005
-GOAL = 0.3
+GOAL = 0.5
 
 
 def run(quick: bool) -> list[dict[str, Any]]:

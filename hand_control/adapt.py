@@ -17,6 +17,9 @@ from hand_control.law_rows import G, S
 
 MIN_SPEED_RAD_S = 0.05
 """A joint slower than this tells nothing that was not known."""
+GATE = 3.0
+STOPPING = 0.5
+"""Standard deviations beyond which a balance teaches nothing; share of the filtered speed that a stop falls below."""
 MARGIN_RAD = 0.035
 """Nearer to an end of its range, a joint may lean on the stop."""
 _BALANCE_NM = 0.01
@@ -29,19 +32,25 @@ _A0, _A1, _A2, _A3, _D = G["a0"], G["a1"], G["a2"], G["a3"], G["viscous"]
 _PHI_MAX, _LOW, _HIGH, _MEMORY, _BOUND = G["phi_max"], G["low"], G["high"], G["memory"], G["adapt_bound"]
 _T_OBS = G["observer_filter"]
 _D0, _C00 = S["d_a0"], S["c00"]
-_F2, _Q2, _CREEP, _CONTACT, _SUM = S["phi_2"], S["q_2"], S["creep"], S["contact"], S["sum"]
+_SPEED, _F2, _Q2, _CREEP, _CONTACT, _SUM = S["speed"], S["phi_2"], S["q_2"], S["creep"], S["contact"], S["sum"]
 _BLIND, _THRESHOLD, _UNCERTAIN = S["blind"], G["threshold"], G["map_uncertainty"]
 _BLIND_S = 0.1
 
 
 @njit(cache=True)
-def forget(g, s, i):  # type: ignore[no-untyped-def]
-    """Back to the identified map, with the covariance one begins with."""
-    for k in range(4):
-        s[_D0 + k, i] = 0.0
+def doubt(g, s, i):  # type: ignore[no-untyped-def]
+    """Keep the map, but with the covariance one begins with."""
     for k in range(10):
         s[_C00 + k, i] = 0.0
     s[_C00, i] = s[_C00 + 4, i] = s[_C00 + 7, i] = s[_C00 + 9, i] = g[_UNCERTAIN, i] * g[_UNCERTAIN, i]
+
+
+@njit(cache=True)
+def forget(g, s, i):  # type: ignore[no-untyped-def]
+    """Back to the identified map."""
+    for k in range(4):
+        s[_D0 + k, i] = 0.0
+    doubt(g, s, i)
 
 
 @njit(cache=True, inline="always", error_model="numpy")
@@ -66,13 +75,18 @@ def map_variance(g, s, i, speed):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def adapt(g, s, i, balance, speed, saturated, dt):  # type: ignore[no-untyped-def]
-    """One step for joint i at its filtered balance [N m] and speed [rad/s]."""
+def adapt(g, s, i, balance, variance, speed, saturated, dt):  # type: ignore[no-untyped-def]
+    """One step for joint i at its filtered balance [N m], whose variance is known, and speed [rad/s]."""
     phi = s[_F2, i]
-    if saturated or s[_CONTACT, i] != 0.0 or s[_SUM, i] > 0.5 * g[_THRESHOLD, i]:
+    # A closing joint that stops at once has met something; the filters still show it moving.
+    stopped = speed > MIN_SPEED_RAD_S and s[_SPEED, i] < STOPPING * speed
+    if stopped or saturated or s[_CONTACT, i] != 0.0 or s[_SUM, i] > 0.5 * g[_THRESHOLD, i]:
         s[_BLIND, i] = _BLIND_S  # the filters still hold what was then
     elif s[_BLIND, i] > 0.0:
         s[_BLIND, i] -= dt
+    # What the map's uncertainty cannot explain is not the map: a contact that is not detected yet.
+    if balance > 0.0 and balance * balance > GATE * GATE * variance:
+        return
     if s[_BLIND, i] > 0.0 or abs(speed) < MIN_SPEED_RAD_S:
         return
     if phi < g[_LOW, i] + MARGIN_RAD or phi > g[_HIGH, i] - MARGIN_RAD:
@@ -90,8 +104,8 @@ def adapt(g, s, i, balance, speed, saturated, dt):  # type: ignore[no-untyped-de
     low, high = 1.0 / g[_BOUND, i] - 1.0, g[_BOUND, i] - 1.0
     s[_D0, i] = min(max(s[_D0, i] - k0 * per * balance, low), high)
     s[_D0 + 1, i] = min(max(s[_D0 + 1, i] - k1 * per * balance, low), high)
-    # The actuator must keep leverage over the whole range: a2 + a3 (1+x2) high > 0.
-    most = min(high, -0.9 * g[_A2, i] / (g[_A3, i] * g[_HIGH, i]) - 1.0) if g[_A3, i] < 0.0 else high
+    # Adaptation must not take the leverage over the whole range away: a2 + a3 (1+x2) high > 0.
+    most = min(high, max(-0.9 * g[_A2, i] / (g[_A3, i] * g[_HIGH, i]) - 1.0, 0.0)) if g[_A3, i] < 0.0 else high
     s[_D0 + 2, i] = min(max(s[_D0 + 2, i] - k2 * per * balance, low), most)
     s[_D0 + 3, i] = min(max(s[_D0 + 3, i] - k3 * per * balance, low), high)
     c00, c01, c02, c03 = c00 - k0 * k0 * per, c01 - k0 * k1 * per, c02 - k0 * k2 * per, c03 - k0 * k3 * per

@@ -18,22 +18,26 @@ from scipy.optimize import brentq
 
 from hand_control.law_rows import G, S
 
-ALLOWANCE = 1.0
+ALLOWANCE = 2.0
 """K: half the smallest contact worth detecting, in standard deviations."""
 BIAS_TIME_S = 1.0
 RELEASE_S = 0.1
 """A contact ends when the torque has been gone for this long."""
-RELEASE = 1.0
+RELEASE = 1.5
 """Standard deviations of torque below which it is gone."""
 
-_STD, _THRESHOLD, _T_OBS = G["residual_std"], G["threshold"], G["observer_filter"]
+MOVING_RAD_S, MOVING_S = 0.3, 0.1
+"""A joint that is asked to move faster, and does so for so long, is not held by anything."""
+
+_THRESHOLD, _T_OBS = G["threshold"], G["observer_filter"]
 _BIAS, _SUM, _AGE, _CONTACT, _QUIET = S["bias"], S["sum"], S["age"], S["contact"], S["quiet"]
+_MOVING = S["moving"]
 
 
 @njit(cache=True, error_model="numpy")
 def detect(g, s, i, balance, variance, dt):  # type: ignore[no-untyped-def]
-    """One step for joint i at its filtered torque balance [N m], of which the map alone has a variance; dt [s]."""
-    z = (balance - s[_BIAS, i]) / math.sqrt(g[_STD, i] * g[_STD, i] + variance)
+    """One step for joint i at its filtered torque balance [N m], whose variance is known; dt [s]."""
+    z = (balance - s[_BIAS, i]) / math.sqrt(variance)
     s[_AGE, i] = s[_AGE, i] + dt if s[_SUM, i] > 0.0 or s[_CONTACT, i] != 0.0 else 0.0
     # Samples within the filter's time constant tell the same thing once, however fast they come.
     weight = dt / (2.0 * g[_T_OBS, i])
@@ -47,6 +51,17 @@ def detect(g, s, i, balance, variance, dt):  # type: ignore[no-untyped-def]
     s[_QUIET, i] = s[_QUIET, i] + dt if z < RELEASE else 0.0
     if s[_QUIET, i] > RELEASE_S:
         s[_CONTACT, i] = s[_SUM, i] = s[_AGE, i] = 0.0
+
+
+@njit(cache=True)
+def refuted(s, i, reference_speed, speed, dt):  # type: ignore[no-untyped-def]
+    """Whether joint i, held to be in contact, moves on as asked: then the torque is an error of the map. Ends it."""
+    follows = abs(reference_speed) > MOVING_RAD_S and speed * reference_speed > 0.5 * reference_speed * reference_speed
+    s[_MOVING, i] = s[_MOVING, i] + dt if follows and s[_CONTACT, i] != 0.0 else 0.0
+    if s[_MOVING, i] <= MOVING_S:
+        return False
+    s[_CONTACT, i] = s[_SUM, i] = s[_AGE, i] = s[_MOVING, i] = 0.0
+    return True
 
 
 def threshold(false_alarms_per_hour: float, observer_filter_s: float) -> float:

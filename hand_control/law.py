@@ -37,8 +37,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hand_control.adapt import adapt, forget, map_variance
-from hand_control.contact import detect
+from hand_control.adapt import adapt, doubt, forget, map_variance
+from hand_control.contact import detect, refuted
 from hand_control.law_rows import CONTACT, CONTACT_AGE, CONTACT_TORQUE, OUTPUT, PRESSURE, SATURATED, STATE, TORQUE, G, S
 from hand_model.material import creep_rate
 from hand_model.statics import pressure_for_torque, torque
@@ -52,6 +52,7 @@ _LAG, _DEAD, _HIGH, _P_MAX = G["valve_lag"], G["dead_time"], G["high"], G["p_max
 _KP, _KI, _KD, _I_MAX, _T_SPEED, _T_OBS = (
     G["kp"], G["ki"], G["kd"], G["i_max"], G["speed_filter"], G["observer_filter"]
 )  # fmt: skip
+_STD, _MAP_ERROR = G["residual_std"], G["map_error"]
 _RATE, _BAND, _TRACK, _RESPONSE = G["p_rate"], G["deadband"], G["tracking_time"], G["response_time"]
 _BACK, _FORWARD, _CREEPS, _SCHEDULE, _ADAPT, _DETECT, _TORQUE_MODE = (
     G["back_calculation"], G["feed_forward"], G["creep"], G["schedule"], G["adapt"], G["detect"], G["torque_mode"]
@@ -137,9 +138,14 @@ def _tick(g, s, reference, speed, acceleration, limit, position, pressure, dt, i
         partner = int(g[_PARTNER, i])
         felt = g[_J, i] * s[_ACC, i] + (g[_JC, i] * s[_ACC, partner] if partner >= 0 else 0.0)
         balance = a0 + a1 * (s[_F2, i] - creep * phi_max) + a2 * s[_P2, i] + a3 * s[_Q2, i] - d * speed_2 - felt
+        share = g[_MAP_ERROR, i] * a2 * s[_P2, i]
+        unsure = g[_STD, i] * g[_STD, i] + share * share
+        if g[_ADAPT, i] != 0.0:
+            unsure += map_variance(g, s, i, speed_2)
         if g[_DETECT, i] != 0.0:
-            unsure = map_variance(g, s, i, speed_2) if g[_ADAPT, i] != 0.0 else 0.0
             detect(g, s, i, balance, unsure, dt)
+            if refuted(s, i, speed[i], s[_SPEED, i], dt):
+                doubt(g, s, i)
         out[CONTACT, i], out[CONTACT_AGE, i], out[CONTACT_TORQUE, i] = s[_IN_CONTACT, i], s[_AGE, i], balance
         if not drive:
             out[PRESSURE, i] = out[SATURATED, i] = 0.0
@@ -151,11 +157,12 @@ def _tick(g, s, reference, speed, acceleration, limit, position, pressure, dt, i
         if g[_SCHEDULE, i] != 0.0:
             per = 1.0 / g[_RESPONSE, i]
             kp, ki, kd = (d + stiffness * lag) * per, stiffness * per, (d * lag + g[_J, i]) * per
+        ceiling = pressure_for_torque(limit[i], min(phi, g[_HIGH, i]), creep, a0, a1, a2, a3, phi_max)
         wanted = 0.0
         if g[_TORQUE_MODE, i] != 0.0:
             # The limit is the wanted torque: its pressure, and an integral on the torque estimate.
             error = 0.0
-            wanted = pressure_for_torque(limit[i], min(phi, g[_HIGH, i]), creep, a0, a1, a2, a3, phi_max)
+            wanted = ceiling
         else:
             if g[_FORWARD, i] != 0.0:
                 at = min(reference[i], g[_HIGH, i])  # the description guarantees leverage up to the joint's limit
@@ -170,7 +177,6 @@ def _tick(g, s, reference, speed, acceleration, limit, position, pressure, dt, i
                 s[_FRESH, i] = 0.0
                 s[_INTEGRAL, i] = min(max((s[_COMMAND, i] - wanted) * here, -g[_I_MAX, i]), g[_I_MAX, i])
             wanted += s[_INTEGRAL, i] / here
-        ceiling = pressure_for_torque(limit[i], min(phi, g[_HIGH, i]), creep, a0, a1, a2, a3, phi_max)
         ceiling = min(max(ceiling, 0.0), g[_P_MAX, i])
         if not math.isfinite(wanted + ceiling):
             out[PRESSURE, i], out[SATURATED, i] = s[_COMMAND, i], 0.0
@@ -189,7 +195,7 @@ def _tick(g, s, reference, speed, acceleration, limit, position, pressure, dt, i
         out[PRESSURE, i] = command
         out[SATURATED, i] = 1.0 if beyond != 0.0 else 0.0
         if g[_ADAPT, i] != 0.0 and dt > 0.0 and integrate:
-            adapt(g, s, i, balance, speed_2, beyond != 0.0, dt)
+            adapt(g, s, i, balance, unsure, speed_2, beyond != 0.0, dt)
 
 
 def _compiled() -> Any:

@@ -76,7 +76,7 @@ PARAMETERS = (
     NodeParameter("adaptation_memory_s", 60.0, "time constant of forgetting", 1.0, 1e5, read_only=False),
     NodeParameter("adaptation_bound", 2.0, "factor by which a constant may change", 1.01, 10.0, read_only=False),
     NodeParameter(
-        "map_uncertainty", 0.17, "relative standard deviation of the map at first", 1e-3, 1.0, read_only=False
+        "map_uncertainty", 0.15, "relative standard deviation of the map at first", 1e-3, 1.0, read_only=False
     ),
     NodeParameter("contact_detection", True, "from motion that differs from the expected", read_only=False),
     NodeParameter(
@@ -88,6 +88,14 @@ PARAMETERS = (
         "standard deviation of the torque balance in free motion",
         1e-5,
         1.0,
+        read_only=False,
+    ),
+    NodeParameter(
+        "contact_map_error",
+        0.02,
+        "share of the pressure's torque that identification leaves in it",
+        0.0,
+        0.5,
         read_only=False,
     ),
     NodeParameter(
@@ -133,6 +141,7 @@ class Settings:
     detect: bool
     false_alarms_per_hour: float
     residual_std: float
+    map_error: float
     observer_filter: float
     path_tolerance_rad: float
     goal_tolerance_rad: float
@@ -177,6 +186,7 @@ class Settings:
             detect=full["contact_detection"],
             false_alarms_per_hour=full["contact_false_alarms_per_hour"],
             residual_std=full["contact_torque_std_nm"],
+            map_error=full["contact_map_error"],
             observer_filter=full["observer_filter_s"],
             path_tolerance_rad=math.radians(full["path_tolerance_deg"]),
             goal_tolerance_rad=math.radians(full["goal_tolerance_deg"]),

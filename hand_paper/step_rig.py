@@ -122,7 +122,7 @@ def run_law(hand: Hand, parameters: Array, settings: Settings, seed: int) -> Run
         sent: Array = law.tick(each[0], each[1], each[2], limit, angle, pressure, 1.0 / RATE_HZ)[PRESSURE]
         return sent
 
-    return _closed_loop(hand, parameters, reference(settings), control, seed)
+    return closed_loop(hand, parameters, reference(settings), control, seed)
 
 
 def run_pid(hand: Hand, parameters: Array, settings: Settings, pid: Array, seed: int) -> Run:
@@ -142,7 +142,7 @@ def run_pid(hand: Hand, parameters: Array, settings: Settings, pid: Array, seed:
         integral = integral + np.where((wanted - command) * error <= 0.0, ki * error / RATE_HZ, 0.0)
         return command
 
-    return _closed_loop(hand, parameters, reference(settings), control, seed)
+    return closed_loop(hand, parameters, reference(settings), control, seed)
 
 
 def tune_pid(hand: Hand, settings: Settings, seed: int, rounds: int = 30) -> Array:
@@ -165,9 +165,10 @@ def tune_pid(hand: Hand, settings: Settings, seed: int, rounds: int = 30) -> Arr
     return best
 
 
-def _closed_loop(
+def closed_loop(
     hand: Hand, parameters: Array, target: Array, control: Callable[[Array, Array, Array], Array], seed: int
 ) -> Run:
+    """Plants (hands, rows, joints) under control(target (3,), angles, pressures) -> commands, all (hands * joints,)."""
     rng = np.random.default_rng([seed, 14])
     hands, joints = parameters.shape[0], parameters.shape[2]
     plants = HandPlants(hand, parameters, 1.0 / RATE_HZ)

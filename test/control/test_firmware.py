@@ -1,0 +1,143 @@
+"""The law in C against the law in Python, on the same recorded inputs; and what a microcontroller needs for it."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from bench import bench_firmware
+from hand_control.law import CONTACT_TORQUE, PRESSURE, TORQUE, Law
+from hand_control.law_rows import GAINS, OUTPUT, STATE
+from hand_control.settings import Settings
+from hand_control.tuning import gains
+from hand_model.description import load_hand
+from hand_paper.step_rig import draw, reference
+from hand_sim.plant import PHI, HandPlants, P
+
+ROOT = Path(__file__).parents[2]
+HAND = load_hand(ROOT / "config" / "hand.yaml")
+DT_S = 0.005
+Array = NDArray[np.float64]
+Inputs = tuple[Array, Array, Array, Array, Array, Array]
+
+
+def compiled(folder: Path, kind: str) -> Any:
+    library = folder / f"law_{kind}.so"
+    warnings = ("-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic")
+    source = ROOT / "firmware" / "hand_law.c"
+    options = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC", f"-DHAND_REAL={kind}")
+    subprocess.run(["cc", *options, *warnings, str(source), "-o", str(library)], check=True)
+    return ctypes.CDLL(str(library))
+
+
+class CLaw:
+    """The C law with the interface of the Python one."""
+
+    def __init__(self, folder: Path, kind: str, g: Array) -> None:
+        self._law, self._type = compiled(folder, kind), np.dtype("f4" if kind == "float" else "f8")
+        self._real = ctypes.c_float if kind == "float" else ctypes.c_double
+        self._n = g.shape[1]
+        self._g = np.ascontiguousarray(g, self._type)
+        self.state = np.zeros((len(STATE), self._n), self._type)
+        self.out = np.zeros((len(OUTPUT), self._n), self._type)
+        self._law.hand_law_start(self._n, self._pointer(self._g), self._pointer(self.state))
+
+    def _pointer(self, values: Any) -> Any:
+        return values.ctypes.data_as(ctypes.c_void_p)
+
+    def tick(self, *inputs: Array, dt: float, integrate: bool, drive: bool) -> Any:
+        given = [np.ascontiguousarray(values, self._type) for values in inputs]
+        pointers = [self._pointer(values) for values in given]
+        flags = int(integrate), int(drive)
+        self._law.hand_law_tick(
+            self._n, self._pointer(self._g), self._pointer(self.state), *pointers, self._real(dt), *flags,
+            self._pointer(self.out),
+        )  # fmt: skip
+        return self.out
+
+
+def recorded(values: dict[str, Any], ticks: int = 2400) -> tuple[Array, list[Inputs]]:
+    """Gains, and the inputs of the law in a closed loop of steps on plants off by 20 %."""
+    settings = Settings.of(HAND, values)
+    g = gains(HAND, settings)
+    rng = np.random.default_rng(3)
+    plants = HandPlants(HAND, draw(HAND, 1, 0.2, rng), DT_S)
+    law, target = Law(g), reference(settings)
+    inputs: list[Inputs] = []
+    for k in range(ticks):
+        state = plants.state[0]
+        limit = np.where(np.arange(11) % 3 == 0, 0.04, 0.6)
+        angle = state[PHI] + 3e-4 * rng.standard_normal(11)
+        pressure = state[P] + 100.0 * rng.standard_normal(11)
+        r, v, a = (np.full(11, target[row, k]) for row in range(3))
+        given = (r, v, a, limit, angle, pressure)
+        inputs.append(given)
+        out = law.tick(*given, dt=DT_S)
+        plants.advance(out[PRESSURE][None, None].copy())
+    return g, inputs
+
+
+CASES: dict[str, dict[str, Any]] = {
+    "everything on": {},
+    "fixed gains, back-calculation": {"gain_schedule": False, "adaptation": False, "anti_windup": "back_calculation"},
+    "bare PID": {"feed_forward": False, "creep_compensation": False, "deadband_pa": 0.0, "contact_detection": False},
+    "torque": {"control_mode": "torque"},
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_both_laws_agree_on_recorded_inputs(name: str, tmp_path: Path) -> None:
+    """Fails when the C law differs from the Python one by more than 1e-6 of full scale, or single precision by 1 %."""
+    g, inputs = recorded(CASES[name])
+    python, double, single = Law(g), CLaw(tmp_path, "double", g), CLaw(tmp_path, "float", g)
+    worst = {"double": 0.0, "float": 0.0}
+    sizes = np.array([6e5, 0.6, 1.0, 1.0, 0.6, 10.0])[:, None]
+    for k, given in enumerate(inputs):
+        drive, integrate = k % 400 > 5, k % 50 != 0
+        want = python.tick(*given, dt=DT_S, integrate=integrate, drive=drive)
+        for kind, law in (("double", double), ("float", single)):
+            got = law.tick(*given, dt=DT_S, integrate=integrate, drive=drive)
+            rows = range(len(OUTPUT)) if kind == "double" else (PRESSURE, TORQUE, CONTACT_TORQUE)
+            worst[kind] = max(worst[kind], float(np.max(np.abs(got - want)[list(rows)] / sizes[list(rows)])))
+    print(f"{name}: largest difference, double {worst['double']:.1e}, single {worst['float']:.1e} of full scale")
+    assert worst["double"] < 1e-6
+    assert worst["float"] < 1e-2
+    assert float(np.max(np.abs(double.state - python.state) / (np.abs(python.state) + 1e-3))) < 1e-6
+
+
+def test_not_a_number_keeps_the_last_command(tmp_path: Path) -> None:
+    """Fails when a measurement that is no number gets through the C law."""
+    g, inputs = recorded({}, 50)
+    law = CLaw(tmp_path, "float", g)
+    for given in inputs:
+        before = law.tick(*given, dt=DT_S, integrate=True, drive=True)[PRESSURE].copy()
+    broken = list(inputs[-1])
+    broken[4] = np.where(np.arange(11) == 3, np.nan, broken[4])
+    out = law.tick(*broken, dt=DT_S, integrate=True, drive=True)
+    assert np.isfinite(out).all() and out[PRESSURE][3] == before[3]
+
+
+def test_rows_have_the_same_order_in_both() -> None:
+    """Fails when a row is added to one law and not to the other."""
+    text = (ROOT / "firmware" / "hand_law.h").read_text(encoding="utf-8")
+    for prefix, names in (("HAND_G", GAINS), ("HAND_S", STATE), ("HAND_O", OUTPUT)):
+        block = next(b for b in re.findall(r"enum \{(.*?)\}", text, re.S) if f"{prefix}_" in b)
+        assert tuple(re.findall(rf"{prefix}_(\w+)", block)) == tuple(name.upper() for name in names)
+
+
+@pytest.mark.skipif(shutil.which(bench_firmware.COMPILER) is None, reason="needs arm-none-eabi-gcc")
+@pytest.mark.skipif(shutil.which(bench_firmware.EMULATOR) is None, reason="needs qemu-system-arm")
+def test_the_law_fits_a_cortex_m4() -> None:
+    """Fails when the law no longer builds for the target, or takes more than half the time of a 1 kHz tick."""
+    figures = bench_firmware.measure()
+    print(figures)
+    assert figures["flash"] < 16e3 and figures["ram"] < 8e3
+    assert figures["share of a tick at 1 kHz, 168 MHz"] < 50.0

@@ -1,0 +1,113 @@
+"""The grasp action over DDS: closing on something, on nothing, cancel, preemption, refusal, venting."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from action_msgs.msg import GoalStatus
+from hand_msgs.action import Grasp
+from hand_msgs.msg import Contact
+from rclpy.action import ActionClient
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from test.nodes.conftest import Client, Stack
+
+OBSTACLE = "  contact: {angle_deg: 35, stiffness_nm_per_rad: 1.0}\n"
+
+
+class Grasper:
+    """A client of the action, as a user's node would hold it."""
+
+    def __init__(self, client: Client) -> None:
+        self.client = client
+        self.feedback: list[Any] = []
+        self.contacts: list[Any] = []
+        self.action = ActionClient(client.node, Grasp, "grasp")
+        client.node.create_subscription(Contact, "contacts", self.contacts.append, 50)
+        client.until(self.action.server_is_ready)
+
+    def send(self, pattern: str, closure: float = 1.0, max_torque: float = 0.1) -> Any:
+        goal = Grasp.Goal(pattern=pattern, closure=closure, max_torque=max_torque)
+        future = self.action.send_goal_async(goal, feedback_callback=lambda m: self.feedback.append(m.feedback))
+        self.client.until(future.done)
+        return future.result()
+
+    def result(self, handle: Any) -> Any:
+        future = handle.get_result_async()
+        self.client.until(future.done)
+        return future.result()
+
+
+@pytest.fixture
+def grasper(client: Client) -> Iterator[Grasper]:
+    made = Grasper.__new__(Grasper)
+    yield made
+    made.action.destroy()
+
+
+def started(stack: Stack, client: Client, grasper: Grasper, obstacle: bool) -> None:
+    text = Path("config/hand.yaml").read_text(encoding="utf-8")
+    hand = stack.folder / "hand.yaml"
+    hand.write_text(text.replace("joint_defaults:\n", "joint_defaults:\n" + OBSTACLE * obstacle), encoding="utf-8")
+    stack.node("simulation", hand_description=hand)
+    stack.node("controller")
+    client.controlling()
+    Grasper.__init__(grasper, client)
+
+
+def test_closes_on_a_thing_and_holds_the_torque(stack: Stack, client: Client, grasper: Grasper) -> None:
+    """Fails when the hand does not stop at a thing in its way, or holds another torque than was asked for."""
+    started(stack, client, grasper, obstacle=True)
+    handle = grasper.send("cylindrical", max_torque=0.1)
+    assert handle.accepted
+    result = grasper.result(handle)
+    assert result.status == GoalStatus.STATUS_SUCCEEDED, result.result.message
+    held = dict(zip(result.result.name, result.result.contact, strict=True))
+    assert held["index_proximal"] and held["middle_distal"], held
+    state = client.states[-1]
+    for name, torque, touching in zip(state.name, state.torque_estimate, held.values(), strict=True):
+        if touching:
+            assert torque == pytest.approx(0.1, rel=0.1), name
+    assert grasper.feedback and 0.0 <= grasper.feedback[0].progress <= 1.0
+    begun = [event for event in grasper.contacts if event.touching]
+    assert {event.name for event in begun} >= {"index_proximal", "middle_distal"}
+    assert all(0.0 <= event.delay < 0.5 and event.source for event in begun)
+    grasper.result(grasper.send("open"))
+    client.until(lambda: client.angle("index_proximal") < math.radians(10.0))
+
+
+def test_nothing_in_the_hand_cancel_preempt_refuse_vent(stack: Stack, client: Client, grasper: Grasper) -> None:
+    """Fails when a grasp of nothing claims contact, or a goal ends in another way than was asked."""
+    started(stack, client, grasper, obstacle=False)
+    result = grasper.result(grasper.send("tripod"))
+    assert result.status == GoalStatus.STATUS_SUCCEEDED
+    assert not any(result.result.contact) and result.result.message.startswith("0 joints")
+
+    handle = grasper.send("open")
+    cancelled = handle.cancel_goal_async()
+    client.until(cancelled.done)
+    assert grasper.result(handle).status == GoalStatus.STATUS_CANCELED
+
+    first = grasper.send("cylindrical")
+    second = grasper.send("hook")
+    ended = grasper.result(first)
+    assert ended.status == GoalStatus.STATUS_ABORTED and "preempted by another grasp" in ended.result.message
+    client.command(index_proximal=0.3)
+    ended = grasper.result(second)
+    assert ended.status == GoalStatus.STATUS_ABORTED and "preempted by joint_commands" in ended.result.message
+
+    assert not grasper.send("fist").accepted
+    client.until_said("controller", "commands", "pattern is 'fist'; it must be one of")
+    assert not grasper.send("hook", closure=1.5).accepted
+    assert not grasper.send("hook", max_torque=9.0).accepted
+
+    last = grasper.send("cylindrical")
+    client.trigger("vent")
+    ended = grasper.result(last)
+    assert ended.status == GoalStatus.STATUS_ABORTED and "vented" in ended.result.message
+    assert not grasper.send("hook").accepted
