@@ -8,6 +8,7 @@
 
 static const hand_real MIN_LEVERAGE = R(1e-9), NOISE_RAD = R(3e-4);
 static const hand_real MIN_SPEED = R(0.05), MARGIN = R(0.035), BALANCE = R(0.01), BLIND = R(0.1), GATE = R(3.0), STOPPING = R(0.5), MOVING = R(0.3), MOVING_TIME = R(0.1);
+static const hand_real REST_SPEED = R(0.02), REST = R(0.01), CALM_TIME = R(0.1);
 static const hand_real ALLOWANCE = R(2.0), BIAS_TIME = R(1.0), RELEASE_TIME = R(0.1), RELEASE = R(1.5);
 
 static hand_real low_of(hand_real a, hand_real b) { return a < b ? a : b; }
@@ -176,7 +177,7 @@ void hand_law_start(int n, const hand_real *g, hand_real *s)
 
 void hand_law_release(int n, hand_real *s)
 {
-    for (int i = 0; i < n; i++) S(INTEGRAL) = S(COMMAND) = S(FRESH) = 0;
+    for (int i = 0; i < n; i++) S(INTEGRAL) = S(COMMAND) = S(FRESH) = S(CALM) = 0;
 }
 
 void hand_law_tick(int n, const hand_real *g, hand_real *s, const hand_real *reference, const hand_real *speed,
@@ -249,7 +250,9 @@ void hand_law_tick(int n, const hand_real *g, hand_real *s, const hand_real *ref
             OUT(SATURATED) = 0;
             continue;
         }
-        const hand_real command = cut(n, i, g, s, wanted, ceiling, dt);
+        const int calm = size_of(speed[i]) < REST_SPEED && size_of(S(SPEED)) < MOVING && size_of(error) < REST;
+        S(CALM) += (calm && G(DEADBAND) > 0 && dt > 0 ? dt / (dt + CALM_TIME) : 1) * (wanted - S(CALM));
+        const hand_real command = cut(n, i, g, s, S(CALM), ceiling, dt);
         const hand_real beyond = wanted - low_of(high_of(wanted, 0), ceiling);
         hand_real resolved = 0;
         if (G(DEADBAND) > 0 && stiffness > 0) resolved = G(DEADBAND) * here / stiffness + NOISE_RAD;

@@ -16,8 +16,8 @@ are cancelled and replaced by one closed-loop time constant R (internal model co
 Ki = k / R, Kp = (d + k T) / R, Kd = (d T + J) / R.
 
 p is cut to 0 ... the lowest of the pressure limit and the torque ceiling, the pressure at which Eq. 11 gives the
-maximum torque at the measured angle; its rate is bounded; a change smaller than the dead-band is not sent, and the
-integrator stands still where the error is one that the dead-band itself leaves, so that no limit cycle remains.
+maximum torque at the measured angle; its rate is bounded; at rest it is filtered, a change smaller than the dead-band
+is not sent, and the integrator stands still where the error is one that the dead-band itself leaves, so that no limit cycle remains.
 Anti-windup is conditional integration, or back-calculation with a tracking time.
 
 The map adapts (`adapt.py`) and contact is detected (`contact.py`) from the same filtered torque balance. After any
@@ -64,8 +64,10 @@ _F1, _F2, _P1, _P2, _Q1, _Q2, _ACC, _STARTED = (
     S["phi_1"], S["phi_2"], S["p_1"], S["p_2"], S["q_1"], S["q_2"], S["acceleration"], S["started"]
 )  # fmt: skip
 _D0, _D1, _D3, _DD = S["d_a0"], S["d_a1"], S["d_a3"], S["d_viscous"]
-_IN_CONTACT, _AGE = S["contact"], S["age"]
+_IN_CONTACT, _AGE, _CALM = S["contact"], S["age"], S["calm"]
 _MIN_LEVERAGE = 1e-9
+_REST_RAD_S, _MOVING_RAD_S, _REST_RAD, _CALM_S = 0.02, 0.3, 0.01, 0.1
+"""A joint rests whose reference stands, that is slower and nearer than this; then commands are filtered so long."""
 _NOISE_RAD = 3e-4
 """An error smaller than this is noise of the angle sensor; the integrator does not follow it while a dead-band acts."""
 
@@ -181,7 +183,11 @@ def _tick(g, s, reference, speed, acceleration, limit, position, pressure, dt, i
         if not math.isfinite(wanted + ceiling):
             out[PRESSURE, i], out[SATURATED, i] = s[_COMMAND, i], 0.0
             continue
-        command = _cut(g, s, i, wanted, ceiling, dt)
+        # At rest the feedback is noise: a filter keeps it below the dead-band.
+        calm = abs(speed[i]) < _REST_RAD_S and abs(s[_SPEED, i]) < _MOVING_RAD_S and abs(error) < _REST_RAD
+        share_calm = dt / (dt + _CALM_S) if calm and g[_BAND, i] > 0.0 and dt > 0.0 else 1.0
+        s[_CALM, i] += share_calm * (wanted - s[_CALM, i])
+        command = _cut(g, s, i, s[_CALM, i], ceiling, dt)
         beyond = wanted - min(max(wanted, 0.0), ceiling)
         resolved = g[_BAND, i] * here / stiffness + _NOISE_RAD if g[_BAND, i] > 0.0 and stiffness > 0.0 else 0.0
         if integrate and abs(error) > resolved:
@@ -229,7 +235,7 @@ class Law:
 
     def release(self) -> None:
         """Forget what drove the joints: integrators and commands to 0. What was observed of them stays."""
-        self.state[_INTEGRAL] = self.state[_COMMAND] = self.state[_FRESH] = 0.0
+        self.state[_INTEGRAL] = self.state[_COMMAND] = self.state[_FRESH] = self.state[_CALM] = 0.0
 
     def forget(self) -> None:
         """Return to the description's map."""

@@ -14,7 +14,7 @@ STATE = (
     "integral", "command", "fresh", "creep", "last", "speed", "phi_1", "phi_2", "p_1", "p_2", "q_1", "q_2",
     "acceleration", "d_a0", "d_a1", "d_a3", "d_viscous",
     "c00", "c01", "c02", "c03", "c11", "c12", "c13", "c22", "c23", "c33",
-    "bias", "sum", "age", "contact", "quiet", "started", "blind", "moving",
+    "bias", "sum", "age", "contact", "quiet", "started", "blind", "moving", "calm",
 )  # fmt: skip
 """Rows of the state: integral [N m], command [Pa], filters, relative changes of the map, their covariance, detector."""
 OUTPUT = ("pressure", "torque", "saturated", "contact", "contact_torque", "contact_age")

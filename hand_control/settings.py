@@ -71,12 +71,12 @@ PARAMETERS = (
     NodeParameter(
         "gain_schedule", True, "gains from the model over angle and pressure; else the fixed ones", read_only=False
     ),
-    NodeParameter("response_time_s", 0.05, "closed-loop time constant of scheduled gains", 0.01, 2.0, read_only=False),
+    NodeParameter("response_time_s", 0.06, "closed-loop time constant of scheduled gains", 0.01, 2.0, read_only=False),
     NodeParameter("adaptation", True, "the static map follows what free motion shows", read_only=False),
     NodeParameter("adaptation_memory_s", 60.0, "time constant of forgetting", 1.0, 1e5, read_only=False),
     NodeParameter("adaptation_bound", 2.0, "factor by which a constant may change", 1.01, 10.0, read_only=False),
     NodeParameter(
-        "map_uncertainty", 0.15, "relative standard deviation of the map at first", 1e-3, 1.0, read_only=False
+        "map_uncertainty", 0.17, "relative standard deviation of the map at first", 1e-3, 1.0, read_only=False
     ),
     NodeParameter("contact_detection", True, "from motion that differs from the expected", read_only=False),
     NodeParameter(

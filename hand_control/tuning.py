@@ -52,6 +52,6 @@ def gains(hand: Hand, settings: Settings) -> Array:
 
 _TUNING = (
     "speed_filter", "observer_filter", "p_rate", "deadband", "tracking_time", "response_time", "memory",
-    "adapt_bound", "map_uncertainty", "residual_std", "map_error", "back_calculation", "feed_forward", "creep", "schedule", "adapt",
-    "detect", "torque_mode",
+    "adapt_bound", "map_uncertainty", "residual_std", "map_error", "back_calculation", "feed_forward", "creep",
+    "schedule", "adapt", "detect", "torque_mode",
 )  # fmt: skip

@@ -33,7 +33,8 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
         axis.plot(time_s, np.degrees(run.reference[0]), color=GREY, lw=1.0, label="reference")
         axis.plot(time_s, np.degrees(run.angle[:, shown]), color=colour, lw=1.0, label=f"{name} adaptation")
         axis.set_ylabel("angle [deg]")
-        axis.legend(frameon=False, loc="upper right")
+        axis.set_ylim(20.0, 100.0)
+        axis.legend(frameon=False, loc="upper center", ncol=2)
     axes[1].set_xlabel("time [s]")
     over = {name: float(100.0 * run.overshoot.max()) for name, run in runs.items()}
     rms = {name: float(run.rms_deg.mean()) for name, run in runs.items()}

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 STIFFNESS_NM_PER_RAD = 20.0
 FROM_RAD, TO_RAD = 0.1, 1.6
+PERIOD_S = 1.0 / RATE_HZ
 FORCE_NOISE_N, FORCE_THRESHOLD_N = 0.05, 0.5
 SPEED_RAD_S = float(np.radians(90.0))
 
@@ -35,7 +36,8 @@ class Trial:
     """What happened to each joint, (joints,): torques [N m], times [s]; NaN where there is none.
 
     limit, held (mean of the last second), peak: true actuator torque.  met: when the obstacle was first pressed.
-    by_model, by_force: when contact was reported.  false_model, false_force: reports before it was there.  able: the supply suffices for the limit.
+    by_model, by_force: when contact was reported.  false_model, false_force: reports before it was there.
+    able: the supply suffices for the limit.
     """
 
     limit: Array
