@@ -17,8 +17,8 @@ Ki = k / R, Kp = (d + k T) / R, Kd = (d T + J) / R.
 
 p is cut to 0 ... the lowest of the pressure limit and the torque ceiling, the pressure at which Eq. 11 gives the
 maximum torque at the measured angle; its rate is bounded; at rest it is filtered, a change smaller than the dead-band
-is not sent, and the integrator stands still where the error is one that the dead-band itself leaves, so that no limit cycle remains.
-Anti-windup is conditional integration, or back-calculation with a tracking time.
+is not sent, and the integrator stands still where the error is one that the dead-band itself leaves, so that no limit
+cycle remains. Anti-windup is conditional integration, or back-calculation with a tracking time.
 
 The map adapts (`adapt.py`) and contact is detected (`contact.py`) from the same filtered torque balance. After any
 change of the gains the integrator takes over what else would jump. A joint whose measurement or reference is not

@@ -92,7 +92,7 @@ PARAMETERS = (
     ),
     NodeParameter(
         "contact_map_error",
-        0.02,
+        0.03,
         "share of the pressure's torque that identification leaves in it",
         0.0,
         0.5,

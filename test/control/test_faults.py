@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +32,8 @@ class Rig:
         self.controller = Controller(HAND, Settings.of(HAND, values))
         self.plant = HandPlant(HAND, 0.005)
         self.now_ns = 0
-        self.seen_pressure = lambda pressure: pressure
-        self.valve = lambda command: command
+        self.seen_pressure: Callable[[Any], Any] = lambda pressure: pressure
+        self.valve: Callable[[Any], Any] = lambda command: command
         self.tick: Any = None
         self.controller.enable(True)
         self.run(0.2)
@@ -129,7 +130,7 @@ def test_trajectories_are_aborted_outside_their_tolerance(values: dict[str, floa
     """Fails when a joint that cannot follow is pushed on, or the line does not say which and by how much."""
     rig = Rig(**values)
     rig.valve = only(INDEX, lambda command: min(command, 2.0e4))
-    points = [(0.5, [1.0, 1.0], []), (1.0, [1.2, 1.2], [])]
+    points: list[tuple[float, list[float], list[float]]] = [(0.5, [1.0, 1.0], []), (1.0, [1.2, 1.2], [])]
     rig.controller.trajectory(["index_proximal", "ring_proximal"], points, 0, rig.now_ns, rig.now_ns)
     rig.run(3.0)
     message = rig.health("commands").message
@@ -155,7 +156,7 @@ def test_a_grasp_of_nothing_ends_at_the_shape() -> None:
     assert rig.controller.grasping is None and rig.controller.grasp_end == "done"
     assert not rig.controller.grasp_contact.any()
     assert np.degrees(np.abs(rig.tick.position - grasp.shape(0.5))).max() < 3.0
-    with pytest.raises(ValueError, match="max_torque is 9 N m; the allowed range is 0 to 0.6"):
+    with pytest.raises(ValueError, match=r"max_torque is 9 N m; the allowed range is 0 to 0\.6"):
         rig.controller.grasp(grasp, 0.5, 9.0, rig.now_ns)
 
 
