@@ -15,6 +15,7 @@ PACKAGES = [
     "hand_paper",
     "hand_diagnosis",
     "hand_tool",
+    "hand_trial",
 ]
 
 

@@ -26,8 +26,11 @@ from hand_model.effects.effect import NEIGHBOUR, Effect
 Array = NDArray[np.float64]
 MOVES_RAD = np.radians(2.0)
 """A joint that moves less tells nothing."""
+PUSHED_RAD = np.radians(10.0)
+EXCITED_PA = 1e4
+"""A joint with less pressure is not excited, unless something moves it by more than PUSHED_RAD."""
 RESTED_PA = 5e3
-CURVE_JOINTS = 3
+CURVE_JOINTS = 5
 SHARED_JOINTS = 0.5
 """Share of the joints that must show an effect of the whole hand."""
 
@@ -101,7 +104,12 @@ def _joints(signals: Sequence[Signals], hand: Hand, joints: Sequence[str]) -> li
 
 
 def _moves(one: Signals, joint: str) -> bool:
-    return joint in one.joints and bool(np.ptp(one.angle_rad[:, one.joints.index(joint)]) > MOVES_RAD)
+    """Whether a joint is excited: by pressure, or far enough from outside; a vented one that is only shaken is not."""
+    if joint not in one.joints:
+        return False
+    column = one.joints.index(joint)
+    angle, pressure = np.ptp(one.angle_rad[:, column]), np.ptp(one.pressure_pa[:, column])
+    return bool(angle > PUSHED_RAD or (angle > MOVES_RAD and (pressure > EXCITED_PA or one.driven)))
 
 
 def _still(one: Signals, wanted: Sequence[str], asked: Sequence[str]) -> list[str]:
@@ -114,16 +122,21 @@ def _rested(signals: Sequence[Signals], joint: str) -> bool:
 
 
 def _reads_through_curve(signals: Sequence[Signals], hand: Hand, joints: Sequence[str], tolerance: float) -> bool:
-    """Whether the angles fit the model better once the described sensors' own error is taken back."""
-    costs = []
-    for candidate in (signals, [without_sensor_curve(one, hand) for one in signals]):
-        total = 0.0
-        for joint in joints[:CURVE_JOINTS]:
+    """Whether the angles of most joints fit the model better once the described sensors' own error is taken back.
+
+    Each joint has one vote: a joint with an effect must not decide for those without.
+    """
+    chosen = [joints[k] for k in np.unique(np.linspace(0, len(joints) - 1, CURVE_JOINTS).round().astype(int))]
+    straight = [without_sensor_curve(one, hand) for one in signals]
+    gains = []
+    for joint in chosen:
+        costs = []
+        for candidate in (signals, straight):
             problem = joint_problem(candidate, hand, joint)
             moves = nominal_moves(problem.nominal, tolerance, _rested(signals, joint))
-            total += map_fit(problem, moves, np.zeros(len(moves)), 4).cost
-        costs.append(total)
-    return costs[1] < costs[0]
+            costs.append(map_fit(problem, moves, np.zeros(len(moves)), 3).cost)
+        gains.append(float(np.log(costs[0] / costs[1])))
+    return bool(np.median(gains) > 0.0)
 
 
 def _diagnose_joint(

@@ -29,8 +29,9 @@ WORTH_A_FIT = 8.0
 ACCEPTED = 6.0
 """Log evidence by which an effect must beat the model without it."""
 CLAIMABLE = 0.03
-CLAIMABLE_FLOOR = 0.1
-"""Fall of the held-out error that is worth a claim: relative to itself, and to the practical floor."""
+CLAIMABLE_FLOOR = 0.6
+"""What is worth a claim: the fall of the held-out error relative to itself, and the error that an effect takes away (the
+root of the fall of the mean square) relative to the practical floor of repeatability."""
 REFINED = 3
 """Hypotheses of a round that are fitted to the end."""
 
@@ -88,6 +89,8 @@ def search_joint(
         found.rounds.append(hypotheses)
         found.evidences.append(evidence)
         best = next((one for one in hypotheses if _confirmed(problem, current, one)), None)
+        if best is not None and not best.fit.residuals:  # only fitted roughly so far
+            best = _refine(problem, current, best, rng)
         if best is None or best.log_evidence < evidence + ACCEPTED:
             break
         found.accepted.append(best)
@@ -155,8 +158,18 @@ def _confirmed(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -
     """Held-out data improve for sure, by something worth saying."""
     before = held_out_rmse(problem, current.squares)[hypothesis.stage]
     after = held_out_rmse(problem, hypothesis.fit.squares)[hypothesis.stage]
-    enough = max(CLAIMABLE * before, CLAIMABLE_FLOOR * FLOOR[hypothesis.stage])
-    return bool(hypothesis.fall[0] > 0.0 and before - after > enough)
+    taken = float(np.sqrt(max(before**2 - after**2, 0.0)))
+    enough = before - after > CLAIMABLE * before and taken > CLAIMABLE_FLOOR * FLOOR[hypothesis.stage]
+    return bool(hypothesis.fall[0] > 0.0 and enough and _worst_improves(problem, current, hypothesis))
+
+
+def _worst_improves(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -> bool:
+    """The held-out window that was worst gets better, and no window becomes a worse one."""
+    counts = problem.block_counts[hypothesis.stage]
+    usable = problem.held_out & (counts > 0)
+    before = current.squares[hypothesis.stage, usable] / counts[usable]
+    after = hypothesis.fit.squares[hypothesis.stage, usable] / counts[usable]
+    return bool(len(before) and after[int(np.argmax(before))] < before.max() and after.max() < before.max())
 
 
 def _prune(found: JointSearch, tolerance: float, rested: bool) -> None:

@@ -14,7 +14,7 @@ from hand_ident.joint_problem import (
     block_numbers,
     initial_weights,
 )
-from hand_ident.signals import Signals, derivatives, total_inflow, white_noise
+from hand_ident.signals import Signals, derivatives, total_inflow, white_noise, without_noise
 from hand_model.chain import OUTPUTS, PHI, STATES, P
 from hand_model.description import Hand
 from hand_model.effects.effect import ACCELERATION, ANGLE, EXOGENOUS, INFLOW, NEIGHBOUR, PARTNER, SPEED, TIME
@@ -54,6 +54,7 @@ def _piece(signals: Signals, hand: Hand, joint: str, first_block: int) -> Piece:
         signals.period_s,
         signals.set_point_pa[:, j],
         signals.pressure_pa[:, j],
+        _driving(signals, j),
         signals.angle_rad[:, j],
         force,
         _surroundings(signals, hand, joint),
@@ -61,6 +62,11 @@ def _piece(signals: Signals, hand: Hand, joint: str, first_block: int) -> Piece:
         block_numbers(signals.samples, signals.period_s, first_block),
         start,
     )
+
+
+def _driving(signals: Signals, j: int) -> Array:
+    pressure = signals.pressure_pa[:, j]
+    return pressure if signals.driven else without_noise(pressure, signals.period_s, white_noise(pressure))
 
 
 def _surroundings(signals: Signals, hand: Hand, joint: str) -> Array:

@@ -29,7 +29,7 @@ HELD_OUT_EVERY = 3
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """One recording of the joint. Signals (T,), exogenous (T, EXOGENOUS), curve (T,): correction of the angle [rad].
+    """One recording of the joint. driving_pa: the measured pressure as the joint's input, its noise reduced. Signals (T,), exogenous (T, EXOGENOUS), curve (T,): correction of the angle [rad].
 
     use: (OUTPUTS, T) samples that count.  block: (T,) number of the block of each sample, over all recordings.
     """
@@ -38,6 +38,7 @@ class Piece:
     period_s: float
     set_point_pa: Array
     pressure_pa: Array
+    driving_pa: Array
     angle_rad: Array
     force_n: Array
     exogenous: Array
@@ -60,7 +61,7 @@ class JointProblem:
     nominal: Array
     weight: Array
     lever_m: float = 1.0
-    step_s: float = 1.3e-3
+    step_s: float = 2.6e-3
     driven: bool = False
 
     @property
@@ -92,7 +93,7 @@ class JointProblem:
             start[:, P], start[:, PHI], start[:, CREEP] = piece.start[P], piece.start[PHI], creep
             out.append(
                 open_chain(
-                    columns, start, piece.set_point_pa, piece.pressure_pa, piece.exogenous, piece.period_s,
+                    columns, start, piece.set_point_pa, piece.driving_pa, piece.exogenous, piece.period_s,
                     self.lever_m, self.step_s, self.driven,
                 )
             )  # fmt: skip

@@ -90,3 +90,23 @@ def white_noise(values: Array, known: NDArray[np.bool_] | None = None) -> float:
     # Third differences of unit white noise have variance 1 + 9 + 9 + 1. Of quantised or quiet signals most are 0.
     trimmed = float(np.sqrt(np.mean(np.minimum(quiet, np.quantile(quiet, 0.9)) ** 2)))
     return max(float(np.median(quiet)) / 0.6745, 0.3 * trimmed) / float(np.sqrt(20.0))
+
+
+SMOOTHED_S = 0.07
+"""Span of the smoothing of an input; mechanics and valves are slower."""
+LEFT_ALONE = 3.5
+"""Where smoothing would move a signal by more than so many standard deviations of its noise, it is no noise."""
+
+
+def without_noise(values: Array, period_s: float, noise: float) -> Array:
+    """A signal (T,) that is an input of a model, with less of its white noise and none of its edges.
+
+    Noise of an input is no error of the model, but would look like one: quadratics by least squares over SMOOTHED_S
+    (Savitzky and Golay 1964), without lag; around edges the signal stays as it is.
+    """
+    span = 2 * round(0.5 * SMOOTHED_S / period_s) + 1
+    if span < 5 or len(values) <= span or noise <= 0.0:
+        return values
+    smooth = savgol_filter(values, span, 2)
+    edge = uniform_filter1d((np.abs(values - smooth) > LEFT_ALONE * noise).astype(float), span) > 0.0
+    return np.where(edge, values, smooth)

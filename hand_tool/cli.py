@@ -15,6 +15,7 @@ from hand_tool.magnet import magnet
 from hand_tool.record import record
 from hand_tool.reproduce import reproduce
 from hand_tool.simulate import simulate
+from hand_tool.trial import app as trial
 
 app = typer.Typer(
     name="hand",
@@ -29,6 +30,7 @@ app.command()(demo)
 app.command()(diagnose)
 app.command()(excite)
 app.add_typer(identify, name="identify")
+app.add_typer(trial, name="trial")
 app.command()(magnet)
 app.command()(reproduce)
 

@@ -18,6 +18,7 @@ BELOW = {
     "hand_magnet": {"hand_model"},
     "hand_paper": {"hand_model", "hand_control", "hand_sim", "hand_ident", "hand_magnet"},
     "hand_diagnosis": {"hand_model", "hand_ros", "hand_driver", "hand_sim", "hand_ident"},
+    "hand_trial": set(),
     "hand_tool": {
         "hand_model",
         "hand_ros",
@@ -28,6 +29,7 @@ BELOW = {
         "hand_magnet",
         "hand_paper",
         "hand_diagnosis",
+        "hand_trial",
     },
 }
 ROS = {"rclpy", "ament_index_python"}

@@ -96,6 +96,8 @@ def test_interface_is_the_published_one() -> None:
         "AdcFrame": [header, ("uint32", "sequence"), ("float64", "supply_voltage"), ("uint16[]", "channel"),
                      ("uint32[]", "counts")],
         "ValveCommand": [header, ("builtin_interfaces/Duration", "lifetime"), name, ("float64[]", "pressure")],
+        "Contact": [header, ("string", "name"), ("bool", "touching"), ("float64", "torque"), ("float64", "force"),
+                    ("string", "source"), ("float64", "delay")],
         "ControllerState": [header, name, *floats, ("bool[]", "saturated"), ("bool[]", "contact")],
     }  # fmt: skip
     goal = _fields((ROOT / "hand_msgs/action/Grasp.action").read_text(encoding="utf-8").split("---")[0])

@@ -89,7 +89,7 @@ def markdown_table() -> str:
     """The catalogue as a Markdown table; docs/diagnosis.md carries it."""
     rows = ["| place | effect | what it is | shown by | source |", "|---|---|---|---|---|"]
     for effect in CATALOGUE:
-        if effect.keys or effect.experiments:
+        if effect.keys or effect.place == "timing":  # the others are choices of the description
             shown = ", ".join(effect.experiments) or "-"
             rows.append(f"| {effect.place} | `{effect.name}` | {effect.doc} | {shown} | {effect.source} |")
     return "\n".join(rows) + "\n"

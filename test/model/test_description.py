@@ -40,7 +40,7 @@ BAD = {
     "huge": (("rate_hz: 200", f"rate_hz: {'9' * 400}"), "board.rate_hz is 999", "1 to 2000"),
     "beyond int": (("rate_hz: 200", f"rate_hz: {'9' * 5000}"), "is not YAML", "4300 digits"),
     "not whole": (("adc_bits: 16", "adc_bits: 16.0"), "board.adc_bits is 16.0", "a whole number from 8 to 16"),
-    "duplicate key": (("rate_hz: 200", "rate_hz: 200\n  rate_hz: 300"), "line 16", "'rate_hz' is there twice"),
+    "duplicate key": (("rate_hz: 200", "rate_hz: 200\n  rate_hz: 300"), "line 17", "'rate_hz' is there twice"),
     "number as key": (("schema: 1\n", "schema: 1\n5: 1\n"), "line 5", "a key must be text"),
     "list as key": (("schema: 1\n", "schema: 1\n? [a]\n: 1\n"), "line 5", "a key must be text"),
     "list for a mapping": (

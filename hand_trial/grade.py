@@ -1,0 +1,132 @@
+"""One case graded: what the report says against what was concealed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+WITHIN = 0.15
+FLOORS = 1.25
+
+
+@dataclass(slots=True)
+class Grade:
+    """What is known of one case; None where the question does not arise.
+
+    claims: (probability, right) of each joint's leading finding.  called: what stands first for the truth's joint.
+    """
+
+    number: int
+    kind: str
+    effect: str
+    multiple: float
+    motion: str
+    called: str
+    place: bool | None = None
+    joint: bool | None = None
+    first: bool | None = None
+    first_two: bool | None = None
+    both: bool | None = None
+    false_alarm: bool | None = None
+    unknown_found: bool | None = None
+    unknown_wrong: bool | None = None
+    clean: bool | None = None
+    parameters: list[tuple[str, float]] = field(default_factory=list)
+    claims: list[tuple[float, bool]] = field(default_factory=list)
+
+
+def grade(case: dict[str, Any], report: dict[str, Any]) -> Grade:
+    """Grade a case by its truth. An effect of the truth's group stands for it: the recording cannot tell them apart."""
+    truths, findings = case["truth"], report["findings"]
+    kind = case["kind"] if truths else "null"
+    lead = truths[0] if truths else {"effect": "nothing", "multiple": 0.0}
+    called = findings[0]["effect"] if findings else "agrees"
+    done = Grade(case["number"], kind, lead["effect"], lead["multiple"], case["motion"], called)
+    done.claims = _claims(truths, findings, case["without"])
+    if kind == "null":
+        done.false_alarm = bool(findings)
+        return done
+    if kind in {"outside", "deleted"}:
+        return _grade_unknown(done, truths[0], findings, case["without"])
+    done.place = all(any(_place(f, t) for f in findings[: len(truths)]) for t in truths)
+    done.joint = all(any(_joint(f, t) for f in findings[: len(truths)]) for t in truths)
+    right = [any(_names(f, t) for f in findings[: len(truths)]) for t in truths]
+    if kind == "single":
+        done.first = right[0]
+    else:
+        done.both = all(right)
+    done.first_two = all(_among_two(findings, t, len(truths)) for t in truths)
+    done.unknown_wrong = any(f["effect"] == "unknown" and any(_joint(f, t) for t in truths) for f in findings)
+    done.clean = _clean(report, truths)
+    done.parameters = [error for t in truths for error in _parameter(findings, t)]
+    return done
+
+
+def _grade_unknown(done: Grade, truth: dict[str, Any], findings: list[dict[str, Any]], without: str) -> Grade:
+    """Right: unknown, on its joint. A deleted effect may be named by another of its group."""
+    stands_in = set(truth["group"]) - {without}
+    done.unknown_found = any(
+        _joint(f, truth) and (f["effect"] == "unknown" or f["effect"] in stands_in) for f in findings
+    )
+    return done
+
+
+def _place(finding: dict[str, Any], truth: dict[str, Any]) -> bool:
+    return bool(finding["place"] == truth["place"] or finding["effect"] in truth["group"])
+
+
+def _joint(finding: dict[str, Any], truth: dict[str, Any]) -> bool:
+    return bool(finding["joint"] == truth["joint"])
+
+
+def _names(finding: dict[str, Any], truth: dict[str, Any]) -> bool:
+    return bool(finding["effect"] in truth["group"] and _joint(finding, truth))
+
+
+def _among_two(findings: list[dict[str, Any]], truth: dict[str, Any], most: int) -> bool:
+    own = [f for f in findings if _joint(f, truth)][:2]
+    if any(_names(f, truth) for f in own):
+        return True
+    rivals = [a["effect"] for f in findings[:most] if _joint(f, truth) for a in f["alternatives"][:1]]
+    return any(rival in truth["group"] for rival in rivals)
+
+
+def _claims(truths: list[dict[str, Any]], findings: list[dict[str, Any]], without: str) -> list[tuple[float, bool]]:
+    """Of each joint's first finding: its probability, and whether it is right."""
+    claims, seen = [], set()
+    for finding in findings:
+        if finding["joint"] in seen:
+            continue
+        seen.add(finding["joint"])
+        about = [t for t in truths if _joint(finding, t)]
+        concealed = any(t["place"] == "unknown" or t["effect"] == without for t in about)
+        right = any(_names(finding, t) for t in about) or (concealed and finding["effect"] == "unknown")
+        claims.append((float(finding["probability"]), bool(right)))
+    return claims
+
+
+def _clean(report: dict[str, Any], truths: list[dict[str, Any]]) -> bool | None:
+    """Whether held-out errors of the truths' joints came down to FLOORS noise floors."""
+    joints = {t["joint"] for t in truths}
+    fits = [f for f in report["fit"] if f["split"] == "held_out" and (f["joint"] in joints or None in joints)]
+    if not fits:
+        return None
+    return all(f["rmse_after"] <= FLOORS * f["noise_floor"] for f in fits)
+
+
+def _parameter(findings: list[dict[str, Any]], truth: dict[str, Any]) -> list[tuple[str, float]]:
+    """Relative error of the number that both forms have, where the effect was named."""
+    number = truth["number"]
+    if number is None:
+        return []
+    for finding in findings:
+        if finding["effect"] == truth["effect"] and _joint(finding, truth):
+            for key, told in finding["parameters"].items():
+                if key.split(".")[-1] == number["key"].split(".")[-1] or key == number["key"]:
+                    scale = _unit(number["key"])
+                    return [(number["key"], abs(float(told["value"]) * scale / number["value"] - 1.0))]
+    return []
+
+
+def _unit(key: str) -> float:
+    return 3.141592653589793 / 180.0 if key.endswith("_deg") else 1.0

@@ -1,0 +1,40 @@
+"""The sealed truth: encrypted, with the SHA-256 of its plain text published before any diagnosis starts."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import secrets
+from pathlib import Path
+from typing import Any
+
+from cryptography.fernet import Fernet, InvalidToken
+
+SEALED, COMMITMENT = "truth.sealed", "commitment.txt"
+
+
+def new_key() -> bytes:
+    """A fresh key."""
+    return Fernet.generate_key()
+
+
+def seal(truth: dict[str, Any], out: Path, key: bytes) -> str:
+    """Write the sealed truth and its commitment; returns the commitment."""
+    plain = json.dumps({"salt": secrets.token_hex(16), **truth}, sort_keys=True).encode()
+    commitment = hashlib.sha256(plain).hexdigest()
+    (out / SEALED).write_bytes(Fernet(key).encrypt(plain))
+    (out / COMMITMENT).write_text(commitment + "\n", encoding="ascii")
+    return commitment
+
+
+def unseal(out: Path, key: bytes) -> tuple[dict[str, Any], str]:
+    """The truth and its commitment. ValueError: a wrong key, or a truth that is not the one committed to."""
+    try:
+        plain = Fernet(key).decrypt((out / SEALED).read_bytes())
+    except (InvalidToken, ValueError):
+        raise ValueError(f"{out / SEALED}: the key does not open it") from None
+    found = hashlib.sha256(plain).hexdigest()
+    promised = (out / COMMITMENT).read_text(encoding="ascii").strip()
+    if found != promised:
+        raise ValueError(f"{out / SEALED}: its SHA-256 is {found}, but {promised} was promised")
+    return json.loads(plain), found
