@@ -30,8 +30,8 @@ ACCEPTED = 6.0
 """Log evidence by which an effect must beat the model without it."""
 CLAIMABLE = 0.03
 CLAIMABLE_FLOOR = 0.6
-"""What is worth a claim: the fall of the held-out error relative to itself, and the error that an effect takes away (the
-root of the fall of the mean square) relative to the practical floor of repeatability."""
+"""What is worth a claim: the fall of the held-out error relative to itself, and the error that an effect takes away
+(the root of the fall of the mean square) relative to the practical floor of repeatability."""
 REFINED = 3
 """Hypotheses of a round that are fitted to the end."""
 

@@ -29,7 +29,9 @@ HELD_OUT_EVERY = 3
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """One recording of the joint. driving_pa: the measured pressure as the joint's input, its noise reduced. Signals (T,), exogenous (T, EXOGENOUS), curve (T,): correction of the angle [rad].
+    """One recording of the joint. driving_pa: the measured pressure as the joint's input, its noise reduced.
+
+    Signals (T,), exogenous (T, EXOGENOUS), curve (T,): correction of the angle [rad].
 
     use: (OUTPUTS, T) samples that count.  block: (T,) number of the block of each sample, over all recordings.
     """

@@ -1,4 +1,4 @@
-"""Ordinary recordings: rosbag2 MCAP with the hand's ordinary messages, written by a library that the tool does not use."""
+"""Ordinary recordings: rosbag2 MCAP with the hand's ordinary messages, by a library that the tool does not use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be concealed: every effect with its place, how it enters the plant, and what the tool's numbers should be."""
+"""What can be concealed: every effect, its place, how it enters the plant, what the tool's numbers should be."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ def grade(case: dict[str, Any], report: dict[str, Any]) -> Grade:
     """Grade a case by its truth. An effect of the truth's group stands for it: the recording cannot tell them apart."""
     truths, findings = case["truth"], report["findings"]
     kind = case["kind"] if truths else "null"
-    lead = truths[0] if truths else {"effect": "nothing", "multiple": 0.0}
+    lead: dict[str, Any] = truths[0] if truths else {"effect": "nothing", "multiple": 0.0}
     called = findings[0]["effect"] if findings else "agrees"
     done = Grade(case["number"], kind, lead["effect"], lead["multiple"], case["motion"], called)
     done.claims = _claims(truths, findings, case["without"])

@@ -189,7 +189,10 @@ def _place(
     rng: np.random.Generator,
     taken: int,
 ) -> tuple[int, float, list[str], Array] | None:
-    """None where it shows nowhere within what is usual; else a joint on which the effect shows at this motion: joint, size, group, set-points (another draw where needed)."""
+    """A joint on which the effect shows, its size, its group, set-points (another draw where needed).
+
+    None where it shows nowhere within what is usual.
+    """
     for _ in range(TRIES):
         joint = int(rng.choice([j for j in range(q.shape[1]) if j != taken and u[:, j].any()]))
         near = scene(q, u, nominal.partner, nominal.neighbour, joint, FRAME_S, wander)

@@ -16,7 +16,7 @@ def set_points(kind: str, frames: int, frame_s: float, joints: int, rng: np.rand
 
 
 def _one(kind: str, frames: int, frame_s: float, rng: np.random.Generator) -> Array:
-    t = np.arange(frames) * frame_s
+    t: Array = np.arange(frames, dtype=np.float64) * frame_s
     low, high = rng.uniform(1e4, 3e4), rng.uniform(0.8, 1.0) * HIGHEST_PA
     if kind == "staircase":
         rungs = np.concatenate([np.linspace(low, high, 6), np.linspace(high, low, 6)[1:]])

@@ -25,8 +25,8 @@ MEMORY = 4096
     DELAY, LAG, FILL, VENT, A0, A1, A2, A3, REACH, P_MIN, B1, T_EXT, B0, T_REC, INERTIA, DRAG, COUPLING, LOW, HIGH,
     STOP_K, STOP_D, SUPPLY, DROOP, DROOP_SHARE, LAG_MORE, DELAY_MORE, BAND, CHOKE, BOUC, LEAK, TUBE, VOLUME, MODE_1,
     MODE_2, LOOP, LOOP_SCALE, EXPO, AGE, WARM, WARM_TAU, LUGRE, BREAKAWAY, SQUARE, GAP, STOP_AT, STOP_SOFT, WEIGHT,
-    PHASE, MASS, TENDON, WALL_AT, WALL_K, WALL_PLAIN, LOAD, ECC, ECC_PHASE, GAIN, OFFSET, LATE, P_GAIN, P_OFFSET, SHAKE, SHAKE_HZ,
-    RIPPLE, WANDER, CHATTER, SWITCH, F_GAIN, F_CREEP, F_LOOP,
+    PHASE, MASS, TENDON, WALL_AT, WALL_K, WALL_PLAIN, LOAD, ECC, ECC_PHASE, GAIN, OFFSET, LATE, P_GAIN, P_OFFSET,
+    SHAKE, SHAKE_HZ, RIPPLE, WANDER, CHATTER, SWITCH, F_GAIN, F_CREEP, F_LOOP,
 ) = range(len(NAMES))  # fmt: skip
 assert ROW["force_loop"] == F_LOOP
 _MODE_TAU = (8.0, 45.0)
@@ -48,7 +48,7 @@ def simulate(q, u, frame_s, step_s, start_phi, partner, neighbour, wander, out):
     q: (rows, joints).  u: (frames, joints) [Pa], held from one frame to the next.  wander: (frames,) unit random walk.
     """
     frames, joints = u.shape
-    steps = int(round(frame_s / step_s))
+    steps = int(round(frame_s / step_s))  # noqa: RUF046 - in compiled code round gives a float
     h = frame_s / steps
     p, line_1, line_2 = np.zeros(joints), np.zeros(joints), np.zeros(joints)
     phi, om, acc = start_phi.copy(), np.zeros(joints), np.zeros(joints)
@@ -76,7 +76,7 @@ def simulate(q, u, frame_s, step_s, start_phi, partner, neighbour, wander, out):
             n += 1
             for i in range(joints):
                 past[n % MEMORY, i] = u[k, i]
-                back = int(round((q[DELAY, i] + q[DELAY_MORE, i]) / h))
+                back = int(round((q[DELAY, i] + q[DELAY_MORE, i]) / h))  # noqa: RUF046 - as above
                 want = past[(n - back) % MEMORY, i] if n > back else 0.0
                 want = min(want, q[SUPPLY, i]) * (1.0 - q[DROOP_SHARE, i] * (1.0 - reservoir))
                 if q[BOUC, i] > 0.0:

@@ -9,8 +9,8 @@ PLAIN = (
 EFFECTS = (
     "droop", "droop_share", "lag_more", "delay_more", "band", "choke", "bouc_valve", "leak", "tube", "volume",
     "mode_1", "mode_2", "loop", "loop_scale", "expo", "age", "warm", "warm_tau", "lugre", "breakaway", "square_drag",
-    "gap", "stop_at", "stop_soft", "weight", "weight_phase", "mass", "tendon", "wall_at", "wall_k", "wall_plain", "load",
-    "eccentric", "eccentric_phase", "gain", "offset", "late", "p_gain", "p_offset",
+    "gap", "stop_at", "stop_soft", "weight", "weight_phase", "mass", "tendon", "wall_at", "wall_k", "wall_plain",
+    "load", "eccentric", "eccentric_phase", "gain", "offset", "late", "p_gain", "p_offset",
     "shake", "shake_hz", "ripple", "wander", "chatter", "switch", "force_gain", "force_creep", "force_loop",
 )  # fmt: skip
 NAMES = (*PLAIN, *EFFECTS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections import Counter
@@ -41,7 +42,7 @@ GRADED_FROM = 2.0
 
 
 def score(folder: Path, key: bytes) -> dict[str, Any]:
-    """Open the seal, grade every case; returns scores and writes scores.json and pictures. ValueError: seal or reports."""
+    """Open the seal, grade every case, write scores.json and pictures. ValueError: the seal, or a missing report."""
     truth, commitment = unseal(folder, key)
     grades = [_grade(folder, case) for case in truth["cases"]]
     graded = [g for g in grades if g.kind == "null" or g.multiple >= GRADED_FROM]
@@ -99,7 +100,7 @@ def _interval(hits: list[bool]) -> dict[str, Any]:
 def reliability(claims: list[tuple[float, bool]]) -> list[dict[str, float]]:
     """Bins of claimed probability with the share that was right."""
     out = []
-    for low, high in zip(BINS, BINS[1:], strict=False):
+    for low, high in itertools.pairwise(BINS):
         part = [(p, right) for p, right in claims if low <= p < high]
         if part:
             claimed, right = np.mean([p for p, _ in part]), np.mean([r for _, r in part])
