@@ -6,7 +6,7 @@ A machine file says what moves, by what, and where the columns are:
     name: seal_rig
     motion: linear                     # or rotary
     imposed: true                      # the rig moves the axis and measures force; false: the input moves it
-    gain: 4.9087e-4                    # force [N] or torque [N m] per unit of input, in SI
+    gain: 4.9087e-4                    # force [N] or torque [N m] per unit of input, in SI; leave out with the input
     stiffness: 0.0                     # [N/m] or [N m/rad]
     damping: 0.0                       # [N s/m] or [N m s/rad]
     inertia: 0.1                       # [kg] or [kg m^2]
@@ -45,6 +45,8 @@ Array = NDArray[np.float64]
 AXIS = "axis"
 TORQUE, TRAVEL, INPUT, FORCE = 0.5, 1.5, 4e5, 10.0
 """Sizes in a finger: torque [N m], travel [rad], input [Pa], force at the pad [N]."""
+UNMODELLED = 0.1
+"""Share of the torque of a finger that effects may have."""
 LEVER_M = TORQUE / FORCE
 _KEYS = ("schema", "name", "motion", "imposed", "gain", "stiffness", "damping", "inertia", "columns")
 
@@ -99,11 +101,15 @@ def load_machine(path: Path, recordings: Sequence[Path]) -> Machine:
     linear = top.choice("motion", ["linear", "rotary"]) == "linear"
     imposed = bool(top.raw("imposed", "true or false", False))
     tables = [_read(path, top, recording, imposed) for recording in recordings]
-    gain = top.number("gain", 1e-12, 1e12)
-    per_angle = max(float(np.ptp(np.concatenate([t["position"] for t in tables]))), 1e-12) / TRAVEL
-    largest = max(float(np.abs(np.concatenate([t["input"] for t in tables])).max()), 1e-12)
-    per_input = largest / INPUT
-    per_torque = gain * largest / TORQUE
+    gain = top.number("gain", 1e-12, 1e12, 1.0 if imposed else None)
+    travel = max(float(np.ptp(np.concatenate([t["position"] for t in tables]))), 1e-12)
+    # An angle stays an angle: gravity and harmonic errors are sines of it.
+    per_angle = travel / TRAVEL if linear else 1.0
+    largest = float(np.abs(np.concatenate([t["input"] for t in tables])).max())
+    per_input, per_torque = largest / INPUT, gain * largest / TORQUE
+    if largest == 0.0:  # nothing is modelled that could set the scale: all of the force is for effects to explain
+        force = np.concatenate([np.abs(t.get("force", np.ones(1))) for t in tables])
+        per_input, per_torque = 1.0, max(float(force.max()), 1e-12) / (UNMODELLED * TORQUE)
     hand = _hand(path, top, gain * per_input / per_torque, per_angle, per_torque)
     signals = tuple(
         _signals(recording, table, imposed, (per_torque, per_angle, per_input))
@@ -119,6 +125,8 @@ def _read(path: Path, top: Section, recording: Path, imposed: bool) -> dict[str,
     columns = table_columns(recording)
     data = {}
     for name in wanted:
+        if name == "input" and imposed and "input" not in section:
+            continue
         part = section.section(name, ("column", "scale"))
         column = part.raw("column", "the name of a column")
         if column not in columns:
@@ -134,7 +142,8 @@ def _read(path: Path, top: Section, recording: Path, imposed: bool) -> dict[str,
     if len(grid) > LONGEST:
         raise RecordingError(f"{recording} needs {len(grid)} samples; the allowed range is up to {LONGEST}")
     del path
-    return {"time": grid} | {name: _known(recording, name, grid, time_s, data[name][kept]) for name in wanted[1:]}
+    known = {name: _known(recording, name, grid, time_s, data[name][kept]) for name in wanted[1:] if name in data}
+    return {"time": grid, "input": np.zeros(len(grid))} | known
 
 
 def _known(recording: Path, name: str, grid: Array, time_s: Array, values: Array) -> Array:

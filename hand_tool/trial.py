@@ -123,6 +123,38 @@ def score(
     raise typer.Exit(1 if False in reached.values() else 0)
 
 
+@app.command()
+def reality(
+    data: Annotated[Path, typer.Argument(help="Folder with pneumatic_cylinder and servo_pendulum.")],
+    out: Annotated[Path, typer.Option(help="Folder for reports and reality.json.")],
+) -> None:
+    """Diagnose public recordings of real machines, beside fixed friction models and a sparse regression.
+
+    Example: hand trial reality data --out out/reality
+
+    Exit codes: 0 done, 1 the tool failed on a machine, 2 bad usage.
+    """
+    from hand_trial.reality import examine, machines  # noqa: PLC0415 - only where it is used
+
+    try:
+        found = machines(data)
+    except (OSError, KeyError, ValueError) as error:
+        _refuse(str(error))
+    results = []
+    with _bar("machines") as advance:
+        for number, machine in enumerate(found):
+            try:
+                results.append(examine(machine, out, [sys.executable, "-m", "hand_tool.cli"]))
+            except RuntimeError as error:
+                print(f"hand trial reality: {error}", file=sys.stderr)
+                raise typer.Exit(1) from None
+            advance((number + 1) / len(found))
+    (out / "reality.json").write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    for one in results:
+        errors = f"{one['before']:.3g} to {one['after']:.3g} {one['unit']}"
+        print(f"{one['machine']}: {one['verdict']}, found {', '.join(one['found']) or 'none'}; held-out {errors}")
+
+
 def _check_jobs(jobs: int) -> None:
     if not 1 <= jobs <= 256:
         _refuse(f"--jobs is {jobs}; the allowed range is 1 to 256")
