@@ -135,7 +135,7 @@ def _reads_through_curve(signals: Sequence[Signals], hand: Hand, joints: Sequenc
             problem = joint_problem(candidate, hand, joint)
             moves = nominal_moves(problem.nominal, tolerance, _rested(signals, joint))
             costs.append(map_fit(problem, moves, np.zeros(len(moves)), 3).cost)
-        gains.append(float(np.log(costs[0] / costs[1])))
+        gains.append(float(np.log(max(costs[0], 1e-12) / max(costs[1], 1e-12))))  # no usable sample costs nothing
     return bool(np.median(gains) > 0.0)
 
 

@@ -72,7 +72,7 @@ def run_job(job: Job) -> list[dict[str, Any]]:
             write_page(result, content, out)
             stamp.write_text(key, encoding="utf-8")
         return _rows(job.recording, json.loads(report.read_text(encoding="utf-8")))
-    except (ValueError, OSError) as error:
+    except Exception as error:  # a fleet goes on whatever one recording holds
         return [dict.fromkeys(COLUMNS) | {"recording": job.recording, "verdict": "unusable", "error": str(error)}]
 
 

@@ -47,7 +47,8 @@ def scores_table(result: dict[str, Any]) -> str:
     kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(result["kinds"].items()))
     lines = [
         f"Master seed {result['seed']}, commitment `{result['commitment']}`."
-        f" {result['recordings']} recordings ({kinds}); {result['graded']} graded: null cases and those at 2 and 5 times the limit."
+        f" {result['recordings']} recordings ({kinds}); {result['graded']} are graded:"
+        " null cases and those at 2 and 5 times the limit."
         f" Diagnosis took {timing['seconds'] / 60:.0f} minutes on {timing['jobs']} processes.",
         "",
         "| | value | 95 % interval | cases | goal | |",

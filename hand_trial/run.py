@@ -35,6 +35,7 @@ def run(folder: Path, command: list[str], jobs: int, tolerance: float, progress:
             reports = folder / "reports" / f"{group}_{first}"
             options = ["--model", str(folder / model), "--out", str(reports), "--tolerance", str(tolerance)]
             options += ["--each", "--jobs", str(min(jobs, len(batch)))] + (["--without", without] if without else [])
+            options.append("--no-sensor-curve")  # the trial's angles are angles, not readings of a bent Hall curve
             finished = subprocess.run(
                 [*command, "diagnose", *recordings, *options, "--json"],
                 env=environment, capture_output=True, text=True, check=False,
