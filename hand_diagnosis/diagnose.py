@@ -126,6 +126,8 @@ def _reads_through_curve(signals: Sequence[Signals], hand: Hand, joints: Sequenc
 
     Each joint has one vote: a joint with an effect must not decide for those without.
     """
+    if not joints:
+        return False
     chosen = [joints[k] for k in np.unique(np.linspace(0, len(joints) - 1, CURVE_JOINTS).round().astype(int))]
     straight = [without_sensor_curve(one, hand) for one in signals]
     gains = []
