@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hand_control.law import PRESSURE, Law
+from hand_control.law import PRESSURE, TORQUE, Law
 from hand_control.settings import Settings
 from hand_control.shaping import Shaper
 from hand_control.tuning import gains
@@ -41,3 +41,21 @@ def test_steps_settle_on_a_hydraulic_hand() -> None:
             if tick > 500:
                 late.append(np.abs(state[PHI] - target).max())
         assert np.degrees(max(late)) < 1.0, target_deg
+
+
+def test_torque_is_held_on_a_hydraulic_hand() -> None:
+    """Fails when a hand filled with a liquid does not hold the asked torque against an obstacle, at any angle."""
+    hand = load_hand(CONFIG)
+    parameters = hand.parameters.copy()
+    parameters[ROW["hydraulic.share"]] = 1.0
+    parameters[ROW["contact.angle_deg"]] = np.radians(np.linspace(20.0, 70.0, 11))
+    parameters[ROW["contact.stiffness_nm_per_rad"]] = 10.0
+    parameters[ROW["contact.damping_nm_s_per_rad"]] = 0.05  # a spring alone would let the joint bounce for ever
+    plant = HandPlant(replace(hand, parameters=parameters), 1.0 / RATE_HZ)
+    law = Law(gains(hand, Settings.of(hand, {"control_mode": "torque"})))
+    still, wanted = np.zeros(11), np.full(11, 0.12)
+    for _ in range(1000):
+        state = plant.state
+        out = law.tick(still, still, still, wanted, state[PHI], state[P], 1.0 / RATE_HZ)
+        plant.advance(out[PRESSURE][None].copy())
+    np.testing.assert_allclose(out[TORQUE], wanted, rtol=0.02)
