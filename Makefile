@@ -38,8 +38,8 @@ bench: $(BUILT)
 # The key lives in the shell of this recipe alone; the diagnosis runs in processes that never see it.
 # DATA=folder: public recordings of real machines (docs/proof.md names them), diagnosed as well.
 proof: $(BUILT)
-	$(RUN) rm -rf out/proof && hand trial make out/proof --cases $(or $(CASES),404) > out/proof.made && \
-	key=$$(sed -n 's/^key //p' out/proof.made) && sed -i '/^key /d' out/proof.made && cat out/proof.made && \
+	$(RUN) rm -rf out/proof && made=$$(hand trial make out/proof --cases $(or $(CASES),404)) && \
+	key=$$(echo "$$made" | sed -n 's/^key //p') && echo "$$made" | sed '/^key /d' && \
 	hand trial run out/proof && (echo "$$key" | hand trial score out/proof || [ $$? = 1 ]) && \
 	$(if $(DATA),hand trial reality $(DATA) --out out/reality &&) \
 	python -m hand_trial.document out/proof docs/proof.md $(if $(DATA),out/reality/reality.json)
