@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.result import figure
 from hand_diagnosis.correction import sparse_correction
 from hand_diagnosis.diagnose import JointDiagnosis, diagnose
 from hand_diagnosis.evidence import held_out_rmse
@@ -67,13 +68,9 @@ def run(quick: bool) -> list[dict[str, Any]]:
     named = sum(row.hidden == row.named and row.joint for row in rows)
     worst = max(row.ours / max(row.reidentified, 1e-9) for row in rows)
     return [
-        _figure("recordings whose effect and joint are not named", float(len(rows) - named), 0.0, ""),
-        _figure("held-out error beyond noise, ours / re-identified, worst", worst, 1.0, ""),
+        figure("recordings whose effect and joint are not named", float(len(rows) - named), 0.0, ""),
+        figure("held-out error beyond noise, ours / re-identified, worst", worst, 1.0, ""),
     ]
-
-
-def _figure(name: str, value: float, goal: float, unit: str) -> dict[str, Any]:
-    return {"name": name, "ours": value, "reference": None, "ratio": None, "goal": goal, "unit": unit}
 
 
 def compare(hand: Hand, hidden: str) -> Row:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from simple_pid import PID
 
+from bench.result import figure
 from hand_control.settings import Settings
 from hand_model.description import Hand, load_hand
 from hand_paper.obstacle_rig import Trial, close_on_obstacles
@@ -36,16 +37,15 @@ def run(quick: bool) -> list[dict[str, Any]]:
     ours = run_law(hand, compared, settings, SEED)
     simple = run_simple_pid(hand, compared[:1], settings, pid, SEED)
     results = [
-        _row("Fig. 14, plants 30 % off: mean RMS error", ours.rms_deg.mean(), fixed.rms_deg.mean(), 0.5, "deg"),
-        _row("  against the bare steps", ours.rms_step_deg.mean(), fixed.rms_step_deg.mean(), None, "deg"),
-        _row("  one hand, beside simple-pid", ours.rms_deg[:11].mean(), simple.rms_deg.mean(), 0.5, "deg"),
-        _row("  valve travel", ours.travel_pa.mean(), fixed.travel_pa.mean(), 1.0, "Pa"),
-        _row("  largest overshoot of all joints", 100 * ours.overshoot.max(), None, 5.0, "%"),
-        _row("  the fixed PID's largest overshoot", 100 * fixed.overshoot.max(), None, None, "%"),
+        figure("Fig. 14, plants 30 % off: mean RMS error", ours.rms_deg.mean(), 0.5, "deg", fixed.rms_deg.mean()),
+        figure("  against the bare steps", ours.rms_step_deg.mean(), None, "deg", fixed.rms_step_deg.mean()),
+        figure("  one hand, beside simple-pid", ours.rms_deg[:11].mean(), 0.5, "deg", simple.rms_deg.mean()),
+        figure("  valve travel", ours.travel_pa.mean(), 1.0, "Pa", fixed.travel_pa.mean()),
+        figure("  largest overshoot of all joints", 100 * ours.overshoot.max(), 5.0, "%"),
+        figure("  the fixed PID's largest overshoot", 100 * fixed.overshoot.max(), None, "%"),
     ]
-    return (
-        results + monte_carlo(hand, settings, 10 if quick else 1000) + obstacles(hand, settings, 10 if quick else 1000)
-    )
+    hands = 10 if quick else 1000
+    return results + monte_carlo(hand, settings, hands) + obstacles(hand, settings, hands)
 
 
 def monte_carlo(hand: Hand, settings: Settings, hands: int) -> list[dict[str, Any]]:
@@ -60,21 +60,9 @@ def monte_carlo(hand: Hand, settings: Settings, hands: int) -> list[dict[str, An
         overshoot.append(done.overshoot)
     all_over, all_swing = np.concatenate(overshoot), np.concatenate(swing)
     return [
-        _row(
-            f"{hands} plants 30 % off: joints that swing by more than 3 degrees",
-            int((all_swing > 3.0).sum()),
-            None,
-            0.0,
-            "",
-        ),
-        _row(
-            f"{hands} plants 30 % off: 99.9th percentile of overshoot",
-            100 * np.quantile(all_over, 0.999),
-            None,
-            5.0,
-            "%",
-        ),
-        _row(f"{hands} plants 30 % off: largest overshoot", 100 * all_over.max(), None, 5.0, "%"),
+        figure(f"{hands} plants 30 % off: joints that swing by more than 3 degrees", (all_swing > 3.0).sum(), 0.0, ""),
+        figure("  99.9th percentile of overshoot", 100 * np.quantile(all_over, 0.999), 5.0, "%"),
+        figure("  largest overshoot", 100 * all_over.max(), 5.0, "%"),
     ]
 
 
@@ -94,18 +82,17 @@ def obstacles(hand: Hand, settings: Settings, hands: int) -> list[dict[str, Any]
     off = np.abs(of("held") / of("limit") - 1.0)[able]
     above = (of("peak") / of("limit"))[able] - 1.0
     delay, late = (of("by_model") - of("met"))[able], (of("by_force") - of("met"))[able]
+    early = [100 * of(name)[able].mean() for name in ("false_model", "false_force")]
     return [
-        _row(
-            f"obstacle, {hands} plants: joints held outside 10 % of the limit", 100 * (off > 0.1).mean(), None, 0.5, "%"
+        figure(f"obstacle, {hands} plants: held outside 10 % of the limit", 100 * (off > 0.1).mean(), 0.5, "%"),
+        figure("  99th percentile of |held - limit|", 100 * np.quantile(off, 0.99), 10.0, "%"),
+        figure("  largest torque above the limit", 100 * above.max(), 15.0, "%"),
+        figure(
+            "contact by model, by force: median delay", 1e3 * np.nanmedian(delay), None, "ms", 1e3 * np.nanmedian(late)
         ),
-        _row("  99th percentile of |held - limit|", 100 * np.quantile(off, 0.99), None, 10.0, "%"),
-        _row("  largest torque above the limit", 100 * above.max(), None, 15.0, "%"),
-        _row("contact by model: median delay", 1e3 * np.nanmedian(delay), 1e3 * np.nanmedian(late), None, "ms"),
-        _row("  missed", 100 * np.isnan(delay).mean(), 100 * np.isnan(late).mean(), None, "%"),
-        _row("  before contact", 100 * of("false_model")[able].mean(), 100 * of("false_force")[able].mean(), None, "%"),
-        _row(
-            f"  false alarms an hour and joint in free closing ({told:g} configured)", _alarms(free), None, None, "1/h"
-        ),
+        figure("  missed", 100 * np.isnan(delay).mean(), None, "%", 100 * np.isnan(late).mean()),
+        figure("  before contact", early[0], None, "%", early[1]),
+        figure(f"  false alarms in free closing ({told:g} configured)", _alarms(free), None, "1/h"),
     ]
 
 
@@ -126,9 +113,3 @@ def run_simple_pid(hand: Hand, parameters: Array, settings: Settings, pid: Array
         return np.array([one(float(a), 1.0 / RATE_HZ) for one, a in zip(objects, angle, strict=True)])
 
     return closed_loop(hand, parameters, reference(settings), control, seed)
-
-
-def _row(name: str, ours: Any, other: Any, goal: float | None, unit: str) -> dict[str, Any]:
-    ratio = None if other is None or not other else float(ours) / float(other)
-    other = None if other is None else float(other)
-    return {"name": name, "ours": float(ours), "reference": other, "ratio": ratio, "goal": goal, "unit": unit}

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.result import figure
 from hand_diagnosis.diagnose import diagnose
 from hand_ident.joint_data import joint_problem
 from hand_ident.signals import Signals
@@ -32,18 +33,14 @@ def run(quick: bool) -> list[dict[str, Any]]:
     signals = _record(_rubbing(hand), 60.0)
     _one_joint(signals, hand)  # compiles
     seconds = statistics.median(_seconds(lambda: _one_joint(signals, hand)) for _ in range(1 if quick else 3))
-    results = [_figure("diagnosis of one joint, 60 s at 200 Hz, full catalogue", seconds, 8.0, "s")]
+    results = [figure("diagnosis of one joint, 60 s at 200 Hz, full catalogue", seconds, 8.0, "s")]
     results.append(_jacobian(signals, hand, 5 if quick else 25))
     if not quick:
         with multiprocessing.get_context("spawn").Pool(1) as pool:
             took_s, megabytes = pool.apply(_whole_hand)
-        results.append(_figure("diagnosis of eleven joints, 10 minutes at 200 Hz", took_s, 180.0, "s"))
-        results.append(_figure("its memory, peak of the process", megabytes * 1e-3, 1.5, "GB"))
+        results.append(figure("diagnosis of eleven joints, 10 minutes at 200 Hz", took_s, 180.0, "s"))
+        results.append(figure("its memory, peak of the process", megabytes * 1e-3, 1.5, "GB"))
     return results
-
-
-def _figure(name: str, value: float, goal: float, unit: str) -> dict[str, Any]:
-    return {"name": name, "ours": value, "reference": None, "ratio": None, "goal": goal, "unit": unit}
 
 
 def _one_joint(signals: Signals, hand: Hand) -> None:

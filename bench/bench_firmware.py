@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.result import figure
 from hand_control.law_rows import GAINS, OUTPUT, STATE
 from hand_control.settings import Settings
 from hand_control.tuning import gains
@@ -39,28 +40,20 @@ CYCLES = {
     "strd": 3,
     "vldr": 2,
     "vstr": 2,
-    "vmul.f32": 1,
 }
 REFILL = 3
+SHARE = "share of a tick at 1 kHz, 168 MHz"
+UNITS = {"flash": "B", "ram": "B", "cycles": "cycles", SHARE: "%"}
+GOALS = {SHARE: 50.0}
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
     del quick
     if shutil.which(COMPILER) is None or shutil.which(EMULATOR) is None:
         return []
-    figures = measure()
-    goals = {"flash": None, "ram": None, "cycles": None, "share of a tick at 1 kHz, 168 MHz": 50.0}
-    units = {"flash": "B", "ram": "B", "cycles": "cycles", "share of a tick at 1 kHz, 168 MHz": "%"}
     return [
-        {
-            "name": f"law on a Cortex-M4, 11 joints, single precision: {name}",
-            "ours": value,
-            "reference": None,
-            "ratio": None,
-            "goal": goals[name],
-            "unit": units[name],
-        }
-        for name, value in figures.items()
+        figure(f"law on a Cortex-M4, 11 joints, single precision: {name}", value, GOALS.get(name), UNITS[name])
+        for name, value in measure().items()
     ]
 
 
@@ -88,7 +81,7 @@ def measure() -> dict[str, float]:
         "flash": flash,
         "ram": ram,
         "cycles": float(cycles),
-        "share of a tick at 1 kHz, 168 MHz": 100.0 * cycles * RATE_HZ / CLOCK_HZ,
+        SHARE: 100.0 * cycles * RATE_HZ / CLOCK_HZ,
     }
 
 

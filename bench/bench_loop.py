@@ -27,6 +27,8 @@ from ament_index_python.packages import get_package_prefix, get_package_share_di
 from hand_msgs.msg import ValveCommand
 from sensor_msgs.msg import JointState
 
+from bench.result import figure
+
 WARM_UP_S = 3.0
 DEPTH = 1000
 TAKE_PERIOD_S = 0.05
@@ -64,7 +66,7 @@ def loop_results(rate_hz: int, goal: float, runs: list[Run]) -> list[dict[str, A
         (f"loop {rate_hz} Hz latency p99", p99, 10.0 if rate_hz == ROUND_TRIP_HZ else None, "ms"),
         (f"loop {rate_hz} Hz CPU", median(r.cpu for r in runs), None, "cores"),
     ]
-    return [{"name": n, "ours": v, "reference": None, "ratio": None, "goal": g, "unit": u} for n, v, g, u in own]
+    return [figure(*one) for one in own]
 
 
 def round_trip(seconds: float, rounds: int) -> list[dict[str, Any]]:

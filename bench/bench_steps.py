@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.result import figure
 from hand_control.controller import Controller
 from hand_control.settings import Settings
 from hand_driver.board import Frame
@@ -34,7 +35,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
             ("overshoot", overshoot, OVERSHOOT_GOAL_PERCENT, "%"),
         ):
             name = f"30-80 degree step at {rate_hz} Hz, worst joint: {what}"
-            results.append({"name": name, "ours": value, "reference": None, "ratio": None, "goal": goal, "unit": unit})
+            results.append(figure(name, value, goal, unit))
     return results
 
 

@@ -129,7 +129,6 @@ class Controller:
     def stop_grasp(self, reason: str) -> None:
         """End a running grasp for a reason; its joints stay at their reference."""
         if self._grasp is not None:
-            self._grasp.stop()
             self._grasp, self.grasp_end = None, reason
 
     @property
@@ -189,11 +188,11 @@ class Controller:
         if self._stamp_ns is not None and -1.0 < dt <= 0.0:
             return None  # repeated or out of order
         self._stamp_ns = stamp_ns
+        step_s = min(max(dt, 0.0), MAX_DT_S)
         fresh = self.safety.frame(host_ns)
         if self.safety.phase is not Phase.VENTED:
-            self._judge(position, velocity, pressure, host_ns, min(max(dt, 0.0), MAX_DT_S))
+            self._judge(position, velocity, pressure, host_ns, step_s)
         self.safety.check(host_ns, self.settings.command_timeout_s)
-        step_s = min(max(dt, 0.0), MAX_DT_S)
         if self.safety.phase is not Phase.ACTIVE:
             return self._vented(stamp_ns, position, pressure, step_s)
         if self.safety.command_held(host_ns, self.settings.command_timeout_s):
@@ -302,7 +301,5 @@ class Controller:
         commands = Health("commands", Level.OK, "accepted")
         if self._refusal is not None and (host_ns - self._refusal[0]) * 1e-9 < REFUSAL_S:
             commands = Health("commands", Level.ERROR, self._refusal[1])
-        valves = (
-            Health("valves", Level.WARN, self._starved) if self._starved else Health("valves", Level.OK, "following")
-        )
+        valves = Health("valves", Level.WARN if self._starved else Level.OK, self._starved or "following")
         return [self.safety.health(host_ns), commands, valves]

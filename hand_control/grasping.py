@@ -36,7 +36,6 @@ class Outcome(Enum):
     RUNNING = "running"
     DONE = "done"
     TIMED_OUT = "timed out"
-    STOPPED = "stopped"
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +66,7 @@ class Grasping:
         self._approach_nm = np.minimum(approach.torque_nm, self._hold_nm)
         self._high = limits.high_rad
         self._start, self._shape = start_rad.copy(), shape
-        # A released joint may only open; what stands in the way of opening is not grasped.
+        # What stands in the way of opening is not grasped.
         self._closes = shape > start_rad + SETTLED_RAD
         self._duration_s = max(float(np.max(np.abs(shape - start_rad))) / approach.speed_rad_s, 0.05)
         self._elapsed_s = self._settled_s = 0.0
@@ -75,7 +74,6 @@ class Grasping:
         self._met_rad = np.full(len(shape), np.nan)
         self.contact: Flags = np.zeros(len(shape), dtype=np.bool_)
         self.outcome = Outcome.RUNNING
-        self.name = grasp.name
 
     @property
     def progress(self) -> float:
@@ -108,8 +106,3 @@ class Grasping:
             self.outcome = Outcome.DONE
         elif self._elapsed_s > self._duration_s + PATIENCE_S:
             self.outcome = Outcome.TIMED_OUT
-
-    def stop(self) -> None:
-        """Nothing more is asked; where the joints are held is the caller's."""
-        if self.outcome is Outcome.RUNNING:
-            self.outcome = Outcome.STOPPED

@@ -134,8 +134,7 @@ def _tick(g, s, reference, speed, acceleration, limit, position, pressure, dt, i
         a0, a1, a2 = g[_A0, i] * (1.0 + s[_D0, i]), g[_A1, i] * (1.0 + s[_D1, i]), g[_A2, i]
         a3, d = g[_A3, i] * (1.0 + s[_D3, i]), g[_D, i] * (1.0 + s[_DD, i])
         creep, phi_max = s[_CREEP, i], g[_PHI_MAX, i]
-        held = torque(p, phi, creep, a0, a1, a2, a3, phi_max)
-        out[TORQUE, i] = held
+        out[TORQUE, i] = torque(p, phi, creep, a0, a1, a2, a3, phi_max)
         speed_2 = (s[_F1, i] - s[_F2, i]) / g[_T_OBS, i]
         partner = int(g[_PARTNER, i])
         felt = g[_J, i] * s[_ACC, i] + (g[_JC, i] * s[_ACC, partner] if partner >= 0 else 0.0)
@@ -162,7 +161,7 @@ def _tick(g, s, reference, speed, acceleration, limit, position, pressure, dt, i
         ceiling = pressure_for_torque(limit[i], min(phi, g[_HIGH, i]), creep, a0, a1, a2, a3, phi_max)
         wanted = 0.0
         if g[_TORQUE_MODE, i] != 0.0:
-            # The limit is the wanted torque: its pressure, and an integral on the torque estimate.
+            # The limit is the wanted torque; the valve gives its pressure without an error that would need an integral.
             error = 0.0
             wanted = ceiling
         else:

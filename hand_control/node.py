@@ -33,8 +33,6 @@ from hand_ros.node import COMMAND_QOS, QUEUED_QOS, SENSOR_QOS, STATE_QOS, HandNo
 
 WATCH_PERIOD_S = 0.02
 """Silence is noticed this late at most; the board vents by the lifetime of its set-points anyway."""
-
-
 FEEDBACK_HZ = 20.0
 CANCELLED, DONE = "cancelled", Outcome.DONE.value
 

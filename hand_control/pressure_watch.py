@@ -3,7 +3,7 @@
     what                                                         reaction
     above the limit by more than OVER, for OVER_S                vent, latched
     above what the valve's model expects, for NOT_FOLLOWING_S    vent, latched: the joint cannot be let go otherwise
-    below it, for NOT_FOLLOWING_S                                warning, and its integrator stands still: a leak, an
+    below it, for NOT_FOLLOWING_S                                warning, and the integrators stand still: a leak, an
                                                                  empty supply or a shut valve gives less than was asked
 The expectation is the set-point through the valve's dead time and lag, from the pressure measured at first.
 """
@@ -67,9 +67,3 @@ class PressureWatch:
     def look(self, command: Array, pressure: Array, dt: float) -> tuple[int, int]:
         """Verdict and its joint after dt [s] under command (n,) [Pa], now at pressure (n,) [Pa]."""
         return _watch(self._state, self._lag, self._limit, command, pressure, dt)  # type: ignore[no-any-return]
-
-    @property
-    def starved(self) -> NDArray[np.bool_]:
-        """(n,): joints whose pressure stays below what was asked."""
-        low: NDArray[np.bool_] = self._state[_LOW] > NOT_FOLLOWING_S
-        return low

@@ -38,12 +38,7 @@ def gains(hand: Hand, settings: Settings) -> Array:
     g[G["partner"]] = hand.partner
     g[G["p_max"]] = hand.limits.max_pressure_pa
     g[G["low"]], g[G["high"]] = hand.limits.low_rad, hand.limits.high_rad
-    g[G["kp"]], g[G["ki"]], g[G["kd"]], g[G["i_max"]] = (
-        settings.kp,
-        settings.ki,
-        settings.kd,
-        settings.integral_limit,
-    )
+    g[G["i_max"]] = settings.integral_limit
     for name in _TUNING:
         g[G[name]] = getattr(settings, name)
     g[G["threshold"]] = threshold(settings.false_alarms_per_hour, settings.observer_filter)
@@ -51,7 +46,7 @@ def gains(hand: Hand, settings: Settings) -> Array:
 
 
 _TUNING = (
-    "speed_filter", "observer_filter", "p_rate", "deadband", "tracking_time", "response_time", "memory",
-    "adapt_bound", "map_uncertainty", "residual_std", "map_error", "back_calculation", "feed_forward", "creep",
-    "schedule", "adapt", "detect", "torque_mode",
+    "kp", "ki", "kd", "speed_filter", "observer_filter", "p_rate", "deadband", "tracking_time", "response_time",
+    "memory", "adapt_bound", "map_uncertainty", "residual_std", "map_error", "back_calculation", "feed_forward",
+    "creep", "schedule", "adapt", "detect", "torque_mode",
 )  # fmt: skip

@@ -120,13 +120,12 @@ def load_machine(path: Path, recordings: Sequence[Path]) -> Machine:
 
 def _read(path: Path, top: Section, recording: Path, imposed: bool) -> dict[str, Array]:
     """Columns on a uniform clock, SI: time, input, position, force (where the motion is imposed)."""
-    wanted = ("time", "input", "position", *(("force",) if imposed else ()))
     section = top.section("columns", ("time", "input", "position", "force"))
+    with_input = not imposed or "input" in section
+    wanted = ("time", *(("input",) if with_input else ()), "position", *(("force",) if imposed else ()))
     columns = table_columns(recording)
     data = {}
     for name in wanted:
-        if name == "input" and imposed and "input" not in section:
-            continue
         part = section.section(name, ("column", "scale"))
         column = part.raw("column", "the name of a column")
         if column not in columns:
@@ -142,7 +141,7 @@ def _read(path: Path, top: Section, recording: Path, imposed: bool) -> dict[str,
     if len(grid) > LONGEST:
         raise RecordingError(f"{recording} needs {len(grid)} samples; the allowed range is up to {LONGEST}")
     del path
-    known = {name: _known(recording, name, grid, time_s, data[name][kept]) for name in wanted[1:] if name in data}
+    known = {name: _known(recording, name, grid, time_s, data[name][kept]) for name in wanted[1:]}
     return {"time": grid, "input": np.zeros(len(grid))} | known
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from hand_model.statics import torque
+from hand_model.statics import chamber_volume, torque
 
 Array = NDArray[np.float64]
 ATMOSPHERE_PA = 101325.0
@@ -33,7 +33,7 @@ class Actuator:
 
     def volume_m3(self, pressure_pa: Array | float, phi: Array | float) -> Array:
         """V_a [m^3] at gauge pressures and angles; the map measured with Eq. 6."""
-        return np.asarray(self.v0 + self.c_v * pressure_pa + (self.a2 + 0.5 * self.a3 * phi) * phi)
+        return np.asarray(chamber_volume(pressure_pa, phi, self.v0, self.c_v, self.a2, self.a3))
 
     def torque_nm(self, pressure_pa: Array, phi: Array) -> Array:
         """M_a [N m], Eq. 6."""

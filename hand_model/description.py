@@ -32,10 +32,11 @@ _TOP = (
     "force_site_defaults",
     "force_sites",
 )
-_FLUIDS = ("pneumatic", "hydraulic")
-_VALVES = ("analog", "switching")
-_SWITCHING = "switching_valve.share"
-_HYDRAULIC = "hydraulic.share"
+_CHOICES = (
+    ("fluid", ("pneumatic", "hydraulic"), "hydraulic.share"),
+    ("valve_kind", ("analog", "switching"), "switching_valve.share"),
+)
+"""Keys of the whole hand: the usual and the other choice, and the parameter that is 1 for the other."""
 _SUPPLY = ("pressure_pa", "sensor_voltage_v")
 _BOARD = ("rate_hz", "watchdog_s", "adc_bits", "adc_reference_v")
 _JOINT = ("name", "coupled_to", "limits", *_GROUPS, "angle_sensor", "pressure_sensor")
@@ -106,8 +107,8 @@ def load_hand(path: str | Path) -> Hand:
     joints = [joint.over(defaults) for joint in top.sections("joints", _JOINT)]
     names = read_names(joints)
     parameters = np.array([_joint_parameters(joint, supply_pressure_pa) for joint in joints]).T
-    parameters[ROW[_HYDRAULIC]] = top.choice("fluid", list(_FLUIDS), _FLUIDS[0]) == "hydraulic"
-    parameters[ROW[_SWITCHING]] = top.choice("valve_kind", list(_VALVES), _VALVES[0]) == "switching"
+    for key, choices, parameter in _CHOICES:
+        parameters[ROW[parameter]] = top.choice(key, list(choices), choices[0]) == choices[1]
     partner = np.array([_partner(joint, names) for joint in joints], dtype=np.int64)
     for index, joint in enumerate(joints):
         _check_coupling(index, joints, partner, parameters)

@@ -16,10 +16,16 @@ import math
 
 from numba import njit
 
-ATMOSPHERE_PA = 101325.0
 REFERENCE_PA = 1.0e5
 """rho_0 R T_0 of ISO 8778 reference conditions."""
 _FAST = {"contract", "nnan", "nsz"}
+
+
+@njit(forceinline=True, fastmath=_FAST, error_model="numpy")
+def subsonic(ratio, critical, per_span):  # type: ignore[no-untyped-def]
+    """psi of ISO 6358-1: flow as a share of the choked one at p2 / p1; per_span is 1 / (1 - critical)."""
+    x = min(max((ratio - critical) * per_span, 0.0), 1.0)
+    return math.sqrt(1.0 - x * x)
 
 
 @njit(forceinline=True, fastmath=_FAST, error_model="numpy")
@@ -28,9 +34,8 @@ def open_rate(upstream_abs, downstream_abs, conductance, critical, volume):  # t
 
     conductance: sonic conductance C [m^3/(s Pa)].  critical: critical pressure ratio b.
     """
-    ratio = min(max(downstream_abs / upstream_abs, 0.0), 1.0)
-    x = max(ratio - critical, 0.0) / (1.0 - critical)
-    return REFERENCE_PA * conductance * upstream_abs * math.sqrt(max(1.0 - x * x, 0.0)) / volume
+    psi = subsonic(downstream_abs / upstream_abs, critical, 1.0 / (1.0 - critical))
+    return REFERENCE_PA * conductance * upstream_abs * psi / volume
 
 
 @njit(forceinline=True, fastmath=_FAST, error_model="numpy")

@@ -33,6 +33,15 @@ def equilibrium_angle(p, creep, load, a0, a1, a2, a3, phi_max):  # type: ignore[
 
 
 @njit(cache=True, forceinline=True, fastmath={"contract"})
+def chamber_volume(p, phi, v0, c_v, a2, a3):  # type: ignore[no-untyped-def]
+    """V_a [m^3] at p [Pa] and phi; by virtual work and Eq. 6, dV_a/dphi = dM_a/dp = a2 + a3 phi.
+
+    v0: volume vented at 0 [m^3].  c_v: its growth with pressure [m^3/Pa].
+    """
+    return v0 + c_v * p + (a2 + 0.5 * a3 * phi) * phi
+
+
+@njit(cache=True, forceinline=True, fastmath={"contract"})
 def stiffness(p, a1, a3):  # type: ignore[no-untyped-def]
     """dM_a/dphi [N m/rad] at constant pressure, from Eq. 6; negative where the joint is stable."""
     return a1 + a3 * p

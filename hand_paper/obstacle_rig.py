@@ -10,16 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_control.contact import threshold
 from hand_control.law import CONTACT, PRESSURE, Law
 from hand_control.law_rows import G
 from hand_control.settings import Settings
 from hand_control.shaping import Shaper
-from hand_control.tuning import gains
 from hand_model.description import Hand
 from hand_model.parameters import ROW
 from hand_model.statics import torque
-from hand_paper.step_rig import DRAWN, NOISE_PA, NOISE_RAD, RATE_HZ, draw
+from hand_paper.step_rig import DRAWN, NOISE_PA, NOISE_RAD, RATE_HZ, draw, many_gains
 from hand_sim.plant import CREEP, PHI, HandPlants, P
 
 Array = NDArray[np.float64]
@@ -55,12 +53,9 @@ class Trial:
 def identified(hand: Hand, plants: Array, settings: Settings, error: float, rng: np.random.Generator) -> Array:
     """Gains (rows, hands * joints): each joint's own constants, every one off by up to a share `error`."""
     hands, joints = plants.shape[0], plants.shape[2]
-    g = np.tile(gains(hand, settings), (1, hands))
+    g = many_gains(hand, settings, hands)
     for name, key in zip(("a0", "a1", "a2", "a3", "inertia", "viscous"), DRAWN, strict=True):
         g[G[name]] = plants[:, ROW[key]].ravel() * rng.uniform(1.0 - error, 1.0 + error, hands * joints)
-    partner = g[G["partner"]]
-    g[G["partner"]] = np.where(partner >= 0.0, partner + np.repeat(np.arange(hands) * joints, joints), -1.0)
-    g[G["threshold"]] = threshold(settings.false_alarms_per_hour, settings.observer_filter)
     return g
 
 
@@ -77,7 +72,7 @@ def close_on_obstacles(
     plants[:, ROW["contact.stiffness_nm_per_rad"]] = STIFFNESS_NM_PER_RAD
     limit = rng.uniform(0.05, 0.3, count)
     law = Law(identified(hand, plants, settings, error, rng))
-    rig = HandPlants(hand, plants, 1.0 / RATE_HZ)
+    rig = HandPlants(hand, plants, PERIOD_S)
     shaper = Shaper(count)
     shaper.latch(np.full(count, FROM_RAD))
     constants = [plants[:, ROW[key]] for key in DRAWN[:4]] + [plants[:, ROW["material.phi_max_deg"]]]
@@ -90,9 +85,9 @@ def close_on_obstacles(
         pressure = state[:, P].ravel() + NOISE_PA * rng.standard_normal(count)
         target = min(FROM_RAD + SPEED_RAD_S * max(k, 0) / RATE_HZ, TO_RAD)
         shaper.step(
-            np.full(count, target), np.zeros(count), settings.bandwidth_rad_s, settings.max_speed_rad_s, 1 / RATE_HZ
+            np.full(count, target), np.zeros(count), settings.bandwidth_rad_s, settings.max_speed_rad_s, PERIOD_S
         )
-        out = law.tick(shaper.r, shaper.v, shaper.a, limit, seen, pressure, 1.0 / RATE_HZ)
+        out = law.tick(shaper.r, shaper.v, shaper.a, limit, seen, pressure, PERIOD_S)
         if k >= 0:
             true = torque(state[:, P], state[:, PHI], state[:, CREEP], *constants).ravel()
             peak = np.maximum(peak, true)

@@ -108,13 +108,19 @@ def draw(hand: Hand, hands: int, error: float, rng: np.random.Generator) -> Arra
     return parameters
 
 
-def run_law(hand: Hand, parameters: Array, settings: Settings, seed: int) -> Run:
-    """The controller's law, with the model of `hand`, on plants (hands, rows, joints)."""
-    hands, joints = parameters.shape[0], parameters.shape[2]
+def many_gains(hand: Hand, settings: Settings, hands: int) -> Array:
+    """The law's gains for many hands side by side, (rows, hands * joints); partners stay within their hand."""
+    joints = len(hand.joints)
     g = np.tile(gains(hand, settings), (1, hands))
     partner = g[G["partner"]]
     g[G["partner"]] = np.where(partner >= 0.0, partner + np.repeat(np.arange(hands) * joints, joints), -1.0)
-    law = Law(g)
+    return g
+
+
+def run_law(hand: Hand, parameters: Array, settings: Settings, seed: int) -> Run:
+    """The controller's law, with the model of `hand`, on plants (hands, rows, joints)."""
+    hands = parameters.shape[0]
+    law = Law(many_gains(hand, settings, hands))
     limit = np.tile(hand.limits.max_torque_nm, hands)
 
     def control(target: Array, angle: Array, pressure: Array) -> Array:

@@ -29,6 +29,7 @@ KNOWN_WALL = (math.radians(35.0), 0.8, 1.0)
 FORCE = 2
 COARSE_S = 5e-4
 OFF, DELAY_OFF = 0.03, 0.4
+"""Standard deviation of the nominal constants' relative errors; what nobody knows of the dead time."""
 CORRELATION_S = 0.5
 SKIP_S = 0.5
 INSEPARABLE = 0.5
@@ -50,14 +51,11 @@ class Scene:
     def readings(self, concealed: Concealed | None, size: float, **changes: float) -> Array:
         """Readings (3, frames) of the joint with an effect of a size; changes: factors on rows."""
         q = self.q.copy()
-        if concealed is not None and concealed.needs == "known_wall":
-            size = size or 1e-12
         for name, factor in changes.items():
             q[ROW[name], self.column] *= factor
         if concealed is not None:
             switch_on(concealed, q, self.column, size, self.reach_rad)
-        u = self.u
-        out = record(q, u, self.frame_s, self.partner, self.neighbour, self.wander, COARSE_S)
+        out = record(q, self.u, self.frame_s, self.partner, self.neighbour, self.wander, COARSE_S)
         out = np.nan_to_num(out, nan=1e3, posinf=1e3, neginf=-1e3)
         seen: Array = out[list(OUTPUT), :, self.column][:, round(SKIP_S / self.frame_s) :]
         return seen

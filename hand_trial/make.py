@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hand_trial.bag import write_bag
 from hand_trial.catalogue import BY_NAME, FOREIGN, KNOWN, Concealed
-from hand_trial.limits import KNOWN_WALL, inseparable, limit_size, scene, switch_on
+from hand_trial.limits import KNOWN_WALL, OFF, inseparable, limit_size, scene, switch_on
 from hand_trial.motions import EXPERIMENTS, set_points
 from hand_trial.nominal import UNCERTAIN, Nominal
 from hand_trial.plant import record
@@ -24,11 +24,15 @@ from hand_trial.seal import seal
 
 Array = NDArray[np.float64]
 FRAME_S, DURATION_S = 0.01, 30.0
-OFF = 0.03
-"""Standard deviation of every nominal constant's relative error."""
 MULTIPLES = (1.0, 2.0, 5.0)
 NULL, PAIR, OUTSIDE, DELETED = 0.20, 0.15, 0.10, 0.06
-WALL = {"angle_deg": 35.0, "stiffness_nm_per_rad": 0.8, "damping_nm_s_per_rad": 0.0, "engagement_deg": 1.0}
+WALL = {
+    "angle_deg": math.degrees(KNOWN_WALL[0]),
+    "stiffness_nm_per_rad": KNOWN_WALL[1],
+    "damping_nm_s_per_rad": 0.0,
+    "engagement_deg": 1.0,
+}
+"""The known obstacle as the description says it."""
 TRIES = 6
 MOVING = (4, 7)
 """Of the eleven joints, how many move in a recording; the others rest vented."""
@@ -75,7 +79,7 @@ def draw_cases(count: int, seed: int) -> list[Case]:
             case.without = case.effects[0][0]
         cases.append(case)
     order = rng.permutation(len(cases))
-    return [_renumbered(cases[k], at) for at, k in enumerate(order)]
+    return [replace(cases[k], number=at) for at, k in enumerate(order)]
 
 
 def _dealt(grid: list[tuple[str, float]], count: int, rng: np.random.Generator) -> list[tuple[str, float]]:
@@ -83,11 +87,6 @@ def _dealt(grid: list[tuple[str, float]], count: int, rng: np.random.Generator) 
     while len(dealt) < count:
         dealt += [grid[k] for k in rng.permutation(len(grid))]
     return dealt[:count]
-
-
-def _renumbered(case: Case, number: int) -> Case:
-    case.number = number
-    return case
 
 
 def make(
@@ -215,8 +214,6 @@ def _truth(
         key, unit = concealed.truth
         base = {"valve.time_constant_s": "lag", "valve.dead_time_s": "delay"}.get(key)
         number = {"key": key, "value": unit * size + (float(q[ROW[base], column]) if base else 0.0)}
-        if key == "valve.time_constant_s":
-            number["value"] = unit * size + float(q[ROW["lag"], column])
     return {
         "effect": concealed.name,
         "place": concealed.place,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 import time
 from collections import defaultdict
 from collections.abc import Callable
@@ -47,10 +46,3 @@ def run(folder: Path, command: list[str], jobs: int, tolerance: float, progress:
             progress(done / len(plan))
     timing = {"seconds": time.monotonic() - begun, "jobs": jobs}
     (folder / "timing.json").write_text(json.dumps(timing), encoding="utf-8")
-
-
-def command_of_this_process() -> list[str]:
-    """The tool as this process was started."""
-    return (
-        [sys.executable, "-m", "hand_tool.cli"] if not sys.argv[0].endswith("hand") else [sys.executable, sys.argv[0]]
-    )

@@ -24,3 +24,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path.relative_to(ROOT / "test").as_posix().startswith(REAL_TIME):
             item.add_marker(pytest.mark.flaky(reruns=2, reruns_delay=1))
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Name what failed in the very last lines: logs are often cut to their end."""
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    for kind in ("failed", "error"):
+        for report in reporter.stats.get(kind, []) if reporter else []:
+            crash = getattr(report.longrepr, "reprcrash", None)
+            message = crash.message.splitlines()[0][:200] if crash and crash.message else ""
+            print(f"{kind}: {report.nodeid} {message}")

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from hand_model.effects.effect import ANGLE, ATMOSPHERE_PA, SPEED, Effect, declare, inline
 from hand_model.plant_parameters import PLANT_ROW, Parameter
+from hand_model.statics import chamber_volume
 
 EXPONENT, VOLUME, GROWTH = declare(
     Parameter("gas_compression.exponent", 0.0, 3.0, "Eq. 7, polytropic exponent; 1 isothermal", 1.0, 0.0, 1.0),
     Parameter("gas_compression.volume_m3", 1e-7, 1e-3, "of actuator and tube, vented at 0", 1.0, 2e-6),
     Parameter("gas_compression.volume_m3_per_pa", 0.0, 1e-9, "growth of the volume with pressure", 1.0, 1.2e-12),
 )
+_volume = inline(chamber_volume.py_func)
 _A2, _A3 = PLANT_ROW["statics.a2_nm_per_pa"], PLANT_ROW["statics.a3_nm_per_pa_rad"]
 
 
@@ -18,7 +20,7 @@ def pressure_rate(w, i, rate, p, u, e):  # type: ignore[no-untyped-def]
     """p_abs V^n is constant but for what the valve feeds; dV/dphi = a2 + a3 phi by virtual work."""
     phi = e[ANGLE]
     displaced = w[_A2, i] + w[_A3, i] * phi
-    volume = w[VOLUME, i] + w[GROWTH, i] * p + (w[_A2, i] + 0.5 * w[_A3, i] * phi) * phi
+    volume = _volume(p, phi, w[VOLUME, i], w[GROWTH, i], w[_A2, i], w[_A3, i])
     return rate - w[EXPONENT, i] * (p + ATMOSPHERE_PA) * displaced * e[SPEED] / max(volume, 1e-7)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from hand_model.effects.effect import ANGLE, ATMOSPHERE_PA, SPEED, Effect, declare, inline, remember
 from hand_model.plant_parameters import PLANT_ROW, Parameter
 from hand_model.pressure_loop import open_rate, pulse
+from hand_model.statics import chamber_volume
 
 ON, CONDUCTANCE, CRITICAL, PERIOD, SHORTEST, RESPONSE, DEADBAND, VOLUME = declare(
     Parameter("switching_valve.share", 0.0, 1.0, "1: two switching valves; set by `valve_kind`", 1.0, 0.0, 1.0),
@@ -19,6 +20,7 @@ ON, CONDUCTANCE, CRITICAL, PERIOD, SHORTEST, RESPONSE, DEADBAND, VOLUME = declar
     Parameter("switching_valve.deadband_pa", 0.0, 5e4, "of the pressure loop", 1.0, 500.0),
     Parameter("switching_valve.volume_m3", 1e-7, 1e-3, "of actuator and tube, vented at 0", 1.0, 2e-6),
 )
+_volume = inline(chamber_volume.py_func)
 PHASE, SAVED, PULSE = remember(), remember(), remember()
 _A2, _A3 = PLANT_ROW["statics.a2_nm_per_pa"], PLANT_ROW["statics.a3_nm_per_pa_rad"]
 _SUPPLY = PLANT_ROW["supply.pressure_pa"]
@@ -48,7 +50,7 @@ def step(w, i, p, u, e, h):  # type: ignore[no-untyped-def]
     w[PULSE, i] -= opened
     phi = e[ANGLE]
     displaced = w[_A2, i] + w[_A3, i] * phi
-    volume = max(w[VOLUME, i] + _GROWTH * p + (w[_A2, i] + 0.5 * w[_A3, i] * phi) * phi, 1e-7)
+    volume = max(_volume(p, phi, w[VOLUME, i], _GROWTH, w[_A2, i], w[_A3, i]), 1e-7)
     fill, vent = _rates(w, i, p, volume)
     rate = (fill * max(opened, 0.0) + vent * min(opened, 0.0)) / h
     rate -= (p + ATMOSPHERE_PA) * displaced * e[SPEED] / volume

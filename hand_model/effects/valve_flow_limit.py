@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 from hand_model.effects.effect import ATMOSPHERE_PA, Effect, Times, declare, inline
 from hand_model.plant_parameters import PLANT_ROW, Parameter
+from hand_model.pressure_loop import subsonic
 
 (CHOKING,) = declare(
     Parameter("valve_flow_limit.choking", 0.0, 1.0, "0 a constant limit, 1 a choked one", 1.0, 0.0, 0.5)
@@ -15,21 +14,15 @@ _FILL = PLANT_ROW["valve.fill_rate_pa_per_s"]
 _VENT = PLANT_ROW["valve.vent_rate_pa_per_s"]
 CRITICAL = 0.3
 """Critical pressure ratio of a small valve."""
-
-
-@inline
-def _subsonic(ratio):  # type: ignore[no-untyped-def]
-    """Flow as a share of the choked one, by the ellipse of ISO 6358-1."""
-    x = min(max((ratio - CRITICAL) * (1.0 / (1.0 - CRITICAL)), 0.0), 1.0)
-    return math.sqrt(1.0 - x * x)
+_PER_SPAN = 1.0 / (1.0 - CRITICAL)
 
 
 @inline
 def pressure_rate(w, i, rate, p, u, e):  # type: ignore[no-untyped-def]
     """Limits that follow the pressures on both sides of the valve."""
     full, here, c = w[_SUPPLY, i] + ATMOSPHERE_PA, p + ATMOSPHERE_PA, w[CHOKING, i]
-    fill = w[_FILL, i] * (1.0 - c + c * _subsonic(here / full))
-    vent = w[_VENT, i] * (1.0 - c + c * _subsonic(ATMOSPHERE_PA / max(here, 1.0)) * here / full)
+    fill = w[_FILL, i] * (1.0 - c + c * subsonic(here / full, CRITICAL, _PER_SPAN))
+    vent = w[_VENT, i] * (1.0 - c + c * subsonic(ATMOSPHERE_PA / max(here, 1.0), CRITICAL, _PER_SPAN) * here / full)
     return min(max(rate, -vent), fill)
 
 

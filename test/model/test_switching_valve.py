@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from hand_model.description import load_hand
-from hand_model.pressure_loop import ATMOSPHERE_PA, open_rate
+from hand_model.effects.effect import ATMOSPHERE_PA
+from hand_model.pressure_loop import open_rate
 from hand_sim.plant import PHI, HandPlant, P
 
 CONFIG = Path(__file__).parents[2] / "config" / "hand.yaml"

@@ -13,8 +13,6 @@ from hand_msgs.msg import Contact
 from rclpy.action import ActionClient
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from test.nodes.conftest import Client, Stack
 
 OBSTACLE = "  contact: {angle_deg: 35, stiffness_nm_per_rad: 1.0}\n"
@@ -43,26 +41,19 @@ class Grasper:
         return future.result()
 
 
-@pytest.fixture
-def grasper(client: Client) -> Iterator[Grasper]:
-    made = Grasper.__new__(Grasper)
-    yield made
-    made.action.destroy()
-
-
-def started(stack: Stack, client: Client, grasper: Grasper, obstacle: bool) -> None:
+def started(stack: Stack, client: Client, obstacle: bool) -> Grasper:
     text = Path("config/hand.yaml").read_text(encoding="utf-8")
     hand = stack.folder / "hand.yaml"
     hand.write_text(text.replace("joint_defaults:\n", "joint_defaults:\n" + OBSTACLE * obstacle), encoding="utf-8")
     stack.node("simulation", hand_description=hand)
     stack.node("controller")
     client.controlling()
-    Grasper.__init__(grasper, client)
+    return Grasper(client)
 
 
-def test_closes_on_a_thing_and_holds_the_torque(stack: Stack, client: Client, grasper: Grasper) -> None:
+def test_closes_on_a_thing_and_holds_the_torque(stack: Stack, client: Client) -> None:
     """Fails when the hand does not stop at a thing in its way, or holds another torque than was asked for."""
-    started(stack, client, grasper, obstacle=True)
+    grasper = started(stack, client, obstacle=True)
     handle = grasper.send("cylindrical", max_torque=0.1)
     assert handle.accepted
     result = grasper.result(handle)
@@ -81,9 +72,9 @@ def test_closes_on_a_thing_and_holds_the_torque(stack: Stack, client: Client, gr
     client.until(lambda: client.angle("index_proximal") < math.radians(10.0))
 
 
-def test_nothing_in_the_hand_cancel_preempt_refuse_vent(stack: Stack, client: Client, grasper: Grasper) -> None:
+def test_nothing_in_the_hand_cancel_preempt_refuse_vent(stack: Stack, client: Client) -> None:
     """Fails when a grasp of nothing claims contact, or a goal ends in another way than was asked."""
-    started(stack, client, grasper, obstacle=False)
+    grasper = started(stack, client, obstacle=False)
     result = grasper.result(grasper.send("tripod"))
     assert result.status == GoalStatus.STATUS_SUCCEEDED
     assert not any(result.result.contact) and result.result.message.startswith("0 joints")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -20,25 +21,25 @@ QUIET = ("--disable-background-networking", "--disable-component-update", "--dis
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a demo that has run."""
+    """The folder of a demo that has run; fails, and is tried again, when the loop did not keep time."""
     folder = tmp_path_factory.mktemp("demo")
     environment = dict(os.environ) | {"ROS_DOMAIN_ID": str((os.getpid() + 45) % 90 + 10)}
     command = [str(HAND), "demo", "--out", str(folder / "out"), "--json"]
     ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=240, check=False)
     assert ran.returncode == 0, ran.stderr
+    summary = json.loads(ran.stdout)
+    assert 195.0 < summary["loop"]["rate_hz"] < 205.0
+    assert max(joint["replay_rms_deg"] for joint in summary["joints"].values()) < 0.05
     return folder / "out"
 
 
 def test_the_summary_has_every_joint_and_the_loop(result: Path) -> None:
-    """Fails when a joint did not follow, the replay differs, or a figure is missing."""
+    """Fails when a joint did not follow or a figure is missing."""
     summary = json.loads((result / "summary.json").read_text(encoding="utf-8"))
     assert len(summary["joints"]) == 11
     for joint in summary["joints"].values():
         assert joint["tracking_rms_deg"] < 3.0
-        assert joint["replay_rms_deg"] < 0.05
-    loop = summary["loop"]
-    assert 195.0 < loop["rate_hz"] < 205.0
-    assert set(loop) == {"rate_hz", "missed_fraction", "latency_p50_ms", "latency_p99_ms"}
+    assert set(summary["loop"]) == {"rate_hz", "missed_fraction", "latency_p50_ms", "latency_p99_ms"}
 
 
 def test_both_recordings_hold_the_hands_topics(result: Path) -> None:
@@ -70,4 +71,5 @@ def test_the_page_shows_the_result_without_a_network(result: Path, tmp_path: Pat
     assert "11 joints followed three grasps" in dom
     assert dom.count('<th scope="row">') == 11
     assert dom.count("data:image/png;base64,") == 3
-    assert "http" not in dom.split("</style>")[1]
+    links = re.findall(r"""(?:src|href|url)\s*[=(]\s*["']?(?!["'\s]|data:|#)[^"'\s>)]*""", dom.split("</style>")[1])
+    assert links == []
