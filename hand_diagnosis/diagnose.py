@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hand_diagnosis.correction import sparse_correction
+from hand_diagnosis.data_check import Checked, check
 from hand_diagnosis.findings import Finding, joint_findings, unknown_finding
 from hand_diagnosis.isolability import Isolability, isolability
+from hand_diagnosis.partners import fits_better, model_accelerations, put_partner
+from hand_diagnosis.repeatability import floors
 from hand_diagnosis.search import JointSearch, search_joint
 from hand_diagnosis.verdict import StageResult, describe, stage_results
 from hand_ident.hand_signals import without_sensor_curve
 from hand_ident.joint_data import joint_problem
-from hand_ident.joint_problem import JointProblem
+from hand_ident.joint_problem import FLOOR, JointProblem
 from hand_ident.map_fit import map_fit
 from hand_ident.moves import nominal_moves
 from hand_ident.signals import Signals
@@ -65,27 +68,46 @@ def diagnose(
     joints: Sequence[str] = (),
     without: Sequence[str] = (),
     sensor_curve: bool | None = None,
+    reruns: Sequence[Signals] = (),
     progress: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Diagnose recordings. tolerance: relative standard deviation of the nominal numbers.  without: effects left out.
 
     sensor_curve: whether angles are readings of the described Hall sensors; None: what fits better.
-    Raises ValueError for joints or effects that do not exist.
+    reruns: recordings of the same commands; what differs between them is never claimed.
+    Raises ValueError for joints or effects that do not exist, and for a re-run of other commands.
     """
     effects = _effects(without)
-    wanted = _joints(signals, hand, joints)
+    checked = [check(one, hand) for one in signals]
+    signals = [one.signals for one in checked]
+    wanted = _joints(signals, hand, joints, frozenset().union(*(one.unusable for one in checked)))
     if sensor_curve is None:
         sensor_curve = _reads_through_curve(signals, hand, wanted, tolerance)
     if sensor_curve:
         signals = [without_sensor_curve(one, hand) for one in signals]
-    check = [line for one in signals for line in (*one.notes, *_still(one, wanted, joints))]
+        reruns = [without_sensor_curve(one, hand) for one in reruns]
+    lines = [line for one in checked for line in (*one.signals.notes, *one.lines)]
+    lines += [line for one in checked for line in _still(one, wanted, joints)]
+    task = _Task(signals, hand, effects, tolerance, seed, floors(signals, reruns))
     done = []
     for number, joint in enumerate(wanted):
-        done.append(_diagnose_joint(signals, hand, joint, effects, tolerance, np.random.default_rng([seed, number])))
+        done.append(_diagnose_joint(task, joint, number))
         progress(joint)
-    done = _without_lonely(done, effects, signals, hand, tolerance, seed)
+    done = _without_lonely(task, _beside_models(task, done))
     findings = [*_dropped(signals), *_ranked(done)]
-    return Diagnosis(_verdict(findings, done), tuple(findings), tuple(done), tuple(check), sensor_curve)
+    return Diagnosis(_verdict(findings, done), tuple(findings), tuple(done), tuple(lines), sensor_curve)
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """What is diagnosed, and how. floors: repeatability (OUTPUTS,) SI of joints, from re-runs."""
+
+    signals: Sequence[Signals]
+    hand: Hand
+    effects: Sequence[Effect]
+    tolerance: float
+    seed: int
+    floors: Mapping[str, Array]
 
 
 def _effects(without: Sequence[str]) -> list[Effect]:
@@ -95,12 +117,13 @@ def _effects(without: Sequence[str]) -> list[Effect]:
     return [effect for effect in CATALOGUE if effect.keys and effect.name not in without]
 
 
-def _joints(signals: Sequence[Signals], hand: Hand, joints: Sequence[str]) -> list[str]:
+def _joints(signals: Sequence[Signals], hand: Hand, joints: Sequence[str], unusable: frozenset[str]) -> list[str]:
     recorded = [joint for joint in hand.joints if any(joint in one.joints for one in signals)]
     for joint in joints:
         if joint not in recorded:
             raise ValueError(f"--joints: {joint!r} was not recorded; the recordings hold: {', '.join(recorded)}")
-    return [joint for joint in joints or recorded if any(_moves(one, joint) for one in signals)]
+    able = [joint for joint in joints or recorded if joint not in unusable]
+    return [joint for joint in able if any(_moves(one, joint) for one in signals)]
 
 
 def _moves(one: Signals, joint: str) -> bool:
@@ -112,8 +135,10 @@ def _moves(one: Signals, joint: str) -> bool:
     return bool(angle > PUSHED_RAD or (angle > MOVES_RAD and (pressure > EXCITED_PA or one.driven)))
 
 
-def _still(one: Signals, wanted: Sequence[str], asked: Sequence[str]) -> list[str]:
+def _still(checked: Checked, wanted: Sequence[str], asked: Sequence[str]) -> list[str]:
+    one = checked.signals
     still = [joint for joint in asked or one.joints if joint in one.joints and joint not in wanted]
+    still = [joint for joint in still if joint not in checked.unusable]
     return [f"{one.name}: {', '.join(still)} too little motion to judge"] if still else []
 
 
@@ -142,17 +167,17 @@ def _reads_through_curve(signals: Sequence[Signals], hand: Hand, joints: Sequenc
 
 
 def _diagnose_joint(
-    signals: Sequence[Signals],
-    hand: Hand,
-    joint: str,
-    effects: Sequence[Effect],
-    tolerance: float,
-    rng: np.random.Generator,
+    task: _Task, joint: str, *seed: int, without: str = "", accelerations: Sequence[Array] = ()
 ) -> JointDiagnosis:
-    problem = joint_problem(signals, hand, joint)
-    rested = _rested(signals, joint)
-    start = _choose_neighbour(signals, joint, problem, tolerance, rested)
-    search = search_joint(problem, effects, tolerance, rested, rng, start)
+    """One joint. accelerations: of its coupled partner in every piece, where its model knows them better."""
+    problem = joint_problem(task.signals, task.hand, joint, task.floors.get(joint, np.array(FLOOR)))
+    if accelerations:
+        put_partner(problem, accelerations)
+    effects = [effect for effect in task.effects if effect.name != without]
+    rng = np.random.default_rng([task.seed, *seed])
+    rested = _rested(task.signals, joint)
+    start = _choose_neighbour(task.signals, joint, problem, task.tolerance, rested)
+    search = search_joint(problem, effects, task.tolerance, rested, rng, start)
     results = tuple(stage_results(problem, search.nominal, search.final))
     judged = [effect for effect in effects if effect.place != "force_sensor"]
     told = isolability(problem, search.nominal, judged) if search.accepted else None
@@ -197,25 +222,36 @@ def _choose_neighbour(
     return fit.z
 
 
-def _without_lonely(
-    done: list[JointDiagnosis],
-    effects: Sequence[Effect],
-    signals: Sequence[Signals],
-    hand: Hand,
-    tolerance: float,
-    seed: int,
-) -> list[JointDiagnosis]:
+def _beside_models(task: _Task, done: Sequence[JointDiagnosis]) -> list[JointDiagnosis]:
+    """Joints that miss something, judged anew where their partner's model explains it better than its sensor."""
+    at = {one.joint: one for one in done}
+    renewed = list(done)
+    for k, one in enumerate(done):
+        other = at.get(_partner(task.hand, one.joint))
+        if other is None or not (one.search.accepted or any(result.unexplained for result in one.results)):
+            continue
+        if [p.name for p in other.search.problem.pieces] != [p.name for p in one.search.problem.pieces]:
+            continue
+        accelerations = model_accelerations(other.search.problem, other.search.final)
+        if fits_better(one.search.problem, one.search.nominal, accelerations):
+            renewed[k] = _diagnose_joint(task, one.joint, k, 2, accelerations=accelerations)
+    return renewed
+
+
+def _partner(hand: Hand, joint: str) -> str:
+    index = int(hand.partner[hand.joints.index(joint)])
+    return hand.joints[index] if index >= 0 else ""
+
+
+def _without_lonely(task: _Task, done: list[JointDiagnosis]) -> list[JointDiagnosis]:
     """Effects of the whole hand that only few of several joints show are no such effects: judge these joints anew."""
     if len(done) < 3:
         return done
-    shared = {effect.name for effect in effects if effect.everywhere}
-    for name in shared:
+    for name in [effect.name for effect in task.effects if effect.everywhere]:
         having = [k for k, one in enumerate(done) if any(h.effect.name == name for h in one.search.accepted)]
         if having and len(having) < SHARED_JOINTS * len(done):
-            left = [effect for effect in effects if effect.name != name]
             for k in having:
-                rng = np.random.default_rng([seed, k, 1])
-                done[k] = _diagnose_joint(signals, hand, done[k].joint, left, tolerance, rng)
+                done[k] = _diagnose_joint(task, done[k].joint, k, 1, without=name)
     return done
 
 
@@ -246,14 +282,19 @@ def _dropped(signals: Sequence[Signals]) -> list[Finding]:
     """Missing frames, as the stamps tell."""
     found = []
     for one in signals:
-        lost = 1.0 - float(one.known.any(axis=1).mean()) if one.samples else 0.0
-        share = max(one.dropped, lost)
+        share = max(one.dropped, _lost(one))
         if share > DROPPED:
             statement = f"{one.name}: {share:.2%} of the frames are missing; gaps are bridged and not judged."
             found.append(
                 Finding(None, "timing", "dropped_frames", 0.99, (), (), "stamps", "gaps between stamps", (), statement)
             )
     return found
+
+
+def _lost(one: Signals) -> float:
+    """Share of samples without any reading between the first and the last; topics need not begin or end together."""
+    read = np.flatnonzero(one.known.any(axis=1))
+    return 1.0 - len(read) / (read[-1] - read[0] + 1) if len(read) else 0.0
 
 
 DROPPED = 2e-3

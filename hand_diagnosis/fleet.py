@@ -18,6 +18,7 @@ from hand_diagnosis.diagnose import diagnose
 from hand_diagnosis.inputs import read_signals
 from hand_diagnosis.page import write_page
 from hand_diagnosis.report import write_report
+from hand_model.chain import equations
 from hand_model.description import load_hand
 
 KEY = "made_from"
@@ -40,13 +41,13 @@ class Job:
 
     @property
     def key(self) -> str:
-        """Changes with the recording's file, the model's text or an option."""
+        """Changes with the recording's file, the model's text, an option or the catalogue's equations."""
         path = Path(self.recording)
         files = sorted(path.rglob("*")) if path.is_dir() else [path]
         sizes = [(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in files if file.is_file()]
         model = Path(self.model).read_bytes()
         options = (self.mapping, self.tolerance, self.seed, self.joints, self.without, self.sensor_curve)
-        return hashlib.sha256(repr((sizes, model, options)).encode()).hexdigest()[:16]
+        return hashlib.sha256(repr((sizes, model, options, equations())).encode()).hexdigest()[:16]
 
 
 def run_job(job: Job) -> list[dict[str, Any]]:

@@ -23,15 +23,13 @@ from hand_ident.hand_signals import SHORTEST_S, hand_signals
 from hand_ident.loader import load_recording
 from hand_ident.recording_files import RecordingError
 from hand_ident.rig_file import UNITS
-from hand_ident.signals import Signals, bridge
+from hand_ident.signals import Signals, bridge, samples_on_grid
 from hand_model.description import Hand
 from hand_model.yaml_reader import Section, read_yaml
 
 Array = NDArray[np.float64]
 TABLES = {".csv", ".parquet", ".pq", ".npz"}
 QUANTITIES = {"set_point": "pa", "pressure": "pa", "angle": "deg", "force": "n"}
-LONGEST = 20_000_000
-"""Samples of a table; more belong into several recordings."""
 
 
 def read_signals(paths: Sequence[Path], hand: Hand, mapping: Path | None) -> list[Signals]:
@@ -57,9 +55,8 @@ def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
     if len(time_s) < 3 or time_s[-1] - time_s[0] < SHORTEST_S:
         raise RecordingError(f"{path} has {len(time_s)} different times; {SHORTEST_S:g} s of samples are needed")
     period_s = float(np.median(np.diff(time_s)))
-    grid = np.arange(time_s[0], time_s[-1] + 0.5 * period_s, period_s)
-    if len(grid) > LONGEST:
-        raise RecordingError(f"{path} needs {len(grid)} samples; the allowed range is up to {LONGEST}")
+    count = samples_on_grid(path, time_s[0], time_s[-1], period_s)
+    grid = time_s[0] + period_s * np.arange(count)
     joints = _joints(top, hand, mapping)
     data = {name: np.full((len(grid), len(joints)), np.nan) for name in QUANTITIES}
     for j, (_, section) in enumerate(joints):

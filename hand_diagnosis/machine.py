@@ -31,11 +31,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_diagnosis.inputs import LONGEST, table_columns
+from hand_diagnosis.inputs import table_columns
+from hand_diagnosis.report import small_statement
 from hand_ident.hand_signals import SHORTEST_S
 from hand_ident.installed import default_model
 from hand_ident.recording_files import RecordingError
-from hand_ident.signals import Signals, bridge
+from hand_ident.signals import Signals, bridge, samples_on_grid
 from hand_model.description import Hand, load_hand
 from hand_model.effects import EFFECTS
 from hand_model.parameters import ROW
@@ -137,9 +138,7 @@ def _read(path: Path, top: Section, recording: Path, imposed: bool) -> dict[str,
     if len(time_s) < 3 or not np.isfinite(time_s).all() or time_s[-1] - time_s[0] < SHORTEST_S:
         raise RecordingError(f"{recording} has {len(time_s)} different times; {SHORTEST_S:g} s of samples are needed")
     period = float(np.median(np.diff(time_s)))
-    grid = np.arange(time_s[0], time_s[-1] + 0.5 * period, period)
-    if len(grid) > LONGEST:
-        raise RecordingError(f"{recording} needs {len(grid)} samples; the allowed range is up to {LONGEST}")
+    grid = time_s[0] + period * np.arange(samples_on_grid(recording, time_s[0], time_s[-1], period))
     del path
     known = {name: _known(recording, name, grid, time_s, data[name][kept]) for name in wanted[1:]}
     return {"time": grid, "input": np.zeros(len(grid))} | known
@@ -196,7 +195,7 @@ def _signals(recording: Path, table: dict[str, Array], imposed: bool, units: tup
     period = float(np.median(np.diff(table["time"])))
     return Signals(
         recording.name, (AXIS,), period, drive, drive, table["position"][:, None] / per_angle, force, known, ~yes, yes,
-        driven=imposed,
+        driven=imposed, machine=True,
     )  # fmt: skip
 
 
@@ -207,12 +206,14 @@ def in_own_units(content: dict[str, Any], machine: Machine) -> dict[str, Any]:
         for number in finding["parameters"].values():
             factor, unit = machine.unit_factor(number["unit"])
             number["value"], number["std"], number["unit"] = number["value"] * factor, number["std"] * factor, unit
-    for row in content["fit"]:
+    for row in [*content["fit"], *content["not_claimable"]]:
         factors = {"force": machine.per_torque * LEVER_M, "angle": machine.unit_factor("deg")[0]}
         factor = factors.get(row["signal"], machine.per_input)
-        for key in ("rmse_before", "rmse_after", "noise_floor"):
+        for key in {"rmse_before", "rmse_after", "noise_floor", "taken", "floor"} & row.keys():
             row[key] *= factor
         row["unit"] = {"force": torque, "angle": machine.unit_factor("deg")[1]}.get(row["signal"], "input")
+    for row in content["not_claimable"]:
+        row["statement"] = small_statement(row)
     for finding in content["findings"]:
         finding["statement"] = _statement(finding, content, machine.linear)
     return content

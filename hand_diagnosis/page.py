@@ -11,13 +11,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from hand_diagnosis.diagnose import Diagnosis, JointDiagnosis
 from hand_diagnosis.isolability import ALIKE
+from hand_diagnosis.verdict import describe, states_of
 from hand_ident.joint_problem import SHOWN, STAGES, UNITS
 
+Array = NDArray[np.float64]
 VERDICTS = {
     "agrees": "Model and recording agree.",
     "explained": "What the model left out is found and explains the difference.",
@@ -26,6 +30,8 @@ VERDICTS = {
 }
 Units = Mapping[str, tuple[float, str]]
 HAND_UNITS: Units = {name: (scale, unit) for name, scale, unit in zip(STAGES, SHOWN, UNITS, strict=True)}
+BINS = 24
+MOVING_RAD_S = 0.05
 INK, BLUE, RED, GREY = "#1a1a1a", "#1f6f9f", "#c0392b", "#888888"
 
 
@@ -122,10 +128,12 @@ def _details(content: dict[str, Any]) -> str:
         f"<td>{'' if r['relative_change'] is None else format(r['relative_change'], '+.1%')}</td></tr>"
         for r in content["parameter_changes"]
     )
+    small = "".join(f"<li>{html.escape(one['statement'])}</li>" for one in content["not_claimable"]) or "<li>none</li>"
     check = "".join(f"<li>{html.escape(line)}</li>" for line in content["data_check"]) or "<li>nothing unusual</li>"
     return (
         "<details><summary>Fit of every joint</summary><table><tr><th>joint</th><th>signal</th><th>data</th>"
         f"<th>before</th><th>after</th><th>noise</th><th>unit</th></tr>{fits}</table></details>"
+        f"<details><summary>Improvements too small to be claimed</summary><ul>{small}</ul></details>"
         "<details><summary>Nominal numbers that moved within their tolerance</summary><table><tr><th>joint</th>"
         f"<th>parameter</th><th>change</th></tr>{changes}</table></details>"
         f"<details><summary>What these data can tell apart</summary>{_alike(content)}</details>"
@@ -159,24 +167,68 @@ def _figure(one: JointDiagnosis, units: Units) -> Figure:
     """Measured, before and after on the stage that gained most; residuals over time and over the telling state."""
     stage = max(one.results, key=lambda r: r.excess_before / (r.noise + 1e-12)).stage if one.results else 1
     piece = one.search.problem.pieces[0]
-    before, after = one.search.nominal.residuals[0], one.search.final.residuals[0]
     scale, unit = units[STAGES[stage]]
     time_s = np.arange(len(piece.angle_rad)) * piece.period_s
     use = piece.use[stage]
     measured = scale * piece.measured[stage]
-    figure = Figure(figsize=(9.5, 6.0), layout="constrained")
+    figure = Figure(figsize=(9.5, 6.4), layout="constrained")
     FigureCanvasAgg(figure)
-    top, bottom = figure.subplots(2, 1, height_ratios=(2, 1))
+    grid = figure.add_gridspec(2, 3, height_ratios=(3, 2))
+    top, left, right = (figure.add_subplot(grid[where]) for where in (np.s_[0, :], np.s_[1, :2], np.s_[1, 2]))
     shade = one.search.problem.held_out[piece.block]
-    for axis in (top, bottom):
+    for axis in (top, left):
         axis.fill_between(time_s, 0, 1, where=shade, transform=axis.get_xaxis_transform(), color="#f0f0f0", lw=0)
+    for axis in (top, left, right):
         axis.spines[["top", "right"]].set_visible(False)
     top.plot(time_s, measured, color=INK, lw=1.4, label="measured")
-    for residual, colour, label in ((before, RED, "nominal model"), (after, BLUE, "with the findings")):
-        simulated = np.where(use, measured - scale * residual[stage], np.nan)
-        top.plot(time_s, simulated, color=colour, lw=0.9, label=label)
-        bottom.plot(time_s, np.where(use, scale * residual[stage], np.nan), color=colour, lw=0.7)
+    for fit, colour, label in (
+        (one.search.nominal, RED, "nominal model"),
+        (one.search.final, BLUE, "with the findings"),
+    ):
+        residual = np.where(use, scale * fit.residuals[0][stage], np.nan)
+        top.plot(time_s, measured - residual, color=colour, lw=0.9, label=label)
+        left.plot(time_s, residual, color=colour, lw=0.7)
     top.set(ylabel=f"{STAGES[stage]} [{unit}]", title=f"{one.joint} (grey: held-out data)")
     top.legend(frameon=False, ncols=3, loc="upper right")
-    bottom.set(xlabel="time [s]", ylabel=f"measured - model [{unit}]")
+    left.set(xlabel="time [s]", ylabel=f"measured - model [{unit}]")
+    _over_state(right, one, stage, units)
     return figure
+
+
+def _over_state(axis: Axes, one: JointDiagnosis, stage: int, units: Units) -> None:
+    """Mean residuals over the state on which the first model's depend most, by direction of motion."""
+    problem = one.search.problem
+    piece = problem.pieces[0]
+    use = piece.use[stage]
+    if use.sum() <= BINS:
+        return
+    states = states_of(piece, use)
+    name = describe(problem, one.search.nominal, stage).state
+    values, speed = states[name], states["speed"]
+    scale, (per_state, unit) = units[STAGES[stage]][0], _state_unit(name, units)
+    edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)))
+    for fit, colour in ((one.search.nominal, RED), (one.search.final, BLUE)):
+        residual = scale * fit.residuals[0][stage][use]
+        for moving, style, label in ((speed > MOVING_RAD_S, "-", "flexing"), (speed < -MOVING_RAD_S, ":", "extending")):
+            at, mean = _binned(values[moving], residual[moving], edges)
+            axis.plot(per_state * at, mean, style, color=colour, lw=1.2, label=label)
+    axis.axhline(0.0, color=GREY, lw=0.5)
+    axis.set(xlabel=f"{name} [{unit}]")
+    axis.legend(*(part[:2] for part in axis.get_legend_handles_labels()), frameon=False, fontsize="small")
+
+
+def _state_unit(name: str, units: Units) -> tuple[float, str]:
+    """Factor from SI and unit in which a state is shown."""
+    if name == "time":
+        return 1.0, "s"
+    scale, unit = units["pressure" if name in {"pressure", "set-point"} else "angle"]
+    return scale, f"{unit}/s" if name == "speed" else unit
+
+
+def _binned(values: Array, residual: Array, edges: Array) -> tuple[Array, Array]:
+    """Centres of the bins that hold enough, and their means."""
+    index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    count = np.bincount(index, minlength=len(edges) - 1)
+    sums = np.bincount(index, residual, minlength=len(edges) - 1)
+    enough = count >= 5
+    return 0.5 * (edges[1:] + edges[:-1])[enough], sums[enough] / count[enough]

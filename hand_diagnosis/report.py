@@ -14,7 +14,7 @@ from hand_diagnosis.diagnose import Diagnosis, JointDiagnosis
 from hand_diagnosis.findings import Finding
 from hand_diagnosis.isolability import Isolability
 from hand_diagnosis.separation import best_experiment
-from hand_ident.joint_problem import SHOWN, UNITS
+from hand_ident.joint_problem import SHOWN, STAGES, UNITS
 from hand_ident.model_file import write_model
 from hand_ident.moves import START_CREEP
 from hand_model.description import Hand
@@ -38,6 +38,7 @@ def document(diagnosis: Diagnosis, recordings: Sequence[str], model: str) -> dic
         "verdict": diagnosis.verdict,
         "findings": [_finding(rank + 1, one) for rank, one in enumerate(diagnosis.findings)],
         "fit": [row for one in diagnosis.joints for row in _fit(one)],
+        "not_claimable": [row for one in diagnosis.joints for row in _not_claimable(one)],
         "parameter_changes": [row for one in diagnosis.joints for row in _changes(one)],
         "data_check": list(diagnosis.check),
         "sensor_curve": diagnosis.sensor_curve,
@@ -97,6 +98,31 @@ def _fit(one: JointDiagnosis) -> list[dict[str, Any]]:
                 }
             )
     return rows
+
+
+def _not_claimable(one: JointDiagnosis) -> list[dict[str, Any]]:
+    """Improvements that held-out data confirm and that are below the repeatability or the scatter of the fit."""
+    rows = [
+        {
+            "joint": one.joint,
+            "effect": small.effect.name,
+            "signal": STAGES[small.stage],
+            "unit": UNITS[small.stage],
+            "taken": SHOWN[small.stage] * small.taken,
+            "floor": SHOWN[small.stage] * small.floor,
+            "below": small.below,
+        }
+        for small in one.search.not_claimable
+    ]
+    return [row | {"statement": small_statement(row)} for row in rows]
+
+
+def small_statement(row: Mapping[str, Any]) -> str:
+    """An improvement that is too small to be claimed, in words."""
+    return (
+        f"{row['joint']}: {row['effect']} would take {row['taken']:.2g} {row['unit']} off the {row['signal']}'s error,"
+        f" less than {row['below']} ({row['floor']:.2g} {row['unit']})"
+    )
 
 
 def _changes(one: JointDiagnosis) -> list[dict[str, Any]]:

@@ -15,15 +15,13 @@ from numpy.typing import NDArray
 
 from hand_diagnosis.evidence import block_bootstrap, held_out_rmse, log_evidence
 from hand_diagnosis.screen import Screened, screen
-from hand_ident.joint_problem import FLOOR, JointProblem
+from hand_ident.joint_problem import JointProblem
 from hand_ident.map_fit import MapFit, map_fit
 from hand_ident.moves import Move, effect_moves, merged, nominal_moves
 from hand_model.effects.effect import Effect
 
 Array = NDArray[np.float64]
 MOST = 4
-CANDIDATES = 8
-"""Effects that are fitted in a round, the best of the screen."""
 WORTH_A_FIT = 8.0
 """Cost that a probe must promise to save."""
 ACCEPTED = 6.0
@@ -31,9 +29,13 @@ ACCEPTED = 6.0
 CLAIMABLE = 0.03
 CLAIMABLE_FLOOR = 0.6
 """What is worth a claim: the fall of the held-out error relative to itself, and the error that an effect takes away
-(the root of the fall of the mean square) relative to the practical floor of repeatability."""
-REFINED = 3
-"""Hypotheses of a round that are fitted to the end."""
+(the root of the fall of the mean square) relative to the repeatability."""
+STARTS, JITTER, ITERATIONS = 1, 0.5, 12
+"""Further starts of the fit of an effect to be accepted; how far off they are, in priors' widths; their iterations."""
+LISTED, WORTH_LISTING = 3, 0.2
+"""Improvements too small to be claimed that are listed, and what they must take away, in floors."""
+HEATS = ((8, 6), (5, 6), (3, 20))
+"""How many hypotheses of a round are fitted, the best of the heat before, and with how many iterations each time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +52,17 @@ class Hypothesis:
     fall: tuple[float, float]
 
 
+@dataclass(frozen=True, slots=True)
+class NotClaimable:
+    """An improvement that held-out data confirm and that is too small to be claimed, SI; below: what it is below."""
+
+    effect: Effect
+    stage: int
+    taken: float
+    floor: float
+    below: str
+
+
 @dataclass(slots=True)
 class JointSearch:
     """What was found on a joint. rounds: the hypotheses of each round, the most evident first."""
@@ -60,6 +73,7 @@ class JointSearch:
     accepted: list[Hypothesis] = field(default_factory=list)
     rounds: list[list[Hypothesis]] = field(default_factory=list)
     evidences: list[float] = field(default_factory=list)
+    not_claimable: list[NotClaimable] = field(default_factory=list)
 
     @property
     def final(self) -> MapFit:
@@ -90,8 +104,15 @@ def search_joint(
         found.evidences.append(evidence)
         best = next((one for one in hypotheses if _confirmed(problem, current, one)), None)
         if best is not None and not best.fit.residuals:  # only fitted roughly so far
-            best = _refine(problem, current, best, rng)
+            best = _refine(problem, current, best, HEATS[-1][1], rng)
         if best is None or best.log_evidence < evidence + ACCEPTED:
+            found.not_claimable += _too_small(problem, current, hypotheses)
+            break
+        best, scatter = _from_other_starts(problem, current, best, rng)
+        if _taken(problem, current, best) < scatter:
+            taken = _taken(problem, current, best)
+            below = "the scatter of the fit over its starting points"
+            found.not_claimable.append(NotClaimable(best.effect, best.stage, taken, scatter, below))
             break
         found.accepted.append(best)
         current, evidence = best.fit, best.log_evidence
@@ -105,31 +126,41 @@ def search_joint(
 def _round(
     problem: JointProblem, current: MapFit, effects: Sequence[Effect], rng: np.random.Generator
 ) -> list[Hypothesis]:
-    screened = [one for one in screen(problem, current, effects) if one.gain > WORTH_A_FIT][:CANDIDATES]
-    hypotheses = [_fit(problem, current, one, rng) for one in screened]
-    hypotheses.sort(key=lambda one: -one.log_evidence)
-    refined = [_refine(problem, current, one, rng) for one in hypotheses[:REFINED]]
-    return sorted(refined + hypotheses[REFINED:], key=lambda one: -one.log_evidence)
+    (most, iterations), *further = HEATS
+    screened = [one for one in screen(problem, current, effects) if one.gain > WORTH_A_FIT][:most]
+    ranked = _ranked([_fit(problem, current, one, iterations, rng) for one in screened])
+    for most, iterations in further:
+        ranked = [replace(one, fit=one.fit.lean()) for one in ranked]
+        ranked = _ranked([_refine(problem, current, one, iterations, rng) for one in ranked[:most]] + ranked[most:])
+    return ranked
 
 
-def _fit(problem: JointProblem, current: MapFit, screened: Screened, rng: np.random.Generator) -> Hypothesis:
+def _ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    return sorted(hypotheses, key=lambda one: -one.log_evidence)
+
+
+def _fit(
+    problem: JointProblem, current: MapFit, screened: Screened, iterations: int, rng: np.random.Generator
+) -> Hypothesis:
     columns, _ = problem.columns(current.moves, current.z[None])
     added = effect_moves(screened.effect, problem.nominal)
     moves = merged(current.moves, added)
     start = np.array([_start(move, current, screened, columns[0]) for move in moves])
-    rough = _judge(problem, current, screened.effect, map_fit(problem, moves, start, 7), rng)
+    rough = _judge(problem, current, screened.effect, map_fit(problem, moves, start, iterations), rng)
     return replace(rough, fit=rough.fit.lean())
 
 
-def _refine(problem: JointProblem, current: MapFit, rough: Hypothesis, rng: np.random.Generator) -> Hypothesis:
-    """The leading hypotheses fitted to the end."""
-    return _judge(problem, current, rough.effect, map_fit(problem, rough.fit.moves, rough.fit.z, 20), rng)
+def _refine(
+    problem: JointProblem, current: MapFit, rough: Hypothesis, iterations: int, rng: np.random.Generator
+) -> Hypothesis:
+    """A hypothesis fitted further."""
+    return _judge(problem, current, rough.effect, map_fit(problem, rough.fit.moves, rough.fit.z, iterations), rng)
 
 
 def _judge(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, rng: np.random.Generator) -> Hypothesis:
     rmse = held_out_rmse(problem, current.squares), held_out_rmse(problem, fit.squares)
     with np.errstate(invalid="ignore"):
-        gain = np.nan_to_num((rmse[0] - rmse[1]) / np.array(FLOOR))
+        gain = np.nan_to_num((rmse[0] - rmse[1]) / problem.floor)
     stage = int(np.argmax(gain))
     fall = block_bootstrap(problem, current.squares, fit.squares, stage, rng)
     return Hypothesis(effect, fit, log_evidence(problem, fit), stage, fall)
@@ -158,9 +189,53 @@ def _confirmed(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -
     """Held-out data improve for sure, by something worth saying."""
     before = held_out_rmse(problem, current.squares)[hypothesis.stage]
     after = held_out_rmse(problem, hypothesis.fit.squares)[hypothesis.stage]
-    taken = float(np.sqrt(max(before**2 - after**2, 0.0)))
-    enough = before - after > CLAIMABLE * before and taken > CLAIMABLE_FLOOR * FLOOR[hypothesis.stage]
+    enough = before - after > CLAIMABLE * before and _large(problem, current, hypothesis)
     return bool(hypothesis.fall[0] > 0.0 and enough and _worst_improves(problem, current, hypothesis))
+
+
+def _taken(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -> float:
+    """Held-out error that an effect takes away, SI: the root of the fall of the mean square."""
+    before, after = (held_out_rmse(problem, fit.squares)[hypothesis.stage] for fit in (current, hypothesis.fit))
+    return float(np.sqrt(max(before**2 - after**2, 0.0)))
+
+
+def _large(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -> bool:
+    return _taken(problem, current, hypothesis) > float(CLAIMABLE_FLOOR * problem.floor[hypothesis.stage])
+
+
+def _too_small(problem: JointProblem, current: MapFit, hypotheses: Sequence[Hypothesis]) -> list[NotClaimable]:
+    """What held-out data confirm, below the repeatability."""
+    small = [
+        one
+        for one in hypotheses
+        if one.fall[0] > 0.0
+        and _taken(problem, current, one) > WORTH_LISTING * problem.floor[one.stage]
+        and not _large(problem, current, one)
+    ]
+    return [
+        NotClaimable(
+            one.effect,
+            one.stage,
+            _taken(problem, current, one),
+            CLAIMABLE_FLOOR * float(problem.floor[one.stage]),
+            "what re-runs differ by",
+        )
+        for one in small[:LISTED]
+    ]
+
+
+def _from_other_starts(
+    problem: JointProblem, current: MapFit, best: Hypothesis, rng: np.random.Generator
+) -> tuple[Hypothesis, float]:
+    """The best of several starts, and by how much the two best differ in held-out error, SI."""
+    fits = [best.fit]
+    for _ in range(STARTS):
+        start = best.fit.z + JITTER * rng.standard_normal(len(best.fit.z))
+        fits.append(map_fit(problem, best.fit.moves, start, ITERATIONS))
+    fits.sort(key=lambda fit: fit.cost)
+    errors = [held_out_rmse(problem, fit.squares)[best.stage] for fit in fits[:2]]
+    chosen = best if fits[0] is best.fit else _judge(problem, current, best.effect, fits[0], rng)
+    return chosen, abs(float(errors[0] - errors[1]))
 
 
 def _worst_improves(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -> bool:

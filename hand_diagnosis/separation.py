@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hand_diagnosis.excitation import EXPERIMENTS
 from hand_diagnosis.search import Hypothesis
-from hand_ident.joint_problem import CORRELATION_S, FLOOR, JointProblem
+from hand_ident.joint_problem import CORRELATION_S, JointProblem
 from hand_ident.map_fit import MapFit
 from hand_model.closed_chain import ClosedChain
 from hand_model.parameters import ROW
@@ -27,7 +27,7 @@ def separation_sigma(problem: JointProblem, one: MapFit, other: MapFit, name: st
     top = max(float(problem.pieces[0].pressure_pa.max()), 5e4)
     commands = top * np.clip(EXPERIMENTS[name](time_s, np.random.default_rng(0)), 0.0, 1.0)
     first, second = (_simulate(problem, fit, commands, period) for fit in (one, other))
-    scale = np.array(FLOOR[:2])[:, None]
+    scale = problem.floor[:2, None]
     squares = float((((first - second) / scale) ** 2).sum())
     return float(np.sqrt(squares * period / CORRELATION_S))
 

@@ -8,20 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_diagnosis.evidence import held_out_rmse
-from hand_ident.joint_problem import FLOOR, STAGES, JointProblem
+from hand_diagnosis.noise import noise_of_inputs, noise_of_reading
+from hand_ident.joint_problem import STAGES, JointProblem, Piece
 from hand_ident.map_fit import MapFit
-from hand_ident.signals import white_noise
+from hand_model.effects.effect import SPEED
 
 Array = NDArray[np.float64]
 UNEXPLAINED = 1.6
 """Held-out error beyond the noise, in practical floors, from which something is left to explain."""
-MOSTLY = 0.15
-"""Share of the first model's excess that may remain for the effects to count as the explanation."""
+MOSTLY, HARDLY = 0.15, 0.45
+"""Share of the first model's excess that may remain for the effects to count as the explanation; and the share from
+which they are none however little remains above the floor."""
 
 
 @dataclass(frozen=True, slots=True)
 class StageResult:
-    """A stage on held-out data, SI: error before and after, white noise, excess over the noise before and after."""
+    """A stage on held-out data, SI: error before and after, noise, excess over the noise before and after.
+
+    floor: repeatability.  noise: the white noise of the reading, and what the noise of the stage's measured inputs
+    makes of its prediction.
+    """
 
     stage: int
     before: float
@@ -29,6 +35,7 @@ class StageResult:
     noise: float
     excess_before: float
     excess_after: float
+    floor: float
 
     @property
     def name(self) -> str:
@@ -38,25 +45,32 @@ class StageResult:
     @property
     def unexplained(self) -> bool:
         """Whether structure is left that is worth a word."""
-        left = self.excess_after > UNEXPLAINED * FLOOR[self.stage]
-        return left and self.excess_after > MOSTLY * self.excess_before
+        left = self.excess_after / max(self.excess_before, 1e-300)
+        return (self.leftover and left > MOSTLY) or (self.excess_after > self.floor and HARDLY < left < 1.0)
 
     @property
     def leftover(self) -> bool:
         """Whether anything beyond the floor is left, explained mostly or not."""
-        return self.excess_after > UNEXPLAINED * FLOOR[self.stage]
+        return self.excess_after > UNEXPLAINED * self.floor
 
 
 def stage_results(problem: JointProblem, nominal: MapFit, final: MapFit) -> list[StageResult]:
     """Pressure, angle and force, those that the recording holds."""
     before, after = held_out_rmse(problem, nominal.squares), held_out_rmse(problem, final.squares)
+    inputs = noise_of_inputs(problem, final)
     results = []
     for stage in range(len(STAGES)):
         if not np.isfinite(before[stage]):
             continue
-        noise = float(np.max([white_noise(r[stage][p.use[stage]]) for p, r in _pairs(problem, final, stage)]))
+        white = max(
+            noise_of_reading(r[stage][p.use[stage]], (p.measured[stage] - r[stage])[p.use[stage]])
+            for p, r in _pairs(problem, final, stage)
+        )
+        noise = float(np.hypot(white, inputs[stage]))
         excess = [float(np.sqrt(max(rmse[stage] ** 2 - noise**2, 0.0))) for rmse in (before, after)]
-        results.append(StageResult(stage, float(before[stage]), float(after[stage]), noise, excess[0], excess[1]))
+        errors = float(before[stage]), float(after[stage])
+        floor = float(problem.floor[stage])
+        results.append(StageResult(stage, errors[0], errors[1], noise, excess[0], excess[1], floor))
     return results
 
 
@@ -85,7 +99,7 @@ def describe(problem: JointProblem, fit: MapFit, stage: int) -> Structure:
     piece, residual = max(_pairs(problem, fit, stage), key=lambda pair: pair[0].use[stage].sum())
     use = piece.use[stage]
     r = residual[stage][use]
-    states = _states(piece, use)
+    states = states_of(piece, use)
     shares: dict[str, float] = {name: _explained(r, values) for name, values in states.items()}
     state = max(shares, key=lambda name: shares[name])
     speed = states["speed"]
@@ -100,9 +114,10 @@ def describe(problem: JointProblem, fit: MapFit, stage: int) -> Structure:
     return Structure(STAGES[stage], state, shares[state], direction, memory, centroid, float(np.sqrt(np.mean(r**2))))
 
 
-def _states(piece, use: NDArray[np.bool_]) -> dict[str, Array]:  # type: ignore[no-untyped-def]
-    time = np.arange(len(use)) * piece.period_s
-    speed = piece.exogenous[:, 5]
+def states_of(piece: Piece, use: NDArray[np.bool_]) -> dict[str, Array]:
+    """What a residual may depend on, at the samples that count."""
+    time = np.asarray(np.arange(len(use)) * piece.period_s, dtype=np.float64)
+    speed = piece.exogenous[:, SPEED]
     return {
         "angle": piece.angle_rad[use],
         "pressure": piece.pressure_pa[use],

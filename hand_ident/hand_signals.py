@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_ident.loader import Recording, RecordingError
-from hand_ident.signals import Signals, bridge
+from hand_ident.signals import Signals, bridge, samples_on_grid
 from hand_ident.time_base import TimeBase, published_on_stamp_clock
 from hand_model.description import Hand
 from hand_sim.offline import Commands, Ticks, rebuild_ticks, set_points_in_force
@@ -34,7 +34,9 @@ def hand_signals(recording: Recording, hand: Hand) -> Signals:
         raise RecordingError(
             f"{recording.path}: joint_states has {len(stamps)} samples over {span:.3g} s; {SHORTEST_S:g} s are needed"
         )
-    ticks = rebuild_ticks(stamps, _rate_hz(stamps, hand.rate_hz))
+    rate_hz = _rate_hz(stamps, hand.rate_hz)
+    samples_on_grid(recording.path, stamps[0] * 1e-9, stamps[-1] * 1e-9, 1.0 / rate_hz)
+    ticks = rebuild_ticks(stamps, rate_hz)
     grid = ticks.stamp_ns
     base = recording.on_time_base(stamps_ns=grid, joints=joints, max_gap_s=LONGEST_GAP_S)
     angle, known = bridge(base.position)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_ident.joint_problem import (
+    FLOOR,
     SETTLING_S,
     JointProblem,
     Piece,
@@ -24,8 +25,13 @@ TOUCHING_N = 0.3
 """A force below this may be noise; the force stage is judged only while something is touched."""
 
 
-def joint_problem(signals: Sequence[Signals], hand: Hand, joint: str) -> JointProblem:
-    """The problem of one joint over all recordings that hold it, with the hand's nominal parameters."""
+def joint_problem(
+    signals: Sequence[Signals], hand: Hand, joint: str, floor: Sequence[float] | Array = FLOOR
+) -> JointProblem:
+    """The problem of one joint over all recordings that hold it, with the hand's nominal parameters.
+
+    floor: (OUTPUTS,) SI, repeatability of each signal.
+    """
     index = hand.joints.index(joint)
     pieces: list[Piece] = []
     first = 0
@@ -38,9 +44,10 @@ def joint_problem(signals: Sequence[Signals], hand: Hand, joint: str) -> JointPr
         joint,
         pieces,
         hand.parameters[:, index].copy(),
-        initial_weights(pieces[0].period_s, noise),
+        initial_weights(pieces[0].period_s, noise, np.asarray(floor)),
         _lever_m(hand, index),
         driven=signals[0].driven,
+        floor=np.asarray(floor),
     )
 
 
@@ -75,7 +82,8 @@ def _surroundings(signals: Signals, hand: Hand, joint: str) -> Array:
     speed, acceleration = derivatives(signals.angle_rad, signals.period_s)
     e = np.zeros((signals.samples, EXOGENOUS))
     e[:, TIME] = signals.time_s
-    e[:, INFLOW] = total_inflow(signals.pressure_pa, signals.period_s)
+    quiet = np.column_stack([_driving(signals, k) for k in range(len(signals.joints))])
+    e[:, INFLOW] = total_inflow(quiet, signals.period_s)
     e[:, ANGLE], e[:, SPEED] = signals.angle_rad[:, j], speed[:, j]
     e[:, ACCELERATION] = acceleration[:, j]
     partner = int(hand.partner[hand.joints.index(joint)])

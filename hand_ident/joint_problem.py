@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ FLOOR = (300.0, np.radians(0.05), 0.05)
 CORRELATION_S = 0.5
 SETTLING_S = 0.5
 """After the start, and after a gap, the model needs this long to forget what it could not know."""
-BLOCK_S = 2.5
+BLOCK_S = 1.25
 """Length of the blocks into which a recording is cut for held-out data and the bootstrap."""
 HELD_OUT_EVERY = 3
 
@@ -56,7 +57,10 @@ class Piece:
 
 @dataclass(slots=True)
 class JointProblem:
-    """A joint: its pieces, nominal parameters (rows,), weights (OUTPUTS,) of squared residuals, held-out blocks."""
+    """A joint: its pieces, nominal parameters (rows,), weights (OUTPUTS,) of squared residuals, held-out blocks.
+
+    floor: (OUTPUTS,) SI, repeatability of each signal.
+    """
 
     joint: str
     pieces: list[Piece]
@@ -65,6 +69,7 @@ class JointProblem:
     lever_m: float = 1.0
     step_s: float = 2.6e-3
     driven: bool = False
+    floor: Array = field(default_factory=lambda: np.array(FLOOR))
 
     @property
     def blocks(self) -> int:
@@ -73,8 +78,8 @@ class JointProblem:
 
     @property
     def held_out(self) -> NDArray[np.bool_]:
-        """(blocks,) which are not fitted: every third, so that each stretch of a recording is judged."""
-        return np.asarray(np.arange(self.blocks) % HELD_OUT_EVERY == HELD_OUT_EVERY - 1)
+        """(blocks,) which are not fitted, see `held_out_blocks`."""
+        return held_out_blocks(self.blocks)
 
     def columns(self, moves: Sequence[Move], z: Array) -> tuple[Array, Array]:
         """Parameter sets (k, rows) and starting creep (k,) of coordinates z (k, moves)."""
@@ -136,10 +141,22 @@ class JointProblem:
         return counts
 
 
-def initial_weights(period_s: float, noise: Array) -> Array:
-    """Weights (OUTPUTS,) of squared residuals: white noise (OUTPUTS,) and the practical floor, correlated."""
+@cache
+def held_out_blocks(blocks: int) -> NDArray[np.bool_]:
+    """(blocks,): one of every three, so that each stretch is judged; which one is drawn, always alike.
+
+    At regular distances a periodic motion could show the same part of itself in every block that is fitted.
+    """
+    drawn = np.random.default_rng(HELD_OUT_EVERY).integers(HELD_OUT_EVERY, size=-(-blocks // HELD_OUT_EVERY))
+    held = np.zeros(HELD_OUT_EVERY * len(drawn), dtype=bool)
+    held[HELD_OUT_EVERY * np.arange(len(drawn)) + drawn] = True
+    return held[:blocks]
+
+
+def initial_weights(period_s: float, noise: Array, floor: Array) -> Array:
+    """Weights (OUTPUTS,) of squared residuals: white noise (OUTPUTS,) and the floor (OUTPUTS,), correlated."""
     samples = max(CORRELATION_S / period_s, 1.0)
-    weights: Array = 1.0 / (noise**2 + np.array(FLOOR) ** 2 * samples)
+    weights: Array = 1.0 / (noise**2 + floor**2 * samples)
     return weights
 
 

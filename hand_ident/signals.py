@@ -9,9 +9,26 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
+from hand_ident.recording_files import RecordingError
+
 Array = NDArray[np.float64]
 SMOOTHING_S = 0.045
 """Window over which speed and acceleration are taken from measured angles; short against any motion of a finger."""
+
+
+LONGEST = 1_000_000
+"""Samples of a recording (83 minutes at 200 Hz); the memory of a fit grows with them."""
+
+
+def samples_on_grid(name: object, first_s: float, last_s: float, period_s: float) -> int:
+    """Samples from the first time to the last. RecordingError where they are too many to fit."""
+    count = int((last_s - first_s) / period_s + 0.5) + 1
+    if count > LONGEST:
+        raise RecordingError(
+            f"{name} has {count} samples on a uniform clock; the allowed range is up to {LONGEST};"
+            " cut it into several recordings, and judge each with --each"
+        )
+    return count
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +39,7 @@ class Signals:
     force_n: NaN where no sensor.  known: False where a reading was bridged.  has_*: (J,) whether the stage can be
     judged at all.  notes: what the data check found.  dropped: share of frames that never came.
     driven: the motion was imposed, and force_n is what the machine answered.
+    machine: of another machine than a hand; ranges of a hand say nothing about it.
     """
 
     name: str
@@ -37,6 +55,7 @@ class Signals:
     notes: tuple[str, ...] = field(default=())
     dropped: float = 0.0
     driven: bool = False
+    machine: bool = False
 
     @property
     def samples(self) -> int:
@@ -98,13 +117,18 @@ LEFT_ALONE = 3.5
 """Where smoothing would move a signal by more than so many standard deviations of its noise, it is no noise."""
 
 
+def smoothing_span(period_s: float) -> int:
+    """Samples of SMOOTHED_S, an odd number; fewer than 5 smooth nothing."""
+    return 2 * round(0.5 * SMOOTHED_S / period_s) + 1
+
+
 def without_noise(values: Array, period_s: float, noise: float) -> Array:
     """A signal (T,) that is an input of a model, with less of its white noise and none of its edges.
 
     Noise of an input is no error of the model, but would look like one: quadratics by least squares over SMOOTHED_S
     (Savitzky and Golay 1964), without lag; around edges the signal stays as it is.
     """
-    span = 2 * round(0.5 * SMOOTHED_S / period_s) + 1
+    span = smoothing_span(period_s)
     if span < 5 or len(values) <= span or noise <= 0.0:
         return values
     smooth = savgol_filter(values, span, 2)

@@ -32,7 +32,10 @@ def diagnose(
     sensor_curve: Annotated[
         bool | None, typer.Option(help="Angles are readings of the described Hall sensors. Default: what fits.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the bootstrap.")] = 0,
+    rerun: Annotated[
+        list[Path] | None, typer.Option(help="The same commands recorded again: what differs is never claimed.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the bootstrap and of the fits' further starts.")] = 0,
     each: Annotated[bool, typer.Option("--each", help="Every recording for itself, into one table.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes; more than 1 means --each.")] = 1,
     scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler; means --each.")] = None,
@@ -57,9 +60,11 @@ def diagnose(
             raise ValueError(f"--jobs is {jobs}; the allowed range is 1 to 256")
         if machine is not None:
             content = _machine(machine, recordings, out, tolerance, seed, _list(without))
-            print(json.dumps(content) if as_json else "\n".join(_summary(content, out, ask=False)[:LINES]))
+            print(json.dumps(content) if as_json else "\n".join(_summary(content, out, ask=False)))
             return
         hand = load_hand(model or default_model())
+        if rerun and (each or jobs > 1 or scheduler is not None):
+            raise ValueError("--rerun belongs to the diagnosis of one hand; it cannot be used with --each or --jobs")
         if each or jobs > 1 or scheduler is not None:
             options = (tolerance, seed, tuple(_list(joints)), tuple(_list(without)), sensor_curve)
             _fleet(recordings, hand.path, mapping, out, options, jobs, scheduler, as_json)
@@ -77,6 +82,7 @@ def diagnose(
                 joints=_list(joints),
                 without=_list(without),
                 sensor_curve=sensor_curve,
+                reruns=read_signals(rerun or [], hand, mapping),
                 progress=lambda joint: progress.update(bar, advance=1, description=joint),
             )
             progress.update(bar, completed=total)
@@ -88,7 +94,7 @@ def diagnose(
     if as_json:
         print(json.dumps(content))
     else:
-        print("\n".join(_summary(content, out, ask)[:LINES]))
+        print("\n".join(_summary(content, out, ask)))
 
 
 def _machine(
@@ -156,16 +162,22 @@ def _list(text: str) -> list[str]:
 
 
 def _summary(content: dict[str, Any], out: Path, ask: bool) -> list[str]:
+    """At most LINES lines; what comes last is never cut."""
     lines = [f"verdict: {content['verdict']}"]
-    for finding in content["findings"][:6]:
+    for finding in content["findings"]:
         lines.append(f"{finding['rank']}. {finding['effect']} ({finding['probability']:.0%}): {finding['statement']}")
     if not content["findings"]:
         lines.append("no effect of the catalogue is missing from the model")
+    last = []
     following = content["next_experiment"]
     if following:
-        lines.append(f"record next: {following['name']} - {following['why']}")
+        last.append(f"record next: {following['name']} - {following['why']}")
         if ask:
-            lines.append(f"  hand excite {following['name']} --out {following['name']}.mcap")
-    lines += [f"note: {line}" for line in content["data_check"][:3]]
-    lines.append(f"written: {out / 'report.html'}, {out / 'report.json'}, {out / 'model.yaml'}")
-    return lines
+            last.append(f"  hand excite {following['name']} --out {following['name']}.mcap")
+    last += [f"not claimable: {one['statement']}" for one in content["not_claimable"][:2]]
+    last += [f"note: {line}" for line in content["data_check"][:3]]
+    last.append(f"written: {out / 'report.html'}, {out / 'report.json'}, {out / 'model.yaml'}")
+    room = LINES - len(last)
+    if len(lines) > room:
+        lines = [*lines[: room - 1], f"and {len(lines) - room + 1} more in the report"]
+    return lines + last

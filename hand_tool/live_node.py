@@ -14,6 +14,7 @@ from hand_msgs.msg import ControllerState, ValveCommand
 from numpy.typing import NDArray
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -23,6 +24,8 @@ from hand_ros.node import DEFAULT_NAMESPACE, QUEUED_QOS, SENSOR_QOS
 
 READY_S = 60.0
 """Longest wait for the controller: discovery takes seconds, a first compile of the kernels some more."""
+RUNNING_S, DISCOVERY_S = 15.0, 1.0
+"""Longest wait for a hand that should be running already; what it takes to hear of every other node."""
 TICK_S = 0.1
 LISTENERS = 2
 """Of our trajectories: the controller and the recorder."""
@@ -59,7 +62,7 @@ def perform(
     on_progress(label, seconds) is called about ten times a second, healthy() too: it raises to give up.
     Raises NotReadyError when no controller answers.
     """
-    rclpy.init()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # Ctrl-C must leave us able to vent
     node = rclpy.create_node("demo", namespace=DEFAULT_NAMESPACE)
     executor = EventsExecutor()
     executor.add_node(node)
@@ -118,7 +121,7 @@ def run_experiment(
 
     Raises NotReadyError where no hand answers, somebody else commands the valves, or an angle leaves its limits.
     """
-    rclpy.init()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # Ctrl-C must leave us able to vent
     node = rclpy.create_node("experiment", namespace=namespace)
     executor = EventsExecutor()
     executor.add_node(node)
@@ -136,6 +139,7 @@ def run_experiment(
             publisher.publish(_valve_command(node, hand, row))
             if k % 20 == 0:
                 healthy()
+                _check_alone(node)
                 _check_angles(hand, latest)
                 yield (k + 1) / len(commands)
         yield 1.0
@@ -151,12 +155,17 @@ def run_experiment(
 def _await_hand(
     node: Node, executor: EventsExecutor, publisher: Any, latest: dict[str, float], healthy: Callable[[], None]
 ) -> None:
-    end = time.monotonic() + READY_S
+    end = time.monotonic() + RUNNING_S
     while not latest or publisher.get_subscription_count() < LISTENERS:
         _spin(executor, TICK_S)
         healthy()
         if time.monotonic() > end:
-            raise NotReadyError(f"no joint_states and valve_command listeners within {READY_S:g} s")
+            raise NotReadyError(f"no joint_states and valve_command listeners within {RUNNING_S:g} s")
+    _spin(executor, DISCOVERY_S)
+    _check_alone(node)
+
+
+def _check_alone(node: Node) -> None:
     if node.count_publishers("valve_command") > 1:
         raise NotReadyError("another node commands the valves; stop the controller first")
 

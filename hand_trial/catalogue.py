@@ -49,13 +49,13 @@ def _one(name: str, place: str, row: str, unit: float, **options: object) -> Con
 
 KNOWN: tuple[Concealed, ...] = (
     _one("supply_droop", "supply", "droop", 0.02, fixed={"droop_share": 0.5}, stage=0, everywhere=True, most=1e3),
-    _one("valve_lag", "valve", "lag_more", 0.01, stage=0, truth=("valve.time_constant_s", 0.0105)),
-    _one("valve_delay", "valve", "delay_more", 0.01, stage=0, truth=("valve.dead_time_s", 0.01)),
+    _one("valve_lag", "valve", "lag_more", 0.01, stage=0, most=15.0, truth=("valve.time_constant_s", 0.0105)),
+    _one("valve_delay", "valve", "delay_more", 0.01, stage=0, most=4.5, truth=("valve.dead_time_s", 0.01)),
     _one("valve_deadband", "valve", "band", 2e3, stage=0),
     Concealed("valve_flow_limit", "valve", {}, {}, stage=0, needs="inverse:choke:4.0", most=40.0),
     _one("valve_hysteresis", "valve", "bouc_valve", 2e3, stage=0, truth=("valve_hysteresis.width_pa", 2e3)),
     _one("leak", "fluid", "leak", 0.1, stage=0),
-    _one("tube_lag", "fluid", "tube", 0.02, truth=("tube_lag.time_constant_s", 0.02)),
+    _one("tube_lag", "fluid", "tube", 0.02, most=15.0, truth=("tube_lag.time_constant_s", 0.02)),
     _one("gas_compression", "fluid", "volume", 0.3, stage=0, most=4.0),
     Concealed("creep", "material", {"mode_1": 0.2, "mode_2": 0.4}, {}, needs="no_creep"),
     _one(
@@ -90,7 +90,7 @@ KNOWN: tuple[Concealed, ...] = (
     ),
     _one("angle_gain", "angle_sensor", "gain", 0.02, signed=True, most=10.0),
     _one("hall_misalignment", "angle_sensor", "eccentric", 0.5 * DEGREE, fixed={"eccentric_phase": 0.8}, most=20.0),
-    _one("angle_lag", "angle_sensor", "late", 0.01, truth=("angle_lag.time_constant_s", 0.01)),
+    _one("angle_lag", "angle_sensor", "late", 0.01, most=15.0, truth=("angle_lag.time_constant_s", 0.01)),
     _one(
         "pressure_offset",
         "pressure_sensor",
@@ -104,7 +104,7 @@ KNOWN: tuple[Concealed, ...] = (
     _one("fsr_gain", "force_sensor", "force_gain", 0.05, stage=2, needs="known_wall", most=10.0),
     _one("fsr_drift", "force_sensor", "force_creep", 0.05, stage=2, needs="known_wall", most=10.0),
     _one("fsr_hysteresis", "force_sensor", "force_loop", 0.02, stage=2, needs="known_wall", most=15.0),
-    Concealed("clock_offset", "timing", {}, {}, needs="clock", truth=("clock_offset.offset_s", 0.01)),
+    Concealed("clock_offset", "timing", {}, {}, needs="clock", most=15.0, truth=("clock_offset.offset_s", 0.01)),
     Concealed("dropped_frames", "timing", {}, {}, needs="drop"),
 )
 FOREIGN: tuple[Concealed, ...] = (

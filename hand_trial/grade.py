@@ -121,10 +121,9 @@ def _parameter(findings: list[dict[str, Any]], truth: dict[str, Any]) -> list[tu
         return []
     for finding in findings:
         if finding["effect"] == truth["effect"] and _joint(finding, truth):
-            for key, told in finding["parameters"].items():
-                if key.split(".")[-1] == number["key"].split(".")[-1] or key == number["key"]:
-                    scale = _unit(number["key"])
-                    return [(number["key"], abs(float(told["value"]) * scale / number["value"] - 1.0))]
+            told = finding["parameters"].get(number["key"])
+            if told is not None:
+                return [(number["key"], abs(float(told["value"]) * _unit(number["key"]) / number["value"] - 1.0))]
     return []
 
 

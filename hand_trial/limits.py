@@ -26,7 +26,10 @@ OUTPUT = (0, 1, 3)
 """Row of the plant's readings of each stage."""
 KNOWN_WALL = (math.radians(35.0), 0.8, 1.0)
 """Of the force sensors' cases: angle [rad], stiffness [N m/rad], plain spring."""
-FORCE = 2
+PRESSURE, ANGLE, FORCE = range(3)
+VALVE = {"lag", "delay"}
+CLOCK_S = 0.01
+"""A clock's offset at size 1."""
 COARSE_S = 5e-4
 OFF, DELAY_OFF = 0.03, 0.4
 """Standard deviation of the nominal constants' relative errors; what nobody knows of the dead time."""
@@ -54,7 +57,7 @@ class Scene:
         for name, factor in changes.items():
             q[ROW[name], self.column] *= factor
         if concealed is not None:
-            switch_on(concealed, q, self.column, size, self.reach_rad)
+            switch_on(concealed, q, self.column, size, self.reach_rad if in_the_way(concealed) else 0.0)
         out = record(q, self.u, self.frame_s, self.partner, self.neighbour, self.wander, COARSE_S)
         out = np.nan_to_num(out, nan=1e3, posinf=1e3, neginf=-1e3)
         seen: Array = out[list(OUTPUT), :, self.column][:, round(SKIP_S / self.frame_s) :]
@@ -62,9 +65,9 @@ class Scene:
 
     @property
     def reach_rad(self) -> float:
-        """How far the joint would flex at the highest set-point."""
-        q, p = self.q[:, self.column], self.u[:, self.column].max()
-        return float(-(q[ROW["a0"]] + q[ROW["a2"]] * p) / (q[ROW["a1"]] + q[ROW["a3"]] * p))
+        """How far the joint flexes where nothing more stands in its way."""
+        out = record(self.q, self.u, self.frame_s, self.partner, self.neighbour, self.wander, COARSE_S)
+        return float(out[OUTPUT[ANGLE], :, self.column].max())
 
 
 def switch_on(concealed: Concealed, q: Array, joint: int, size: float, reach_rad: float) -> None:
@@ -96,9 +99,12 @@ class Projector:
         """Sensitivities by differences; force is felt at the known obstacle."""
         still = next(one for one in KNOWN if one.needs == "known_wall") if stage == FORCE else None
         self.plain = where.readings(still, 0.0)[stage]
-        steps = [where.readings(still, 0.0, **{name: 1.0 + OFF})[stage] - self.plain for name in UNCERTAIN]
-        # A set-point waits for the board's tick, too: nobody knows the dead time to a few percent.
-        steps.append(where.readings(still, 0.0, delay=1.0 + DELAY_OFF)[stage] - self.plain)
+        # Behind the measured pressure, the valve can imitate nothing.
+        names = [name for name in UNCERTAIN if stage == PRESSURE or name not in VALVE]
+        steps = [where.readings(still, 0.0, **{name: 1.0 + OFF})[stage] - self.plain for name in names]
+        if stage == PRESSURE:
+            # A set-point waits for the board's tick, too: nobody knows the dead time to a few percent.
+            steps.append(where.readings(still, 0.0, delay=1.0 + DELAY_OFF)[stage] - self.plain)
         self._s = np.array(steps) / REPEATABILITY[stage]
         self._sigma = REPEATABILITY[stage]
         self._weight = where.frame_s / CORRELATION_S
@@ -125,8 +131,8 @@ def limit_size(concealed: Concealed, where: Scene) -> float:
     if concealed.needs == "drop":
         return 0.005
     if concealed.needs == "clock":
-        angle = where.readings(None, 0.0)[1]
-        return REPEATABILITY[1] / max(rms(np.gradient(angle, where.frame_s)), 1e-9) / 0.01
+        projector = Projector(where, ANGLE)
+        return 1.0 / max(rms(projector.rest(CLOCK_S * np.gradient(projector.plain, where.frame_s))), 1e-9)
     projector = Projector(where, concealed.stage)
 
     def seen(size: float) -> float:
@@ -145,6 +151,11 @@ def limit_size(concealed: Concealed, where: Scene) -> float:
     return math.sqrt(low * high)
 
 
+def in_the_way(concealed: Concealed) -> bool:
+    """Whether it is something that the joint runs into, nearer with its size."""
+    return concealed.needs.startswith("nearer")
+
+
 def inseparable(concealed: Concealed, size: float, where: Scene) -> list[str]:
     """Effects that could stand for this one here, itself first."""
     group = [concealed.name]
@@ -159,7 +170,9 @@ def inseparable(concealed: Concealed, size: float, where: Scene) -> list[str]:
             or other.needs in {"drop", "clock", "no_creep"}
         ):
             continue
-        its = where.readings(other, 1.0)[other.stage] - projector.plain
+        # Two things in the way are compared at the same place; other effects are scaled anyway.
+        same = in_the_way(concealed) and in_the_way(other)
+        its = where.readings(other, size if same else 1.0)[other.stage] - projector.plain
         if np.isfinite(its).all() and rms(its) > 1e-12 and rms(projector.rest(change, its)) < INSEPARABLE:
             group.append(other.name)
     return group

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hand_trial.bag import write_bag
 from hand_trial.catalogue import BY_NAME, FOREIGN, KNOWN, Concealed
-from hand_trial.limits import KNOWN_WALL, OFF, inseparable, limit_size, scene, switch_on
+from hand_trial.limits import CLOCK_S, KNOWN_WALL, OFF, in_the_way, inseparable, limit_size, scene, switch_on
 from hand_trial.motions import EXPERIMENTS, set_points
 from hand_trial.nominal import UNCERTAIN, Nominal
 from hand_trial.plant import record
@@ -160,17 +160,17 @@ def make_case(work: tuple[Case, str, str]) -> Case:
             kept = rng.random(frames) >= size
             kept[:5] = True
         elif concealed.needs == "clock":
-            late_s = 0.01 * size
+            late_s = CLOCK_S * size
         else:
-            reach = scene(q, u, nominal.partner, nominal.neighbour, joint, FRAME_S, wander).reach_rad
-            switch_on(concealed, q, joint, size, reach)
+            near = scene(q, u, nominal.partner, nominal.neighbour, joint, FRAME_S, wander)
+            switch_on(concealed, q, joint, size, near.reach_rad if in_the_way(concealed) else 0.0)
         whole = concealed.everywhere or concealed.needs in {"drop", "clock"}
         case.truth.append(_truth(concealed, multiple, size, None if whole else nominal.joints[joint], group, q, joint))
     noise = (rng.uniform(80.0, 250.0), math.radians(rng.uniform(0.01, 0.04)), 0.01, 0.02)
     readings = record(q, u, FRAME_S, nominal.partner, nominal.neighbour, wander)
     readings = readings + np.array(noise)[:, None, None] * rng.standard_normal(readings.shape)
     if "known_wall" in needs and joint >= 0:
-        site = (joint, nominal.joints[joint] + "_pad")
+        site = (joint, nominal.pads[joint])
     folder = Path(out) / "recordings"
     folder.mkdir(exist_ok=True)
     write_bag(folder / f"case_{case.number:04d}.mcap", nominal.joints, readings, u, FRAME_S, site, kept, late_s)
@@ -193,7 +193,9 @@ def _place(
     None where it shows nowhere within what is usual.
     """
     for _ in range(TRIES):
-        joint = int(rng.choice([j for j in range(q.shape[1]) if j != taken and u[:, j].any()]))
+        felt = concealed.needs == "known_wall"
+        able = [j for j in range(q.shape[1]) if j != taken and u[:, j].any() and (nominal.pads[j] or not felt)]
+        joint = int(rng.choice(able))
         near = scene(q, u, nominal.partner, nominal.neighbour, joint, FRAME_S, wander)
         limit = limit_size(concealed, near)
         if np.isfinite(limit) and limit * multiple < concealed.most:

@@ -57,9 +57,20 @@ class Nominal:
         for name, (group, key, unit) in KEYS.items():
             for j in range(count):
                 self.rows[ROW[name], j] = float(self.value(j, group, key)) * unit
+        self.pads = [self._pad(joint) for joint in self.joints]
+        self.rows[ROW["lever"]] = [self._lever_m(joint) for joint in self.joints]
         self.rows[ROW["supply"]] = float(self.data["supply"]["pressure_pa"])
         self.rows[ROW["stop_at"]] = self.rows[ROW["wall_at"]] = 99.0
         self.rows[ROW["warm_tau"]], self.rows[ROW["loop_scale"]] = 100.0, 0.1
+
+    def _pad(self, joint: str) -> str:
+        """Name of the force sensor on a joint; empty where there is none."""
+        return next((site["name"] for site in self.data["force_sites"] if site.get("joint") == joint), "")
+
+    def _lever_m(self, joint: str) -> float:
+        usual = float(self.data["force_site_defaults"]["lever_arm_m"])
+        site: dict[str, Any] = next((one for one in self.data["force_sites"] if one.get("joint") == joint), {})
+        return float(site.get("lever_arm_m", usual))
 
     def value(self, joint: int, group: str, key: str) -> Any:
         """A number of a joint, its own or the default."""

@@ -20,17 +20,18 @@ Array = NDArray[np.float64]
 STEP_S = 1e-4
 ROOM_PA = 101325.0
 MEMORY = 4096
+TURN_N = 0.3
+"""Change of force that turns a force sensor's loop around, to 1/e."""
 
 (
     DELAY, LAG, FILL, VENT, A0, A1, A2, A3, REACH, P_MIN, B1, T_EXT, B0, T_REC, INERTIA, DRAG, COUPLING, LOW, HIGH,
-    STOP_K, STOP_D, SUPPLY, DROOP, DROOP_SHARE, LAG_MORE, DELAY_MORE, BAND, CHOKE, BOUC, LEAK, TUBE, VOLUME, MODE_1,
-    MODE_2, LOOP, LOOP_SCALE, EXPO, AGE, WARM, WARM_TAU, LUGRE, BREAKAWAY, SQUARE, GAP, STOP_AT, STOP_SOFT, WEIGHT,
-    PHASE, MASS, TENDON, WALL_AT, WALL_K, WALL_PLAIN, LOAD, ECC, ECC_PHASE, GAIN, OFFSET, LATE, P_GAIN, P_OFFSET,
-    SHAKE, SHAKE_HZ, RIPPLE, WANDER, CHATTER, SWITCH, F_GAIN, F_CREEP, F_LOOP,
+    STOP_K, STOP_D, SUPPLY, LEVER, DROOP, DROOP_SHARE, LAG_MORE, DELAY_MORE, BAND, CHOKE, BOUC, LEAK, TUBE, VOLUME,
+    MODE_1, MODE_2, LOOP, LOOP_SCALE, EXPO, AGE, WARM, WARM_TAU, LUGRE, BREAKAWAY, SQUARE, GAP, STOP_AT, STOP_SOFT,
+    WEIGHT, PHASE, MASS, TENDON, WALL_AT, WALL_K, WALL_PLAIN, LOAD, ECC, ECC_PHASE, GAIN, OFFSET, LATE, P_GAIN,
+    P_OFFSET, SHAKE, SHAKE_HZ, RIPPLE, WANDER, CHATTER, SWITCH, F_GAIN, F_CREEP, F_LOOP,
 ) = range(len(NAMES))  # fmt: skip
 assert ROW["force_loop"] == F_LOOP
 _MODE_TAU = (8.0, 45.0)
-_LEVER_M = 0.025
 
 
 @njit(cache=True, inline="always")
@@ -55,7 +56,7 @@ def simulate(q, u, frame_s, step_s, start_phi, partner, neighbour, wander, out):
     creep, m1, m2 = np.zeros(joints), np.zeros(joints), np.zeros(joints)
     bristle, loop, zv, warm = np.zeros(joints), np.zeros(joints), np.zeros(joints), np.zeros(joints)
     link, read_1, read_2 = start_phi.copy(), start_phi.copy(), start_phi.copy()
-    pad, pad_peak = np.zeros(joints), np.zeros(joints)
+    pad, pad_peak, pushed, turned = np.zeros(joints), np.zeros(joints), np.zeros(joints), np.zeros(joints)
     u_last, rise = np.zeros(joints), np.zeros(joints)
     past = np.zeros((MEMORY, joints))
     reservoir, n = 1.0, 0
@@ -162,13 +163,16 @@ def simulate(q, u, frame_s, step_s, start_phi, partner, neighbour, wander, out):
                     link[i] += (slack - (half if slack > 0.0 else -half)) * min(h / 0.002, 1.0)
                 seen = link[i] if q[GAP, i] > 0.0 else phi[i]
                 if q[LATE, i] > 0.0:
-                    read_1[i] += h * (seen - read_1[i]) / (0.5 * q[LATE, i])
-                    read_2[i] += h * (read_1[i] - read_2[i]) / (0.5 * q[LATE, i])
-                force = push / _LEVER_M
+                    read_1[i] += h * (seen - read_1[i]) / (0.5 * q[LATE, i] + h)
+                    read_2[i] += h * (read_1[i] - read_2[i]) / (0.5 * q[LATE, i] + h)
+                force = push / q[LEVER, i]
                 pad_peak[i] += h * (force - pad_peak[i]) / 12.0
                 pad[i] = (1.0 + q[F_GAIN, i]) * force + q[F_CREEP, i] * pad_peak[i]
                 if q[F_LOOP, i] > 0.0:
-                    pad[i] -= q[F_LOOP, i] * force * (1.0 if om[i] > 0.0 else -1.0)
+                    way = (force - pushed[i]) / TURN_N
+                    turned[i] = (turned[i] + way) / (1.0 + abs(way))
+                    pad[i] -= q[F_LOOP, i] * force * turned[i]
+                pushed[i] = force
             t += h
 
 

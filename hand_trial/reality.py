@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 Array = NDArray[np.float64]
-BLOCK_S, HELD_OUT_EVERY = 2.5, 3
+BLOCK_S, HELD_OUT_EVERY = 1.25, 3
 BAR_PA = 1e5
 LOAD_WRAP, LOAD_MOST = 65536.0, 1500.0
 """The servo's log holds its load as unsigned 16 bits, interpolated across the wrap: such samples are dropped."""
@@ -166,7 +166,10 @@ def _features(machine: Machine, columns: dict[str, Array]) -> tuple[Array, Array
     v, a = (savgol_filter(x, span, 3, deriv=k, delta=period) for k in (1, 2))
     gain = machine.description.get("gain", 0.0)
     rest = columns["force"] - gain * columns["input"] + machine.description["inertia"] * a
-    train = ((t - t[0]) / BLOCK_S).astype(int) % HELD_OUT_EVERY != HELD_OUT_EVERY - 1
+    block = ((t - t[0]) / BLOCK_S).astype(int)
+    # The tool's own choice: one of every three, drawn alike.
+    drawn = np.random.default_rng(HELD_OUT_EVERY).integers(HELD_OUT_EVERY, size=block[-1] // HELD_OUT_EVERY + 1)
+    train = block % HELD_OUT_EVERY != drawn[block // HELD_OUT_EVERY]
     return rest, v, columns["input"] / BAR_PA, x, train.astype(float)
 
 

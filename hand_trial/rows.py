@@ -4,7 +4,7 @@ from __future__ import annotations
 
 PLAIN = (
     "delay", "lag", "fill", "vent", "a0", "a1", "a2", "a3", "reach", "p_min", "b1", "t_ext", "b0", "t_rec",
-    "inertia", "drag", "coupling", "low", "high", "stop_k", "stop_d", "supply",
+    "inertia", "drag", "coupling", "low", "high", "stop_k", "stop_d", "supply", "lever",
 )  # fmt: skip
 EFFECTS = (
     "droop", "droop_share", "lag_more", "delay_more", "band", "choke", "bouc_valve", "leak", "tube", "volume",

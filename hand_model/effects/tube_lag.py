@@ -5,26 +5,32 @@ from __future__ import annotations
 from hand_model.effects.effect import Effect, declare, inline, remember
 from hand_model.plant_parameters import Parameter
 
-(TAU,) = declare(Parameter("tube_lag.time_constant_s", 0.0, 1.0, "from the sensor to the actuator", 1.0, 0.0, 0.03))
+TAU, SECOND = declare(
+    Parameter("tube_lag.time_constant_s", 0.0, 1.0, "from the sensor to the actuator", 1.0, 0.0, 0.03),
+    Parameter("tube_lag.second", 0.0, 0.5, "share of a second volume in it", 1.0, 0.0, 0.3),
+)
+FIRST = remember()
 LAGGED = remember()
 
 
 @inline
 def actuator_pressure(w, i, p, h):  # type: ignore[no-untyped-def]
-    """First-order lag of the tube; its memory begins at the first pressure (chain.py)."""
-    w[LAGGED, i] += (p - w[LAGGED, i]) * min(h / (w[TAU, i] + 0.5 * h), 1.0)
+    """A line of one volume or two; their memory begins at the first pressure (chain.py)."""
+    second = w[SECOND, i] * w[TAU, i]
+    w[FIRST, i] += (p - w[FIRST, i]) * min(h / (w[TAU, i] - second + 0.5 * h), 1.0)
+    w[LAGGED, i] += (w[FIRST, i] - w[LAGGED, i]) * min(h / (second + 0.5 * h), 1.0)
     return w[LAGGED, i]
 
 
 EFFECT = Effect(
     "tube_lag",
     "fluid",
-    ("tube_lag.time_constant_s",),
-    ((0.02,), (0.08,)),
+    ("tube_lag.time_constant_s", "tube_lag.second"),
+    ((0.02, 0.0), (0.08, 0.0), (0.05, 0.5)),
     "the actuator follows the measured pressure with a lag of {time_constant_s} s",
     ("steps", "multisine"),
-    "Laminar resistance of the tube with the capacity of the actuator.",
+    "Laminar resistance of the tube with the capacity of the actuator, as one volume or two.",
     "Beater, Pneumatic Drives, 2007, tubes",
     {"actuator_pressure": actuator_pressure},
-    starts=((LAGGED, "pressure"),),
+    starts=((FIRST, "pressure"), (LAGGED, "pressure")),
 )

@@ -35,6 +35,8 @@ EFFECT = Effect(
         (Times(0.1), Times(0.4), 0.0),
         (Times(0.4), Times(0.1), 0.0),
         (Times(0.2), Times(0.3), 0.8),
+        (Times(0.04), Times(0.04), 0.0),
+        (Times(0.06), Times(0.06), 1.0),
     ),
     "the valve fills at most {fill_rate_pa_per_s} Pa/s and vents at most {vent_rate_pa_per_s} Pa/s",
     ("steps", "chirp"),

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from hand_diagnosis.diagnose import Diagnosis, diagnose
 from hand_ident.signals import Signals
@@ -64,6 +65,54 @@ def test_a_model_off_by_a_few_percent_agrees(hand: Hand) -> None:
     result = run(record(hand, rng), off_by_a_little(hand, rng))
     assert len(result.joints) == 11
     assert result.verdict == "agrees", [f.statement for f in result.findings]
+
+
+def disturbed(signals: Signals, kind: str, rng: np.random.Generator) -> Signals:
+    """The recording with noise of another kind than white on top."""
+    angle, pressure, period = signals.angle_rad, signals.pressure_pa, signals.period_s
+    if kind == "quantised":
+        step_rad, step_pa = 0.1 * DEGREE, 400.0
+        return replace(
+            signals, angle_rad=step_rad * np.round(angle / step_rad), pressure_pa=step_pa * np.round(pressure / step_pa)
+        )
+    if kind == "coloured":
+        keep = np.exp(-period / 0.2)
+        white = rng.standard_normal(angle.shape) * np.sqrt(1.0 - keep**2)
+        slow = lfilter([1.0], [1.0, -keep], white, axis=0)
+        return replace(signals, angle_rad=angle + 0.03 * DEGREE * slow, pressure_pa=pressure + 100.0 * slow[:, ::-1])
+    at = np.arange(len(angle)) + 1e-3 / period * rng.standard_normal(len(angle))  # sampled 1 ms early or late
+    late = [[np.interp(at, np.arange(len(angle)), one[:, j]) for j in range(one.shape[1])] for one in (angle, pressure)]
+    return replace(signals, angle_rad=np.transpose(late[0]), pressure_pa=np.transpose(late[1]))
+
+
+@pytest.mark.parametrize("kind", ["coloured", "quantised", "jittered"])
+def test_noise_of_any_colour_agrees(kind: str, hand: Hand) -> None:
+    """Fails when noise that is correlated, of an ADC's steps, or of stamps that jitter is taken for physics."""
+    rng = np.random.default_rng(24)
+    signals = disturbed(record(hand, rng), kind, rng)
+    joints = ("thumb_opposition", "index_proximal", "index_distal", "little_distal")
+    result = run(signals, off_by_a_little(hand, rng), *joints)
+    assert len(result.joints) == 4
+    assert result.verdict == "agrees", [f.statement for f in result.findings]
+
+
+def test_what_reruns_do_not_repeat_is_not_claimed(hand: Hand) -> None:
+    """Fails when an improvement smaller than two runs differ by is claimed, or is not listed as too small."""
+    truth = changed(hand, JOINT, backlash__gap_deg=0.6 * DEGREE)
+    signals = record(truth, np.random.default_rng(25), 30.0)
+    nominal = off_by_a_little(hand, np.random.default_rng(26))
+    again = record(truth, np.random.default_rng(25), 30.0)
+    otherwise = record(changed(truth, JOINT, constant_load__torque_nm=0.0012), np.random.default_rng(25), 30.0)
+    claimed = [
+        diagnose([signals], nominal, tolerance=0.05, seed=0, joints=[JOINT], sensor_curve=False, reruns=reruns)
+        for reruns in ([], [again], [again, otherwise])
+    ]
+    assert [[f.effect for f in one.findings] for one in claimed] == [["backlash"], ["backlash"], []]
+    small = claimed[2].joints[0].search.not_claimable
+    assert "backlash" in [one.effect.name for one in small]
+    assert all(one.taken < one.floor for one in small)
+    with pytest.raises(ValueError, match="no re-run"):
+        diagnose([signals], nominal, tolerance=0.05, seed=0, reruns=[record(hand, np.random.default_rng(27), 30.0)])
 
 
 def test_the_right_joint_among_eleven(hand: Hand) -> None:

@@ -1,0 +1,72 @@
+"""What the noise of the measured inputs does to the predictions: no model can fit better than that.
+
+A stage runs on what was measured at its input (chain.py), noise included. A second draw of the same noise, added to
+the inputs, moves the predictions by as much as the first one has moved them already.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from hand_ident.joint_problem import JointProblem, Piece
+from hand_ident.map_fit import MapFit
+from hand_ident.signals import derivatives, smoothing_span, white_noise
+from hand_model.chain import OUTPUTS
+from hand_model.effects.effect import ACCELERATION, ANGLE, SPEED
+
+Array = NDArray[np.float64]
+SEED = 20
+PARTS = (1, 2, 5, 10, 20)
+"""The fastest half, fifth, tenth and twentieth of the samples are looked at apart."""
+
+
+def noise_of_inputs(problem: JointProblem, fit: MapFit) -> Array:
+    """RMS (OUTPUTS,), SI, by which input noise moves the predictions of a fit on held-out blocks."""
+    rng = np.random.default_rng(SEED)
+    columns, creep = problem.columns(fit.moves, fit.z[None])
+    plain = problem.predict(columns, creep)
+    noisy = replace(problem, pieces=[_disturbed(piece, rng, problem.driven) for piece in problem.pieces])
+    squares, count = np.zeros(OUTPUTS), np.zeros(OUTPUTS)
+    for piece, one, other in zip(problem.pieces, plain, noisy.predict(columns, creep), strict=True):
+        counts = piece.use & problem.held_out[piece.block]
+        squares += (((other[0] - one[0]) * counts) ** 2).sum(axis=1)
+        count += counts.sum(axis=1)
+    return np.asarray(np.sqrt(squares / np.maximum(count, 1.0)), dtype=np.float64)
+
+
+def noise_of_reading(residual: Array, predicted: Array) -> float:
+    """RMS (T,) of the white part of a residual, SI, which may grow with the speed of the signal, as jitter makes it.
+
+    Samples are parted by the slope of the prediction; within a part, third differences tell noise from structure.
+    """
+    if len(residual) < 4 * PARTS[-1]:
+        return white_noise(residual)
+    slope = np.abs(np.gradient(predicted))
+    slope = np.maximum(slope[1:-2], slope[2:-1])
+    rough = np.abs(np.diff(residual, 3)) / np.sqrt(20.0)
+    order = np.argsort(slope, kind="stable")
+    parts = [order[len(order) * (k - 1) // k :] for k in PARTS[1:]]
+    rest, square = len(order), 0.0
+    for part, smaller in zip([order, *parts], [*parts, order[:0]], strict=True):
+        inside = np.setdiff1d(part, smaller, assume_unique=True)
+        square += len(inside) * (float(np.median(rough[inside])) / 0.6745) ** 2
+    return max(float(np.sqrt(square / rest)), white_noise(residual))
+
+
+def _disturbed(piece: Piece, rng: np.random.Generator, driven: bool) -> Piece:
+    """The piece with a second draw of the noise on its inputs, treated as the first one was."""
+    white = white_noise(piece.pressure_pa) * rng.standard_normal(len(piece.pressure_pa))
+    span = smoothing_span(piece.period_s)
+    smoothed = piece.driving_pa != piece.pressure_pa
+    kept = white if driven or span < 5 else np.where(smoothed, savgol_filter(white, span, 2), white)
+    angle = white_noise(piece.angle_rad) * rng.standard_normal(len(white))
+    speed, acceleration = derivatives(angle[:, None], piece.period_s)
+    exogenous = piece.exogenous.copy()
+    exogenous[:, ANGLE] += angle
+    exogenous[:, SPEED] += speed[:, 0]
+    exogenous[:, ACCELERATION] += acceleration[:, 0]
+    return replace(piece, driving_pa=piece.driving_pa + kept, exogenous=exogenous)

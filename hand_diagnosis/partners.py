@@ -1,0 +1,52 @@
+"""The coupled phalanx moves as its model says, not as its sensor shows it.
+
+A joint feels the acceleration of its partner (Eq. 8 with the coupling inertia). Taken from the partner's measured
+angle, a fault of that sensor would look like missing physics of this joint. Once both joints have a model, the
+acceleration that the partner's model gives, its sensor's faults left out, can take its place where that fits better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_ident.joint_problem import JointProblem
+from hand_ident.map_fit import MapFit, map_fit
+from hand_ident.signals import derivatives
+from hand_model.effects import CATALOGUE
+from hand_model.effects.effect import PARTNER
+from hand_model.parameters import JOINT_PARAMETERS, ROW
+
+Array = NDArray[np.float64]
+WORTH = 8.0
+"""Cost that the model's acceleration must save to replace the measured one."""
+_SENSOR = [ROW[key] for effect in CATALOGUE if effect.place == "angle_sensor" for key in effect.keys]
+
+
+def model_accelerations(problem: JointProblem, fit: MapFit) -> list[Array]:
+    """Acceleration (T,) [rad/s^2] of the joint itself in every piece, by its fitted model."""
+    columns, creep = problem.columns(fit.moves, fit.z[None])
+    for row in _SENSOR:
+        columns[:, row] = (JOINT_PARAMETERS[row].neutral or 0.0) * JOINT_PARAMETERS[row].scale
+    predicted = problem.predict(columns, creep)
+    return [
+        derivatives(one[0, 1][:, None], piece.period_s)[1][:, 0]
+        for one, piece in zip(predicted, problem.pieces, strict=True)
+    ]
+
+
+def put_partner(problem: JointProblem, accelerations: Sequence[Array]) -> None:
+    """Set the partner's acceleration in every piece."""
+    for piece, acceleration in zip(problem.pieces, accelerations, strict=True):
+        piece.exogenous[:, PARTNER] = acceleration
+
+
+def fits_better(problem: JointProblem, fit: MapFit, accelerations: Sequence[Array]) -> bool:
+    """Whether the nominal model of a joint, fitted as fit, would fit clearly better with these of its partner."""
+    measured = [piece.exogenous[:, PARTNER].copy() for piece in problem.pieces]
+    put_partner(problem, accelerations)
+    cost = map_fit(problem, fit.moves, fit.z, 3).cost
+    put_partner(problem, measured)
+    return cost < fit.cost - WORTH

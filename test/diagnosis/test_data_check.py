@@ -1,0 +1,138 @@
+"""What is wrong with the data is said, and is never taken for physics."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hand_diagnosis.data_check import check
+from hand_diagnosis.diagnose import diagnose
+from hand_ident.offline_recording import record_offline
+from hand_ident.signals import Signals
+from hand_model.description import Hand
+from test.diagnosis.conftest import record
+from test.diagnosis.test_diagnose_command import hand_tool
+
+JOINT = 4
+
+
+@pytest.fixture(scope="module")
+def signals(hand: Hand) -> Signals:
+    return record(hand, np.random.default_rng(70), 12.0)
+
+
+def with_column(values: np.ndarray, column: np.ndarray) -> np.ndarray:
+    changed = values.copy()
+    changed[:, JOINT] = column
+    return changed
+
+
+def test_a_sound_recording_is_sound(signals: Signals, hand: Hand) -> None:
+    """Fails when ordinary data are called bad."""
+    found = check(signals, hand)
+    assert found.lines == ()
+    assert found.unusable == frozenset()
+
+
+@pytest.mark.parametrize(
+    ("field", "factor", "says"),
+    [("angle_rad", 180.0 / np.pi, "degrees?"), ("pressure_pa", 1e-5, "another unit"), ("pressure_pa", 14.5, "unit")],
+)
+def test_another_unit_is_not_judged(field: str, factor: float, says: str, signals: Signals, hand: Hand) -> None:
+    """Fails when degrees, bar or psi are diagnosed as if they were rad or Pa."""
+    values = with_column(getattr(signals, field), factor * getattr(signals, field)[:, JOINT])
+    wrong = replace(signals, angle_rad=values) if field == "angle_rad" else replace(signals, pressure_pa=values)
+    result = diagnose([wrong], hand, tolerance=0.05, seed=0, joints=[hand.joints[JOINT]], sensor_curve=False)
+    assert result.verdict == "agrees"
+    assert not result.joints
+    assert any(hand.joints[JOINT] in line and says in line for line in result.check), result.check
+
+
+def test_swapped_channels_are_named(signals: Signals, hand: Hand) -> None:
+    """Fails when two joints whose pressure channels are exchanged are diagnosed."""
+    order = list(range(11))
+    order[JOINT], order[9] = 9, JOINT
+    found = check(replace(signals, pressure_pa=signals.pressure_pa[:, order]), hand)
+    assert {hand.joints[JOINT], hand.joints[9]} <= found.unusable
+    assert any("swapped" in line and hand.joints[9] in line for line in found.lines)
+
+
+def test_spikes_rails_and_gaps_are_left_out(signals: Signals, hand: Hand) -> None:
+    """Fails when an impossible sample, a rail or a gap stays in what is judged, or is not reported."""
+    angle = signals.angle_rad[:, JOINT].copy()
+    angle[300] = 40.0
+    rail = float(np.quantile(angle, 0.9))
+    known = signals.known.copy()
+    known[600:700] = False
+    broken = replace(signals, angle_rad=with_column(signals.angle_rad, np.minimum(angle, rail)), known=known)
+    broken.angle_rad[300, JOINT] = 40.0
+    found = check(broken, hand)
+    text = "\n".join(found.lines)
+    assert "1 impossible readings" in text
+    assert "at a rail" in text
+    assert "1 gaps, the longest of 0.5 s at 3 s" in text
+    judged = found.signals
+    assert not judged.known[300, JOINT]
+    assert abs(judged.angle_rad[300, JOINT]) < 2.0
+    at_rail = judged.known[:, JOINT] & (judged.angle_rad[:, JOINT] == rail)
+    assert at_rail.sum() < 0.2 * (angle >= rail).sum()
+
+
+def test_a_channel_of_nan_is_said_and_not_judged(hand: Hand, tmp_path: Path) -> None:
+    """Fails when a bag whose angle channel holds no number gives a finding, a traceback or silence."""
+    noisy = record(hand, np.random.default_rng(71), 10.0)
+    lost = replace(noisy, known=noisy.known.copy())
+    lost.known[:, JOINT] = False
+    result = diagnose([lost], hand, tolerance=0.05, seed=0, joints=[hand.joints[JOINT]], sensor_curve=False)
+    assert not result.findings
+    assert any("missing or not finite" in line for line in result.check)
+
+
+def test_ten_million_samples_are_one_line(tmp_path: Path) -> None:
+    """Fails when a recording far too long to fit is tried, or refused without saying what to do."""
+    count = 10_000_000
+    time_s = np.arange(count) * 0.005
+    path = tmp_path / "long.npz"
+    np.savez(path, t=time_s, p=np.zeros(count, np.float32), phi=np.zeros(count, np.float32))
+    mapping = tmp_path / "map.yaml"
+    mapping.write_text(
+        "time: {column: t}\njoints: {index_distal: {angle: {column: phi}, pressure: {column: p}}}\n", encoding="utf-8"
+    )
+    result = hand_tool("diagnose", str(path), "--map", str(mapping), "--out", str(tmp_path / "out"))
+    assert result.exit_code == 2, result.output
+    assert "10000000 samples" in result.output
+    assert "--each" in result.output
+
+
+def test_repeated_and_unsorted_stamps_change_nothing(hand: Hand, tmp_path: Path) -> None:
+    """Fails when stamps that come twice or out of order give a finding or a traceback."""
+    out = tmp_path / "run.mcap"
+    rng = np.random.default_rng(72)
+    commands = np.repeat(rng.uniform(0.0, 3e5, (12, 11)), 100, axis=0)
+    for _ in record_offline(hand, commands, out, seed=4):
+        pass
+    shuffled = tmp_path / "shuffled"
+    rewrite(out, shuffled, rng)
+    result = hand_tool("diagnose", str(shuffled), "--joints", "index_distal", "--out", str(tmp_path / "out"), "--json")
+    assert result.exit_code == 0, result.output
+    assert '"verdict": "agrees"' in result.output
+
+
+def rewrite(source: Path, target: Path, rng: np.random.Generator) -> None:
+    """The bag with every tenth message twice and neighbours exchanged, by a library that did not write it."""
+    from rosbags.highlevel import AnyReader  # noqa: PLC0415 - only here
+    from rosbags.rosbag2 import Writer  # noqa: PLC0415 - only here
+
+    with AnyReader([source]) as reader, Writer(target, version=9) as writer:
+        topics = {
+            c.topic: writer.add_connection(c.topic, c.msgtype, typestore=reader.typestore) for c in reader.connections
+        }
+        messages = list(reader.messages())
+        for k in range(0, len(messages) - 1, 7):
+            messages[k], messages[k + 1] = messages[k + 1], messages[k]
+        for connection, stamp, data in messages:
+            for _ in range(2 if rng.random() < 0.1 else 1):
+                writer.write(topics[connection.topic], stamp, data)

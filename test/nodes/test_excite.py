@@ -1,0 +1,77 @@
+"""`hand excite --live` on a running hand: what it records, who may drive, and how it ends."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hand_ident.loader import load_recording
+from test.nodes.conftest import BIN
+
+if TYPE_CHECKING:
+    from test.nodes.conftest import Client, Stack
+
+
+def command(out: Path, *more: str) -> list[str]:
+    joints = ["--joints", "index_distal,ring_proximal"]
+    return [str(BIN / "hand"), "excite", "steps", *joints, "--live", "--out", str(out), *more]
+
+
+def alone(client: Client) -> None:
+    """Leave commanding the valves to others."""
+    client.node.destroy_publisher(client.valve_publisher)
+
+
+def vented(client: Client) -> bool:
+    return bool(client.valves and max(client.valves[-1].pressure) == 0.0)
+
+
+def test_the_experiment_is_driven_and_recorded(stack: Stack, client: Client) -> None:
+    """Fails when a joint asked for does not move, another does, frames are lost, or it is not vented at the end."""
+    alone(client)
+    stack.node("simulation")
+    client.until(lambda: client.joints)
+    out = stack.folder / "steps.mcap"
+    ran = subprocess.run(
+        command(out, "--duration", "4", "--json"), capture_output=True, text=True, timeout=60, check=False
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert json.loads(ran.stdout)["samples"] == 800
+    client.until(lambda: vented(client))
+    states = load_recording(out)["joint_states"]
+    assert len(states) > 780
+    moved = dict(zip(states.names, np.degrees(np.ptp(states["position"], axis=0)), strict=True))
+    assert min(moved["index_distal"], moved["ring_proximal"]) > 10.0
+    assert max(moved[name] for name in moved if name.split("_")[0] in {"thumb", "little"}) < 2.0
+
+
+def test_who_else_commands_and_ctrl_c(stack: Stack, client: Client) -> None:
+    """Fails when two nodes drive one hand, or an interrupted experiment leaves pressure on it."""
+    alone(client)
+    stack.node("simulation")
+    controller = stack.node("controller")
+    client.controlling()
+    out = stack.folder / "no.mcap"
+    refused = subprocess.run(command(out), capture_output=True, text=True, timeout=60, check=False)
+    assert refused.returncode == 2
+    assert "another node commands the valves" in refused.stderr.strip().splitlines()[-1]
+    stack.stop(controller)
+    client.until(lambda: client.node.count_publishers("valve_command") == 0)
+    client.valves.clear()
+    running = stack.start("hand", *command(stack.folder / "cut.mcap", "--duration", "60")[1:])
+    client.until(lambda: client.valves and max(client.valves[-1].pressure) > 1e4)
+    assert stack.stop(running) != 0
+    assert "Traceback" not in stack.log("hand"), stack.log("hand")
+    client.until(lambda: vented(client))
+    assert len(load_recording(stack.folder / "cut.mcap")["joint_states"]) > 0
+
+
+def test_no_hand_is_one_line(tmp_path: Path) -> None:
+    """Fails when an experiment without a hand hangs, or ends without saying so."""
+    ran = subprocess.run(command(tmp_path / "x.mcap"), capture_output=True, text=True, timeout=90, check=False)
+    assert ran.returncode == 2
+    assert "no joint_states" in ran.stderr.strip().splitlines()[-1]
