@@ -25,8 +25,9 @@ SPIKES = 0.05
 MOSTLY_MISSING = 0.5
 RAIL_S = 0.1
 """A noisy signal that keeps its very highest or lowest value for so long is at a rail."""
-SCALE = 5.0
-"""Factor between what was measured and what the model expects from which it is another unit."""
+SCALE, NOTHING = 5.0, 3e-3
+"""Factor between what was measured and what was asked or expected from which it is another unit, and below which it
+is; a joint that is held or a valve that hardly opens is no unit."""
 EXCITED_PA, EXPECTED_RAD = 2e4, np.radians(10.0)
 OTHER, CLOSER = 0.9, 0.1
 """Correlation with another joint's channel from which, and by how much above the own one's, channels are swapped."""
@@ -84,11 +85,11 @@ def _units(signals: Signals, hand: Hand) -> Iterator[tuple[str, str]]:
         given = float(np.quantile(np.abs(pressure), 0.95))
         if signals.has_set_point[j] and signals.has_pressure[j] and asked > EXCITED_PA:
             ratio = given / asked
-            if given > HIGHEST_PA or not 1.0 / SCALE**2 < ratio < SCALE:
+            if given > HIGHEST_PA or not NOTHING < ratio < SCALE:
                 yield joint, f"{joint}: pressures are {ratio:.2g} times their set-points; another unit?"
                 continue
         expected, seen = _expected_travel(hand, joint, pressure), float(np.ptp(np.quantile(angle, [0.02, 0.98])))
-        if signals.has_pressure[j] and expected > EXPECTED_RAD and not 1.0 / SCALE**2 < seen / expected < SCALE:
+        if signals.has_pressure[j] and expected > EXPECTED_RAD and seen > SCALE * expected:
             yield joint, f"{joint}: it moves {seen / expected:.2g} times as far as the model; another unit?"
 
 

@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 from hand_diagnosis.evidence import block_bootstrap, held_out_rmse, log_evidence
 from hand_diagnosis.screen import Screened, screen
 from hand_ident.joint_problem import JointProblem
-from hand_ident.map_fit import MapFit, map_fit
-from hand_ident.moves import Move, effect_moves, merged, nominal_moves
+from hand_ident.map_fit import MapFit, costs_at, map_fit
+from hand_ident.moves import Move, effect_moves, merged, nominal_moves, probe_values
 from hand_model.effects.effect import Effect
+from hand_model.parameters import ROW
+from hand_model.plant_parameters import PLANT_PARAMETERS
 
 Array = NDArray[np.float64]
 MOST = 4
@@ -32,6 +34,8 @@ CLAIMABLE_FLOOR = 0.6
 (the root of the fall of the mean square) relative to the repeatability."""
 STARTS, JITTER, ITERATIONS = 1, 0.5, 12
 """Further starts of the fit of an effect to be accepted; how far off they are, in priors' widths; their iterations."""
+PROBES, SHARES = 6, (0.1, 0.3, 1.0, 2.5)
+"""Starts of a fit: probes of the effect, and shares of the way to them."""
 LISTED, WORTH_LISTING = 3, 0.2
 """Improvements too small to be claimed that are listed, and what they must take away, in floors."""
 HEATS = ((8, 6), (5, 6), (3, 20))
@@ -142,10 +146,9 @@ def _ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
 def _fit(
     problem: JointProblem, current: MapFit, screened: Screened, iterations: int, rng: np.random.Generator
 ) -> Hypothesis:
-    columns, _ = problem.columns(current.moves, current.z[None])
-    added = effect_moves(screened.effect, problem.nominal)
-    moves = merged(current.moves, added)
-    start = np.array([_start(move, current, screened, columns[0]) for move in moves])
+    moves = merged(current.moves, effect_moves(screened.effect, problem.nominal))
+    starts = np.array(_starts(problem, current, screened, moves))
+    start = starts[int(np.argmin(costs_at(problem, moves, starts)))]
     rough = _judge(problem, current, screened.effect, map_fit(problem, moves, start, iterations), rng)
     return replace(rough, fit=rough.fit.lean())
 
@@ -166,16 +169,34 @@ def _judge(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, 
     return Hypothesis(effect, fit, log_evidence(problem, fit), stage, fall)
 
 
-def _start(move: Move, current: MapFit, screened: Screened, values: Array) -> float:
-    """A probe's value, drawn to the share of it that the screen liked; other coordinates as they are."""
-    if move.row in screened.start:
-        here = float(values[move.row]) if move.row < len(values) else 0.0
-        there = screened.start[move.row]
-        share = min(max(screened.share, 0.1), 2.0)
-        return move.coordinate(here + share * (there - here) if not _threshold(move) else there)
-    if move.row < len(values):
-        return move.coordinate(float(values[move.row]))
-    return next((float(z) for other, z in zip(current.moves, current.z, strict=True) if other.row == move.row), 0.0)
+def _starts(problem: JointProblem, current: MapFit, screened: Screened, moves: Sequence[Move]) -> list[list[float]]:
+    """Coordinates to start from: each probe at several shares of it, the nominal numbers as they are, and released.
+
+    A large effect has dragged the nominal numbers along; from where they are expected the way is shorter.
+    """
+    columns, _ = problem.columns(current.moves, current.z[None])
+    here = {move.row: float(z) for move, z in zip(current.moves, current.z, strict=True)}
+    own = {ROW[key] for key in screened.effect.keys}
+    starts = []
+    for probe in (probe_values(screened.effect, columns[0]) or [{}])[:PROBES]:
+        for share in SHARES:
+            start = [_coordinate(move, probe, share, columns[0], here) for move in moves]
+            released = [
+                0.0 if move.row not in own and move.row < len(PLANT_PARAMETERS) and not move.log else z
+                for move, z in zip(moves, start, strict=True)
+            ]
+            starts += [start, released]
+    return starts
+
+
+def _coordinate(move: Move, probe: dict[int, float], share: float, values: Array, here: dict[int, float]) -> float:
+    """A probe's value, a share of the way to it; other coordinates as they are."""
+    if move.row in probe:
+        now, there = float(values[move.row]), probe[move.row]
+        return move.coordinate(there if _threshold(move) else now + share * (there - now))
+    if move.row in here:
+        return here[move.row]
+    return move.coordinate(float(values[move.row])) if move.row < len(values) else 0.0
 
 
 def _threshold(move: Move) -> bool:
@@ -227,15 +248,16 @@ def _too_small(problem: JointProblem, current: MapFit, hypotheses: Sequence[Hypo
 def _from_other_starts(
     problem: JointProblem, current: MapFit, best: Hypothesis, rng: np.random.Generator
 ) -> tuple[Hypothesis, float]:
-    """The best of several starts, and by how much the two best differ in held-out error, SI."""
+    """The best of several starts, and by how much those that fit as well differ from it in held-out error, SI."""
     fits = [best.fit]
     for _ in range(STARTS):
         start = best.fit.z + JITTER * rng.standard_normal(len(best.fit.z))
         fits.append(map_fit(problem, best.fit.moves, start, ITERATIONS))
     fits.sort(key=lambda fit: fit.cost)
-    errors = [held_out_rmse(problem, fit.squares)[best.stage] for fit in fits[:2]]
+    alike = [fit for fit in fits if fit.cost < fits[0].cost + ACCEPTED]
+    errors = [held_out_rmse(problem, fit.squares)[best.stage] for fit in alike]
     chosen = best if fits[0] is best.fit else _judge(problem, current, best.effect, fits[0], rng)
-    return chosen, abs(float(errors[0] - errors[1]))
+    return chosen, float(np.ptp(errors))
 
 
 def _worst_improves(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -> bool:

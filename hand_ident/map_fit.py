@@ -52,14 +52,14 @@ def map_fit(
     """Fit from start (moves,). Stops when the cost falls by less than `tolerance` of a unit (or 1e-4 of itself)."""
     train = (~problem.held_out).astype(float)
     bounds = _bounds(moves)
-    z = _usable(problem, moves, np.clip(start, *bounds), train)
+    z = _usable(problem, moves, np.clip(start, *bounds))
     for done in range(1, iterations + 1):
         cost, squares, residuals, sensitivity = _differentiate(problem, moves, z, train)
         normal, slope = _normal_equations(problem, residuals, sensitivity, train)
         if done == iterations:
             break
         trials = _trial_steps(z, normal, slope, bounds)
-        costs = _costs(problem, moves, trials, train)
+        costs = costs_at(problem, moves, trials)
         best = int(np.argmin(costs))
         if not costs[best] < cost - max(tolerance, 1e-4 * cost):
             if costs[best] < cost:
@@ -71,10 +71,10 @@ def map_fit(
     return MapFit(tuple(moves), z, cost, squares, tuple(residuals), normal, tuple(sensitivity), done)
 
 
-def _usable(problem: JointProblem, moves: Sequence[Move], z: Array, train: Array) -> Array:
+def _usable(problem: JointProblem, moves: Sequence[Move], z: Array) -> Array:
     """The start, or as far from the nominal values towards it as the simulation stays finite."""
     shares = np.linspace(1.0, 0.0, 8)
-    costs = _costs(problem, moves, shares[:, None] * z, train)
+    costs = costs_at(problem, moves, shares[:, None] * z)
     usable: Array = shares[int(np.argmax(np.isfinite(costs)))] * z
     return usable
 
@@ -131,13 +131,32 @@ def _trial_steps(z: Array, normal: Array, slope: Array, bounds: tuple[Array, Arr
     scale = np.diag(np.diag(hessian))
     trials = []
     for damping in DAMPING:
-        step = np.linalg.solve(hessian + damping * scale, -gradient)
+        step = _bounded_step(hessian + damping * scale, gradient, bounds[0] - z, bounds[1] - z)
         step *= min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-300))
-        trials.append(np.clip(z + step, *bounds))
+        trials.append(z + step)
     return np.array(trials)
 
 
-def _costs(problem: JointProblem, moves: Sequence[Move], points: Array, train: Array) -> Array:
+def _bounded_step(hessian: Array, gradient: Array, low: Array, high: Array) -> Array:
+    """The step to the minimum of the parabola, coordinates that would leave their bounds held there."""
+    step = np.clip(np.zeros(len(gradient)), low, high)
+    free = np.ones(len(gradient), dtype=bool)
+    for _ in range(len(gradient)):
+        rest = gradient[free] + hessian[np.ix_(free, ~free)] @ step[~free]
+        inside = np.linalg.solve(hessian[np.ix_(free, free)], -rest)
+        step[free] = np.clip(inside, low[free], high[free])
+        left = step[free] != inside
+        if not left.any():
+            break
+        free[np.flatnonzero(free)[left]] = False
+        if not free.any():
+            break
+    return step
+
+
+def costs_at(problem: JointProblem, moves: Sequence[Move], points: Array) -> Array:
+    """Costs (k,) at coordinates (k, moves), simulated together; infinite where the simulation is."""
+    train = (~problem.held_out).astype(float)
     squares = problem.block_squares(problem.residuals(*problem.columns(moves, points)))
     costs: Array = (problem.weight[None, :, None] * squares * train).sum(axis=(1, 2)) + (points**2).sum(axis=1)
     return np.where(np.isfinite(costs), costs, np.inf)

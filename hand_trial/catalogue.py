@@ -76,7 +76,7 @@ KNOWN: tuple[Concealed, ...] = (
     Concealed("end_stop", "joint", {}, {"stop_soft": 2.0}, needs="nearer:stop_at", most=20.0),
     _one("gravity", "joint", "weight", 0.01, fixed={"weight_phase": 0.4}, most=15.0),
     _one("added_inertia", "joint", "mass", 5e-5),
-    _one("joint_coupling", "joint", "tendon", 0.005),
+    _one("joint_coupling", "joint", "tendon", 0.005, most=5.0),
     Concealed("contact", "environment", {}, {"wall_k": 0.8}, needs="nearer:wall_at", most=20.0),
     _one("constant_load", "environment", "load", 0.01, most=10.0, truth=("constant_load.torque_nm", 0.01), signed=True),
     _one(

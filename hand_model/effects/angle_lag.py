@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from hand_model.effects.effect import Effect, declare, inline, remember
 from hand_model.plant_parameters import Parameter
 
@@ -9,16 +11,24 @@ TAU, SECOND = declare(
     Parameter("angle_lag.time_constant_s", 0.0, 0.5, "of the filters together", 1.0, 0.0, 0.01),
     Parameter("angle_lag.second", 0.0, 0.5, "share of a second filter in it", 1.0, 0.0, 0.3),
 )
-FIRST = remember()
-LAGGED = remember()
+BEFORE, FIRST, LAGGED = remember(), remember(), remember()
+_TINY_S = 1e-9
+
+
+@inline
+def _followed(y, before, now, tau, h):  # type: ignore[no-untyped-def]
+    """A first-order lag after h [s] in which its input went straight from before to now; exact."""
+    behind = tau * (now - before) / h
+    return now - behind + (y - before + behind) * math.exp(-h / (tau + _TINY_S))
 
 
 @inline
 def angle_reading(w, i, phi, h):  # type: ignore[no-untyped-def]
     """One first-order filter or two; their memory begins at the first angle (chain.py)."""
     second = w[SECOND, i] * w[TAU, i]
-    w[FIRST, i] += (phi - w[FIRST, i]) * min(h / (w[TAU, i] - second + 0.5 * h), 1.0)
-    w[LAGGED, i] += (w[FIRST, i] - w[LAGGED, i]) * min(h / (second + 0.5 * h), 1.0)
+    first = _followed(w[FIRST, i], w[BEFORE, i], phi, w[TAU, i] - second, h)
+    w[LAGGED, i] = _followed(w[LAGGED, i], w[FIRST, i], first, second, h)
+    w[BEFORE, i], w[FIRST, i] = phi, first
     return w[LAGGED, i]
 
 
@@ -26,11 +36,11 @@ EFFECT = Effect(
     "angle_lag",
     "angle_sensor",
     ("angle_lag.time_constant_s", "angle_lag.second"),
-    ((0.01, 0.0), (0.04, 0.0), (0.04, 0.5)),
+    ((0.01, 0.25), (0.04, 0.25)),
     "the angle reading lags by {time_constant_s} s",
     ("steps", "multisine"),
     "Low-pass filter between the joint and its reading, of first or second order.",
     "first-order filters in series",
     {"angle_reading": angle_reading},
-    starts=((FIRST, "angle"), (LAGGED, "angle")),
+    starts=((BEFORE, "angle"), (FIRST, "angle"), (LAGGED, "angle")),
 )

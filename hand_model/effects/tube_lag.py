@@ -26,7 +26,7 @@ EFFECT = Effect(
     "tube_lag",
     "fluid",
     ("tube_lag.time_constant_s", "tube_lag.second"),
-    ((0.02, 0.0), (0.08, 0.0), (0.05, 0.5)),
+    ((0.02, 0.25), (0.08, 0.25)),
     "the actuator follows the measured pressure with a lag of {time_constant_s} s",
     ("steps", "multisine"),
     "Laminar resistance of the tube with the capacity of the actuator, as one volume or two.",
