@@ -29,9 +29,7 @@ WORTH_A_FIT = 8.0
 ACCEPTED = 6.0
 """Log evidence by which an effect must beat the model without it."""
 CLAIMABLE = 0.03
-CLAIMABLE_FLOOR = 0.6
-"""What is worth a claim: the fall of the held-out error relative to itself, and the error that an effect takes away
-(the root of the fall of the mean square) relative to the repeatability."""
+"""Fall of the held-out error relative to itself that is worth a claim."""
 STARTS, JITTER, ITERATIONS = 1, 0.5, 12
 """Further starts of the fit of an effect to be accepted; how far off they are, in priors' widths; their iterations."""
 PROBES, SHARES = 6, (0.1, 0.3, 1.0, 2.5)
@@ -221,7 +219,7 @@ def _taken(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -> fl
 
 
 def _large(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -> bool:
-    return _taken(problem, current, hypothesis) > float(CLAIMABLE_FLOOR * problem.floor[hypothesis.stage])
+    return _taken(problem, current, hypothesis) > float(problem.claimable[hypothesis.stage])
 
 
 def _too_small(problem: JointProblem, current: MapFit, hypotheses: Sequence[Hypothesis]) -> list[NotClaimable]:
@@ -238,7 +236,7 @@ def _too_small(problem: JointProblem, current: MapFit, hypotheses: Sequence[Hypo
             one.effect,
             one.stage,
             _taken(problem, current, one),
-            CLAIMABLE_FLOOR * float(problem.floor[one.stage]),
+            float(problem.claimable[one.stage]),
             "what re-runs differ by",
         )
         for one in small[:LISTED]

@@ -44,7 +44,7 @@ def joint_problem(
         joint,
         pieces,
         hand.parameters[:, index].copy(),
-        initial_weights(pieces[0].period_s, noise, np.asarray(floor)),
+        initial_weights(pieces[0].period_s, noise),
         _lever_m(hand, index),
         driven=signals[0].driven,
         floor=np.asarray(floor),

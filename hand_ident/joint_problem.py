@@ -20,6 +20,8 @@ SHOWN = (1.0, 180.0 / np.pi, 1.0)
 """From SI to the unit a person reads."""
 FLOOR = (300.0, np.radians(0.05), 0.05)
 """Practical repeatability of each signal, correlated over CORRELATION_S: smaller differences claim nothing."""
+CLAIMABLE = 0.6
+"""Error that an effect must take away (the root of the fall of the mean square) relative to the practical floor."""
 CORRELATION_S = 0.5
 SETTLING_S = 0.5
 """After the start, and after a gap, the model needs this long to forget what it could not know."""
@@ -59,7 +61,7 @@ class Piece:
 class JointProblem:
     """A joint: its pieces, nominal parameters (rows,), weights (OUTPUTS,) of squared residuals, held-out blocks.
 
-    floor: (OUTPUTS,) SI, repeatability of each signal.
+    floor: (OUTPUTS,) SI, repeatability of each signal; what is below it is not claimed.
     """
 
     joint: str
@@ -70,6 +72,12 @@ class JointProblem:
     step_s: float = 2.6e-3
     driven: bool = False
     floor: Array = field(default_factory=lambda: np.array(FLOOR))
+
+    @property
+    def claimable(self) -> Array:
+        """(OUTPUTS,) SI: the error that an effect must take away; all of what re-runs differ by, where that is more."""
+        practical = np.array(FLOOR)
+        return np.where(self.floor > practical, self.floor, CLAIMABLE * practical)
 
     @property
     def blocks(self) -> int:
@@ -153,10 +161,10 @@ def held_out_blocks(blocks: int) -> NDArray[np.bool_]:
     return held[:blocks]
 
 
-def initial_weights(period_s: float, noise: Array, floor: Array) -> Array:
-    """Weights (OUTPUTS,) of squared residuals: white noise (OUTPUTS,) and the floor (OUTPUTS,), correlated."""
+def initial_weights(period_s: float, noise: Array) -> Array:
+    """Weights (OUTPUTS,) of squared residuals: white noise (OUTPUTS,) and the practical floor, correlated."""
     samples = max(CORRELATION_S / period_s, 1.0)
-    weights: Array = 1.0 / (noise**2 + floor**2 * samples)
+    weights: Array = 1.0 / (noise**2 + np.array(FLOOR) ** 2 * samples)
     return weights
 
 

@@ -102,7 +102,7 @@ def test_what_reruns_do_not_repeat_is_not_claimed(hand: Hand) -> None:
     signals = record(truth, np.random.default_rng(25), 30.0)
     nominal = off_by_a_little(hand, np.random.default_rng(26))
     again = record(truth, np.random.default_rng(25), 30.0)
-    otherwise = record(changed(truth, JOINT, constant_load__torque_nm=0.0012), np.random.default_rng(25), 30.0)
+    otherwise = record(changed(truth, JOINT, constant_load__torque_nm=0.001), np.random.default_rng(25), 30.0)
     claimed = [
         diagnose([signals], nominal, tolerance=0.05, seed=0, joints=[JOINT], sensor_curve=False, reruns=reruns)
         for reruns in ([], [again], [again, otherwise])
