@@ -19,6 +19,10 @@ from hand_model.parameters import JOINT_PARAMETERS, ROW
 Array = NDArray[np.float64]
 TEMPERATURE = 3.0
 """Log evidences are divided by it: equations that are only nearly right make differences look larger than they are."""
+OUTSIDE = 0.06
+"""Share kept for physics that the catalogue does not hold and that the named effect stands in for."""
+UNKNOWN = 0.7
+"""Probability of an `unknown`: how often it was right in trials with concealed effects, like OUTSIDE."""
 MENTIONED = 0.02
 """Alternatives less probable than this are left out."""
 UNITS_OF_KEYS = (
@@ -91,7 +95,7 @@ def unknown_finding(
     names = [(effect.name, 0.1 / (k + 1), effect.experiments[0]) for k, effect in enumerate(nearest)]
     place = "valve" if result.stage == 0 else "force_sensor" if result.stage == 2 else "joint"
     return Finding(
-        joint, place, "unknown", 0.8, tuple(names), _when(search, result.stage), structure.signal,
+        joint, place, "unknown", UNKNOWN, tuple(names), _when(search, result.stage), structure.signal,
         f"mostly with {structure.state}", (), statement,
     )  # fmt: skip
 
@@ -107,7 +111,7 @@ def _rivals(search: JointSearch, accepted: Hypothesis) -> list[tuple[Effect, flo
         if accepted.effect.name in names and hypotheses[names.index(accepted.effect.name)].log_evidence > without:
             logs = np.array([one.log_evidence for one in hypotheses] + [without])
             weights = np.exp((logs - logs.max()) / TEMPERATURE)
-            weights /= weights.sum()
+            weights *= (1.0 - OUTSIDE) / weights.sum()
             return [(one.effect, float(w)) for one, w in zip(hypotheses, weights, strict=False)]
     return [(accepted.effect, 0.9)]
 

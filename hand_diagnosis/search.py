@@ -146,8 +146,10 @@ def _fit(
 ) -> Hypothesis:
     moves = merged(current.moves, effect_moves(screened.effect, problem.nominal))
     starts = np.array(_starts(problem, current, screened, moves))
-    start = starts[int(np.argmin(costs_at(problem, moves, starts)))]
-    rough = _judge(problem, current, screened.effect, map_fit(problem, moves, start, iterations), rng)
+    cheapest = starts[int(np.argmin(costs_at(problem, moves, starts[1:]))) + 1]
+    tried = [map_fit(problem, moves, start, iterations // 2) for start in (starts[0], cheapest)]
+    best = min(tried, key=lambda fit: fit.cost)
+    rough = _judge(problem, current, screened.effect, map_fit(problem, moves, best.z, iterations), rng)
     return replace(rough, fit=rough.fit.lean())
 
 
@@ -168,15 +170,18 @@ def _judge(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, 
 
 
 def _starts(problem: JointProblem, current: MapFit, screened: Screened, moves: Sequence[Move]) -> list[list[float]]:
-    """Coordinates to start from: each probe at several shares of it, the nominal numbers as they are, and released.
+    """Coordinates to start from: the screen's own first, then probes at several shares of them, the nominal numbers
+    as they are, and released.
 
     A large effect has dragged the nominal numbers along; from where they are expected the way is shorter.
     """
     columns, _ = problem.columns(current.moves, current.z[None])
     here = {move.row: float(z) for move, z in zip(current.moves, current.z, strict=True)}
     own = {ROW[key] for key in screened.effect.keys}
-    starts = []
-    for probe in (probe_values(screened.effect, columns[0]) or [{}])[:PROBES]:
+    others = [probe for probe in probe_values(screened.effect, columns[0]) if probe != screened.start]
+    liked = min(max(screened.share, 0.1), 2.0)
+    starts = [[_coordinate(move, screened.start, liked, columns[0], here) for move in moves]]
+    for probe in [screened.start, *others][:PROBES]:
         for share in SHARES:
             start = [_coordinate(move, probe, share, columns[0], here) for move in moves]
             released = [
@@ -198,8 +203,8 @@ def _coordinate(move: Move, probe: dict[int, float], share: float, values: Array
 
 
 def _threshold(move: Move) -> bool:
-    """A place or a time, which is not scaled with the size of the effect."""
-    return move.key.endswith(("angle_deg", "high_deg", "low_deg", "scale_deg")) or (
+    """A place, a time or a shape, which is not scaled with the size of the effect."""
+    return move.key.endswith(("angle_deg", "high_deg", "low_deg", "scale_deg", "second", "softness", "turn_n")) or (
         move.log and move.key.endswith("_s")
     )
 

@@ -106,6 +106,8 @@ def effect_moves(effect: Effect, nominal: Array) -> list[Move]:
         low, high = bound.low * bound.scale, bound.high * bound.scale
         own = row >= len(PLANT_PARAMETERS)
         centre = (bound.neutral or 0.0) * bound.scale if own else nominal[row]
+        if key in effect.expected and bound.neutral is not None and nominal[row] == bound.neutral * bound.scale:
+            centre = effect.expected[key] * bound.scale
         if bound.typical > 0.0 and key not in effect.spread:
             scale = bound.typical * bound.scale * (EFFECT_SPREAD if own else 1.0)
             moves.append(Move(row, centre, scale, False, low, high))

@@ -14,4 +14,5 @@ EFFECT = Effect(
     "A one-sided elastic obstacle in the direction of flexion.",
     "one-sided spring and damper, Hunt and Crossley, J. Appl. Mech. 42, 1975",
     spread={"contact.stiffness_nm_per_rad": 1.5},
+    expected={"contact.angle_deg": 60.0},
 )

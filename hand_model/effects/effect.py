@@ -80,6 +80,7 @@ class Effect:
     probes: starting points of a search, each a value per key in the key's unit, or Times(factor) of the nominal one.
     spread: for a number of the plain plant, the standard deviation of its logarithm that the effect may bring; 0.7
     where none is given. A parameter with a typical size is spread by that.
+    expected: where a thing is expected whose neutral place is out of reach, in the key's unit.
     says: a sentence with the keys' last parts in braces, in the unit of the key.
     experiments: excitations that show it, the best first.  source: where the equations come from.
     starts: memory rows that begin at the first "angle" or "pressure" instead of 0.
@@ -96,6 +97,7 @@ class Effect:
     source: str
     hooks: dict[str, Callable[..., Any]] = field(default_factory=dict)
     spread: dict[str, float] = field(default_factory=dict)
+    expected: dict[str, float] = field(default_factory=dict)
     starts: tuple[tuple[int, str], ...] = ()
     everywhere: bool = False
 
