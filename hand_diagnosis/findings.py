@@ -69,9 +69,8 @@ def joint_findings(joint: str, search: JointSearch, results: Sequence[StageResul
     """A finding for every accepted effect of a joint."""
     found = []
     for index, accepted in enumerate(search.accepted):
-        rivals = _rivals(search, accepted)
-        found.append(_finding(joint, search, accepted, rivals, index))
-    del results
+        noise = next(result.noise for result in results if result.stage == accepted.stage)
+        found.append(_finding(joint, search, accepted, noise, index))
     return found
 
 
@@ -116,10 +115,9 @@ def _rivals(search: JointSearch, accepted: Hypothesis) -> list[tuple[Effect, flo
     return [(accepted.effect, 0.9)]
 
 
-def _finding(
-    joint: str, search: JointSearch, accepted: Hypothesis, rivals: Sequence[tuple[Effect, float]], index: int
-) -> Finding:
-    effect = accepted.effect
+def _finding(joint: str, search: JointSearch, accepted: Hypothesis, noise: float, index: int) -> Finding:
+    """noise: of the stage that gains most, SI.  index: of the effect among those accepted."""
+    effect, rivals = accepted.effect, _rivals(search, accepted)
     probability = next(p for e, p in rivals if e.name == effect.name)
     others = [(e, p) for e, p in rivals if e.name != effect.name and p > MENTIONED]
     alternatives = tuple((e.name, p, _separating(effect, e)) for e, p in sorted(others, key=lambda pair: -pair[1]))
@@ -129,7 +127,8 @@ def _finding(
     fall = _fall(search, before, accepted.fit, stage)
     values = {n.key.rsplit(".", 1)[1]: f"{n.value:.3g} ± {n.std:.1g}" for n in numbers}
     says = effect.says.format(**values)
-    statement = f"{joint}: {says}. The held-out error of the {STAGES[stage]} falls from {fall}."
+    floor = f"{SHOWN[stage] * noise:.3g} {UNITS[stage]}"
+    statement = f"{joint}: {says}. The held-out error of the {STAGES[stage]} falls from {fall}; the noise is {floor}."
     if alternatives:
         statement += (
             f" It could also be {alternatives[0][0]} ({alternatives[0][1]:.0%}); {alternatives[0][2]} would tell."

@@ -189,6 +189,7 @@ def _figure(one: JointDiagnosis, units: Units) -> Figure:
         top.plot(time_s, measured - residual, color=colour, lw=0.9, label=label)
         left.plot(time_s, residual, color=colour, lw=0.7)
     top.set(ylabel=f"{STAGES[stage]} [{unit}]", title=f"{one.joint} (grey: held-out data)")
+    top.margins(y=0.15)
     top.legend(frameon=False, ncols=3, loc="upper right")
     left.set(xlabel="time [s]", ylabel=f"measured - model [{unit}]")
     _over_state(right, one, stage, units)
@@ -214,6 +215,7 @@ def _over_state(axis: Axes, one: JointDiagnosis, stage: int, units: Units) -> No
             axis.plot(per_state * at, mean, style, color=colour, lw=1.2, label=label)
     axis.axhline(0.0, color=GREY, lw=0.5)
     axis.set(xlabel=f"{name} [{unit}]")
+    axis.locator_params(axis="x", nbins=4)
     axis.legend(*(part[:2] for part in axis.get_legend_handles_labels()), frameon=False, fontsize="small")
 
 

@@ -21,6 +21,10 @@ MOSTLY, HARDLY = 0.15, 0.45
 which they are none however little remains above the floor."""
 
 
+TIME_SAYS_MORE = 0.25
+"""Share of variance by which time must explain more than any state."""
+
+
 @dataclass(frozen=True, slots=True)
 class StageResult:
     """A stage on held-out data, SI: error before and after, noise, excess over the noise before and after.
@@ -100,8 +104,11 @@ def describe(problem: JointProblem, fit: MapFit, stage: int) -> Structure:
     use = piece.use[stage]
     r = residual[stage][use]
     states = states_of(piece, use)
-    shares: dict[str, float] = {name: _explained(r, values) for name, values in states.items()}
-    state = max(shares, key=lambda name: shares[name])
+    flexing = states["speed"] > 0.0
+    both = {"angle", "pressure", "set-point"}  # of these a residual may depend in one way or the other by direction
+    shares = {name: _explained(r, values, flexing & (name in both)) for name, values in states.items()}
+    # Any residual that lasts a while goes with time somewhat; it must clearly say more than the states do.
+    state = max(shares, key=lambda name: shares[name] - (TIME_SAYS_MORE if name == "time" else 0.0))
     speed = states["speed"]
     moving = np.abs(speed) > 0.1
     direction = 0.0
@@ -127,12 +134,13 @@ def states_of(piece: Piece, use: NDArray[np.bool_]) -> dict[str, Array]:
     }
 
 
-def _explained(residual: Array, values: Array, bins: int = 20) -> float:
-    """Share of the residual's variance that its mean over bins of a state takes away."""
+def _explained(residual: Array, values: Array, flexing: NDArray[np.bool_], bins: int = 20) -> float:
+    """Share of the residual's variance that its mean over bins of a state, and over direction, takes away."""
     edges = np.unique(np.quantile(values, np.linspace(0, 1, bins + 1)))
     if len(edges) < 3:
         return 0.0
     index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
-    counts = np.bincount(index, minlength=len(edges) - 1)
-    means = np.bincount(index, residual, minlength=len(edges) - 1) / np.maximum(counts, 1)
+    index = 2 * index + flexing
+    counts = np.bincount(index, minlength=2 * len(edges))
+    means = np.bincount(index, residual, minlength=2 * len(edges)) / np.maximum(counts, 1)
     return float(1.0 - np.var(residual - means[index]) / max(float(np.var(residual)), 1e-300))
