@@ -212,6 +212,8 @@ def in_own_units(content: dict[str, Any], machine: Machine) -> dict[str, Any]:
         for key in {"rmse_before", "rmse_after", "noise_floor", "taken", "floor"} & row.keys():
             row[key] *= factor
         row["unit"] = {"force": torque, "angle": machine.unit_factor("deg")[1]}.get(row["signal"], "input")
+    if content["next_experiment"]:
+        del content["next_experiment"]["command"]  # nothing here drives another machine
     for row in content["not_claimable"]:
         row["statement"] = small_statement(row)
     for finding in content["findings"]:

@@ -169,18 +169,28 @@ def next_experiment(diagnosis: Diagnosis) -> dict[str, str] | None:
     if unsure:
         one = min(unsure, key=lambda finding: finding.probability)
         rival, share, experiment = one.alternatives[0]
-        name, sigma = _predicted(diagnosis, one.effect, rival) or (experiment, None)
+        name, sigma = _predicted(diagnosis, one, rival) or (experiment, None)
         why = f"tells {one.effect} ({one.probability:.0%}) from {rival} ({share:.0%}) on {one.joint or 'the hand'}"
-        return {"name": name, "why": why + ("" if sigma is None else f", by {sigma:.0f} sigma as simulated")}
+        why += "" if sigma is None else f", by {sigma:.0f} sigma as simulated"
+        return {"name": name, "why": why, "command": _command(name, one.joint)}
     strange = next((one for one in diagnosis.findings if one.effect == "unknown"), None)
     if strange is not None:
-        return {"name": "slow_triangle", "why": f"shows whether {strange.joint} depends on direction or on speed"}
+        why = f"shows whether {strange.joint} depends on direction or on speed"
+        return {"name": "slow_triangle", "why": why, "command": _command("slow_triangle", strange.joint)}
     return None
 
 
-def _predicted(diagnosis: Diagnosis, effect: str, rival: str) -> tuple[str, float] | None:
-    """The best experiment by simulation of both fitted hypotheses, where both were fitted on one joint."""
+def _command(name: str, joint: str | None) -> str:
+    """What records an experiment on the running hand."""
+    return f"hand excite {name} {f'--joints {joint} ' if joint else ''}--live --out {name}.mcap"
+
+
+def _predicted(diagnosis: Diagnosis, finding: Finding, rival: str) -> tuple[str, float] | None:
+    """The best experiment by simulation of both fitted hypotheses, where both were fitted on the finding's joint."""
+    effect = finding.effect
     for one in diagnosis.joints:
+        if finding.joint not in {None, one.joint}:
+            continue
         for hypotheses in one.search.rounds:
             named = {h.effect.name: h for h in hypotheses}
             if effect in named and rival in named:

@@ -173,7 +173,7 @@ def _summary(content: dict[str, Any], out: Path, ask: bool) -> list[str]:
     if following:
         last.append(f"record next: {following['name']} - {following['why']}")
         if ask:
-            last.append(f"  hand excite {following['name']} --out {following['name']}.mcap")
+            last.append(f"  {following['command']}")
     last += [f"not claimable: {one['statement']}" for one in content["not_claimable"][:2]]
     last += [f"note: {line}" for line in content["data_check"][:3]]
     last.append(f"written: {out / 'report.html'}, {out / 'report.json'}, {out / 'model.yaml'}")

@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+from hand_diagnosis.diagnose import Diagnosis
 from hand_diagnosis.excitation import EXPERIMENTS, pressure_ceiling_pa, set_points
-from hand_diagnosis.report import schema
+from hand_diagnosis.findings import Finding
+from hand_diagnosis.report import next_experiment, schema
 from hand_ident.loader import load_recording
 from hand_ident.offline_recording import record_offline
 from hand_model.description import Hand, load_hand
@@ -50,7 +52,7 @@ def report(rubbing: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert result.exit_code == 0, result.output
     lines = [line for line in result.output.splitlines() if line.strip()]
     assert lines[0] == "verdict: explained"
-    assert len(lines) <= 20
+    assert len(lines) <= 15
     return out
 
 
@@ -184,6 +186,23 @@ def test_excite_records_what_diagnose_reads(tmp_path: Path) -> None:
         refused = hand_tool("excite", *arguments, "--out", str(tmp_path / "x.mcap"))
         assert refused.exit_code == 2
         assert line in refused.output
+
+
+def test_the_next_experiment_is_a_command_that_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when what --ask prints is no valid command, or names another joint than the uncertain one."""
+    monkeypatch.chdir(tmp_path)
+    rivals = (("backlash", 0.4, "reversals"),)
+    unsure = Finding("ring_distal", "joint", "coulomb_friction", 0.5, rivals, (), "angle", "", (), "friction, or not")
+    asked = next_experiment(Diagnosis("explained", (unsure,), (), (), False))
+    assert asked is not None
+    assert "coulomb_friction (50%) from backlash (40%) on ring_distal" in asked["why"]
+    words = asked["command"].split()
+    assert words[:3] == ["hand", "excite", "reversals"]
+    assert "--live" in words
+    offline = [word for word in words[1:] if word != "--live"]
+    result = hand_tool(*offline, "--duration", "3", "--json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.output)["joints"] == ["ring_distal"]
 
 
 def test_every_experiment_that_effects_ask_for_exists_or_is_a_rearrangement() -> None:
