@@ -206,10 +206,10 @@ def in_own_units(content: dict[str, Any], machine: Machine) -> dict[str, Any]:
         for number in finding["parameters"].values():
             factor, unit = machine.unit_factor(number["unit"])
             number["value"], number["std"], number["unit"] = number["value"] * factor, number["std"] * factor, unit
-    for row in [*content["fit"], *content["not_claimable"]]:
+    for row in [*content["fit"], *content["located"], *content["not_claimable"]]:
         factors = {"force": machine.per_torque * LEVER_M, "angle": machine.unit_factor("deg")[0]}
         factor = factors.get(row["signal"], machine.per_input)
-        for key in {"rmse_before", "rmse_after", "noise_floor", "taken", "floor"} & row.keys():
+        for key in {"rmse_before", "rmse_after", "noise_floor", "taken", "floor", "rms", "noise"} & row.keys():
             row[key] *= factor
         row["unit"] = {"force": torque, "angle": machine.unit_factor("deg")[1]}.get(row["signal"], "input")
     if content["next_experiment"]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import io
+import itertools
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
@@ -32,6 +33,7 @@ Units = Mapping[str, tuple[float, str]]
 HAND_UNITS: Units = {name: (scale, unit) for name, scale, unit in zip(STAGES, SHOWN, UNITS, strict=True)}
 BINS = 24
 MOVING_RAD_S = 0.05
+CORRELATED = 0.8
 INK, BLUE, RED, GREY = "#1a1a1a", "#1f6f9f", "#c0392b", "#888888"
 
 
@@ -136,9 +138,43 @@ def _details(content: dict[str, Any]) -> str:
         f"<details><summary>Improvements too small to be claimed</summary><ul>{small}</ul></details>"
         "<details><summary>Nominal numbers that moved within their tolerance</summary><table><tr><th>joint</th>"
         f"<th>parameter</th><th>change</th></tr>{changes}</table></details>"
+        f"<details><summary>Where the nominal model misses, and where it does not</summary>{_where(content)}</details>"
+        f"<details><summary>Parameters that only the data together determine</summary>{_correlated(content)}</details>"
         f"<details><summary>What these data can tell apart</summary>{_alike(content)}</details>"
         f"<details><summary>Data check</summary><ul>{check}</ul></details>"
     )
+
+
+def _where(content: dict[str, Any]) -> str:
+    """Every region, those that are missed in bold."""
+    rows = "".join(
+        f"<tr><td>{html.escape(r['joint'])}</td><td>{r['signal']}</td><td>{html.escape(r['state'])}: {r['part']}</td>"
+        f"<td>{r['rms']:.3g}</td><td>{r['noise']:.3g}</td><td>{r['unit']}</td><td>{r['sigma']:.1f}</td>"
+        f"<td>{'<b>missed</b>' if r['missed'] else 'as noise'}</td></tr>"
+        for r in content["located"]
+    )
+    head = "".join(
+        f"<th>{name}</th>" for name in ("joint", "signal", "where", "RMS", "noise", "unit", "standard errors above", "")
+    )
+    return f"<table><tr>{head}</tr>{rows}</table>"
+
+
+def _correlated(content: dict[str, Any]) -> str:
+    """Pairs of parameters whose estimates lean on each other."""
+    rows = ""
+    for one in content["correlations"]:
+        names, matrix = one["parameters"], one["matrix"]
+        for i, k in itertools.combinations(range(len(names)), 2):
+            if abs(matrix[i][k]) > CORRELATED:
+                cells = (
+                    html.escape(one["joint"]),
+                    html.escape(names[i]),
+                    html.escape(names[k]),
+                    f"{matrix[i][k]:+.2f}",
+                )
+                rows += "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
+    head = "<tr><th>joint</th><th>parameter</th><th>parameter</th><th>correlation</th></tr>"
+    return f"<table>{head}{rows}</table>" if rows else f"<p>No two estimates are correlated beyond {CORRELATED:g}.</p>"
 
 
 def _alike(content: dict[str, Any]) -> str:

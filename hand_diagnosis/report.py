@@ -13,6 +13,7 @@ import numpy as np
 from hand_diagnosis.diagnose import Diagnosis, JointDiagnosis
 from hand_diagnosis.findings import Finding
 from hand_diagnosis.isolability import Isolability
+from hand_diagnosis.locate import locate
 from hand_diagnosis.separation import best_experiment
 from hand_ident.joint_problem import SHOWN, STAGES, UNITS
 from hand_ident.model_file import write_model
@@ -38,6 +39,8 @@ def document(diagnosis: Diagnosis, recordings: Sequence[str], model: str) -> dic
         "verdict": diagnosis.verdict,
         "findings": [_finding(rank + 1, one) for rank, one in enumerate(diagnosis.findings)],
         "fit": [row for one in diagnosis.joints for row in _fit(one)],
+        "located": [row for one in diagnosis.joints for row in _located(one)],
+        "correlations": [_correlations(one) for one in diagnosis.joints if one.search.accepted],
         "not_claimable": [row for one in diagnosis.joints for row in _not_claimable(one)],
         "parameter_changes": [row for one in diagnosis.joints for row in _changes(one)],
         "data_check": list(diagnosis.check),
@@ -98,6 +101,40 @@ def _fit(one: JointDiagnosis) -> list[dict[str, Any]]:
                 }
             )
     return rows
+
+
+def _located(one: JointDiagnosis) -> list[dict[str, Any]]:
+    """Where the nominal model misses; of a stage that it misses nowhere as a whole, only that."""
+    regions = locate(one.search.problem, one.search.nominal, one.results)
+    missed = {region.signal for region in regions if region.missed}
+    return [
+        {
+            "joint": one.joint,
+            "signal": region.signal,
+            "unit": UNITS[region.stage],
+            "state": region.state,
+            "part": region.part,
+            "rms": SHOWN[region.stage] * region.rms,
+            "noise": SHOWN[region.stage] * region.noise,
+            "sigma": round(region.sigma, 1),
+            "missed": region.missed,
+        }
+        for region in regions
+        if region.state == "everywhere" or region.signal in missed
+    ]
+
+
+def _correlations(one: JointDiagnosis) -> dict[str, Any]:
+    """Of the final fit's parameters on a joint with findings; what is undetermined leans on the prior."""
+    fit = one.search.final
+    covariance = fit.covariance
+    deviation = np.sqrt(np.diag(covariance))
+    matrix = covariance / np.outer(deviation, deviation)
+    return {
+        "joint": one.joint,
+        "parameters": [move.key for move in fit.moves],
+        "matrix": [[round(float(value), 3) for value in row] for row in matrix],
+    }
 
 
 def _not_claimable(one: JointDiagnosis) -> list[dict[str, Any]]:

@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from hand_diagnosis.diagnose import Diagnosis, diagnose
+from hand_diagnosis.locate import locate
 from hand_ident.signals import Signals
 from hand_model.description import Hand
 from hand_model.effects import CATALOGUE
@@ -125,6 +126,26 @@ def test_the_right_joint_among_eleven(hand: Hand) -> None:
         ("ring_proximal", "coulomb_friction"),
         ("thumb_distal", "valve_hysteresis"),
     }
+
+
+def test_where_the_model_misses_and_where_not(hand: Hand) -> None:
+    """Fails when a stage or joint without a fault is called missed, or the faulty one is not, or the place is vague."""
+    rng = np.random.default_rng(28)
+    load = {"contact__angle_deg": 60 * DEGREE, "contact__stiffness_nm_per_rad": 0.5}
+    result = run(record(changed(hand, JOINT, **load), rng), off_by_a_little(hand, rng), JOINT, "ring_distal")
+    found = {
+        one.joint: {
+            (region.signal, region.state, region.part): region
+            for region in locate(one.search.problem, one.search.nominal, one.results)
+        }
+        for one in result.joints
+    }
+    assert not any(region.missed for region in found["ring_distal"].values())
+    own = found[JOINT]
+    assert own["angle", "everywhere", "all"].missed
+    assert not own["pressure", "everywhere", "all"].missed
+    assert own["angle", "pressure", "high"].missed
+    assert own["angle", "pressure", "high"].rms > 2.0 * own["angle", "pressure", "low"].rms
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,124 @@
+"""Where the nominal model misses by more than noise, and where it does not.
+
+Each stage of a joint is looked at as a whole, by direction of motion, in thirds of each state, and by frequency. A
+region counts as missed where its error beyond the noise is larger than the repeatability and significant: the squares
+of blocks, not of samples, are compared with the noise, so that correlation within a block does not make one event many.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_diagnosis.verdict import StageResult, states_of
+from hand_ident.joint_problem import STAGES, JointProblem
+from hand_ident.map_fit import MapFit
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+SIGNIFICANT = 3.5
+"""Standard errors; some thirty regions are looked at."""
+STANDING_RAD_S = 0.05
+FEWEST = 5
+"""Samples of a block in a region, and blocks, that say something."""
+BANDS_HZ = ((0.0, 0.2), (0.2, 2.0), (2.0, np.inf))
+THIRDS = ("low", "middle", "high")
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A part of a stage's data, SI: RMS of the residual there, noise, standard errors above it, whether it is missed.
+
+    state: "everywhere", "direction", "frequency" or a state; part: which part of it, in words.
+    """
+
+    stage: int
+    state: str
+    part: str
+    rms: float
+    noise: float
+    sigma: float
+    missed: bool
+
+    @property
+    def signal(self) -> str:
+        """Of the stage."""
+        return STAGES[self.stage]
+
+
+def locate(problem: JointProblem, fit: MapFit, results: Sequence[StageResult]) -> list[Region]:
+    """Every region of every stage that the recordings hold, for the residuals of a fit."""
+    return [region for result in results for region in _stage(problem, fit, result)]
+
+
+def _stage(problem: JointProblem, fit: MapFit, result: StageResult) -> Iterator[Region]:
+    stage = result.stage
+    residual, block, states = _together(problem, fit, stage)
+    if len(residual) < FEWEST:
+        return
+    for state, part, inside in _parts(states):
+        judged = _judged(residual[inside], block[inside], result)
+        if judged is not None:
+            yield Region(stage, state, part, judged[0], result.noise, judged[1], _missed(judged, result))
+    for low, high in BANDS_HZ:
+        spectrum = [_band(piece.use[stage] * r[stage], piece.period_s, low, high) for piece, r in _pieces(problem, fit)]
+        band: Array = np.concatenate(spectrum)[np.concatenate([piece.use[stage] for piece in problem.pieces])]
+        judged = _judged(band, block, result)
+        part = f"above {low:g} Hz" if np.isinf(high) else f"{low:g} to {high:g} Hz"
+        if judged is not None:
+            yield Region(stage, "frequency", part, judged[0], result.noise, judged[1], _missed(judged, result))
+
+
+def _pieces(problem: JointProblem, fit: MapFit):  # type: ignore[no-untyped-def]
+    return list(zip(problem.pieces, fit.residuals, strict=True))
+
+
+def _together(problem: JointProblem, fit: MapFit, stage: int) -> tuple[Array, NDArray[np.int64], dict[str, Array]]:
+    """Residuals, blocks and states of all pieces, at the samples that count."""
+    parts = [
+        (r[stage][p.use[stage]], p.block[p.use[stage]], states_of(p, p.use[stage])) for p, r in _pieces(problem, fit)
+    ]
+    states = {name: np.concatenate([part[2][name] for part in parts]) for name in parts[0][2]}
+    return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts]), states
+
+
+def _parts(states: dict[str, Array]) -> Iterator[tuple[str, str, Flags]]:
+    speed = states["speed"]
+    yield "everywhere", "all", np.ones(len(speed), dtype=bool)
+    yield "direction", "flexing", speed > STANDING_RAD_S
+    yield "direction", "extending", speed < -STANDING_RAD_S
+    yield "direction", "at rest", np.abs(speed) <= STANDING_RAD_S
+    for name, values in states.items():
+        values = np.abs(values) if name == "speed" else values
+        edges = np.quantile(values, [1 / 3, 2 / 3])
+        third = np.searchsorted(edges, values)
+        for k, part in enumerate(THIRDS):
+            yield name, part, third == k
+
+
+def _judged(residual: Array, block: NDArray[np.int64], result: StageResult) -> tuple[float, float] | None:
+    """RMS of a part of the residuals, and by how many standard errors of its blocks it is above the noise."""
+    counts = np.bincount(block)
+    full = counts >= FEWEST
+    if full.sum() < FEWEST:
+        return None
+    squares = np.bincount(block, residual**2)[full] / counts[full]
+    error = max(float(squares.std(ddof=1)) / np.sqrt(len(squares)), 1e-300)
+    return float(np.sqrt(np.mean(residual**2))), (float(squares.mean()) - result.noise**2) / error
+
+
+def _missed(judged: tuple[float, float], result: StageResult) -> bool:
+    rms, sigma = judged
+    return bool(sigma > SIGNIFICANT and rms**2 - result.noise**2 > result.floor**2)
+
+
+def _band(residual: Array, period_s: float, low_hz: float, high_hz: float) -> Array:
+    """The part of a signal (T,) within a band of frequencies."""
+    spectrum = np.fft.rfft(residual)
+    frequency = np.fft.rfftfreq(len(residual), period_s)
+    spectrum[(frequency < low_hz) | (frequency >= high_hz)] = 0.0
+    inside: Array = np.fft.irfft(spectrum, len(residual))
+    return inside
