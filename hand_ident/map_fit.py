@@ -52,9 +52,12 @@ def map_fit(
     """Fit from start (moves,). Stops when the cost falls by less than `tolerance` of a unit (or 1e-4 of itself)."""
     train = (~problem.held_out).astype(float)
     bounds = _bounds(moves)
-    z = _usable(problem, moves, np.clip(start, *bounds))
+    z = np.clip(start, *bounds)
     for done in range(1, iterations + 1):
         cost, squares, residuals, sensitivity = _differentiate(problem, moves, z, train)
+        if done == 1 and not np.isfinite(cost):
+            z = _usable(problem, moves, z)
+            cost, squares, residuals, sensitivity = _differentiate(problem, moves, z, train)
         normal, slope = _normal_equations(problem, residuals, sensitivity, train)
         if done == iterations:
             break
