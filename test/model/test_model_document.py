@@ -39,9 +39,9 @@ def test_names_end_in_their_unit() -> None:
         "_kg_m2",
         "_s_per_rad",
     )
-    units += ("_m3", "_s_pa", "_per_s", "_per_h", "_rad2", "_rad3", "_pa2")
-    shares = (".share", ".error", ".exponent", ".softening", ".choking", ".critical_ratio")
-    shares += (".ratio", ".second", ".softness")  # of nothing but numbers
+    units += ("_m3", "_n", "_s_pa", "_per_s", "_per_h", "_rad2", "_rad3", "_pa2")
+    shares: tuple[str, ...] = (".share", ".error", ".exponent", ".softening", ".choking", ".ratio", "_ratio")
+    shares += (".second", ".softness")  # of nothing but numbers
     for parameter in JOINT_PARAMETERS:
         assert parameter.key.endswith(units + shares), parameter.key
         assert parameter.low < parameter.high
