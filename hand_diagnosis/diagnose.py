@@ -137,8 +137,8 @@ def _moves(one: Signals, joint: str) -> bool:
 
 def _still(checked: Checked, wanted: Sequence[str], asked: Sequence[str]) -> list[str]:
     one = checked.signals
-    still = [joint for joint in asked or one.joints if joint in one.joints and joint not in wanted]
-    still = [joint for joint in still if joint not in checked.unusable]
+    told = {*wanted, *checked.unusable}
+    still = [joint for joint in asked or one.joints if joint in one.joints and joint not in told]
     return [f"{one.name}: {', '.join(still)} too little motion to judge"] if still else []
 
 

@@ -55,31 +55,22 @@ def locate(problem: JointProblem, fit: MapFit, results: Sequence[StageResult]) -
 
 
 def _stage(problem: JointProblem, fit: MapFit, result: StageResult) -> Iterator[Region]:
-    stage = result.stage
-    residual, block, states = _together(problem, fit, stage)
+    residual, block, states = _together(problem, fit, result.stage)
     if len(residual) < FEWEST:
         return
-    for state, part, inside in _parts(states):
-        judged = _judged(residual[inside], block[inside], result)
-        if judged is not None:
-            yield Region(stage, state, part, judged[0], result.noise, judged[1], _missed(judged, result))
-    for low, high in BANDS_HZ:
-        spectrum = [_band(piece.use[stage] * r[stage], piece.period_s, low, high) for piece, r in _pieces(problem, fit)]
-        band: Array = np.concatenate(spectrum)[np.concatenate([piece.use[stage] for piece in problem.pieces])]
-        judged = _judged(band, block, result)
-        part = f"above {low:g} Hz" if np.isinf(high) else f"{low:g} to {high:g} Hz"
-        if judged is not None:
-            yield Region(stage, "frequency", part, judged[0], result.noise, judged[1], _missed(judged, result))
-
-
-def _pieces(problem: JointProblem, fit: MapFit):  # type: ignore[no-untyped-def]
-    return list(zip(problem.pieces, fit.residuals, strict=True))
+    parts = [(state, part, residual[inside], block[inside]) for state, part, inside in _parts(states)]
+    parts += [("frequency", part, band, block) for part, band in _bands(problem, fit, result.stage)]
+    for state, part, values, blocks in parts:
+        region = _judged(state, part, values, blocks, result)
+        if region is not None:
+            yield region
 
 
 def _together(problem: JointProblem, fit: MapFit, stage: int) -> tuple[Array, NDArray[np.int64], dict[str, Array]]:
     """Residuals, blocks and states of all pieces, at the samples that count."""
     parts = [
-        (r[stage][p.use[stage]], p.block[p.use[stage]], states_of(p, p.use[stage])) for p, r in _pieces(problem, fit)
+        (r[stage][p.use[stage]], p.block[p.use[stage]], states_of(p, p.use[stage]))
+        for p, r in zip(problem.pieces, fit.residuals, strict=True)
     ]
     states = {name: np.concatenate([part[2][name] for part in parts]) for name in parts[0][2]}
     return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts]), states
@@ -99,20 +90,28 @@ def _parts(states: dict[str, Array]) -> Iterator[tuple[str, str, Flags]]:
             yield name, part, third == k
 
 
-def _judged(residual: Array, block: NDArray[np.int64], result: StageResult) -> tuple[float, float] | None:
-    """RMS of a part of the residuals, and by how many standard errors of its blocks it is above the noise."""
+def _bands(problem: JointProblem, fit: MapFit, stage: int) -> Iterator[tuple[str, Array]]:
+    """The residuals of all pieces within each band of frequencies, at the samples that count."""
+    for low, high in BANDS_HZ:
+        filtered = [
+            _band(p.use[stage] * r[stage], p.period_s, low, high)[p.use[stage]]
+            for p, r in zip(problem.pieces, fit.residuals, strict=True)
+        ]
+        yield f"above {low:g} Hz" if np.isinf(high) else f"{low:g} to {high:g} Hz", np.concatenate(filtered)
+
+
+def _judged(state: str, part: str, residual: Array, block: NDArray[np.int64], result: StageResult) -> Region | None:
+    """The region of these residuals; None where too few blocks hold enough of them."""
     counts = np.bincount(block)
     full = counts >= FEWEST
     if full.sum() < FEWEST:
         return None
     squares = np.bincount(block, residual**2)[full] / counts[full]
     error = max(float(squares.std(ddof=1)) / np.sqrt(len(squares)), 1e-300)
-    return float(np.sqrt(np.mean(residual**2))), (float(squares.mean()) - result.noise**2) / error
-
-
-def _missed(judged: tuple[float, float], result: StageResult) -> bool:
-    rms, sigma = judged
-    return bool(sigma > SIGNIFICANT and rms**2 - result.noise**2 > result.floor**2)
+    rms = float(np.sqrt(np.mean(residual**2)))
+    sigma = (float(squares.mean()) - result.noise**2) / error
+    missed = sigma > SIGNIFICANT and rms**2 - result.noise**2 > result.floor**2
+    return Region(result.stage, state, part, rms, result.noise, sigma, bool(missed))
 
 
 def _band(residual: Array, period_s: float, low_hz: float, high_hz: float) -> Array:

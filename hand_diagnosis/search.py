@@ -229,23 +229,12 @@ def _large(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -> bo
 
 def _too_small(problem: JointProblem, current: MapFit, hypotheses: Sequence[Hypothesis]) -> list[NotClaimable]:
     """What held-out data confirm, below the repeatability."""
-    small = [
-        one
-        for one in hypotheses
-        if one.fall[0] > 0.0
-        and _taken(problem, current, one) > WORTH_LISTING * problem.floor[one.stage]
-        and not _large(problem, current, one)
-    ]
-    return [
-        NotClaimable(
-            one.effect,
-            one.stage,
-            _taken(problem, current, one),
-            float(problem.claimable[one.stage]),
-            "what re-runs differ by",
-        )
-        for one in small[:LISTED]
-    ]
+    small = []
+    for one in hypotheses:
+        taken, claimable = _taken(problem, current, one), float(problem.claimable[one.stage])
+        if one.fall[0] > 0.0 and WORTH_LISTING * problem.floor[one.stage] < taken <= claimable:
+            small.append(NotClaimable(one.effect, one.stage, taken, claimable, "what re-runs differ by"))
+    return small[:LISTED]
 
 
 def _from_other_starts(

@@ -19,8 +19,6 @@ UNEXPLAINED = 1.6
 MOSTLY, HARDLY = 0.15, 0.45
 """Share of the first model's excess that may remain for the effects to count as the explanation; and the share from
 which they are none however little remains above the floor."""
-
-
 TIME_SAYS_MORE = 0.25
 """Share of variance by which time must explain more than any state."""
 

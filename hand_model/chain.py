@@ -19,6 +19,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -229,6 +230,7 @@ def _between(signal, x):  # type: ignore[no-untyped-def]
     return signal[a] + (x - a) * (signal[a + 1] - signal[a])
 
 
+@cache
 def equations() -> str:
     """Numba's cache looks at changes of one file alone; this key makes it look at every equation."""
     here = Path(__file__).parent

@@ -57,7 +57,7 @@ class Scene:
         for name, factor in changes.items():
             q[ROW[name], self.column] *= factor
         if concealed is not None:
-            switch_on(concealed, q, self.column, size, self.reach_rad if in_the_way(concealed) else 0.0)
+            switch_on(concealed, q, self.column, size, self)
         out = record(q, self.u, self.frame_s, self.partner, self.neighbour, self.wander, COARSE_S)
         out = np.nan_to_num(out, nan=1e3, posinf=1e3, neginf=-1e3)
         seen: Array = out[list(OUTPUT), :, self.column][:, round(SKIP_S / self.frame_s) :]
@@ -70,15 +70,15 @@ class Scene:
         return float(out[OUTPUT[ANGLE], :, self.column].max())
 
 
-def switch_on(concealed: Concealed, q: Array, joint: int, size: float, reach_rad: float) -> None:
-    """Switch an effect on; places in the way move in from where the joint just reaches."""
+def switch_on(concealed: Concealed, q: Array, joint: int, size: float, where: Scene) -> None:
+    """Switch an effect on; places in the way move in from where the joint just reaches in its scene."""
     concealed.apply(q, joint, size)
     kind, _, rest = concealed.needs.partition(":")
     if kind == "inverse":
         row, unit = rest.split(":")
         q[ROW[row], joint] = float(unit) / max(size, 1e-9)
     if kind == "nearer":
-        q[ROW[rest], joint] = max(min(reach_rad, 1.6) - 0.05 * size, 0.15)
+        q[ROW[rest], joint] = max(min(where.reach_rad, 1.6) - 0.05 * size, 0.15)
     if kind == "known_wall":
         q[ROW["wall_at"], joint], q[ROW["wall_k"], joint], q[ROW["wall_plain"], joint] = KNOWN_WALL
 
@@ -151,7 +151,7 @@ def limit_size(concealed: Concealed, where: Scene) -> float:
     return math.sqrt(low * high)
 
 
-def in_the_way(concealed: Concealed) -> bool:
+def _in_the_way(concealed: Concealed) -> bool:
     """Whether it is something that the joint runs into, nearer with its size."""
     return concealed.needs.startswith("nearer")
 
@@ -171,7 +171,7 @@ def inseparable(concealed: Concealed, size: float, where: Scene) -> list[str]:
         ):
             continue
         # Two things in the way are compared at the same place; other effects are scaled anyway.
-        same = in_the_way(concealed) and in_the_way(other)
+        same = _in_the_way(concealed) and _in_the_way(other)
         its = where.readings(other, size if same else 1.0)[other.stage] - projector.plain
         if np.isfinite(its).all() and rms(its) > 1e-12 and rms(projector.rest(change, its)) < INSEPARABLE:
             group.append(other.name)

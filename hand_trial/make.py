@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hand_trial.bag import write_bag
 from hand_trial.catalogue import BY_NAME, FOREIGN, KNOWN, Concealed
-from hand_trial.limits import CLOCK_S, KNOWN_WALL, OFF, in_the_way, inseparable, limit_size, scene, switch_on
+from hand_trial.limits import CLOCK_S, KNOWN_WALL, OFF, inseparable, limit_size, scene, switch_on
 from hand_trial.motions import EXPERIMENTS, set_points
 from hand_trial.nominal import UNCERTAIN, Nominal
 from hand_trial.plant import record
@@ -163,7 +163,7 @@ def make_case(work: tuple[Case, str, str]) -> Case:
             late_s = CLOCK_S * size
         else:
             near = scene(q, u, nominal.partner, nominal.neighbour, joint, FRAME_S, wander)
-            switch_on(concealed, q, joint, size, near.reach_rad if in_the_way(concealed) else 0.0)
+            switch_on(concealed, q, joint, size, near)
         whole = concealed.everywhere or concealed.needs in {"drop", "clock"}
         case.truth.append(_truth(concealed, multiple, size, None if whole else nominal.joints[joint], group, q, joint))
     noise = (rng.uniform(80.0, 250.0), math.radians(rng.uniform(0.01, 0.04)), 0.01, 0.02)
