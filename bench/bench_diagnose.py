@@ -60,12 +60,12 @@ def _jacobian(signals: Signals, hand: Hand, rounds: int) -> dict[str, Any]:
     """All columns of a finite-difference Jacobian are lanes of one rollout."""
     problem = joint_problem([signals], hand, JOINT)
     one = problem.nominal[None]
-    all_columns = np.repeat(one, PARAMETERS + 1, axis=0)
-    all_columns[1:, ROW["statics.a2_nm_per_pa"]] *= 1.0 + 1e-3 * np.arange(1, PARAMETERS + 1)
+    all_columns = np.repeat(one, PARAMETERS, axis=0)  # the point itself was simulated before, as a trial step
+    all_columns[:, ROW["statics.a2_nm_per_pa"]] *= 1.0 + 1e-3 * np.arange(1, PARAMETERS + 1)
     single, jacobian = [], []
     for _ in range(rounds):
         single.append(_seconds(lambda: problem.predict(one, np.zeros(1))))
-        jacobian.append(_seconds(lambda: problem.predict(all_columns, np.zeros(PARAMETERS + 1))))
+        jacobian.append(_seconds(lambda: problem.predict(all_columns, np.zeros(PARAMETERS))))
     ours, reference = statistics.median(jacobian), statistics.median(single)
     name = f"Jacobian of {PARAMETERS} parameters against one rollout"
     return {

@@ -16,6 +16,7 @@ from hand_diagnosis.partners import fits_better, model_accelerations, put_partne
 from hand_diagnosis.repeatability import floors
 from hand_diagnosis.search import JointSearch, search_joint
 from hand_diagnosis.verdict import StageResult, describe, stage_results
+from hand_ident.driving import shape_driving
 from hand_ident.hand_signals import without_sensor_curve
 from hand_ident.joint_data import joint_problem
 from hand_ident.joint_problem import FLOOR, JointProblem
@@ -198,7 +199,7 @@ def _choose_neighbour(
 ) -> Array:
     """Put the angle into e that best explains what the nominal model leaves: what pulls, pulls with its motion.
 
-    Returns the nominal numbers found on the way, as coordinates.
+    The valve found on the way shapes the pressure between the samples. Returns the nominal numbers, as coordinates.
     """
     moves = nominal_moves(problem.nominal, tolerance, rested)
     fit = map_fit(problem, moves, np.zeros(len(moves)), 3)
@@ -219,6 +220,7 @@ def _choose_neighbour(
     if chosen is not None:
         for one, piece in zip(pieces, problem.pieces, strict=True):
             piece.exogenous[:, NEIGHBOUR] = one.angle_rad[:, one.joints.index(chosen)]
+    shape_driving(problem, moves, fit.z)
     return fit.z
 
 

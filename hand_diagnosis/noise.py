@@ -61,8 +61,9 @@ def _disturbed(piece: Piece, rng: np.random.Generator, driven: bool) -> Piece:
     """The piece with a second draw of the noise on its inputs, treated as the first one was."""
     white = white_noise(piece.pressure_pa) * rng.standard_normal(len(piece.pressure_pa))
     span = smoothing_span(piece.period_s)
-    smoothed = piece.driving_pa != piece.pressure_pa
-    kept = white if driven or span < 5 else np.where(smoothed, savgol_filter(white, span, 2), white)
+    kept = white if driven or span < 5 else np.where(piece.smoothed, savgol_filter(white, span, 2), white)
+    samples = np.arange(len(kept))
+    kept = np.interp(np.linspace(0.0, samples[-1], len(piece.driving_pa)), samples, kept)
     angle = white_noise(piece.angle_rad) * rng.standard_normal(len(white))
     speed, acceleration = derivatives(angle[:, None], piece.period_s)
     exogenous = piece.exogenous.copy()

@@ -15,15 +15,14 @@ from numpy.typing import NDArray
 from hand_ident.joint_problem import JointProblem
 from hand_ident.map_fit import MapFit
 from hand_ident.moves import probe_values
-from hand_model.chain import LANES
 from hand_model.effects.effect import Effect
 from hand_model.parameters import ROW
 
 Array = NDArray[np.float64]
-AT_ONCE = 2 * LANES
-"""Probes simulated together: enough for both cores."""
-LONG = 60_000
-"""Samples from which half as many are simulated together, for the memory's sake."""
+AT_ONCE = 32
+"""Probes simulated together: enough for any number of cores."""
+LONG, FEWER = 60_000, 16
+"""Samples from which only so many are simulated together, for the memory's sake."""
 LARGEST_SHARE = 3.0
 """A probe is not followed further than this many times its size: it was not a linear one."""
 
@@ -49,7 +48,7 @@ def screen(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> lis
         for row, value in values.items():
             column[row] = value
     gains, shares = np.zeros(len(probes)), np.zeros(len(probes))
-    at_once = AT_ONCE if sum(len(piece.angle_rad) for piece in problem.pieces) < LONG else LANES
+    at_once = AT_ONCE if sum(len(piece.angle_rad) for piece in problem.pieces) < LONG else FEWER
     for begin in range(0, len(probes), at_once):
         part = slice(begin, begin + at_once)
         changed = problem.residuals(columns[part], np.repeat(creep, len(columns[part])))

@@ -24,6 +24,23 @@ from hand_model.plant_parameters import PLANT_PARAMETERS
 
 Array = NDArray[np.float64]
 MOST = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Heat:
+    """Fits of the `most` best hypotheses of the heat before. step_s: largest step of integration, longer is cheaper.
+
+    tolerance: fall of the cost below which a fit ends.
+    """
+
+    most: int
+    iterations: int
+    tolerance: float
+    step_s: float
+
+
+BEHIND = 60.0
+"""Log evidence behind the best hypothesis from which another one is not fitted further."""
 WORTH_A_FIT = 8.0
 """Cost that a probe must promise to save."""
 ACCEPTED = 6.0
@@ -36,8 +53,8 @@ PROBES, SHARES = 6, (0.1, 0.3, 1.0, 2.5)
 """Starts of a fit: probes of the effect, and shares of the way to them."""
 LISTED, WORTH_LISTING = 3, 0.2
 """Improvements too small to be claimed that are listed, and what they must take away, in floors."""
-HEATS = ((8, 6), (5, 6), (3, 20))
-"""How many hypotheses of a round are fitted, the best of the heat before, and with how many iterations each time."""
+HEATS = (Heat(8, 6, 2.0, 5.2e-3), Heat(5, 6, 0.5, 5.2e-3), Heat(3, 20, 0.02, 2.6e-3))
+"""Of every round: the first ones are rough, to see what is worth the last."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +123,7 @@ def search_joint(
         found.evidences.append(evidence)
         best = next((one for one in hypotheses if _confirmed(problem, current, one)), None)
         if best is not None and not best.fit.residuals:  # only fitted roughly so far
-            best = _refine(problem, current, best, HEATS[-1][1], rng)
+            best = _refine(problem, current, best, HEATS[-1], rng)
         if best is None or best.log_evidence < evidence + ACCEPTED:
             found.not_claimable += _too_small(problem, current, hypotheses)
             break
@@ -128,12 +145,14 @@ def search_joint(
 def _round(
     problem: JointProblem, current: MapFit, effects: Sequence[Effect], rng: np.random.Generator
 ) -> list[Hypothesis]:
-    (most, iterations), *further = HEATS
-    screened = [one for one in screen(problem, current, effects) if one.gain > WORTH_A_FIT][:most]
-    ranked = _ranked([_fit(problem, current, one, iterations, rng) for one in screened])
-    for most, iterations in further:
+    first, *further = HEATS
+    screened = [one for one in screen(problem, current, effects) if one.gain > WORTH_A_FIT][: first.most]
+    ranked = _ranked([_fit(problem, current, one, first, rng) for one in screened])
+    for heat in further:
         ranked = [replace(one, fit=one.fit.lean()) for one in ranked]
-        ranked = _ranked([_refine(problem, current, one, iterations, rng) for one in ranked[:most]] + ranked[most:])
+        near = [one for one in ranked[: heat.most] if one.log_evidence > ranked[0].log_evidence - BEHIND]
+        refined = [_refine(problem, current, one, heat, rng) for one in near]
+        ranked = _ranked(refined + ranked[len(near) :])
     return ranked
 
 
@@ -142,22 +161,25 @@ def _ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
 
 
 def _fit(
-    problem: JointProblem, current: MapFit, screened: Screened, iterations: int, rng: np.random.Generator
+    problem: JointProblem, current: MapFit, screened: Screened, heat: Heat, rng: np.random.Generator
 ) -> Hypothesis:
+    rough = replace(problem, step_s=heat.step_s)
     moves = merged(current.moves, effect_moves(screened.effect, problem.nominal))
     starts = np.array(_starts(problem, current, screened, moves))
-    cheapest = starts[int(np.argmin(costs_at(problem, moves, starts[1:]))) + 1]
-    tried = [map_fit(problem, moves, start, iterations // 2) for start in (starts[0], cheapest)]
+    cheapest = starts[int(np.argmin(costs_at(rough, moves, starts[1:]))) + 1]
+    tried = [map_fit(rough, moves, start, heat.iterations // 2, heat.tolerance) for start in (starts[0], cheapest)]
     best = min(tried, key=lambda fit: fit.cost)
-    rough = _judge(problem, current, screened.effect, map_fit(problem, moves, best.z, iterations), rng)
-    return replace(rough, fit=rough.fit.lean())
+    fit = map_fit(rough, moves, best.z, heat.iterations, heat.tolerance)
+    return _judge(problem, current, screened.effect, fit.lean(), rng)
 
 
 def _refine(
-    problem: JointProblem, current: MapFit, rough: Hypothesis, iterations: int, rng: np.random.Generator
+    problem: JointProblem, current: MapFit, rough: Hypothesis, heat: Heat, rng: np.random.Generator
 ) -> Hypothesis:
     """A hypothesis fitted further."""
-    return _judge(problem, current, rough.effect, map_fit(problem, rough.fit.moves, rough.fit.z, iterations), rng)
+    stepped = replace(problem, step_s=heat.step_s)
+    fit = map_fit(stepped, rough.fit.moves, rough.fit.z, heat.iterations, heat.tolerance)
+    return _judge(problem, current, rough.effect, fit, rng)
 
 
 def _judge(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, rng: np.random.Generator) -> Hypothesis:
@@ -179,11 +201,11 @@ def _starts(problem: JointProblem, current: MapFit, screened: Screened, moves: S
     here = {move.row: float(z) for move, z in zip(current.moves, current.z, strict=True)}
     own = {ROW[key] for key in screened.effect.keys}
     others = [probe for probe in probe_values(screened.effect, columns[0]) if probe != screened.start]
-    liked = min(max(screened.share, 0.1), 2.0)
-    starts = [[_coordinate(move, screened.start, liked, columns[0], here) for move in moves]]
+    liked, shape = min(max(screened.share, 0.1), 2.0), screened.effect.shape
+    starts = [[_coordinate(move, screened.start, liked, columns[0], here, shape) for move in moves]]
     for probe in [screened.start, *others][:PROBES]:
         for share in SHARES:
-            start = [_coordinate(move, probe, share, columns[0], here) for move in moves]
+            start = [_coordinate(move, probe, share, columns[0], here, shape) for move in moves]
             released = [
                 0.0 if move.row not in own and move.row < len(PLANT_PARAMETERS) and not move.log else z
                 for move, z in zip(moves, start, strict=True)
@@ -192,21 +214,16 @@ def _starts(problem: JointProblem, current: MapFit, screened: Screened, moves: S
     return starts
 
 
-def _coordinate(move: Move, probe: dict[int, float], share: float, values: Array, here: dict[int, float]) -> float:
-    """A probe's value, a share of the way to it; other coordinates as they are."""
+def _coordinate(
+    move: Move, probe: dict[int, float], share: float, values: Array, here: dict[int, float], shape: Sequence[str]
+) -> float:
+    """A probe's value, a share of the way to it but for its shape; other coordinates as they are."""
     if move.row in probe:
         now, there = float(values[move.row]), probe[move.row]
-        return move.coordinate(there if _threshold(move) else now + share * (there - now))
+        return move.coordinate(there if move.key in shape else now + share * (there - now))
     if move.row in here:
         return here[move.row]
     return move.coordinate(float(values[move.row])) if move.row < len(values) else 0.0
-
-
-def _threshold(move: Move) -> bool:
-    """A place, a time or a shape, which is not scaled with the size of the effect."""
-    return move.key.endswith(("angle_deg", "high_deg", "low_deg", "scale_deg", "second", "softness", "turn_n")) or (
-        move.log and move.key.endswith("_s")
-    )
 
 
 def _confirmed(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -> bool:

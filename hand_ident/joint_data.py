@@ -53,7 +53,7 @@ def joint_problem(
 
 def _piece(signals: Signals, hand: Hand, joint: str, first_block: int) -> Piece:
     j = signals.joints.index(joint)
-    force = signals.force_n[:, j]
+    force, driving = signals.force_n[:, j], _driving(signals, j)
     start = np.zeros(STATES)
     start[P], start[PHI] = signals.pressure_pa[0, j], signals.angle_rad[0, j]
     return Piece(
@@ -61,10 +61,12 @@ def _piece(signals: Signals, hand: Hand, joint: str, first_block: int) -> Piece:
         signals.period_s,
         signals.set_point_pa[:, j],
         signals.pressure_pa[:, j],
-        _driving(signals, j),
+        driving,
+        driving != signals.pressure_pa[:, j],
         signals.angle_rad[:, j],
         force,
         _surroundings(signals, hand, joint),
+        signals.known[:, j],
         _use(signals, j, force),
         block_numbers(signals.samples, signals.period_s, first_block),
         start,

@@ -32,10 +32,10 @@ HELD_OUT_EVERY = 3
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """One recording of the joint. driving_pa: the measured pressure as the joint's input, its noise reduced.
+    """One recording of the joint. Signals (T,), exogenous (T, EXOGENOUS).
 
-    Signals (T,), exogenous (T, EXOGENOUS), curve (T,): correction of the angle [rad].
-
+    driving_pa: the measured pressure as the joint's input, its noise reduced, (finer (T - 1) + 1,) evenly over the
+    samples.  smoothed: (T,) where noise was reduced.  known: (T,) where there were readings.
     use: (OUTPUTS, T) samples that count.  block: (T,) number of the block of each sample, over all recordings.
     """
 
@@ -44,9 +44,11 @@ class Piece:
     set_point_pa: Array
     pressure_pa: Array
     driving_pa: Array
+    smoothed: NDArray[np.bool_]
     angle_rad: Array
     force_n: Array
     exogenous: Array
+    known: NDArray[np.bool_]
     use: NDArray[np.bool_]
     block: NDArray[np.int64]
     start: Array

@@ -50,36 +50,44 @@ def map_fit(
     problem: JointProblem, moves: Sequence[Move], start: Array, iterations: int = 12, tolerance: float = 0.02
 ) -> MapFit:
     """Fit from start (moves,). Stops when the cost falls by less than `tolerance` of a unit (or 1e-4 of itself)."""
-    train = (~problem.held_out).astype(float)
     bounds = _bounds(moves)
-    z = np.clip(start, *bounds)
+    here = _usable(problem, moves, np.clip(start, *bounds))
     for done in range(1, iterations + 1):
-        cost, squares, residuals, sensitivity = _differentiate(problem, moves, z, train)
-        if done == 1 and not np.isfinite(cost):
-            z = _usable(problem, moves, z)
-            cost, squares, residuals, sensitivity = _differentiate(problem, moves, z, train)
-        normal, slope = _normal_equations(problem, residuals, sensitivity, train)
+        sensitivity = _slopes(problem, moves, here, bounds[1])
+        normal, slope = _normal_equations(problem, here.residuals, sensitivity)
         if done == iterations:
             break
-        trials = _trial_steps(z, normal, slope, bounds)
-        costs = costs_at(problem, moves, trials)
+        trials = _trial_steps(here.z, normal, slope, bounds)
+        costs, squares, residuals = _simulated(problem, moves, trials)
         best = int(np.argmin(costs))
-        if not costs[best] < cost - max(tolerance, 1e-4 * cost):
-            if costs[best] < cost:
-                z = trials[best]
-                cost, squares, residuals, sensitivity = _differentiate(problem, moves, z, train)
-                normal, slope = _normal_equations(problem, residuals, sensitivity, train)
+        if not costs[best] < here.cost - max(tolerance, 1e-4 * here.cost):
             break
-        z = trials[best]
-    return MapFit(tuple(moves), z, cost, squares, tuple(residuals), normal, tuple(sensitivity), done)
+        here = _Point(trials[best], float(costs[best]), squares[best], [r[best].copy() for r in residuals])
+    return MapFit(
+        tuple(moves), here.z, here.cost, here.squares, tuple(here.residuals), normal, tuple(sensitivity), done
+    )
 
 
-def _usable(problem: JointProblem, moves: Sequence[Move], z: Array) -> Array:
+@dataclass(frozen=True, slots=True)
+class _Point:
+    """Coordinates z (moves,), their cost, squares (OUTPUTS, blocks) and residuals (OUTPUTS, T) by piece."""
+
+    z: Array
+    cost: float
+    squares: Array
+    residuals: list[Array]
+
+
+def _usable(problem: JointProblem, moves: Sequence[Move], z: Array) -> _Point:
     """The start, or as far from the nominal values towards it as the simulation stays finite."""
-    shares = np.linspace(1.0, 0.0, 8)
-    costs = costs_at(problem, moves, shares[:, None] * z)
-    usable: Array = shares[int(np.argmax(np.isfinite(costs)))] * z
-    return usable
+    for share in (1.0, 0.9, 0.7, 0.5, 0.3, 0.1):
+        costs, squares, residuals = _simulated(problem, moves, (share * z)[None])
+        if np.isfinite(costs[0]):
+            break
+    else:
+        share = 0.0
+        costs, squares, residuals = _simulated(problem, moves, (share * z)[None])
+    return _Point(share * z, float(costs[0]), squares[0], [r[0] for r in residuals])
 
 
 def multi_start(
@@ -101,23 +109,20 @@ def _reachable(move: Move, value: float) -> bool:
     return not move.log or value > 0.0
 
 
-def _differentiate(
-    problem: JointProblem, moves: Sequence[Move], z: Array, train: Array
-) -> tuple[float, Array, list[Array], list[Array]]:
-    """Cost, squares (OUTPUTS, blocks), residuals (OUTPUTS, T) and their slopes (moves, OUTPUTS, T) by piece."""
-    _, high = _bounds(moves)
-    steps = np.where(z + DIFFERENCE > high, -DIFFERENCE, DIFFERENCE)
-    points = np.vstack([z[None], z[None] + np.diag(steps)])
-    residuals = problem.residuals(*problem.columns(moves, points))
-    squares = problem.block_squares([r[:1] for r in residuals])[0]
-    sensitivity = [(r[1:] - r[:1]) / steps[:, None, None] for r in residuals]
-    cost = float((problem.weight[:, None] * squares * train).sum() + z @ z)
-    return cost, squares, [r[0] for r in residuals], sensitivity
+def _slopes(problem: JointProblem, moves: Sequence[Move], here: _Point, high: Array) -> list[Array]:
+    """Of the residuals (moves, OUTPUTS, T) by piece."""
+    steps = np.where(here.z + DIFFERENCE > high, -DIFFERENCE, DIFFERENCE)
+    sensitivity = problem.residuals(*problem.columns(moves, here.z[None] + np.diag(steps)))
+    for slopes, residual in zip(sensitivity, here.residuals, strict=True):
+        slopes -= residual  # in place: of ten minutes these arrays are large
+        slopes /= steps[:, None, None]
+    return sensitivity
 
 
 def _normal_equations(
-    problem: JointProblem, residuals: Sequence[Array], sensitivity: Sequence[Array], train: Array
+    problem: JointProblem, residuals: Sequence[Array], sensitivity: Sequence[Array]
 ) -> tuple[Array, Array]:
+    train = (~problem.held_out).astype(float)
     count = len(sensitivity[0])
     normal, slope = np.zeros((count, count)), np.zeros(count)
     for piece, residual, slopes in zip(problem.pieces, residuals, sensitivity, strict=True):
@@ -159,7 +164,13 @@ def _bounded_step(hessian: Array, gradient: Array, low: Array, high: Array) -> A
 
 def costs_at(problem: JointProblem, moves: Sequence[Move], points: Array) -> Array:
     """Costs (k,) at coordinates (k, moves), simulated together; infinite where the simulation is."""
+    return _simulated(problem, moves, points)[0]
+
+
+def _simulated(problem: JointProblem, moves: Sequence[Move], points: Array) -> tuple[Array, Array, list[Array]]:
+    """Costs (k,), squares (k, OUTPUTS, blocks) and residuals (k, OUTPUTS, T) by piece."""
     train = (~problem.held_out).astype(float)
-    squares = problem.block_squares(problem.residuals(*problem.columns(moves, points)))
+    residuals = problem.residuals(*problem.columns(moves, points))
+    squares = problem.block_squares(residuals)
     costs: Array = (problem.weight[None, :, None] * squares * train).sum(axis=(1, 2)) + (points**2).sum(axis=1)
-    return np.where(np.isfinite(costs), costs, np.inf)
+    return np.where(np.isfinite(costs), costs, np.inf), squares, residuals

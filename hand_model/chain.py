@@ -36,7 +36,8 @@ from hand_model.stack_rows import stack_doubles
 from hand_model.statics import torque as static_torque
 
 Array = NDArray[np.float64]
-LANES = 16
+LANES = 4
+"""Parameter sets computed side by side: one vector of a processor; more of them would not stay in its registers."""
 OUTPUTS = 3
 """Readings of pressure [Pa], angle [rad] and force [N]."""
 STANDSTILL_RAD_S = 0.02
@@ -248,12 +249,15 @@ _SIZE = WORK * LANES
 
 
 @inline
-def _inputs(w, u, reading, begin, end, dt):  # type: ignore[no-untyped-def]
-    """Delayed set-point and measured pressure of a step, lane by lane (gathers keep a loop from being vectorised)."""
+def _inputs(w, u, reading, begin, end, dt, finer):  # type: ignore[no-untyped-def]
+    """Delayed set-point and measured pressure of a step, lane by lane (gathers keep a loop from being vectorised).
+
+    finer: readings per sample.
+    """
     for i in range(LANES):
         lag = w[_DEAD, i] / dt
         w[_COMMAND, i] = _delayed(u, begin - lag, end - lag)
-        w[_INPUT, i] = _between(reading, 0.5 * (begin + end) + w[_CLOCK, i] / dt)
+        w[_INPUT, i] = _between(reading, finer * (0.5 * (begin + end) + w[_CLOCK, i] / dt))
 
 
 @inline
@@ -270,13 +274,12 @@ def _open_step(w, e, h):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _driven_step(w, e, following, share, h):  # type: ignore[no-untyped-def]
-    """One step of a machine whose motion is imposed: the joint goes where it was measured."""
+def _driven_step(w, e, phi, h):  # type: ignore[no-untyped-def]
+    """One step of a machine whose motion is imposed: the joint goes to phi, where it was measured."""
     for i in range(LANES):
         w[X + P, i] = valve_step(w, i, w[X + P, i], w[_COMMAND, i], e, h)
         p = at_actuator(w, i, _true_pressure(w, i, w[_INPUT, i]), h)
         w[_ACTUATOR, i] = p
-        phi = e[ANGLE] + share * (following - e[ANGLE])
         _keep_motion(w, i, w[X + PHI, i], phi, h)
         w[X + PHI, i], w[X + OMEGA, i] = phi, e[SPEED]
         w[X + CREEP, i] = creep_step(w, i, p, w[X + CREEP, i], h)
@@ -309,6 +312,16 @@ def _around(e, k):  # type: ignore[no-untyped-def]
     return e[k, 0], e[k, 1], e[k, 2], e[k, 3], e[k, 4], e[k, 5], e[k, 6]
 
 
+@inline
+def _around_between(e, k, x):  # type: ignore[no-untyped-def]
+    """What is measured around the joint at the share x from sample k to the next."""
+    a, b, y = _around(e, k), _around(e, k + 1), 1.0 - x
+    return (
+        y * a[0] + x * b[0], y * a[1] + x * b[1], y * a[2] + x * b[2], y * a[3] + x * b[3],
+        y * a[4] + x * b[4], y * a[5] + x * b[5], y * a[6] + x * b[6],
+    )  # fmt: skip
+
+
 def _block_kernel() -> Any:
     """One block through all samples, compiled alone: a parallel region would keep it from being vectorised."""
     key = equations()
@@ -320,12 +333,14 @@ def _block_kernel() -> Any:
             for i in range(LANES):
                 w[row, i] = work[row, i]
         h = dt / steps
-        for k in range(reading.shape[0] - 1):
-            now = _around(e, k)
+        finer = (reading.shape[0] - 1) / max(e.shape[0] - 1, 1)
+        for k in range(e.shape[0] - 1):
             for n in range(steps):
-                _inputs(w, u, reading, k + n / steps, k + (n + 1) / steps, dt)
+                _inputs(w, u, reading, k + n / steps, k + (n + 1) / steps, dt, finer)
+                now = _around_between(e, k, (n + 0.5) / steps)
                 if driven:
-                    _driven_step(w, now, e[k + 1, ANGLE], (n + 1.0) / steps, h)
+                    way = e[k + 1, ANGLE] - e[k, ANGLE]
+                    _driven_step(w, now, e[k, ANGLE] + (n + 1.0) / steps * way, h)
                 else:
                     _open_step(w, now, h)
             if driven:
@@ -368,12 +383,13 @@ def open_chain(
 
     Eqs. 6, 8, 11 and 12 with every effect of the catalogue.
 
-    columns: (columns, rows of JOINT_PARAMETERS) SI.  start: (columns, STATES) at the first sample.  set_point_pa,
-    pressure_pa: (samples,), no gaps; the set-point of a sample holds until the next.  exogenous: (samples, EXOGENOUS).
+    columns: (columns, rows of JOINT_PARAMETERS) SI.  start: (columns, STATES) at the first sample.  set_point_pa:
+    (samples,), each holds until the next.  pressure_pa: (finer (samples - 1) + 1,), no gaps, `finer` readings evenly
+    over each sample.  exogenous: (samples, EXOGENOUS).
     lever_m: arm of the force sensor.  step_s: largest step of integration.  driven: the motion is imposed, and the
     force is what is predicted.
     """
-    count, samples = len(columns), len(pressure_pa)
+    count, samples = len(columns), len(exogenous)
     blocks = -(-count // LANES)
     w = np.zeros((blocks * LANES, WORK))
     w[:count, :_ROWS], w[count:, :_ROWS] = columns, columns[-1]

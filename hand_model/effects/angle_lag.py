@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
-
-from hand_model.effects.effect import Effect, declare, inline, remember
+from hand_model.effects.effect import Effect, decay, declare, inline, remember
 from hand_model.plant_parameters import Parameter
 
 TAU, SECOND = declare(
@@ -19,7 +17,7 @@ _TINY_S = 1e-9
 def _followed(y, before, now, tau, h):  # type: ignore[no-untyped-def]
     """A first-order lag after h [s] in which its input went straight from before to now; exact."""
     behind = tau * (now - before) / h
-    return now - behind + (y - before + behind) * math.exp(-h / (tau + _TINY_S))
+    return now - behind + (y - before + behind) * decay(h / (tau + _TINY_S))
 
 
 @inline
@@ -43,4 +41,5 @@ EFFECT = Effect(
     "first-order filters in series",
     {"angle_reading": angle_reading},
     starts=((BEFORE, "angle"), (FIRST, "angle"), (LAGGED, "angle")),
+    shape=("angle_lag.second",),
 )

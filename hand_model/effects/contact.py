@@ -15,4 +15,5 @@ EFFECT = Effect(
     "one-sided spring and damper, Hunt and Crossley, J. Appl. Mech. 42, 1975",
     spread={"contact.stiffness_nm_per_rad": 1.5},
     expected={"contact.angle_deg": 60.0},
+    shape=("contact.angle_deg",),
 )

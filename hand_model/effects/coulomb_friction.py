@@ -1,34 +1,79 @@
-"""Dry friction, with Stribeck breakaway and a part that grows with the pressure."""
+"""Dry friction, with Stribeck breakaway, a part that grows with the pressure, and contacts that give a little first."""
 
 from __future__ import annotations
 
-from hand_model.effects.effect import Effect, declare, inline
-from hand_model.plant_parameters import Parameter
+from hand_model.effects.effect import Effect, declare, inline, remember
+from hand_model.plant_parameters import DEGREE, Parameter
 
-TORQUE, BREAKAWAY, SPEED, LOADED = declare(
+TORQUE, BREAKAWAY, SPEED, LOADED, PRESLIDING = declare(
     Parameter("coulomb_friction.torque_nm", 0.0, 5.0, "at speed", 1.0, 0.0, 0.005),
     Parameter("coulomb_friction.breakaway_nm", 0.0, 5.0, "more of it at rest", 1.0, 0.0, 0.003),
     Parameter("coulomb_friction.stribeck_rad_per_s", 1e-3, 10.0, "speed at which half of that is gone", 1.0, 0.1),
     Parameter("coulomb_friction.torque_nm_per_pa", 0.0, 1e-5, "more of it with pressure", 1.0, 0.0, 1e-8),
-)
+    Parameter(
+        "coulomb_friction.presliding_deg", 0.01, 1.0, "motion that builds it up to 1 - 1/e; rigid below 0.03",
+        DEGREE, 0.01,
+    ),
+)  # fmt: skip
+RIGID_RAD = 0.03 * DEGREE
+BRISTLE = remember()
+
+
+@inline
+def level(w, i, omega, p):  # type: ignore[no-untyped-def]
+    """Friction torque of a sliding joint, its magnitude [N m]."""
+    x = omega / w[SPEED, i]
+    return w[TORQUE, i] + w[BREAKAWAY, i] / (1.0 + x * x) + w[LOADED, i] * max(p, 0.0)
 
 
 @inline
 def dry(w, i, omega, p):  # type: ignore[no-untyped-def]
-    """Magnitude of the friction torque at a speed; the chain lets it stick."""
-    x = omega / w[SPEED, i]
-    return w[TORQUE, i] + w[BREAKAWAY, i] / (1.0 + x * x) + w[LOADED, i] * max(p, 0.0)
+    """Magnitude of the friction torque of rigid contacts; the chain lets it stick."""
+    return level(w, i, omega, p) if w[PRESLIDING, i] < RIGID_RAD else 0.0
+
+
+@inline
+def torque(w, i, phi, omega, p, e):  # type: ignore[no-untyped-def]
+    """Torque of contacts that give, against the motion so far."""
+    z = w[BRISTLE, i]
+    toward = min(max(omega * 1e6, -1.0), 1.0)
+    whole = 0.0 if w[PRESLIDING, i] < RIGID_RAD else level(w, i, omega, p)
+    return -whole * z, whole / w[PRESLIDING, i] * (1.0 - z * toward)
+
+
+@inline
+def moved(w, i, before, after, h):  # type: ignore[no-untyped-def]
+    """dz = (sign - z) |dphi| / presliding, taken implicitly."""
+    way = abs(after - before) / w[PRESLIDING, i]
+    toward = 1.0 if after > before else -1.0
+    w[BRISTLE, i] = (w[BRISTLE, i] + way * toward) / (1.0 + way)
+    return 0.0
 
 
 EFFECT = Effect(
     "coulomb_friction",
     "joint",
-    ("coulomb_friction.torque_nm", "coulomb_friction.breakaway_nm", "coulomb_friction.torque_nm_per_pa"),
-    ((0.004, 0.0, 0.0), (0.015, 0.0, 0.0), (0.003, 0.006, 0.0), (0.0, 0.0, 3e-8)),
+    (
+        "coulomb_friction.torque_nm",
+        "coulomb_friction.breakaway_nm",
+        "coulomb_friction.torque_nm_per_pa",
+        "coulomb_friction.presliding_deg",
+    ),
+    (
+        (0.004, 0.0, 0.0, 0.1),
+        (0.004, 0.0, 0.0, 0.01),
+        (0.015, 0.0, 0.0, 0.01),
+        (0.003, 0.006, 0.0, 0.05),
+        (0.0, 0.0, 3e-8, 0.01),
+    ),
     "Coulomb friction of {torque_nm} N m is missing (with {breakaway_nm} N m more to break away and"
-    " {torque_nm_per_pa} N m/Pa more under pressure)",
+    " {torque_nm_per_pa} N m/Pa more under pressure, built up over {presliding_deg} degrees)",
     ("slow_triangle", "reversals"),
-    "Dry friction lets the joint stick and lag after reversals by the same torque at any speed.",
-    "Coulomb 1785; Stribeck 1902; Armstrong-Helouvry et al., Automatica 30(7), 1994",
-    {"dry": dry},
+    "Dry friction lets the joint stick and lag after reversals by the same torque at any speed. Before it slides, its"
+    " contacts give.",
+    "Coulomb 1785; Stribeck 1902; Dahl 1968 before it slides; Armstrong-Helouvry et al., Automatica 30(7), 1994",
+    {"dry": dry, "torque": torque, "moved": moved},
+    spread={"coulomb_friction.presliding_deg": 1.0},
+    expected={"coulomb_friction.presliding_deg": 0.05},
+    shape=("coulomb_friction.presliding_deg",),
 )

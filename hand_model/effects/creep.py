@@ -23,4 +23,5 @@ EFFECT = Effect(
     "Viscoelastic shift of the rest angle in three zones: extension, hold, recovery.",
     "Eqs. 11-13, Martin et al. 2004",
     spread={"material.p_min_pa": 0.3, "material.b1_per_pa": 0.2, "material.b0_per_pa": 0.2},
+    shape=("material.extension_time_s", "material.recovery_time_s"),
 )

@@ -22,4 +22,5 @@ EFFECT = Effect(
     "Range of motion of the joint, with an elastic stop at both ends.",
     "one-sided spring and damper, Hunt and Crossley, J. Appl. Mech. 42, 1975",
     spread={"end_stop.stiffness_nm_per_rad": 1.5},
+    shape=("end_stop.high_deg", "end_stop.low_deg"),
 )

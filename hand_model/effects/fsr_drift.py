@@ -30,4 +30,5 @@ EFFECT = Effect(
     "one retardation term, Eq. 9, Martin et al. 2004",
     {"force_reading": force_reading},
     {"fsr_drift.time_constant_s": 1.0},
+    shape=("fsr_drift.time_constant_s",),
 )

@@ -32,4 +32,5 @@ EFFECT = Effect(
     "stop operator, Visintin, Differential Models of Hysteresis, 1994",
     {"force_reading": force_reading},
     {"fsr_hysteresis.turn_n": 1.5},
+    shape=("fsr_hysteresis.turn_n",),
 )

@@ -39,4 +39,5 @@ EFFECT = Effect(
     "Rate-independent hysteresis of elastomer and fabric.",
     "Dahl, A Solid Friction Model, 1968; the exponential special case of Bouc and Wen",
     {"torque": torque, "moved": moved},
+    shape=("hysteresis.scale_deg",),
 )

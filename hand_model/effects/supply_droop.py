@@ -47,4 +47,5 @@ EFFECT = Effect(
     "resistance and capacity of a supply line, Beater, Pneumatic Drives, 2007",
     {"set_point": set_point},
     {"supply_droop.time_constant_s": 1.0},
+    shape=("supply_droop.time_constant_s",),
 )

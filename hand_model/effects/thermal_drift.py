@@ -39,4 +39,5 @@ EFFECT = Effect(
     "lumped thermal model of one capacity",
     {"torque": torque, "moved": moved},
     {"thermal_drift.time_constant_s": 1.0},
+    shape=("thermal_drift.time_constant_s",),
 )

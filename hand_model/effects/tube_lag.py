@@ -33,4 +33,5 @@ EFFECT = Effect(
     "Beater, Pneumatic Drives, 2007, tubes",
     {"actuator_pressure": actuator_pressure},
     starts=((FIRST, "pressure"), (LAGGED, "pressure")),
+    shape=("tube_lag.second",),
 )

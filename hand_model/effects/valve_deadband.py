@@ -32,4 +32,5 @@ EFFECT = Effect(
     "Overlap of a spool or a regulator's tolerance: little or no flow while the error is small.",
     "ISO 6358 valves with overlap, Beater, Pneumatic Drives, 2007",
     {"valve_error": valve_error},
+    shape=("valve_deadband.softness",),
 )

@@ -44,4 +44,5 @@ EFFECT = Effect(
     "ISO 6358-1:2013, flow characteristics of pneumatic components",
     {"pressure_rate": pressure_rate},
     {"valve.fill_rate_pa_per_s": 2.0, "valve.vent_rate_pa_per_s": 2.0},
+    shape=("valve.fill_rate_pa_per_s", "valve.vent_rate_pa_per_s"),
 )

@@ -35,4 +35,5 @@ EFFECT = Effect(
     "play operator, Visintin, Differential Models of Hysteresis, 1994; rounded as Dahl, Aerospace Corp. TOR-158, 1968",
     {"set_point": set_point},
     starts=((LAST, "pressure"),),
+    shape=("valve_hysteresis.softness",),
 )

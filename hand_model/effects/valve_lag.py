@@ -27,4 +27,5 @@ EFFECT = Effect(
     "Eq. 8's separately identified valve, Martin et al. 2004",
     {"set_point": set_point},
     starts=((LAGGED, "pressure"),),
+    shape=("valve.time_constant_s",),
 )

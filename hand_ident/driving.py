@@ -1,0 +1,64 @@
+"""The pressure that drives a joint, between its samples too: the valve's model gives the shape, the readings the rest.
+
+A pressure that turns sharply after a step is no straight line from one sample to the next. What the valve's model leaves
+of the readings is small and smooth; its noise is reduced further, and gaps are bridged in it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_ident.joint_problem import JointProblem, Piece
+from hand_ident.moves import Move
+from hand_ident.signals import white_noise, without_noise
+
+Array = NDArray[np.float64]
+
+
+def shape_driving(problem: JointProblem, moves: Sequence[Move], z: Array) -> None:
+    """Set the driving pressure of every piece by the valve's model at the coordinates z (moves,).
+
+    A piece whose readings are not smoother beside the model than by themselves stays as it is.
+    """
+    if problem.driven:
+        return
+    finer = max(1, math.ceil(problem.pieces[0].period_s / problem.step_s - 1e-9))
+    columns, creep = problem.columns(moves, z[None])
+    fine = replace(problem, pieces=[_finer(piece, finer) for piece in problem.pieces])
+    predicted = fine.predict(columns, creep)
+    problem.pieces[:] = [
+        _shaped(piece, one[0, 0], finer) if piece.use[0].any() else piece
+        for piece, one in zip(problem.pieces, predicted, strict=True)
+    ]
+
+
+def _finer(piece: Piece, finer: int) -> Piece:
+    """The inputs of the valve's stage alone, in steps of a `finer`-th of a sample."""
+    samples = len(piece.set_point_pa)
+    at = np.arange(finer * (samples - 1) + 1) / finer
+    around = [np.interp(at, np.arange(samples), column) for column in piece.exogenous.T]
+    pressure = np.interp(at, np.arange(samples), piece.pressure_pa)
+    return replace(
+        piece,
+        period_s=piece.period_s / finer,
+        set_point_pa=np.repeat(piece.set_point_pa, finer)[: len(at)],
+        driving_pa=pressure,
+        exogenous=np.column_stack(around),
+    )
+
+
+def _shaped(piece: Piece, model_pa: Array, finer: int) -> Piece:
+    samples = np.arange(len(piece.pressure_pa))
+    rest = piece.pressure_pa - model_pa[::finer]
+    if piece.known.any():
+        rest = np.interp(samples, samples[piece.known], rest[piece.known])
+    if not np.mean(np.diff(rest, 2) ** 2) < np.mean(np.diff(piece.pressure_pa, 2) ** 2):
+        return piece
+    quiet = without_noise(rest, piece.period_s, white_noise(rest))
+    at = np.arange(len(model_pa)) / finer
+    return replace(piece, driving_pa=model_pa + np.interp(at, samples, quiet), smoothed=quiet != rest)
