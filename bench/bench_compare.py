@@ -99,7 +99,8 @@ def compare(hand: Hand, hidden: str) -> Row:
 
 
 def _friction(problem: JointProblem, judged: JointDiagnosis, name: str) -> float:
-    search = search_joint(problem, [EFFECTS[name]], 0.05, True, np.random.default_rng(0), judged.search.nominal.z)
+    nominal = judged.search.nominal
+    search = search_joint(problem, [EFFECTS[name]], nominal.moves, np.random.default_rng(0), nominal.z)
     return beyond_noise(problem, search.final)
 
 

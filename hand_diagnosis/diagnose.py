@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,17 +15,16 @@ from hand_diagnosis.isolability import Isolability, isolability
 from hand_diagnosis.partners import fits_better, model_accelerations, put_partner
 from hand_diagnosis.repeatability import floors
 from hand_diagnosis.search import JointSearch, search_joint
+from hand_diagnosis.task import Task, rested
 from hand_diagnosis.verdict import StageResult, describe, stage_results
-from hand_ident.driving import shape_driving
 from hand_ident.hand_signals import without_sensor_curve
 from hand_ident.joint_data import joint_problem
-from hand_ident.joint_problem import FLOOR, JointProblem
 from hand_ident.map_fit import map_fit
 from hand_ident.moves import nominal_moves
 from hand_ident.signals import Signals
 from hand_model.description import Hand
 from hand_model.effects import CATALOGUE, EFFECTS
-from hand_model.effects.effect import NEIGHBOUR, Effect
+from hand_model.effects.effect import Effect
 
 Array = NDArray[np.float64]
 MOVES_RAD = np.radians(2.0)
@@ -33,7 +32,6 @@ MOVES_RAD = np.radians(2.0)
 PUSHED_RAD = np.radians(10.0)
 EXCITED_PA = 1e4
 """A joint with less pressure is not excited, unless something moves it by more than PUSHED_RAD."""
-RESTED_PA = 5e3
 CURVE_JOINTS = 5
 SHARED_JOINTS = 0.5
 """Share of the joints that must show an effect of the whole hand."""
@@ -89,7 +87,7 @@ def diagnose(
         reruns = [without_sensor_curve(one, hand) for one in reruns]
     lines = [line for one in checked for line in (*one.signals.notes, *one.lines)]
     lines += [line for one in checked for line in _still(one, wanted, joints)]
-    task = _Task(signals, hand, effects, tolerance, seed, floors(signals, reruns))
+    task = Task(signals, hand, effects, tolerance, seed, floors(signals, reruns))
     done = []
     for number, joint in enumerate(wanted):
         done.append(_diagnose_joint(task, joint, number))
@@ -97,18 +95,6 @@ def diagnose(
     done = _without_lonely(task, _beside_models(task, done))
     findings = [*_dropped(signals), *_ranked(done)]
     return Diagnosis(_verdict(findings, done), tuple(findings), tuple(done), tuple(lines), sensor_curve)
-
-
-@dataclass(frozen=True, slots=True)
-class _Task:
-    """What is diagnosed, and how. floors: repeatability (OUTPUTS,) SI of joints, from re-runs."""
-
-    signals: Sequence[Signals]
-    hand: Hand
-    effects: Sequence[Effect]
-    tolerance: float
-    seed: int
-    floors: Mapping[str, Array]
 
 
 def _effects(without: Sequence[str]) -> list[Effect]:
@@ -143,10 +129,6 @@ def _still(checked: Checked, wanted: Sequence[str], asked: Sequence[str]) -> lis
     return [f"{one.name}: {', '.join(still)} too little motion to judge"] if still else []
 
 
-def _rested(signals: Sequence[Signals], joint: str) -> bool:
-    return all(one.pressure_pa[0, one.joints.index(joint)] < RESTED_PA for one in signals if joint in one.joints)
-
-
 def _reads_through_curve(signals: Sequence[Signals], hand: Hand, joints: Sequence[str], tolerance: float) -> bool:
     """Whether the angles of most joints fit the model better once the described sensors' own error is taken back.
 
@@ -161,24 +143,23 @@ def _reads_through_curve(signals: Sequence[Signals], hand: Hand, joints: Sequenc
         costs = []
         for candidate in (signals, straight):
             problem = joint_problem(candidate, hand, joint)
-            moves = nominal_moves(problem.nominal, tolerance, _rested(signals, joint))
+            moves = nominal_moves(problem.nominal, tolerance, rested(signals, joint))
             costs.append(map_fit(problem, moves, np.zeros(len(moves)), 3).cost)
         gains.append(float(np.log(max(costs[0], 1e-12) / max(costs[1], 1e-12))))  # no usable sample costs nothing
     return bool(np.median(gains) > 0.0)
 
 
 def _diagnose_joint(
-    task: _Task, joint: str, *seed: int, without: str = "", accelerations: Sequence[Array] = ()
+    task: Task, joint: str, *seed: int, without: str = "", accelerations: Sequence[Array] = ()
 ) -> JointDiagnosis:
     """One joint. accelerations: of its coupled partner in every piece, where its model knows them better."""
-    problem = joint_problem(task.signals, task.hand, joint, task.floors.get(joint, np.array(FLOOR)))
+    ready = task.prepare(joint)
+    problem = ready.problem
     if accelerations:
         put_partner(problem, accelerations)
     effects = [effect for effect in task.effects if effect.name != without]
     rng = np.random.default_rng([task.seed, *seed])
-    rested = _rested(task.signals, joint)
-    start = _choose_neighbour(task.signals, joint, problem, task.tolerance, rested)
-    search = search_joint(problem, effects, task.tolerance, rested, rng, start)
+    search = search_joint(problem, effects, ready.moves, rng, ready.start)
     results = tuple(stage_results(problem, search.nominal, search.final))
     judged = [effect for effect in effects if effect.place != "force_sensor"]
     told = isolability(problem, search.nominal, judged) if search.accepted else None
@@ -194,42 +175,12 @@ def _forget_slopes(search: JointSearch) -> None:
         search.accepted[-1] = replace(last, fit=replace(last.fit, sensitivity=()))
 
 
-def _choose_neighbour(
-    signals: Sequence[Signals], joint: str, problem: JointProblem, tolerance: float, rested: bool
-) -> Array:
-    """Put the angle into e that best explains what the nominal model leaves: what pulls, pulls with its motion.
-
-    The valve found on the way shapes the pressure between the samples. Returns the nominal numbers, as coordinates.
-    """
-    moves = nominal_moves(problem.nominal, tolerance, rested)
-    fit = map_fit(problem, moves, np.zeros(len(moves)), 3)
-    pieces = [one for one in signals if joint in one.joints]
-    names = [name for name in pieces[0].joints if name != joint and all(name in one.joints for one in pieces)]
-    best, chosen = 0.0, None
-    for name in names:
-        together = []
-        for one, piece, residual in zip(pieces, problem.pieces, fit.residuals, strict=True):
-            use = piece.use[1]
-            other = one.angle_rad[use, one.joints.index(name)]
-            own = np.column_stack([piece.angle_rad[use], piece.pressure_pa[use] * 1e-5, np.ones(use.sum())])
-            rest = other - own @ np.linalg.lstsq(own, other, rcond=None)[0]
-            norm = float(np.linalg.norm(rest)) * float(np.linalg.norm(residual[1][use]))
-            together.append(abs(float(rest @ residual[1][use])) / max(norm, 1e-300))
-        if float(np.mean(together)) > best:
-            best, chosen = float(np.mean(together)), name
-    if chosen is not None:
-        for one, piece in zip(pieces, problem.pieces, strict=True):
-            piece.exogenous[:, NEIGHBOUR] = one.angle_rad[:, one.joints.index(chosen)]
-    shape_driving(problem, moves, fit.z)
-    return fit.z
-
-
-def _beside_models(task: _Task, done: Sequence[JointDiagnosis]) -> list[JointDiagnosis]:
+def _beside_models(task: Task, done: Sequence[JointDiagnosis]) -> list[JointDiagnosis]:
     """Joints that miss something, judged anew where their partner's model explains it better than its sensor."""
     at = {one.joint: one for one in done}
     renewed = list(done)
     for k, one in enumerate(done):
-        other = at.get(_partner(task.hand, one.joint))
+        other = at.get(task.partner(one.joint))
         if other is None or not (one.search.accepted or any(result.unexplained for result in one.results)):
             continue
         if [p.name for p in other.search.problem.pieces] != [p.name for p in one.search.problem.pieces]:
@@ -240,12 +191,7 @@ def _beside_models(task: _Task, done: Sequence[JointDiagnosis]) -> list[JointDia
     return renewed
 
 
-def _partner(hand: Hand, joint: str) -> str:
-    index = int(hand.partner[hand.joints.index(joint)])
-    return hand.joints[index] if index >= 0 else ""
-
-
-def _without_lonely(task: _Task, done: list[JointDiagnosis]) -> list[JointDiagnosis]:
+def _without_lonely(task: Task, done: list[JointDiagnosis]) -> list[JointDiagnosis]:
     """Effects of the whole hand that only few of several joints show are no such effects: judge these joints anew."""
     if len(done) < 3:
         return done

@@ -10,11 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from hand_ident.joint_problem import JointProblem, Piece
 from hand_ident.map_fit import MapFit
-from hand_ident.signals import derivatives, smoothing_span, white_noise
+from hand_ident.signals import derivatives, smoothed_over, white_noise
 from hand_model.chain import OUTPUTS
 from hand_model.effects.effect import ACCELERATION, ANGLE, SPEED
 
@@ -60,8 +59,7 @@ def noise_of_reading(residual: Array, predicted: Array) -> float:
 def _disturbed(piece: Piece, rng: np.random.Generator, driven: bool) -> Piece:
     """The piece with a second draw of the noise on its inputs, treated as the first one was."""
     white = white_noise(piece.pressure_pa) * rng.standard_normal(len(piece.pressure_pa))
-    span = smoothing_span(piece.period_s)
-    kept = white if driven or span < 5 else np.where(piece.smoothed, savgol_filter(white, span, 2), white)
+    kept = white if driven else np.where(piece.smoothed, smoothed_over(white, piece.span), white)
     samples = np.arange(len(kept))
     kept = np.interp(np.linspace(0.0, samples[-1], len(piece.driving_pa)), samples, kept)
     angle = white_noise(piece.angle_rad) * rng.standard_normal(len(white))

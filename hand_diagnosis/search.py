@@ -17,7 +17,7 @@ from hand_diagnosis.evidence import block_bootstrap, held_out_rmse, log_evidence
 from hand_diagnosis.screen import Screened, screen
 from hand_ident.joint_problem import JointProblem
 from hand_ident.map_fit import MapFit, costs_at, map_fit
-from hand_ident.moves import Move, effect_moves, merged, nominal_moves, probe_values
+from hand_ident.moves import Move, effect_moves, merged, probe_values
 from hand_model.effects.effect import Effect
 from hand_model.parameters import ROW
 from hand_model.plant_parameters import PLANT_PARAMETERS
@@ -103,17 +103,12 @@ class JointSearch:
 def search_joint(
     problem: JointProblem,
     effects: Sequence[Effect],
-    tolerance: float,
-    rested: bool,
+    base: Sequence[Move],
     rng: np.random.Generator,
-    start: Array | None = None,
+    start: Array,
 ) -> JointSearch:
-    """Explain one joint by the effects given. tolerance: relative standard deviation of the nominal numbers.
-
-    start: coordinates of the nominal numbers (moves,) from which their fit begins.
-    """
-    base = nominal_moves(problem.nominal, tolerance, rested)
-    nominal = map_fit(problem, base, np.zeros(len(base)) if start is None else start, 8)
+    """Explain one joint by the effects given. base: moves of the nominal numbers, start (moves,): where their fit begins."""
+    nominal = map_fit(problem, base, start, 8)
     found = JointSearch(problem, nominal, log_evidence(problem, nominal))
     current, evidence = nominal, found.nominal_evidence
     left = list(effects)
@@ -136,7 +131,7 @@ def search_joint(
         found.accepted.append(best)
         current, evidence = best.fit, best.log_evidence
         left = [effect for effect in left if effect.name != best.effect.name]
-    _prune(found, tolerance, rested)
+    _prune(found)
     found.rounds = [[replace(one, fit=one.fit.lean()) for one in hypotheses] for hypotheses in found.rounds]
     found.accepted[:-1] = [replace(one, fit=one.fit.lean()) for one in found.accepted[:-1]]
     return found
@@ -278,7 +273,7 @@ def _worst_improves(problem: JointProblem, current: MapFit, hypothesis: Hypothes
     return bool(len(before) and after[int(np.argmax(before))] < before.max() and after.max() < before.max())
 
 
-def _prune(found: JointSearch, tolerance: float, rested: bool) -> None:
+def _prune(found: JointSearch) -> None:
     """Drop effects that the later ones made superfluous, the least needed first."""
     while len(found.accepted) > 1:
         names = [one.effect.name for one in found.accepted]
@@ -286,7 +281,7 @@ def _prune(found: JointSearch, tolerance: float, rested: bool) -> None:
         trials = []
         for index in range(len(names) - 1):
             kept = [one.effect for k, one in enumerate(found.accepted) if k != index]
-            moves = nominal_moves(found.problem.nominal, tolerance, rested)
+            moves = list(found.nominal.moves)
             for effect in kept:
                 moves = merged(moves, effect_moves(effect, found.problem.nominal))
             final = found.final

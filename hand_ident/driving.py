@@ -1,7 +1,8 @@
-"""The pressure that drives a joint, between its samples too: the valve's model gives the shape, the readings the rest.
+"""Inputs of a joint from a model and readings together: the model gives the shape, the readings what it leaves.
 
-A pressure that turns sharply after a step is no straight line from one sample to the next. What the valve's model leaves
-of the readings is small and smooth; its noise is reduced further, and gaps are bridged in it.
+A pressure that turns sharply after a step is no straight line from one sample to the next, and an acceleration taken
+from noisy angles alone shakes a joint that friction holds. What a model leaves of the readings is small and smooth; its
+noise is reduced, gaps are bridged in it, and added to the model it is what was measured.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from hand_ident.joint_problem import JointProblem, Piece
 from hand_ident.moves import Move
-from hand_ident.signals import white_noise, without_noise
+from hand_ident.signals import slopes_over, white_noise, without_noise
 
 Array = NDArray[np.float64]
 
@@ -37,6 +38,29 @@ def shape_driving(problem: JointProblem, moves: Sequence[Move], z: Array) -> Non
     ]
 
 
+def accelerations(problem: JointProblem, moves: Sequence[Move], z: Array) -> list[Array]:
+    """Acceleration (T,) [rad/s^2] of the joint in every piece, by its model at the coordinates z (moves,)."""
+    columns, creep = problem.columns(moves, z[None])
+    return [
+        _acceleration(piece, predicted[0, 1])
+        for piece, predicted in zip(problem.pieces, problem.predict(columns, creep), strict=True)
+    ]
+
+
+def _acceleration(piece: Piece, model_rad: Array) -> Array:
+    """Second differences keep the speed that an acceleration between two samples brings."""
+    rest = _bridged(piece, piece.angle_rad - model_rad)
+    _, span = without_noise(rest, piece.period_s, white_noise(rest))
+    bends = np.zeros(len(rest))
+    bends[1:-1] = np.diff(model_rad, 2) / piece.period_s**2
+    return bends + slopes_over(rest, span, 2, piece.period_s)
+
+
+def _bridged(piece: Piece, rest: Array) -> Array:
+    samples = np.arange(len(rest))
+    return np.interp(samples, samples[piece.known], rest[piece.known]) if piece.known.any() else rest
+
+
 def _finer(piece: Piece, finer: int) -> Piece:
     """The inputs of the valve's stage alone, in steps of a `finer`-th of a sample."""
     samples = len(piece.set_point_pa)
@@ -54,11 +78,9 @@ def _finer(piece: Piece, finer: int) -> Piece:
 
 def _shaped(piece: Piece, model_pa: Array, finer: int) -> Piece:
     samples = np.arange(len(piece.pressure_pa))
-    rest = piece.pressure_pa - model_pa[::finer]
-    if piece.known.any():
-        rest = np.interp(samples, samples[piece.known], rest[piece.known])
+    rest = _bridged(piece, piece.pressure_pa - model_pa[::finer])
     if not np.mean(np.diff(rest, 2) ** 2) < np.mean(np.diff(piece.pressure_pa, 2) ** 2):
         return piece
-    quiet = without_noise(rest, piece.period_s, white_noise(rest))
+    quiet, span = without_noise(rest, piece.period_s, white_noise(rest))
     at = np.arange(len(model_pa)) / finer
-    return replace(piece, driving_pa=model_pa + np.interp(at, samples, quiet), smoothed=quiet != rest)
+    return replace(piece, driving_pa=model_pa + np.interp(at, samples, quiet), span=span, smoothed=quiet != rest)

@@ -53,7 +53,8 @@ def joint_problem(
 
 def _piece(signals: Signals, hand: Hand, joint: str, first_block: int) -> Piece:
     j = signals.joints.index(joint)
-    force, driving = signals.force_n[:, j], _driving(signals, j)
+    force = signals.force_n[:, j]
+    driving, span = _driving(signals, j)
     start = np.zeros(STATES)
     start[P], start[PHI] = signals.pressure_pa[0, j], signals.angle_rad[0, j]
     return Piece(
@@ -62,6 +63,7 @@ def _piece(signals: Signals, hand: Hand, joint: str, first_block: int) -> Piece:
         signals.set_point_pa[:, j],
         signals.pressure_pa[:, j],
         driving,
+        span,
         driving != signals.pressure_pa[:, j],
         signals.angle_rad[:, j],
         force,
@@ -73,9 +75,9 @@ def _piece(signals: Signals, hand: Hand, joint: str, first_block: int) -> Piece:
     )
 
 
-def _driving(signals: Signals, j: int) -> Array:
+def _driving(signals: Signals, j: int) -> tuple[Array, int]:
     pressure = signals.pressure_pa[:, j]
-    return pressure if signals.driven else without_noise(pressure, signals.period_s, white_noise(pressure))
+    return (pressure, 1) if signals.driven else without_noise(pressure, signals.period_s, white_noise(pressure))
 
 
 def _surroundings(signals: Signals, hand: Hand, joint: str) -> Array:
@@ -84,7 +86,7 @@ def _surroundings(signals: Signals, hand: Hand, joint: str) -> Array:
     speed, acceleration = derivatives(signals.angle_rad, signals.period_s)
     e = np.zeros((signals.samples, EXOGENOUS))
     e[:, TIME] = signals.time_s
-    quiet = np.column_stack([_driving(signals, k) for k in range(len(signals.joints))])
+    quiet = np.column_stack([_driving(signals, k)[0] for k in range(len(signals.joints))])
     e[:, INFLOW] = total_inflow(quiet, signals.period_s)
     e[:, ANGLE], e[:, SPEED] = signals.angle_rad[:, j], speed[:, j]
     e[:, ACCELERATION] = acceleration[:, j]

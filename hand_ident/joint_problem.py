@@ -35,7 +35,7 @@ class Piece:
     """One recording of the joint. Signals (T,), exogenous (T, EXOGENOUS).
 
     driving_pa: the measured pressure as the joint's input, its noise reduced, (finer (T - 1) + 1,) evenly over the
-    samples.  smoothed: (T,) where noise was reduced.  known: (T,) where there were readings.
+    samples.  span: of the smoothing, in samples.  smoothed: (T,) where there was any.  known: (T,) where readings were.
     use: (OUTPUTS, T) samples that count.  block: (T,) number of the block of each sample, over all recordings.
     """
 
@@ -44,6 +44,7 @@ class Piece:
     set_point_pa: Array
     pressure_pa: Array
     driving_pa: Array
+    span: int
     smoothed: NDArray[np.bool_]
     angle_rad: Array
     force_n: Array

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import savgol_filter
+from scipy.signal import savgol_coeffs, savgol_filter
 
 from hand_ident.recording_files import RecordingError
 
@@ -111,26 +111,41 @@ def white_noise(values: Array, known: NDArray[np.bool_] | None = None) -> float:
     return max(float(np.median(quiet)) / 0.6745, 0.3 * trimmed) / float(np.sqrt(20.0))
 
 
-SMOOTHED_S = 0.07
-"""Span of the smoothing of an input; mechanics and valves are slower."""
+SMOOTHED_S = (0.07, 0.15, 0.3, 0.6, 1.2)
+"""Spans of the smoothing of an input to choose from; mechanics and valves are slower than the first."""
 LEFT_ALONE = 3.5
 """Where smoothing would move a signal by more than so many standard deviations of its noise, it is no noise."""
 
 
-def smoothing_span(period_s: float) -> int:
-    """Samples of SMOOTHED_S, an odd number; fewer than 5 smooth nothing."""
-    return 2 * round(0.5 * SMOOTHED_S / period_s) + 1
+def smoothed_over(values: Array, span: int) -> Array:
+    """A signal (T,) smoothed by quadratics over an odd number of samples; fewer than 5 change nothing."""
+    return values if span < 5 or len(values) <= span else savgol_filter(values, span, 2)
 
 
-def without_noise(values: Array, period_s: float, noise: float) -> Array:
-    """A signal (T,) that is an input of a model, with less of its white noise and none of its edges.
+def slopes_over(values: Array, span: int, order: int, period_s: float) -> Array:
+    """A derivative (T,) of a signal by quadratics over an odd number of samples; 0 where there are too few."""
+    span = max(span, 5)
+    return savgol_filter(values, span, 2, order, period_s) if len(values) > span else np.zeros(len(values))
 
-    Noise of an input is no error of the model, but would look like one: quadratics by least squares over SMOOTHED_S
-    (Savitzky and Golay 1964), without lag; around edges the signal stays as it is.
+
+def without_noise(values: Array, period_s: float, noise: float) -> tuple[Array, int]:
+    """A signal (T,) that is an input of a model, with less of its white noise and none of its edges; and the span.
+
+    Noise of an input is no error of the model, but would look like one: quadratics by least squares (Savitzky and
+    Golay 1964), without lag, over the span that foretells left-out samples best; around edges the signal stays.
     """
-    span = smoothing_span(period_s)
-    if span < 5 or len(values) <= span or noise <= 0.0:
-        return values
-    smooth = savgol_filter(values, span, 2)
-    edge = uniform_filter1d((np.abs(values - smooth) > LEFT_ALONE * noise).astype(float), span) > 0.0
-    return np.where(edge, values, smooth)
+    spans = [2 * round(0.5 * seconds / period_s) + 1 for seconds in SMOOTHED_S]
+    spans = [span for span in spans if 5 <= span < len(values)]
+    if not spans or noise <= 0.0:
+        return values, 1
+    span = min(spans, key=lambda span: _left_out_error(values, span))
+    smooth = smoothed_over(values, span)
+    edge = uniform_filter1d((np.abs(values - smooth) > LEFT_ALONE * noise).astype(float), spans[0]) > 0.0
+    return np.where(edge, values, smooth), span
+
+
+def _left_out_error(values: Array, span: int) -> float:
+    """Mean square by which the smoothing foretells a sample from its neighbours alone; a tenth at edges is left out."""
+    own = float(savgol_coeffs(span, 2)[span // 2])
+    error = np.abs(values - smoothed_over(values, span)) / (1.0 - own)
+    return float(np.mean(np.minimum(error, np.quantile(error, 0.9)) ** 2))

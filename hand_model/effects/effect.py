@@ -74,7 +74,7 @@ def sine_cosine(x):  # type: ignore[no-untyped-def]
 
 @inline
 def decay(x):  # type: ignore[no-untyped-def]
-    """exp(-x) for x >= 0 to 5e-6, so that a compiler can vectorise it: the series' reciprocal of an eighth, squared up."""
+    """exp(-x) for x >= 0 to 5e-6, so that a compiler can vectorise it: by the series of an eighth."""
     y = 0.125 * x
     root = 1.0 / (1.0 + y * (1.0 + y * (0.5 + y * (1.0 / 6.0 + y * (1.0 / 24.0 + y / 120.0)))))
     square = root * root

@@ -1,0 +1,101 @@
+"""What is diagnosed and how; and each joint's problem made ready: what drives it, what shakes it, what pulls at it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_diagnosis.partners import put_partner
+from hand_ident.driving import accelerations, shape_driving
+from hand_ident.joint_data import joint_problem
+from hand_ident.joint_problem import FLOOR, JointProblem
+from hand_ident.map_fit import MapFit, map_fit
+from hand_ident.moves import Move, nominal_moves
+from hand_ident.signals import Signals
+from hand_model.description import Hand
+from hand_model.effects.effect import NEIGHBOUR, Effect
+
+Array = NDArray[np.float64]
+RESTED_PA = 5e3
+ROUGHLY = 3
+"""Iterations of a first fit of the nominal numbers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A joint's problem, the moves of its nominal numbers, and coordinates (moves,) near their best ones."""
+
+    problem: JointProblem
+    moves: list[Move]
+    start: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """Recordings of a hand. tolerance: relative standard deviation of its nominal numbers.
+
+    floors: repeatability (OUTPUTS,) SI of joints, from re-runs.
+    """
+
+    signals: Sequence[Signals]
+    hand: Hand
+    effects: Sequence[Effect]
+    tolerance: float
+    seed: int
+    floors: Mapping[str, Array]
+    _rough: dict[str, Prepared] = field(default_factory=dict)
+
+    def prepare(self, joint: str) -> Prepared:
+        """The problem of a joint beside its partner, whose acceleration its own model tells."""
+        rough = self._roughly(joint)
+        other = self.partner(joint)
+        if other and self._holding(joint) == self._holding(other):
+            beside = self._roughly(other)
+            put_partner(rough.problem, accelerations(beside.problem, beside.moves, beside.start))
+        return rough
+
+    def partner(self, joint: str) -> str:
+        """The joint that is coupled to one by inertia, or none."""
+        index = int(self.hand.partner[self.hand.joints.index(joint)])
+        return self.hand.joints[index] if index >= 0 else ""
+
+    def _roughly(self, joint: str) -> Prepared:
+        if joint not in self._rough:
+            problem = joint_problem(self.signals, self.hand, joint, self.floors.get(joint, np.array(FLOOR)))
+            moves = nominal_moves(problem.nominal, self.tolerance, rested(self.signals, joint))
+            fit = map_fit(problem, moves, np.zeros(len(moves)), ROUGHLY)
+            _choose_neighbour([one for one in self.signals if joint in one.joints], joint, problem, fit)
+            shape_driving(problem, moves, fit.z)
+            self._rough[joint] = Prepared(problem, moves, fit.z)
+        return self._rough[joint]
+
+    def _holding(self, joint: str) -> list[str]:
+        return [one.name for one in self.signals if joint in one.joints]
+
+
+def rested(signals: Sequence[Signals], joint: str) -> bool:
+    """Whether a joint was vented when every recording of it began."""
+    return all(one.pressure_pa[0, one.joints.index(joint)] < RESTED_PA for one in signals if joint in one.joints)
+
+
+def _choose_neighbour(pieces: Sequence[Signals], joint: str, problem: JointProblem, fit: MapFit) -> None:
+    """Put the angle into e that best explains what the nominal model leaves: what pulls, pulls with its motion."""
+    names = [name for name in pieces[0].joints if name != joint and all(name in one.joints for one in pieces)]
+    best, chosen = 0.0, None
+    for name in names:
+        together = []
+        for one, piece, residual in zip(pieces, problem.pieces, fit.residuals, strict=True):
+            use = piece.use[1]
+            other = one.angle_rad[use, one.joints.index(name)]
+            own = np.column_stack([piece.angle_rad[use], piece.pressure_pa[use] * 1e-5, np.ones(use.sum())])
+            rest = other - own @ np.linalg.lstsq(own, other, rcond=None)[0]
+            norm = float(np.linalg.norm(rest)) * float(np.linalg.norm(residual[1][use]))
+            together.append(abs(float(rest @ residual[1][use])) / max(norm, 1e-300))
+        if float(np.mean(together)) > best:
+            best, chosen = float(np.mean(together)), name
+    if chosen is not None:
+        for one, piece in zip(pieces, problem.pieces, strict=True):
+            piece.exogenous[:, NEIGHBOUR] = one.angle_rad[:, one.joints.index(chosen)]
