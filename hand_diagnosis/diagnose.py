@@ -87,7 +87,7 @@ def diagnose(
         reruns = [without_sensor_curve(one, hand) for one in reruns]
     lines = [line for one in checked for line in (*one.signals.notes, *one.lines)]
     lines += [line for one in checked for line in _still(one, wanted, joints)]
-    task = Task(signals, hand, effects, tolerance, seed, floors(signals, reruns))
+    task = Task(signals, hand, wanted, effects, tolerance, seed, floors(signals, reruns))
     done = []
     for number, joint in enumerate(wanted):
         done.append(_diagnose_joint(task, joint, number))

@@ -7,6 +7,9 @@ only a logarithm far above it, where no model fits and differences of squares ov
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import combinations
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,15 +27,35 @@ def log_likelihood(problem: JointProblem, squares: Array) -> float:
     return float(-0.5 * (counts * np.log1p(chi2 / counts)).sum())
 
 
-def log_evidence(problem: JointProblem, fit: MapFit) -> float:
-    """Laplace: log likelihood and prior at the best point, and the volume that the data leave of the prior's."""
+def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[int] = ()) -> float:
+    """Laplace: log likelihood and prior at the best point, and the volume that the data leave of the prior's.
+
+    optional: moves of which each may be needed or not, at least one of them is. The evidence is the mean over these
+    models, each from the full one by the ratio of posterior to prior density at its neutral values (Dickey 1971):
+    a number that the data do not ask for costs nothing.
+    """
     counts = np.maximum(problem.effective_counts(), 1.0)
     train = ~problem.held_out
     chi2 = problem.weight * fit.squares[:, train].sum(axis=1)
     # Far above the floor the noise is larger than weighted; curvature shrinks alike.
     shrink = float((counts.sum()) / (counts.sum() + chi2.sum()))
-    _, logdet = np.linalg.slogdet(np.eye(len(fit.z)) + shrink * fit.normal)
-    return log_likelihood(problem, fit.squares) - 0.5 * float(fit.z @ fit.z) - 0.5 * float(logdet)
+    precision = np.eye(len(fit.z)) + shrink * fit.normal
+    _, logdet = np.linalg.slogdet(precision)
+    whole = log_likelihood(problem, fit.squares) - 0.5 * float(fit.z @ fit.z) - 0.5 * float(logdet)
+    if len(optional) < 2:
+        return whole
+    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+    off = [list(chosen) for k in range(len(optional)) for chosen in combinations(optional, k)]
+    ratios = np.array([_density_ratio(fit.z[chosen], covariance[np.ix_(chosen, chosen)]) for chosen in off])
+    return whole + float(np.logaddexp.reduce(ratios) - np.log(len(ratios)))
+
+
+def _density_ratio(z: Array, covariance: Array) -> float:
+    """Log of posterior over prior density at the neutral point, of coordinates (k,) with a unit prior around it."""
+    if not len(z):
+        return 0.0
+    _, logdet = np.linalg.slogdet(covariance)
+    return -0.5 * float(z @ np.linalg.solve(covariance, z)) - 0.5 * float(logdet)
 
 
 def held_out_rmse(problem: JointProblem, squares: Array) -> Array:

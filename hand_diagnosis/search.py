@@ -40,7 +40,7 @@ class Heat:
 
 
 BEHIND = 60.0
-"""Log evidence behind the best hypothesis from which another one is not fitted further."""
+"""Log evidence behind the best hypothesis from which another one is not fitted to the end."""
 WORTH_A_FIT = 8.0
 """Cost that a probe must promise to save."""
 ACCEPTED = 6.0
@@ -49,11 +49,11 @@ CLAIMABLE = 0.03
 """Fall of the held-out error relative to itself that is worth a claim."""
 STARTS, JITTER, ITERATIONS = 1, 0.5, 12
 """Further starts of the fit of an effect to be accepted; how far off they are, in priors' widths; their iterations."""
-PROBES, SHARES = 6, (0.1, 0.3, 1.0, 2.5)
+PROBES, SHARES = 6, (0.1, 0.3, 1.0, 2.5, 6.0)
 """Starts of a fit: probes of the effect, and shares of the way to them."""
 LISTED, WORTH_LISTING = 3, 0.2
 """Improvements too small to be claimed that are listed, and what they must take away, in floors."""
-HEATS = (Heat(8, 6, 2.0, 5.2e-3), Heat(5, 6, 0.5, 5.2e-3), Heat(3, 20, 0.02, 2.6e-3))
+HEATS = (Heat(8, 7, 2.0, 5.2e-3), Heat(5, 10, 0.5, 5.2e-3), Heat(3, 20, 0.02, 2.6e-3))
 """Of every round: the first ones are rough, to see what is worth the last."""
 
 
@@ -107,7 +107,7 @@ def search_joint(
     rng: np.random.Generator,
     start: Array,
 ) -> JointSearch:
-    """Explain one joint by the effects given. base: moves of the nominal numbers, start (moves,): where their fit begins."""
+    """Explain one joint by the effects given. base: moves of its nominal numbers; their fit begins at start."""
     nominal = map_fit(problem, base, start, 8)
     found = JointSearch(problem, nominal, log_evidence(problem, nominal))
     current, evidence = nominal, found.nominal_evidence
@@ -145,7 +145,9 @@ def _round(
     ranked = _ranked([_fit(problem, current, one, first, rng) for one in screened])
     for heat in further:
         ranked = [replace(one, fit=one.fit.lean()) for one in ranked]
-        near = [one for one in ranked[: heat.most] if one.log_evidence > ranked[0].log_evidence - BEHIND]
+        near = ranked[: heat.most]
+        if heat is HEATS[-1]:
+            near = [one for one in near if one.log_evidence > ranked[0].log_evidence - BEHIND]
         refined = [_refine(problem, current, one, heat, rng) for one in near]
         ranked = _ranked(refined + ranked[len(near) :])
     return ranked
@@ -162,10 +164,9 @@ def _fit(
     moves = merged(current.moves, effect_moves(screened.effect, problem.nominal))
     starts = np.array(_starts(problem, current, screened, moves))
     cheapest = starts[int(np.argmin(costs_at(rough, moves, starts[1:]))) + 1]
-    tried = [map_fit(rough, moves, start, heat.iterations // 2, heat.tolerance) for start in (starts[0], cheapest)]
+    tried = [map_fit(rough, moves, start, heat.iterations, heat.tolerance) for start in (starts[0], cheapest)]
     best = min(tried, key=lambda fit: fit.cost)
-    fit = map_fit(rough, moves, best.z, heat.iterations, heat.tolerance)
-    return _judge(problem, current, screened.effect, fit.lean(), rng)
+    return _judge(problem, current, screened.effect, best.lean(), rng)
 
 
 def _refine(
@@ -183,7 +184,13 @@ def _judge(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, 
         gain = np.nan_to_num((rmse[0] - rmse[1]) / problem.floor)
     stage = int(np.argmax(gain))
     fall = block_bootstrap(problem, current.squares, fit.squares, stage, rng)
-    return Hypothesis(effect, fit, log_evidence(problem, fit), stage, fall)
+    return Hypothesis(effect, fit, log_evidence(problem, fit, _amounts(effect, fit)), stage, fall)
+
+
+def _amounts(effect: Effect, fit: MapFit) -> list[int]:
+    """Moves of an effect's own numbers that say how much, each of which may be neutral while the others act."""
+    own = {ROW[key] for key in effect.keys if key not in effect.shape and ROW[key] >= len(PLANT_PARAMETERS)}
+    return [k for k, move in enumerate(fit.moves) if move.row in own and not move.log]
 
 
 def _starts(problem: JointProblem, current: MapFit, screened: Screened, moves: Sequence[Move]) -> list[list[float]]:

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_diagnosis.partners import put_partner
-from hand_ident.driving import accelerations, shape_driving
-from hand_ident.joint_data import joint_problem
-from hand_ident.joint_problem import FLOOR, JointProblem
+from hand_ident.driving import accelerations, inflow, shape_driving
+from hand_ident.joint_data import joint_problem, recorded_piece
+from hand_ident.joint_problem import FLOOR, JointProblem, Piece
 from hand_ident.map_fit import MapFit, map_fit
 from hand_ident.moves import Move, nominal_moves
 from hand_ident.signals import Signals
 from hand_model.description import Hand
-from hand_model.effects.effect import NEIGHBOUR, Effect
+from hand_model.effects.effect import INFLOW, NEIGHBOUR, Effect
 
 Array = NDArray[np.float64]
 RESTED_PA = 5e3
@@ -37,16 +37,19 @@ class Prepared:
 class Task:
     """Recordings of a hand. tolerance: relative standard deviation of its nominal numbers.
 
+    joints: those that are judged.
     floors: repeatability (OUTPUTS,) SI of joints, from re-runs.
     """
 
     signals: Sequence[Signals]
     hand: Hand
+    joints: Sequence[str]
     effects: Sequence[Effect]
     tolerance: float
     seed: int
     floors: Mapping[str, Array]
     _rough: dict[str, Prepared] = field(default_factory=dict)
+    _inflows: dict[str, Array] = field(default_factory=dict)
 
     def prepare(self, joint: str) -> Prepared:
         """The problem of a joint beside its partner, whose acceleration its own model tells."""
@@ -55,6 +58,8 @@ class Task:
         if other and self._holding(joint) == self._holding(other):
             beside = self._roughly(other)
             put_partner(rough.problem, accelerations(beside.problem, beside.moves, beside.start))
+        for piece in rough.problem.pieces:
+            piece.exogenous[:, INFLOW] = self._inflow(piece.name)
         return rough
 
     def partner(self, joint: str) -> str:
@@ -71,6 +76,20 @@ class Task:
             shape_driving(problem, moves, fit.z)
             self._rough[joint] = Prepared(problem, moves, fit.z)
         return self._rough[joint]
+
+    def _inflow(self, name: str) -> Array:
+        """Rise of all pressures of a recording together (T,) [Pa/s]."""
+        if name not in self._inflows:
+            one = next(one for one in self.signals if one.name == name)
+            pieces = [self._piece(one, joint) for joint in one.joints]
+            self._inflows[name] = np.asarray(np.sum([inflow(piece) for piece in pieces], axis=0))
+        return self._inflows[name]
+
+    def _piece(self, one: Signals, joint: str) -> Piece:
+        """A joint in a recording; its pressure shaped by its valve's model, where it is one of those judged."""
+        if joint not in self.joints:
+            return recorded_piece(one, self.hand, joint)
+        return next(piece for piece in self._roughly(joint).problem.pieces if piece.name == one.name)
 
     def _holding(self, joint: str) -> list[str]:
         return [one.name for one in self.signals if joint in one.joints]

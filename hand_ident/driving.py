@@ -47,6 +47,15 @@ def accelerations(problem: JointProblem, moves: Sequence[Move], z: Array) -> lis
     ]
 
 
+def inflow(piece: Piece) -> Array:
+    """Rise of the driving pressure (T,) [Pa/s], falls left out, mean over the sample around each reading."""
+    samples = len(piece.pressure_pa)
+    finer = (len(piece.driving_pa) - 1) // max(samples - 1, 1)
+    rises = np.maximum(np.diff(piece.driving_pa), 0.0).reshape(samples - 1, finer).sum(axis=1) / piece.period_s
+    around = np.concatenate([rises[:1], rises, rises[-1:]])
+    return np.asarray(0.5 * (around[1:] + around[:-1]))
+
+
 def _acceleration(piece: Piece, model_rad: Array) -> Array:
     """Second differences keep the speed that an acceleration between two samples brings."""
     rest = _bridged(piece, piece.angle_rad - model_rad)

@@ -15,10 +15,10 @@ from hand_ident.joint_problem import (
     block_numbers,
     initial_weights,
 )
-from hand_ident.signals import Signals, derivatives, total_inflow, white_noise, without_noise
+from hand_ident.signals import Signals, derivatives, white_noise, without_noise
 from hand_model.chain import OUTPUTS, PHI, STATES, P
 from hand_model.description import Hand
-from hand_model.effects.effect import ACCELERATION, ANGLE, EXOGENOUS, INFLOW, NEIGHBOUR, PARTNER, SPEED, TIME
+from hand_model.effects.effect import ACCELERATION, ANGLE, EXOGENOUS, NEIGHBOUR, PARTNER, SPEED, TIME
 
 Array = NDArray[np.float64]
 TOUCHING_N = 0.3
@@ -37,7 +37,7 @@ def joint_problem(
     first = 0
     for one in signals:
         if joint in one.joints:
-            pieces.append(_piece(one, hand, joint, first))
+            pieces.append(recorded_piece(one, hand, joint, first))
             first = int(pieces[-1].block[-1]) + 1
     noise = np.max([_noise(piece) for piece in pieces], axis=0)
     return JointProblem(
@@ -51,7 +51,8 @@ def joint_problem(
     )
 
 
-def _piece(signals: Signals, hand: Hand, joint: str, first_block: int) -> Piece:
+def recorded_piece(signals: Signals, hand: Hand, joint: str, first_block: int = 0) -> Piece:
+    """One recording of a joint."""
     j = signals.joints.index(joint)
     force = signals.force_n[:, j]
     driving, span = _driving(signals, j)
@@ -81,13 +82,11 @@ def _driving(signals: Signals, j: int) -> tuple[Array, int]:
 
 
 def _surroundings(signals: Signals, hand: Hand, joint: str) -> Array:
-    """Columns of e, (T, EXOGENOUS)."""
+    """Columns of e, (T, EXOGENOUS); the hand's inflow is not among them (driving.py)."""
     j = signals.joints.index(joint)
     speed, acceleration = derivatives(signals.angle_rad, signals.period_s)
     e = np.zeros((signals.samples, EXOGENOUS))
     e[:, TIME] = signals.time_s
-    quiet = np.column_stack([_driving(signals, k)[0] for k in range(len(signals.joints))])
-    e[:, INFLOW] = total_inflow(quiet, signals.period_s)
     e[:, ANGLE], e[:, SPEED] = signals.angle_rad[:, j], speed[:, j]
     e[:, ACCELERATION] = acceleration[:, j]
     partner = int(hand.partner[hand.joints.index(joint)])

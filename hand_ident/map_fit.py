@@ -14,10 +14,11 @@ from hand_ident.moves import Move
 Array = NDArray[np.float64]
 DIFFERENCE = 0.002
 """Step of the finite differences, in standard deviations of the prior."""
-LONGEST_STEP = 0.7
-"""Of any coordinate: beyond a prior's width the slopes say little."""
 DAMPING = (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3)
-"""Trial steps: as many as fit one block of lanes with room to spare, all tried at once."""
+BOLD = (0.0, 1e-2, 1.0, 100.0)
+"""Trial steps, all tried at once, by their damping; bold ones may be longer."""
+LONGEST_STEP, LONGEST_BOLD = 0.7, 4.0
+"""Of any coordinate: beyond a prior's width the slopes say little, but where they do, the way is short."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,9 +139,10 @@ def _trial_steps(z: Array, normal: Array, slope: Array, bounds: tuple[Array, Arr
     hessian = normal + np.eye(len(z))
     scale = np.diag(np.diag(hessian))
     trials = []
-    for damping in DAMPING:
+    limits = [(damping, LONGEST_STEP) for damping in DAMPING] + [(damping, LONGEST_BOLD) for damping in BOLD]
+    for damping, longest in limits:
         step = _bounded_step(hessian + damping * scale, gradient, bounds[0] - z, bounds[1] - z)
-        step *= min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-300))
+        step *= min(1.0, longest / max(float(np.abs(step).max()), 1e-300))
         trials.append(z + step)
     return np.array(trials)
 

@@ -90,13 +90,6 @@ def derivatives(angle_rad: Array, period_s: float) -> tuple[Array, Array]:
     return speed, acceleration
 
 
-def total_inflow(pressure_pa: Array, period_s: float) -> Array:
-    """Sum of all pressure rises (T,) [Pa/s], smoothed over a few samples."""
-    rises = np.maximum(np.gradient(pressure_pa, period_s, axis=0), 0.0).sum(axis=1)
-    smooth: Array = uniform_filter1d(rises, max(1, round(0.02 / period_s)))
-    return smooth
-
-
 def white_noise(values: Array, known: NDArray[np.bool_] | None = None) -> float:
     """Standard deviation of the white part of a signal (T,), from its third differences (robust against motion)."""
     difference = np.diff(values, 3)

@@ -147,13 +147,14 @@ def valve_step(w, i, p, u, e, h):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _stop_stiffness(depth, k, width):  # type: ignore[no-untyped-def]
-    return k * min(max(depth / width, 0.0), 1.0)
+def _engaged(depth, width):  # type: ignore[no-untyped-def]
+    """Share of a stop's stiffness and damping that acts."""
+    return min(max(depth / width, 0.0), 1.0)
 
 
 @inline
 def _acting_torque(w, i, phi, omega, p, creep, e):  # type: ignore[no-untyped-def]
-    """Torque on the joint but for damping and dry friction [N m], and its stiffness [N m/rad]."""
+    """Torque on the joint but for damping and dry friction [N m], its stiffness [N m/rad], and damping in it."""
     added, stiffness = _added_torque(w, i, phi, omega, p, e)
     width, contact_width = w[_W_STOP, i], w[_W_CONTACT, i]
     high, low, contact = phi - w[_HIGH, i], w[_LOW, i] - phi, phi - w[_CONTACT, i]
@@ -166,14 +167,9 @@ def _acting_torque(w, i, phi, omega, p, creep, e):  # type: ignore[no-untyped-de
         + _one_sided(low, -omega, w[_K_STOP, i], w[_D_STOP, i], width, 1.0 / width)
         - _one_sided(contact, omega, w[_K_CONTACT, i], w[_D_CONTACT, i], contact_width, 1.0 / contact_width)
     )
-    stiffness += (
-        _stop_stiffness(high, w[_K_STOP, i], width)
-        + _stop_stiffness(low, w[_K_STOP, i], width)
-        + _stop_stiffness(contact, w[_K_CONTACT, i], contact_width)
-        - w[_A1, i]
-        - w[_A3, i] * p
-    )
-    return total, max(stiffness, 0.0)
+    stops, touch = _engaged(high, width) + _engaged(low, width), _engaged(contact, contact_width)
+    stiffness += w[_K_STOP, i] * stops + w[_K_CONTACT, i] * touch - w[_A1, i] - w[_A3, i] * p
+    return total, max(stiffness, 0.0), w[_D_STOP, i] * stops + w[_D_CONTACT, i] * touch
 
 
 @inline
@@ -188,10 +184,10 @@ def creep_step(w, i, p, creep, h):  # type: ignore[no-untyped-def]
 @inline
 def joint_step(w, i, phi, omega, p, creep, e, h):  # type: ignore[no-untyped-def]
     """Angle [rad] and speed [rad/s] after h [s] at the actuator pressure p, Eq. 8."""
-    total, stiffness = _acting_torque(w, i, phi, omega, p, creep, e)
+    total, stiffness, included = _acting_torque(w, i, phi, omega, p, creep, e)
     damping = w[_D, i] + _added_damping(w, i, omega)
     implicit = 0.5 * h * damping + 0.25 * h * h * stiffness
-    mass = w[_J, i] + implicit
+    mass = w[_J, i] + implicit + 0.5 * h * included  # whose torque at omega is part of the total
     free = ((w[_J, i] - implicit) * omega + h * total) / mass
     stopping = h * _dry_friction(w, i, omega, p) / mass
     after = max(abs(free) - stopping, 0.0)
