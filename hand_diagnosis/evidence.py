@@ -19,29 +19,30 @@ from hand_ident.map_fit import MapFit
 Array = NDArray[np.float64]
 
 
-def log_likelihood(problem: JointProblem, squares: Array) -> float:
-    """Of train blocks, from squares (OUTPUTS, blocks)."""
-    train = ~problem.held_out
-    counts = np.maximum(problem.effective_counts(), 1.0)
-    chi2 = problem.weight * squares[:, train].sum(axis=1)
+def log_likelihood(problem: JointProblem, squares: Array, blocks: NDArray[np.bool_]) -> float:
+    """Of chosen blocks (blocks,), from squares (OUTPUTS, blocks)."""
+    counts = np.maximum(problem.effective_counts(blocks), 1.0)
+    chi2 = problem.weight * squares[:, blocks].sum(axis=1)
     return float(-0.5 * (counts * np.log1p(chi2 / counts)).sum())
 
 
 def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[int] = ()) -> float:
     """Laplace: log likelihood and prior at the best point, and the volume that the data leave of the prior's.
 
+    What held-out blocks say of the point that was fitted without them comes on top: p(all) = p(train) p(held | train).
     optional: moves of which each may be needed or not, at least one of them is. The evidence is the mean over these
     models, each from the full one by the ratio of posterior to prior density at its neutral values (Dickey 1971):
     a number that the data do not ask for costs nothing.
     """
-    counts = np.maximum(problem.effective_counts(), 1.0)
     train = ~problem.held_out
+    counts = np.maximum(problem.effective_counts(train), 1.0)
     chi2 = problem.weight * fit.squares[:, train].sum(axis=1)
     # Far above the floor the noise is larger than weighted; curvature shrinks alike.
     shrink = float((counts.sum()) / (counts.sum() + chi2.sum()))
     precision = np.eye(len(fit.z)) + shrink * fit.normal
     _, logdet = np.linalg.slogdet(precision)
-    whole = log_likelihood(problem, fit.squares) - 0.5 * float(fit.z @ fit.z) - 0.5 * float(logdet)
+    likelihood = log_likelihood(problem, fit.squares, train) + log_likelihood(problem, fit.squares, ~train)
+    whole = likelihood - 0.5 * float(fit.z @ fit.z) - 0.5 * float(logdet)
     if len(optional) < 2:
         return whole
     covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)

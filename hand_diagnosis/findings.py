@@ -26,7 +26,8 @@ UNKNOWN = 0.7
 MENTIONED = 0.02
 """Alternatives less probable than this are left out."""
 UNITS_OF_KEYS = (
-    ("_nm_per_pa_rad2", "N m/(Pa rad^2)"), ("_nm_per_rad3", "N m/rad^3"), ("_nm_per_pa2", "N m/Pa^2"),
+    ("_nm_per_pa_rad2", "N m/(Pa rad^2)"), ("_nm_per_rad3", "N m/rad^3"), ("_nm_per_rad2", "N m/rad^2"),
+    ("_nm_per_pa2", "N m/Pa^2"),
     ("_nm_s2_per_rad2", "N m s^2/rad^2"), ("_nm_s_per_rad", "N m s/rad"), ("_nm_per_rad", "N m/rad"),
     ("_nm_per_pa", "N m/Pa"), ("_rad_per_s", "rad/s"), ("_pa_per_s", "Pa/s"), ("_per_pa", "1/Pa"), ("_per_s", "1/s"),
     ("_per_h", "1/h"), ("_kg_m2", "kg m^2"), ("_nm", "N m"), ("_deg", "deg"), ("_pa", "Pa"), ("_s", "s"),

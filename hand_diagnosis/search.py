@@ -43,6 +43,8 @@ BEHIND = 60.0
 """Log evidence behind the best hypothesis from which another one is not fitted to the end."""
 WORTH_A_FIT = 8.0
 """Cost that a probe must promise to save."""
+FORETOLD = 0.3
+"""Share of the cost that the best probe must promise to save; else screening, which is linear, missed what is large."""
 ACCEPTED = 6.0
 """Log evidence by which an effect must beat the model without it."""
 CLAIMABLE = 0.03
@@ -141,8 +143,7 @@ def _round(
     problem: JointProblem, current: MapFit, effects: Sequence[Effect], rng: np.random.Generator
 ) -> list[Hypothesis]:
     first, *further = HEATS
-    screened = [one for one in screen(problem, current, effects) if one.gain > WORTH_A_FIT][: first.most]
-    ranked = _ranked([_fit(problem, current, one, first, rng) for one in screened])
+    ranked = _ranked([_fit(problem, current, one, first, rng) for one in _promising(problem, current, effects)])
     for heat in further:
         ranked = [replace(one, fit=one.fit.lean()) for one in ranked]
         near = ranked[: heat.most]
@@ -151,6 +152,21 @@ def _round(
         refined = [_refine(problem, current, one, heat, rng) for one in near]
         ranked = _ranked(refined + ranked[len(near) :])
     return ranked
+
+
+def _promising(problem: JointProblem, current: MapFit, effects: Sequence[Effect]) -> list[Screened]:
+    """Effects worth a fit, by what probes promise; where all promise little of much, by the cheapest start of each."""
+    heat = HEATS[0]
+    screened = screen(problem, current, effects)
+    worth = [one for one in screened if one.gain > WORTH_A_FIT]
+    if not worth or worth[0].gain > FORETOLD * current.cost:
+        return worth[: heat.most]
+    rough = replace(problem, step_s=heat.step_s)
+    cheapest = []
+    for one in screened:
+        moves = merged(current.moves, effect_moves(one.effect, problem.nominal))
+        cheapest.append(float(costs_at(rough, moves, np.array(_starts(problem, current, one, moves))).min()))
+    return [screened[k] for k in np.argsort(cheapest, kind="stable")[: 2 * heat.most]]
 
 
 def _ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:

@@ -145,10 +145,10 @@ class JointProblem:
             counts[:, first : last + 1] += np.add.reduceat(piece.use.astype(float), starts, axis=1)
         return counts
 
-    def effective_counts(self) -> Array:
-        """Independent samples of each stage (OUTPUTS,): correlation makes many of one."""
+    def effective_counts(self, blocks: NDArray[np.bool_]) -> Array:
+        """Independent samples of each stage (OUTPUTS,) in chosen blocks (blocks,): correlation makes many of one."""
         per_sample = self.pieces[0].period_s / CORRELATION_S
-        counts: Array = self.block_counts[:, ~self.held_out].sum(axis=1) * min(per_sample, 1.0)
+        counts: Array = self.block_counts[:, blocks].sum(axis=1) * min(per_sample, 1.0)
         return counts
 
 

@@ -47,6 +47,7 @@ NOMINAL_KEYS = (
 )
 _FLOOR = {"valve.dead_time_s": 0.002, "statics.a0_nm": 0.01}
 """Size that stands for a nominal number whose own is too small to measure a tolerance by; dead time: one step."""
+FARTHEST = 3.0
 _WIDE = {"valve.dead_time_s": 0.4}
 """Tolerances that are wider than the common one: a set-point waits for the board's tick, too."""
 
@@ -81,7 +82,10 @@ class Move:
 
 
 def nominal_moves(nominal: Array, tolerance: float, rested: bool) -> list[Move]:
-    """Moves of the plain plant around its nominal parameters (rows,), each by a relative tolerance."""
+    """Moves of the plain plant around its nominal parameters (rows,), each by a relative tolerance.
+
+    None goes farther than FARTHEST tolerances: what needs more is no wrong number but another thing.
+    """
     moves = []
     for key in NOMINAL_KEYS:
         row = ROW[key]
@@ -91,7 +95,9 @@ def nominal_moves(nominal: Array, tolerance: float, rested: bool) -> list[Move]:
             continue
         bound = JOINT_PARAMETERS[row]
         scale = size * max(tolerance, _WIDE.get(key, 0.0))
-        moves.append(Move(row, nominal[row], scale, False, bound.low * bound.scale, bound.high * bound.scale))
+        low = max(bound.low * bound.scale, nominal[row] - FARTHEST * scale)
+        high = min(bound.high * bound.scale, nominal[row] + FARTHEST * scale)
+        moves.append(Move(row, nominal[row], scale, False, low, high))
     if nominal[ROW["material.phi_max_deg"]] != 0.0:
         moves.append(Move(START_CREEP, 0.0, 0.1 if rested else 0.3, False, 0.0, 1.0))
     return moves

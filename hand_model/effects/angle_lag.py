@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hand_model.effects.effect import Effect, decay, declare, inline, remember
+from hand_model.effects.effect import Effect, declare, followed, inline, remember
 from hand_model.plant_parameters import Parameter
 
 TAU, SECOND = declare(
@@ -10,22 +10,14 @@ TAU, SECOND = declare(
     Parameter("angle_lag.second", 0.0, 0.5, "share of a second filter in it", 1.0, 0.0, 0.3),
 )
 BEFORE, FIRST, LAGGED = remember(), remember(), remember()
-_TINY_S = 1e-9
-
-
-@inline
-def _followed(y, before, now, tau, h):  # type: ignore[no-untyped-def]
-    """A first-order lag after h [s] in which its input went straight from before to now; exact."""
-    behind = tau * (now - before) / h
-    return now - behind + (y - before + behind) * decay(h / (tau + _TINY_S))
 
 
 @inline
 def angle_reading(w, i, phi, h):  # type: ignore[no-untyped-def]
     """One first-order filter or two; their memory begins at the first angle (chain.py)."""
     second = w[SECOND, i] * w[TAU, i]
-    first = _followed(w[FIRST, i], w[BEFORE, i], phi, w[TAU, i] - second, h)
-    w[LAGGED, i] = _followed(w[LAGGED, i], w[FIRST, i], first, second, h)
+    first = followed(w[FIRST, i], w[BEFORE, i], phi, w[TAU, i] - second, h)
+    w[LAGGED, i] = followed(w[LAGGED, i], w[FIRST, i], first, second, h)
     w[BEFORE, i], w[FIRST, i] = phi, first
     return w[LAGGED, i]
 

@@ -35,6 +35,7 @@ TIME, NEIGHBOUR, INFLOW, PARTNER, ANGLE, SPEED, ACCELERATION = range(7)
 acceleration of the coupled phalanx [rad/s^2]; the joint's measured angle [rad], speed and acceleration."""
 EXOGENOUS = 7
 ATMOSPHERE_PA = 101325.0
+_TINY_S = 1e-9
 MEMORY_ROW = 128
 """Row of the working array at which the memory of the effects begins; above the number of parameters."""
 
@@ -79,6 +80,13 @@ def decay(x):  # type: ignore[no-untyped-def]
     root = 1.0 / (1.0 + y * (1.0 + y * (0.5 + y * (1.0 / 6.0 + y * (1.0 / 24.0 + y / 120.0)))))
     square = root * root
     return (square * square) * (square * square)
+
+
+@inline
+def followed(y, before, now, tau, h):  # type: ignore[no-untyped-def]
+    """A first-order lag after h [s] in which its input went straight from before to now; exact."""
+    behind = tau * (now - before) / h
+    return now - behind + (y - before + behind) * decay(h / (tau + _TINY_S))
 
 
 @dataclass(frozen=True, slots=True)
