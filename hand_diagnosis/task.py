@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +57,10 @@ class Task:
         other = self.partner(joint)
         if other and self._holding(joint) == self._holding(other):
             beside = self._roughly(other)
-            put_partner(rough.problem, accelerations(beside.problem, beside.moves, beside.start))
+            # The partner's model is shaken by the noise of this joint's acceleration; that of its model has none.
+            quiet = replace(beside.problem, pieces=[_copied(piece) for piece in beside.problem.pieces])
+            put_partner(quiet, accelerations(rough.problem, rough.moves, rough.start))
+            put_partner(rough.problem, accelerations(quiet, beside.moves, beside.start))
         for piece in rough.problem.pieces:
             piece.exogenous[:, INFLOW] = self._inflow(piece.name)
         return rough
@@ -93,6 +96,10 @@ class Task:
 
     def _holding(self, joint: str) -> list[str]:
         return [one.name for one in self.signals if joint in one.joints]
+
+
+def _copied(piece: Piece) -> Piece:
+    return replace(piece, exogenous=piece.exogenous.copy())
 
 
 def rested(signals: Sequence[Signals], joint: str) -> bool:

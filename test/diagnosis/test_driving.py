@@ -1,0 +1,134 @@
+"""Inputs of a joint from a model and readings together are nearer the truth than readings alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hand_diagnosis.task import Task
+from hand_ident.driving import inflow, shape_driving
+from hand_ident.joint_data import joint_problem
+from hand_ident.joint_problem import JointProblem
+from hand_ident.map_fit import map_fit
+from hand_ident.moves import Move, nominal_moves
+from hand_ident.signals import Signals, derivatives, without_noise
+from hand_model.closed_chain import ClosedChain
+from hand_model.description import Hand
+from hand_model.effects.effect import PARTNER
+from hand_sim.plant import PHI, P, resting_state
+
+JOINT, FINE, PERIOD_S = "index_proximal", 4, 0.01
+NOISE_PA, NOISE_RAD = 200.0, np.radians(0.03)
+
+
+@pytest.fixture(scope="module")
+def truth(hand: Hand) -> tuple[np.ndarray, np.ndarray]:
+    """Set-points (T, J) at 100 Hz and true states (FINE T, STATES, J) of the nominal hand."""
+    rng = np.random.default_rng(41)
+    commands = np.repeat(rng.uniform(0.0, 4e5, (24, len(hand.joints))), 80, axis=0)
+    chain = ClosedChain(hand.parameters, hand.partner, resting_state(hand), PERIOD_S / FINE)
+    fine = np.repeat(commands, FINE, axis=0)
+    start = np.asarray(resting_state(hand))[None]
+    return commands, np.concatenate([start, chain.advance(fine[:-1])])
+
+
+def read(hand: Hand, truth: tuple[np.ndarray, np.ndarray], *, known: np.ndarray | None = None) -> Signals:
+    """A noisy recording of it."""
+    commands, states = truth
+    rng = np.random.default_rng(42)
+    shape, yes = commands.shape, np.ones(commands.shape[1], dtype=bool)
+    return Signals(
+        "made", hand.joints, PERIOD_S, commands,
+        states[::FINE, P] + NOISE_PA * rng.standard_normal(shape),
+        states[::FINE, PHI] + NOISE_RAD * rng.standard_normal(shape),
+        np.full(shape, np.nan), np.ones(shape, dtype=bool) if known is None else known, yes, yes,
+    )  # fmt: skip
+
+
+def fitted(signals: Signals, hand: Hand) -> tuple[JointProblem, list[Move], np.ndarray]:
+    problem = joint_problem([signals], hand, JOINT)
+    moves = nominal_moves(problem.nominal, 0.05, True)
+    return problem, moves, map_fit(problem, moves, np.zeros(len(moves)), 3).z
+
+
+def rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def test_pressure_follows_the_valve_between_the_samples(hand: Hand, truth: tuple[np.ndarray, np.ndarray]) -> None:
+    """Fails when the driving pressure is as far from the true one between the samples as a line through readings."""
+    problem, moves, z = fitted(read(hand, truth), hand)
+    piece = problem.pieces[0]
+    true = truth[1][: -FINE + 1, P, hand.joints.index(JOINT)]
+    line = np.interp(np.arange(len(true)) / FINE, np.arange(len(piece.pressure_pa)), piece.pressure_pa)
+    shape_driving(problem, moves, z)
+    shaped = problem.pieces[0].driving_pa
+    assert len(shaped) == len(true)
+    settled = FINE * 50  # before, the set-point that was in force is not known
+    assert rms((shaped - true)[settled:]) < 0.25 * rms((line - true)[settled:])
+
+
+def test_a_model_that_is_wrong_does_no_harm(hand: Hand, truth: tuple[np.ndarray, np.ndarray]) -> None:
+    """Fails when a valve's model that misses the readings altogether still shapes the pressure."""
+    problem, moves, _ = fitted(read(hand, truth), hand)
+    slow = [replace(move, low=0.0, high=1.0) if move.key == "valve.time_constant_s" else move for move in moves]
+    z = np.array([move.coordinate(0.6) if move.key == "valve.time_constant_s" else 0.0 for move in slow])
+    before = problem.pieces[0].driving_pa
+    true = truth[1][::FINE, P, hand.joints.index(JOINT)]
+    shape_driving(problem, slow, z)
+    shaped = problem.pieces[0].driving_pa
+    finer = (len(shaped) - 1) // (len(true) - 1)
+    assert rms(shaped[::finer] - true) < 1.2 * rms(before - true) + NOISE_PA
+
+
+def test_gaps_are_bridged_beside_the_model(hand: Hand, truth: tuple[np.ndarray, np.ndarray]) -> None:
+    """Fails when a gap in the readings is a straight line in the driving pressure."""
+    known = np.ones(truth[0].shape, dtype=bool)
+    known[84:96] = False  # begins 40 ms after a step
+    signals = read(hand, truth, known=known)
+    j = hand.joints.index(JOINT)
+    bridged = signals.pressure_pa.copy()
+    bridged[84:96, j] = np.linspace(bridged[83, j], bridged[96, j], 14)[1:-1]
+    problem, moves, z = fitted(replace(signals, pressure_pa=bridged), hand)
+    shape_driving(problem, moves, z)
+    true = truth[1][::FINE, P, j]
+    shaped = problem.pieces[0].driving_pa[::FINE]
+    assert rms((shaped - true)[84:96]) < 0.2 * rms((bridged[:, j] - true)[84:96])
+
+
+def test_acceleration_has_less_noise_beside_the_model(hand: Hand, truth: tuple[np.ndarray, np.ndarray]) -> None:
+    """Fails when a partner's acceleration is as noisy as one taken from angles alone."""
+    signals = read(hand, truth)
+    problem = Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem
+    partner = int(hand.partner[hand.joints.index(JOINT)])
+    angle = truth[1][::FINE, PHI, partner]
+    true = np.zeros(len(angle))
+    true[1:-1] = np.diff(angle, 2) / PERIOD_S**2
+    beside = problem.pieces[0].exogenous[:, PARTNER]
+    alone = derivatives(signals.angle_rad, PERIOD_S)[1][:, partner]
+    noise = [float(np.median(np.abs(one - true))) for one in (beside, alone)]  # most of the time nothing moves fast
+    assert noise[0] < 0.3 * noise[1]
+    assert rms((beside - true)[50:-50]) < 0.7 * rms((alone - true)[50:-50])
+
+
+def test_noise_of_a_pressure_at_rest_is_no_inflow(hand: Hand, truth: tuple[np.ndarray, np.ndarray]) -> None:
+    """Fails when rises of the noise are taken for air that flows."""
+    problem, moves, z = fitted(read(hand, truth), hand)
+    shape_driving(problem, moves, z)
+    flow = inflow(problem.pieces[0])
+    true = np.maximum(np.diff(truth[1][:, P, hand.joints.index(JOINT)]), 0.0).sum()
+    assert flow.sum() * PERIOD_S == pytest.approx(true, rel=0.1)
+
+
+def test_smoothing_takes_the_span_that_foretells_best() -> None:
+    """Fails when a slow signal is smoothed as briefly as a fast one, or a fast one over its own motion."""
+    rng = np.random.default_rng(43)
+    time = np.arange(3000) * 0.01
+    noise = rng.standard_normal(3000)
+    slow, span_slow = without_noise(30.0 * np.sin(0.5 * time) + noise, 0.01, 1.0)
+    fast, span_fast = without_noise(30.0 * np.sin(20.0 * time) + noise, 0.01, 1.0)
+    assert span_slow > 3 * span_fast
+    assert rms(slow - 30.0 * np.sin(0.5 * time)) < 0.25
+    assert rms(fast - 30.0 * np.sin(20.0 * time)) < 0.9

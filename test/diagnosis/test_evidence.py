@@ -1,0 +1,65 @@
+"""What the data say for a hypothesis, and what its freedom costs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hand_diagnosis.evidence import log_evidence
+from hand_diagnosis.search import HEATS, search_joint
+from hand_diagnosis.task import Task
+from hand_ident.map_fit import MapFit, map_fit
+from hand_ident.moves import effect_moves, merged
+from hand_model.description import Hand
+from hand_model.effects import EFFECTS
+from hand_model.parameters import ROW
+from test.diagnosis.conftest import changed, record
+
+JOINT = "index_distal"
+
+
+def _fit(hand: Hand, *, extra: bool) -> tuple[MapFit, Task, list[int]]:
+    """Of a joint with plain Coulomb friction; extra: breakaway and load dependence are fitted, too."""
+    signals = record(changed(hand, JOINT, coulomb_friction__torque_nm=0.006), np.random.default_rng(81), 20.0)
+    task = Task([signals], hand, [JOINT], [], 0.05, 0, {})
+    ready = task.prepare(JOINT)
+    keys = EFFECTS["coulomb_friction"].keys if extra else ("coulomb_friction.torque_nm",)
+    added = [m for m in effect_moves(EFFECTS["coulomb_friction"], ready.problem.nominal) if m.key in keys]
+    moves = merged(ready.moves, [m for m in added if m.key != "coulomb_friction.presliding_deg"])
+    start = np.zeros(len(moves))
+    rows = [move.row for move in moves]
+    start[rows.index(ROW["coulomb_friction.torque_nm"])] = 0.4
+    fit = map_fit(ready.problem, moves, start, 12)
+    return fit, task, [k for k, move in enumerate(moves) if move.key.startswith("coulomb_friction")]
+
+
+def test_numbers_that_data_do_not_ask_for_cost_little(hand: Hand) -> None:
+    """Fails when an effect loses evidence by having terms that this joint does not need."""
+    plain, task, _ = _fit(hand, extra=False)
+    full, _, amounts = _fit(hand, extra=True)
+    problem = task.prepare(JOINT).problem
+    alone = log_evidence(problem, plain)
+    assert log_evidence(problem, full) < alone - 4.0  # what they would cost
+    assert abs(log_evidence(problem, full, amounts) - alone) < 3.0
+
+
+def test_held_out_blocks_speak(hand: Hand) -> None:
+    """Fails when a fit that misses what it was not fitted to has the same evidence as one that foretells it."""
+    fit, task, _ = _fit(hand, extra=False)
+    problem = task.prepare(JOINT).problem
+    worse = fit.squares.copy()
+    worse[:, problem.held_out] *= 4.0
+    assert log_evidence(problem, replace(fit, squares=worse)) < log_evidence(problem, fit) - 4.0
+
+
+def test_nominal_numbers_stay_within_three_tolerances(hand: Hand) -> None:
+    """Fails when a number that is far off is passed off as uncertain instead of named."""
+    signals = record(changed(hand, JOINT, valve__dead_time_s=0.03), np.random.default_rng(82), 20.0)
+    task = Task([signals], hand, [JOINT], list(EFFECTS.values()), 0.05, 0, {})
+    ready = task.prepare(JOINT)
+    effects = [EFFECTS["valve_delay"], EFFECTS["valve_lag"]]
+    found = search_joint(ready.problem, effects, ready.moves, np.random.default_rng(0), ready.start)
+    assert np.abs(found.nominal.z).max() <= 3.0 + 1e-9
+    assert [one.effect.name for one in found.accepted] == ["valve_delay"]
+    assert HEATS[0].step_s > HEATS[-1].step_s
