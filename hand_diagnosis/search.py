@@ -43,7 +43,7 @@ BEHIND = 60.0
 """Log evidence behind the best hypothesis from which another one is not fitted to the end."""
 WORTH_A_FIT = 8.0
 """Cost that a probe must promise to save."""
-FORETOLD = 0.3
+FORETOLD = 0.1
 """Share of the cost that the best probe must promise to save; else screening, which is linear, missed what is large."""
 ACCEPTED = 6.0
 """Log evidence by which an effect must beat the model without it."""
@@ -155,18 +155,21 @@ def _round(
 
 
 def _promising(problem: JointProblem, current: MapFit, effects: Sequence[Effect]) -> list[Screened]:
-    """Effects worth a fit, by what probes promise; where all promise little of much, by the cheapest start of each."""
+    """Effects worth a fit, by what probes promise; where all promise little of much, also by their cheapest starts."""
     heat = HEATS[0]
     screened = screen(problem, current, effects)
     worth = [one for one in screened if one.gain > WORTH_A_FIT]
     if not worth or worth[0].gain > FORETOLD * current.cost:
         return worth[: heat.most]
     rough = replace(problem, step_s=heat.step_s)
-    cheapest = []
-    for one in screened:
+    others = []
+    for one in screened[heat.most :]:
         moves = merged(current.moves, effect_moves(one.effect, problem.nominal))
-        cheapest.append(float(costs_at(rough, moves, np.array(_starts(problem, current, one, moves))).min()))
-    return [screened[k] for k in np.argsort(cheapest, kind="stable")[: 2 * heat.most]]
+        cheapest = float(costs_at(rough, moves, np.array(_starts(problem, current, one, moves))).min())
+        if cheapest < current.cost - WORTH_A_FIT:
+            others.append((cheapest, one))
+    others.sort(key=lambda pair: pair[0])
+    return worth[: heat.most] + [one for _, one in others[: heat.most]]
 
 
 def _ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:

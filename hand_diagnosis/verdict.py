@@ -14,7 +14,7 @@ from hand_ident.map_fit import MapFit
 from hand_model.effects.effect import SPEED
 
 Array = NDArray[np.float64]
-UNEXPLAINED = 1.2
+UNEXPLAINED = 1.3
 """Held-out error beyond the noise, in practical floors, from which something is left to explain."""
 MOSTLY, HARDLY, PART = 0.15, 0.4, 0.6
 """Share of the first model's excess that may remain for the effects to count as the explanation; and the share from

@@ -57,7 +57,7 @@ PLANT_PARAMETERS: tuple[Parameter, ...] = (
     Parameter("end_stop.stiffness_nm_per_rad", 0.0, 100.0, "of both stops, fully engaged"),
     Parameter("end_stop.damping_nm_s_per_rad", 0.0, 1.0, "of both stops, fully engaged"),
     Parameter("end_stop.engagement_deg", 0.01, 30.0, "penetration over which a stop engages", DEGREE),
-    Parameter("constant_load.torque_nm", -10.0, 10.0, "Eq. 8, M_d; positive resists flexion", 1.0, 0.0, 0.01),
+    Parameter("constant_load.torque_nm", -10.0, 10.0, "Eq. 8, M_d; positive resists flexion", 1.0, 0.0, 0.03),
     Parameter("contact.angle_deg", -30.0, 360.0, "angle at which an obstacle begins", DEGREE, 360.0, 40.0),
     Parameter("contact.stiffness_nm_per_rad", 0.0, 100.0, "of the obstacle, fully engaged", 1.0, 0.0, 0.5),
     Parameter("contact.damping_nm_s_per_rad", 0.0, 1.0, "of the obstacle, fully engaged", 1.0, 0.0),

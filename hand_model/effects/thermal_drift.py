@@ -8,7 +8,7 @@ from hand_model.plant_parameters import PLANT_ROW, Parameter
 SHIFT, SOFTENING, TAU = declare(
     Parameter("thermal_drift.torque_nm", -1.0, 1.0, "torque gained once warm", 1.0, 0.0, 0.01),
     Parameter("thermal_drift.softening", -1.0, 1.0, "share of the elasticity lost once warm", 1.0, 0.0, 0.1),
-    Parameter("thermal_drift.time_constant_s", 1.0, 1e4, "of the warming", 1.0, 100.0),
+    Parameter("thermal_drift.time_constant_s", 5.0, 1e4, "of the warming", 1.0, 100.0),
 )
 _A1 = PLANT_ROW["statics.a1_nm_per_rad"]
 WARMTH = remember()
