@@ -79,9 +79,10 @@ def diagnose(
     effects = _effects(without)
     checked = [check(one, hand) for one in signals]
     signals = [one.signals for one in checked]
-    wanted = _joints(signals, hand, joints, frozenset().union(*(one.unusable for one in checked)))
-    if sensor_curve is None:
-        sensor_curve = _reads_through_curve(signals, hand, wanted, tolerance)
+    unusable = frozenset().union(*(one.unusable for one in checked))
+    wanted = _joints(signals, hand, joints, unusable)
+    if sensor_curve is None:  # of all joints that move, also those that are not asked for: they vote
+        sensor_curve = _reads_through_curve(signals, hand, _joints(signals, hand, (), unusable), tolerance)
     if sensor_curve:
         signals = [without_sensor_curve(one, hand) for one in signals]
         reruns = [without_sensor_curve(one, hand) for one in reruns]

@@ -17,11 +17,11 @@ from hand_model.effects.effect import Effect
 from hand_model.parameters import JOINT_PARAMETERS, ROW
 
 Array = NDArray[np.float64]
-TEMPERATURE = 3.0
+TEMPERATURE = 2.0
 """Log evidences are divided by it: equations that are only nearly right make differences look larger than they are."""
-OUTSIDE = 0.06
+OUTSIDE = 0.07
 """Share kept for physics that the catalogue does not hold and that the named effect stands in for."""
-UNKNOWN = 0.7
+UNKNOWN = 0.94
 """Probability of an `unknown`: how often it was right in trials with concealed effects, like OUTSIDE."""
 MENTIONED = 0.02
 """Alternatives less probable than this are left out."""
@@ -95,7 +95,7 @@ def unknown_finding(
     names = [(effect.name, 0.1 / (k + 1), effect.experiments[0]) for k, effect in enumerate(nearest)]
     place = "valve" if result.stage == 0 else "force_sensor" if result.stage == 2 else "joint"
     return Finding(
-        joint, place, "unknown", UNKNOWN, tuple(names), _when(search, result.stage), structure.signal,
+        joint, place, "unknown", UNKNOWN, tuple(names), _when(search, search.nominal, result.stage), structure.signal,
         f"mostly with {structure.state}", (), statement,
     )  # fmt: skip
 
@@ -123,7 +123,7 @@ def _finding(joint: str, search: JointSearch, accepted: Hypothesis, noise: float
     others = [(e, p) for e, p in rivals if e.name != effect.name and p > MENTIONED]
     alternatives = tuple((e.name, p, _separating(effect, e)) for e, p in sorted(others, key=lambda pair: -pair[1]))
     numbers = tuple(parameter_numbers(search, effect))
-    stage = accepted.stage
+    stage, bare = accepted.stage, search.bare(effect.name)
     before = search.nominal if index == 0 else search.accepted[index - 1].fit
     fall = _fall(search, before, accepted.fit, stage)
     values = {n.key.rsplit(".", 1)[1]: f"{n.value:.3g} ± {n.std:.1g}" for n in numbers}
@@ -140,9 +140,9 @@ def _finding(joint: str, search: JointSearch, accepted: Hypothesis, noise: float
         effect.name,
         min(max(probability, 0.01), 0.99),
         alternatives,
-        _when(search, stage),
+        _when(search, bare, stage),
         STAGES[stage],
-        _condition(search, search.nominal, stage),
+        _condition(search, bare, stage),
         numbers,
         statement,
     )
@@ -179,11 +179,11 @@ def _fall(search: JointSearch, before: MapFit, after: MapFit, stage: int) -> str
     return f"{errors[0]:.3g} to {errors[1]:.3g} {UNITS[stage]}"
 
 
-def _when(search: JointSearch, stage: int) -> tuple[tuple[float, float], ...]:
-    """Stretches of the first recording in which the nominal model misses clearly, [s]."""
+def _when(search: JointSearch, bare: MapFit, stage: int) -> tuple[tuple[float, float], ...]:
+    """Stretches of the first recording in which the model without the effect misses clearly, [s]."""
     piece = search.problem.pieces[0]
     count = search.problem.block_counts[stage]
-    rms = np.sqrt(search.nominal.squares[stage] / np.maximum(count, 1))
+    rms = np.sqrt(bare.squares[stage] / np.maximum(count, 1))
     blocks = np.unique(piece.block)
     level = max(0.5 * float(rms[blocks].max(initial=0.0)), 1e-300)
     spans: list[tuple[float, float]] = []
@@ -197,10 +197,10 @@ def _when(search: JointSearch, stage: int) -> tuple[tuple[float, float], ...]:
     return tuple((round(a, 2), round(b, 2)) for a, b in spans)
 
 
-def _condition(search: JointSearch, before: MapFit, stage: int) -> str:
+def _condition(search: JointSearch, bare: MapFit, stage: int) -> str:
     from hand_diagnosis.verdict import describe  # noqa: PLC0415 - verdict and findings look at each other's words
 
-    structure = describe(search.problem, before, stage)
+    structure = describe(search.problem, bare, stage)
     low = "below" if structure.direction < 0 else "above"
     return (
         f"varies most with {structure.state} ({structure.share:.0%} of the residual's variance); while flexing"

@@ -233,18 +233,19 @@ def _figure(one: JointDiagnosis, units: Units) -> Figure:
 
 
 def _over_state(axis: Axes, one: JointDiagnosis, stage: int, units: Units) -> None:
-    """Mean residuals over the state on which the first model's depend most, by direction of motion."""
+    """Mean residuals over the state that tells most, by direction of motion: effects switched off, and on."""
     problem = one.search.problem
     piece = problem.pieces[0]
     use = piece.use[stage]
     if use.sum() <= BINS:
         return
     states = states_of(piece, use)
-    name = describe(problem, one.search.nominal, stage).state
+    bare = one.search.bare()
+    name = describe(problem, bare, stage).state
     values, speed = states[name], states["speed"]
     scale, (per_state, unit) = units[STAGES[stage]][0], _state_unit(name, units)
     edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)))
-    for fit, colour in ((one.search.nominal, RED), (one.search.final, BLUE)):
+    for fit, colour in ((bare, RED), (one.search.final, BLUE)):
         residual = scale * fit.residuals[0][stage][use]
         for moving, style, label in ((speed > MOVING_RAD_S, "-", "flexing"), (speed < -MOVING_RAD_S, ":", "extending")):
             at, mean = _binned(values[moving], residual[moving], edges)

@@ -104,8 +104,8 @@ def _fit(one: JointDiagnosis) -> list[dict[str, Any]]:
 
 
 def _located(one: JointDiagnosis) -> list[dict[str, Any]]:
-    """Where the nominal model misses; of a stage that it misses nowhere as a whole, only that."""
-    regions = locate(one.search.problem, one.search.nominal, one.results)
+    """Where the model misses without the findings; of a stage that it misses nowhere as a whole, only that."""
+    regions = locate(one.search.problem, one.search.bare(), one.results)
     missed = {region.signal for region in regions if region.missed}
     return [
         {

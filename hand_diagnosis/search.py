@@ -101,6 +101,21 @@ class JointSearch:
         """The fit of the best model."""
         return self.accepted[-1].fit if self.accepted else self.nominal
 
+    def bare(self, *names: str) -> MapFit:
+        """The best model with effects switched off (all, where none is named): what is left shows where they act.
+
+        The nominal model, fitted without them, has spread over everything what they do at one place.
+        """
+        off = [one.effect for one in self.accepted if not names or one.effect.name in names]
+        if not off:
+            return self.final
+        columns, creep = self.problem.columns(self.final.moves, self.final.z[None])
+        rows = [ROW[key] for effect in off for key in effect.keys]
+        columns[:, rows] = self.problem.nominal[rows]
+        residuals = self.problem.residuals(columns, creep)
+        squares = self.problem.block_squares(residuals)[0]
+        return replace(self.final, squares=squares, residuals=tuple(r[0] for r in residuals), sensitivity=())
+
 
 def search_joint(
     problem: JointProblem,

@@ -62,7 +62,7 @@ _W_STOP = ROW["end_stop.engagement_deg"]
 _LOAD = ROW["constant_load.torque_nm"]
 _CONTACT, _K_CONTACT = ROW["contact.angle_deg"], ROW["contact.stiffness_nm_per_rad"]
 _D_CONTACT, _W_CONTACT = ROW["contact.damping_nm_s_per_rad"], ROW["contact.engagement_deg"]
-_SUPPLY, _CLOCK = ROW["supply.pressure_pa"], ROW["clock_offset.offset_s"]
+_SUPPLY, _CLOCK, _SHARE = ROW["supply.pressure_pa"], ROW["clock_offset.offset_s"], ROW["clock_offset.share"]
 
 
 def _composed(hook: str, pair: Callable[[Any, Any], Any], nothing: Any) -> Any:
@@ -251,7 +251,7 @@ def _inputs(w, u, reading, begin, end, dt, finer):  # type: ignore[no-untyped-de
     finer: readings per sample.
     """
     for i in range(LANES):
-        lag = w[_DEAD, i] / dt
+        lag = (w[_DEAD, i] + w[_CLOCK, i] * w[_SHARE, i]) / dt
         w[_COMMAND, i] = _delayed(u, begin - lag, end - lag)
         w[_INPUT, i] = _between(reading, finer * (0.5 * (begin + end) + w[_CLOCK, i] / dt))
 

@@ -7,7 +7,7 @@ from hand_model.plant_parameters import Parameter
 
 TAU, SECOND = declare(
     Parameter("angle_lag.time_constant_s", 0.0, 0.5, "of the filters together", 1.0, 0.0, 0.01),
-    Parameter("angle_lag.second", 0.0, 0.5, "share of a second filter in it", 1.0, 0.0, 0.3),
+    Parameter("angle_lag.second", 0.0, 0.5, "share of a second filter in it", 1.0, 0.0, 0.1),
 )
 BEFORE, FIRST, LAGGED = remember(), remember(), remember()
 

@@ -11,11 +11,12 @@ TORQUE, BREAKAWAY, SPEED, LOADED, PRESLIDING = declare(
     Parameter("coulomb_friction.stribeck_rad_per_s", 1e-3, 10.0, "speed at which half of that is gone", 1.0, 0.1),
     Parameter("coulomb_friction.torque_nm_per_pa", 0.0, 1e-5, "more of it with pressure", 1.0, 0.0, 1e-8),
     Parameter(
-        "coulomb_friction.presliding_deg", 0.01, 1.0, "motion that builds it up to 1 - 1/e; rigid below 0.03",
+        "coulomb_friction.presliding_deg", 0.01, 1.0, "motion that builds it up to 1 - 1/e; rigid at 0.02",
         DEGREE, 0.01,
     ),
 )  # fmt: skip
-RIGID_RAD = 0.03 * DEGREE
+RIGID_RAD, GIVING_RAD = 0.02 * DEGREE, 0.05 * DEGREE
+"""Up to the first the contacts are rigid, from the second on they give; between, they do so in part."""
 BRISTLE = remember()
 
 
@@ -27,9 +28,15 @@ def level(w, i, omega, p):  # type: ignore[no-untyped-def]
 
 
 @inline
+def giving(w, i):  # type: ignore[no-untyped-def]
+    """Share of the friction whose contacts give."""
+    return min(max((w[PRESLIDING, i] - RIGID_RAD) * (1.0 / (GIVING_RAD - RIGID_RAD)), 0.0), 1.0)
+
+
+@inline
 def dry(w, i, omega, p):  # type: ignore[no-untyped-def]
     """Magnitude of the friction torque of rigid contacts; the chain lets it stick."""
-    return level(w, i, omega, p) if w[PRESLIDING, i] < RIGID_RAD else 0.0
+    return level(w, i, omega, p) * (1.0 - giving(w, i))
 
 
 @inline
@@ -37,7 +44,7 @@ def torque(w, i, phi, omega, p, e):  # type: ignore[no-untyped-def]
     """Torque of contacts that give, against the motion so far."""
     z = w[BRISTLE, i]
     toward = min(max(omega * 1e6, -1.0), 1.0)
-    whole = 0.0 if w[PRESLIDING, i] < RIGID_RAD else level(w, i, omega, p)
+    whole = level(w, i, omega, p) * giving(w, i)
     return -whole * z, whole / w[PRESLIDING, i] * (1.0 - z * toward)
 
 

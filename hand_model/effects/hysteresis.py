@@ -8,7 +8,7 @@ from hand_model.plant_parameters import DEGREE, Parameter
 TORQUE, SCALE, SHARPNESS = declare(
     Parameter("hysteresis.torque_nm", 0.0, 1.0, "half the height of the loop", 1.0, 0.0, 0.01),
     Parameter("hysteresis.scale_deg", 2.0, 60.0, "motion after which the loop is closed to 1/e", DEGREE, 8.0, 6.0),
-    Parameter("hysteresis.sharpness", 0.0, 1.0, "0 a rounded loop, 1 one with a knee", 1.0, 0.0, 0.5),
+    Parameter("hysteresis.sharpness", 0.0, 1.0, "0 a rounded loop, 1 one with a knee", 1.0, 0.0, 0.17),
 )
 LOOP = remember()
 

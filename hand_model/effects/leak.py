@@ -9,7 +9,7 @@ from hand_model.plant_parameters import Parameter
 
 RATE, TURBULENT = declare(
     Parameter("leak.rate_per_s", 0.0, 50.0, "share of the pressure lost in a second, at 1 bar", 1.0, 0.0, 0.1),
-    Parameter("leak.turbulent", 0.0, 1.0, "0 a gap, loss with pressure; 1 a hole, with its root", 1.0, 0.0, 0.5),
+    Parameter("leak.turbulent", 0.0, 1.0, "0 a gap, loss with pressure; 1 a hole, with its root", 1.0, 0.0, 0.17),
 )
 BAR_PA = 1e5
 

@@ -7,7 +7,7 @@ from hand_model.plant_parameters import Parameter
 
 TAU, SECOND = declare(
     Parameter("tube_lag.time_constant_s", 0.0, 1.0, "from the sensor to the actuator", 1.0, 0.0, 0.03),
-    Parameter("tube_lag.second", 0.0, 0.5, "share of a second volume in it", 1.0, 0.0, 0.3),
+    Parameter("tube_lag.second", 0.0, 0.5, "share of a second volume in it", 1.0, 0.0, 0.1),
 )
 FIRST = remember()
 LAGGED = remember()

@@ -9,7 +9,7 @@ from hand_model.plant_parameters import Parameter
 
 WIDTH, SOFTNESS = declare(
     Parameter("valve_deadband.width_pa", 0.0, 2e5, "error that opens nothing", 1.0, 0.0, 5e3),
-    Parameter("valve_deadband.softness", 0.0, 1.0, "0 a sharp edge, 1 a gradual opening", 1.0, 0.0, 0.5),
+    Parameter("valve_deadband.softness", 0.0, 1.0, "0 a sharp edge, 1 a gradual opening", 1.0, 0.0, 0.17),
 )
 
 

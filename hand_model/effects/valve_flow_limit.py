@@ -7,7 +7,7 @@ from hand_model.plant_parameters import PLANT_ROW, Parameter
 from hand_model.pressure_loop import subsonic
 
 (CHOKING,) = declare(
-    Parameter("valve_flow_limit.choking", 0.0, 1.0, "0 a constant limit, 1 a choked one", 1.0, 0.0, 0.5)
+    Parameter("valve_flow_limit.choking", 0.0, 1.0, "0 a constant limit, 1 a choked one", 1.0, 0.0, 0.17)
 )
 _SUPPLY = PLANT_ROW["supply.pressure_pa"]
 _FILL = PLANT_ROW["valve.fill_rate_pa_per_s"]

@@ -9,7 +9,7 @@ from hand_model.plant_parameters import Parameter
 
 WIDTH, SOFTNESS = declare(
     Parameter("valve_hysteresis.width_pa", 0.0, 2e5, "half the width of the loop", 1.0, 0.0, 5e3),
-    Parameter("valve_hysteresis.softness", 0.0, 1.0, "0 a play, 1 a rounded loop", 1.0, 0.0, 0.5),
+    Parameter("valve_hysteresis.softness", 0.0, 1.0, "0 a play, 1 a rounded loop", 1.0, 0.0, 0.17),
 )
 BEHIND = remember()
 LAST = remember()

@@ -7,7 +7,7 @@ from hand_model.plant_parameters import Parameter
 
 TAU, VENTING = declare(
     Parameter("valve_lag.time_constant_s", 0.0, 1.0, "second lag of the valve", 1.0, 0.0, 0.03),
-    Parameter("valve_lag.venting", 0.2, 5.0, "time constant while venting over that while filling", 1.0, 1.0),
+    Parameter("valve_lag.venting_ratio", 0.2, 5.0, "time constant while venting over that while filling", 1.0, 1.0),
 )
 LAGGED = remember()
 
@@ -28,14 +28,14 @@ def valve_error(w, i, error):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     "valve_lag",
     "valve",
-    ("valve_lag.time_constant_s", "valve.time_constant_s", "valve_lag.venting"),
+    ("valve_lag.time_constant_s", "valve.time_constant_s", "valve_lag.venting_ratio"),
     ((0.02, Times(1.0), 1.0), (0.08, Times(1.0), 1.0), (0.0, Times(1.6), 1.0), (0.0, Times(0.5), 1.0)),
-    "the valve is slower than modelled: lags of {time_constant_s} s ({venting} times that while venting)",
+    "the valve is slower than modelled: lags of {time_constant_s} s ({venting_ratio} times that while venting)",
     ("steps", "multisine"),
     "A valve of second order, or of another time constant than the nominal one, or one while venting.",
     "Eq. 8's separately identified valve, Martin et al. 2004",
     {"set_point": set_point, "valve_error": valve_error},
-    {"valve_lag.venting": 0.2},
+    {"valve_lag.venting_ratio": 0.2},
     starts=((LAGGED, "pressure"),),
-    shape=("valve.time_constant_s", "valve_lag.venting"),
+    shape=("valve.time_constant_s", "valve_lag.venting_ratio"),
 )

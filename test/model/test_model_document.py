@@ -41,7 +41,7 @@ def test_names_end_in_their_unit() -> None:
     )
     units += ("_m3", "_n", "_s_pa", "_per_s", "_per_h", "_rad2", "_rad3", "_pa2")
     shares: tuple[str, ...] = (".share", ".error", ".exponent", ".softening", ".choking", ".ratio", "_ratio")
-    shares += (".second", ".softness")  # of nothing but numbers
+    shares += (".second", ".softness", ".turbulent", ".sharpness")  # of nothing but numbers
     for parameter in JOINT_PARAMETERS:
         assert parameter.key.endswith(units + shares), parameter.key
         assert parameter.low < parameter.high
