@@ -178,7 +178,7 @@ def _promising(problem: JointProblem, current: MapFit, effects: Sequence[Effect]
         return worth[: heat.most]
     rough = replace(problem, step_s=heat.step_s)
     others = []
-    for one in screened[heat.most :]:
+    for one in screened[len(worth[: heat.most]) :]:
         moves = merged(current.moves, effect_moves(one.effect, problem.nominal))
         cheapest = float(costs_at(rough, moves, np.array(_starts(problem, current, one, moves))).min())
         if cheapest < current.cost - WORTH_A_FIT:

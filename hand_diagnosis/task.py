@@ -49,7 +49,7 @@ class Task:
     seed: int
     floors: Mapping[str, Array]
     _rough: dict[str, Prepared] = field(default_factory=dict)
-    _inflows: dict[str, Array] = field(default_factory=dict)
+    _inflows: dict[int, Array] = field(default_factory=dict)
 
     def prepare(self, joint: str) -> Prepared:
         """The problem of a joint beside its partner, whose acceleration its own model tells."""
@@ -61,8 +61,8 @@ class Task:
             quiet = replace(beside.problem, pieces=[_copied(piece) for piece in beside.problem.pieces])
             put_partner(quiet, accelerations(rough.problem, rough.moves, rough.start))
             put_partner(rough.problem, accelerations(quiet, beside.moves, beside.start))
-        for piece in rough.problem.pieces:
-            piece.exogenous[:, INFLOW] = self._inflow(piece.name)
+        for number, piece in zip(self._holding(joint), rough.problem.pieces, strict=True):
+            piece.exogenous[:, INFLOW] = self._inflow(number)
         return rough
 
     def partner(self, joint: str) -> str:
@@ -75,27 +75,27 @@ class Task:
             problem = joint_problem(self.signals, self.hand, joint, self.floors.get(joint, np.array(FLOOR)))
             moves = nominal_moves(problem.nominal, self.tolerance, rested(self.signals, joint))
             fit = map_fit(problem, moves, np.zeros(len(moves)), ROUGHLY)
-            _choose_neighbour([one for one in self.signals if joint in one.joints], joint, problem, fit)
+            _choose_neighbour([self.signals[number] for number in self._holding(joint)], joint, problem, fit)
             shape_driving(problem, moves, fit.z)
             self._rough[joint] = Prepared(problem, moves, fit.z)
         return self._rough[joint]
 
-    def _inflow(self, name: str) -> Array:
+    def _inflow(self, number: int) -> Array:
         """Rise of all pressures of a recording together (T,) [Pa/s]."""
-        if name not in self._inflows:
-            one = next(one for one in self.signals if one.name == name)
-            pieces = [self._piece(one, joint) for joint in one.joints]
-            self._inflows[name] = np.asarray(np.sum([inflow(piece) for piece in pieces], axis=0))
-        return self._inflows[name]
+        if number not in self._inflows:
+            pieces = [self._piece(number, joint) for joint in self.signals[number].joints]
+            self._inflows[number] = np.asarray(np.sum([inflow(piece) for piece in pieces], axis=0))
+        return self._inflows[number]
 
-    def _piece(self, one: Signals, joint: str) -> Piece:
+    def _piece(self, number: int, joint: str) -> Piece:
         """A joint in a recording; its pressure shaped by its valve's model, where it is one of those judged."""
         if joint not in self.joints:
-            return recorded_piece(one, self.hand, joint)
-        return next(piece for piece in self._roughly(joint).problem.pieces if piece.name == one.name)
+            return recorded_piece(self.signals[number], self.hand, joint)
+        return self._roughly(joint).problem.pieces[self._holding(joint).index(number)]
 
-    def _holding(self, joint: str) -> list[str]:
-        return [one.name for one in self.signals if joint in one.joints]
+    def _holding(self, joint: str) -> list[int]:
+        """Numbers of the recordings that hold a joint; their names need not differ."""
+        return [number for number, one in enumerate(self.signals) if joint in one.joints]
 
 
 def _copied(piece: Piece) -> Piece:

@@ -50,7 +50,9 @@ def accelerations(problem: JointProblem, moves: Sequence[Move], z: Array) -> lis
 def inflow(piece: Piece) -> Array:
     """Rise of the driving pressure (T,) [Pa/s], falls left out, mean over the sample around each reading."""
     samples = len(piece.pressure_pa)
-    finer = (len(piece.driving_pa) - 1) // max(samples - 1, 1)
+    if samples < 2:
+        return np.zeros(samples)
+    finer = (len(piece.driving_pa) - 1) // (samples - 1)
     rises = np.maximum(np.diff(piece.driving_pa), 0.0).reshape(samples - 1, finer).sum(axis=1) / piece.period_s
     around = np.concatenate([rises[:1], rises, rises[-1:]])
     return np.asarray(0.5 * (around[1:] + around[:-1]))
@@ -88,7 +90,7 @@ def _finer(piece: Piece, finer: int) -> Piece:
 def _shaped(piece: Piece, model_pa: Array, finer: int) -> Piece:
     samples = np.arange(len(piece.pressure_pa))
     rest = _bridged(piece, piece.pressure_pa - model_pa[::finer])
-    if not np.mean(np.diff(rest, 2) ** 2) < np.mean(np.diff(piece.pressure_pa, 2) ** 2):
+    if len(rest) < 3 or not np.mean(np.diff(rest, 2) ** 2) < np.mean(np.diff(piece.pressure_pa, 2) ** 2):
         return piece
     quiet, span = without_noise(rest, piece.period_s, white_noise(rest))
     at = np.arange(len(model_pa)) / finer

@@ -16,7 +16,7 @@ from hand_ident.moves import Move, nominal_moves
 from hand_ident.signals import Signals, derivatives, without_noise
 from hand_model.closed_chain import ClosedChain
 from hand_model.description import Hand
-from hand_model.effects.effect import PARTNER
+from hand_model.effects.effect import INFLOW, PARTNER
 from hand_sim.plant import PHI, P, resting_state
 
 JOINT, FINE, PERIOD_S = "index_proximal", 4, 0.01
@@ -120,6 +120,17 @@ def test_noise_of_a_pressure_at_rest_is_no_inflow(hand: Hand, truth: tuple[np.nd
     flow = inflow(problem.pieces[0])
     true = np.maximum(np.diff(truth[1][:, P, hand.joints.index(JOINT)]), 0.0).sum()
     assert flow.sum() * PERIOD_S == pytest.approx(true, rel=0.1)
+
+
+def test_recordings_of_one_name_and_another_length_are_kept_apart(
+    hand: Hand, truth: tuple[np.ndarray, np.ndarray]
+) -> None:
+    """Fails when two recordings are taken for one because their files have the same name."""
+    long = read(hand, truth)
+    short = read(hand, (truth[0][:600], truth[1][: 600 * FINE]))
+    pieces = Task([long, short], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem.pieces
+    assert [len(piece.exogenous) for piece in pieces] == [len(truth[0]), 600]
+    assert pieces[0].exogenous[:590, INFLOW] == pytest.approx(pieces[1].exogenous[:590, INFLOW], rel=0.2, abs=5e5)
 
 
 def test_smoothing_takes_the_span_that_foretells_best() -> None:
