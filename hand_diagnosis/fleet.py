@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numba
+
 from hand_diagnosis.diagnose import diagnose
 from hand_diagnosis.inputs import read_signals
 from hand_diagnosis.page import write_page
@@ -99,16 +101,21 @@ def run_fleet(jobs: Sequence[Job], workers: int, scheduler: str | None) -> Itera
 
     local = None
     if scheduler is None:
-        one_thread = {"NUMBA_NUM_THREADS": "1"}  # the processes share the cores already
-        local = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, env=one_thread)
+        local = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None)
     try:
         with Client(scheduler or local, timeout=20) as client:
-            waiting = client.map(run_job, list(jobs), pure=False)
+            waiting = client.map(_run_beside_others, list(jobs), pure=False)
             for future in as_completed(waiting):
                 yield future.result()
     finally:
         if local is not None:
             local.close()
+
+
+def _run_beside_others(job: Job) -> list[dict[str, Any]]:
+    """One thread: the processes share the cores already. (Numba allows no change of its environment on the way.)"""
+    numba.set_num_threads(1)
+    return run_job(job)
 
 
 def write_table(rows: Sequence[dict[str, Any]], out: Path) -> dict[str, Any]:

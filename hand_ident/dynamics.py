@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_ident.driving import shape_driving
 from hand_ident.joint_data import joint_problem
 from hand_ident.joint_problem import STAGES, JointProblem
-from hand_ident.map_fit import MapFit, map_fit, multi_start
+from hand_ident.map_fit import MapFit, multi_start
 from hand_ident.moves import START_CREEP, Move
 from hand_ident.signals import Signals
 from hand_ident.static_map import correlation_time
@@ -97,9 +96,7 @@ def identify_joint(
     zero = np.zeros(len(moves))
     nominal = problem.residuals(problem.nominal[None], np.zeros(1))
     starts = [zero, *(START_SPREAD * rng.standard_normal((STARTS - 1, len(moves))))]
-    rough = multi_start(problem, moves, starts)
-    shape_driving(problem, moves, rough.z)
-    best = map_fit(problem, moves, rough.z)
+    best = multi_start(problem, moves, starts)
     return JointDynamics(
         joint,
         tuple(_estimates(problem, best)),

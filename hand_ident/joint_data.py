@@ -15,7 +15,7 @@ from hand_ident.joint_problem import (
     block_numbers,
     initial_weights,
 )
-from hand_ident.signals import Signals, derivatives, white_noise, without_noise
+from hand_ident.signals import SMOOTHED_S, Signals, derivatives, slopes_over, white_noise, without_noise
 from hand_model.chain import OUTPUTS, PHI, STATES, P
 from hand_model.description import Hand
 from hand_model.effects.effect import ACCELERATION, ANGLE, EXOGENOUS, NEIGHBOUR, PARTNER, SPEED, TIME
@@ -92,10 +92,19 @@ def _surroundings(signals: Signals, hand: Hand, joint: str) -> Array:
     partner = int(hand.partner[hand.joints.index(joint)])
     if partner >= 0 and hand.joints[partner] in signals.joints:
         other = signals.joints.index(hand.joints[partner])
-        e[:, PARTNER], e[:, NEIGHBOUR] = acceleration[:, other], signals.angle_rad[:, other]
+        e[:, PARTNER] = _quiet_acceleration(signals.angle_rad[:, other], signals.period_s)
+        e[:, NEIGHBOUR] = signals.angle_rad[:, other]
     elif len(signals.joints) > 1:
         e[:, NEIGHBOUR] = signals.angle_rad[:, j - 1 if j else 1]
     return e
+
+
+def _quiet_acceleration(angle_rad: Array, period_s: float) -> Array:
+    """Of a joint (T,): a slow motion is smoothed for longer than a fast one, so that noise does not shake a partner."""
+    _, span = without_noise(angle_rad, period_s, white_noise(angle_rad))
+    if span * period_s > 2.0 * SMOOTHED_S[0]:
+        return slopes_over(angle_rad, span, 2, period_s)
+    return derivatives(angle_rad[:, None], period_s)[1][:, 0]
 
 
 def _use(signals: Signals, j: int, force: Array) -> NDArray[np.bool_]:
