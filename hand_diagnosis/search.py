@@ -176,14 +176,9 @@ def _promising(problem: JointProblem, current: MapFit, effects: Sequence[Effect]
     worth = [one for one in screened if one.gain > WORTH_A_FIT]
     if not worth or worth[0].gain > FORETOLD * current.cost:
         return worth[: heat.most]
-    rough = replace(problem, step_s=heat.step_s)
-    others = []
-    for one in screened[len(worth[: heat.most]) :]:
-        moves = merged(current.moves, effect_moves(one.effect, problem.nominal))
-        cheapest = float(costs_at(rough, moves, np.array(_starts(problem, current, one, moves))).min())
-        if cheapest < current.cost - WORTH_A_FIT:
-            others.append((cheapest, one))
-    others.sort(key=lambda pair: pair[0])
+    rest = screened[len(worth[: heat.most]) :]
+    others = [(float(_begin(problem, current, one, heat)[2].min()), one) for one in rest]
+    others = sorted((pair for pair in others if pair[0] < current.cost - WORTH_A_FIT), key=lambda pair: pair[0])
     return worth[: heat.most] + [one for _, one in others[: heat.most]]
 
 
@@ -195,9 +190,8 @@ def _fit(
     problem: JointProblem, current: MapFit, screened: Screened, heat: Heat, rng: np.random.Generator
 ) -> Hypothesis:
     rough = replace(problem, step_s=heat.step_s)
-    moves = merged(current.moves, effect_moves(screened.effect, problem.nominal))
-    starts = np.array(_starts(problem, current, screened, moves))
-    cheapest = starts[int(np.argmin(costs_at(rough, moves, starts[1:]))) + 1]
+    moves, starts, costs = _begin(problem, current, screened, heat)
+    cheapest = starts[1 + int(np.argmin(costs[1:]))]
     tried = [map_fit(rough, moves, start, heat.iterations, heat.tolerance) for start in (starts[0], cheapest)]
     best = min(tried, key=lambda fit: fit.cost)
     return _judge(problem, current, screened.effect, best.lean(), rng)
@@ -225,6 +219,13 @@ def _amounts(effect: Effect, fit: MapFit) -> list[int]:
     """Moves of an effect's own numbers that say how much, each of which may be neutral while the others act."""
     own = {ROW[key] for key in effect.keys if key not in effect.shape and ROW[key] >= len(PLANT_PARAMETERS)}
     return [k for k, move in enumerate(fit.moves) if move.row in own and not move.log]
+
+
+def _begin(problem: JointProblem, current: MapFit, screened: Screened, heat: Heat) -> tuple[list[Move], Array, Array]:
+    """Moves of the model with an effect, points to start from (k, moves), the screen's first, and their costs (k,)."""
+    moves = merged(current.moves, effect_moves(screened.effect, problem.nominal))
+    starts = np.array(_starts(problem, current, screened, moves))
+    return moves, starts, costs_at(replace(problem, step_s=heat.step_s), moves, starts)
 
 
 def _starts(problem: JointProblem, current: MapFit, screened: Screened, moves: Sequence[Move]) -> list[list[float]]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hand_diagnosis.partners import put_partner
 from hand_ident.driving import accelerations, inflow, shape_driving
-from hand_ident.joint_data import joint_problem, recorded_piece
+from hand_ident.joint_data import driving_pressure, joint_problem
 from hand_ident.joint_problem import FLOOR, JointProblem, Piece
 from hand_ident.map_fit import MapFit, map_fit
 from hand_ident.moves import Move, nominal_moves
@@ -83,15 +83,17 @@ class Task:
     def _inflow(self, number: int) -> Array:
         """Rise of all pressures of a recording together (T,) [Pa/s]."""
         if number not in self._inflows:
-            pieces = [self._piece(number, joint) for joint in self.signals[number].joints]
-            self._inflows[number] = np.asarray(np.sum([inflow(piece) for piece in pieces], axis=0))
+            one = self.signals[number]
+            rises = [inflow(self._driving(number, joint), one.samples, one.period_s) for joint in one.joints]
+            self._inflows[number] = np.asarray(np.sum(rises, axis=0))
         return self._inflows[number]
 
-    def _piece(self, number: int, joint: str) -> Piece:
-        """A joint in a recording; its pressure shaped by its valve's model, where it is one of those judged."""
+    def _driving(self, number: int, joint: str) -> Array:
+        """Driving pressure of a joint in a recording; shaped by its valve's model, where it is one of those judged."""
         if joint not in self.joints:
-            return recorded_piece(self.signals[number], self.hand, joint)
-        return self._roughly(joint).problem.pieces[self._holding(joint).index(number)]
+            one = self.signals[number]
+            return driving_pressure(one, one.joints.index(joint))[0]
+        return self._roughly(joint).problem.pieces[self._holding(joint).index(number)].driving_pa
 
     def _holding(self, joint: str) -> list[int]:
         """Numbers of the recordings that hold a joint; their names need not differ."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hand_ident.joint_problem import JointProblem, Piece
 from hand_ident.moves import Move
-from hand_ident.signals import slopes_over, white_noise, without_noise
+from hand_ident.signals import slopes_over, smoothing_span, white_noise, without_noise
 
 Array = NDArray[np.float64]
 
@@ -47,13 +47,12 @@ def accelerations(problem: JointProblem, moves: Sequence[Move], z: Array) -> lis
     ]
 
 
-def inflow(piece: Piece) -> Array:
-    """Rise of the driving pressure (T,) [Pa/s], falls left out, mean over the sample around each reading."""
-    samples = len(piece.pressure_pa)
+def inflow(driving_pa: Array, samples: int, period_s: float) -> Array:
+    """Rise of a driving pressure (samples,) [Pa/s], falls left out, mean over the sample around each reading."""
     if samples < 2:
         return np.zeros(samples)
-    finer = (len(piece.driving_pa) - 1) // (samples - 1)
-    rises = np.maximum(np.diff(piece.driving_pa), 0.0).reshape(samples - 1, finer).sum(axis=1) / piece.period_s
+    finer = (len(driving_pa) - 1) // (samples - 1)
+    rises = np.maximum(np.diff(driving_pa), 0.0).reshape(samples - 1, finer).sum(axis=1) / period_s
     around = np.concatenate([rises[:1], rises, rises[-1:]])
     return np.asarray(0.5 * (around[1:] + around[:-1]))
 
@@ -61,7 +60,7 @@ def inflow(piece: Piece) -> Array:
 def _acceleration(piece: Piece, model_rad: Array) -> Array:
     """Second differences keep the speed that an acceleration between two samples brings."""
     rest = _bridged(piece, piece.angle_rad - model_rad)
-    _, span = without_noise(rest, piece.period_s, white_noise(rest))
+    span = smoothing_span(rest, piece.period_s, white_noise(rest))
     bends = np.zeros(len(rest))
     bends[1:-1] = np.diff(model_rad, 2) / piece.period_s**2
     return bends + slopes_over(rest, span, 2, piece.period_s)

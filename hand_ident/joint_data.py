@@ -15,7 +15,7 @@ from hand_ident.joint_problem import (
     block_numbers,
     initial_weights,
 )
-from hand_ident.signals import SMOOTHED_S, Signals, derivatives, slopes_over, white_noise, without_noise
+from hand_ident.signals import SMOOTHED_S, Signals, derivatives, slopes_over, smoothing_span, white_noise, without_noise
 from hand_model.chain import OUTPUTS, PHI, STATES, P
 from hand_model.description import Hand
 from hand_model.effects.effect import ACCELERATION, ANGLE, EXOGENOUS, NEIGHBOUR, PARTNER, SPEED, TIME
@@ -37,7 +37,7 @@ def joint_problem(
     first = 0
     for one in signals:
         if joint in one.joints:
-            pieces.append(recorded_piece(one, hand, joint, first))
+            pieces.append(_piece(one, hand, joint, first))
             first = int(pieces[-1].block[-1]) + 1
     noise = np.max([_noise(piece) for piece in pieces], axis=0)
     return JointProblem(
@@ -51,11 +51,10 @@ def joint_problem(
     )
 
 
-def recorded_piece(signals: Signals, hand: Hand, joint: str, first_block: int = 0) -> Piece:
-    """One recording of a joint."""
+def _piece(signals: Signals, hand: Hand, joint: str, first_block: int) -> Piece:
     j = signals.joints.index(joint)
     force = signals.force_n[:, j]
-    driving, span = _driving(signals, j)
+    driving, span = driving_pressure(signals, j)
     start = np.zeros(STATES)
     start[P], start[PHI] = signals.pressure_pa[0, j], signals.angle_rad[0, j]
     return Piece(
@@ -76,7 +75,8 @@ def recorded_piece(signals: Signals, hand: Hand, joint: str, first_block: int = 
     )
 
 
-def _driving(signals: Signals, j: int) -> tuple[Array, int]:
+def driving_pressure(signals: Signals, j: int) -> tuple[Array, int]:
+    """Pressure (T,) [Pa] of a column as the joint's input, by its readings alone, and the span of its smoothing."""
     pressure = signals.pressure_pa[:, j]
     return (pressure, 1) if signals.driven else without_noise(pressure, signals.period_s, white_noise(pressure))
 
@@ -84,11 +84,11 @@ def _driving(signals: Signals, j: int) -> tuple[Array, int]:
 def _surroundings(signals: Signals, hand: Hand, joint: str) -> Array:
     """Columns of e, (T, EXOGENOUS); the hand's inflow is not among them (driving.py)."""
     j = signals.joints.index(joint)
-    speed, acceleration = derivatives(signals.angle_rad, signals.period_s)
+    speed, acceleration = derivatives(signals.angle_rad[:, j : j + 1], signals.period_s)
     e = np.zeros((signals.samples, EXOGENOUS))
     e[:, TIME] = signals.time_s
-    e[:, ANGLE], e[:, SPEED] = signals.angle_rad[:, j], speed[:, j]
-    e[:, ACCELERATION] = acceleration[:, j]
+    e[:, ANGLE], e[:, SPEED] = signals.angle_rad[:, j], speed[:, 0]
+    e[:, ACCELERATION] = acceleration[:, 0]
     partner = int(hand.partner[hand.joints.index(joint)])
     if partner >= 0 and hand.joints[partner] in signals.joints:
         other = signals.joints.index(hand.joints[partner])
@@ -101,7 +101,7 @@ def _surroundings(signals: Signals, hand: Hand, joint: str) -> Array:
 
 def _quiet_acceleration(angle_rad: Array, period_s: float) -> Array:
     """Of a joint (T,): a slow motion is smoothed for longer than a fast one, so that noise does not shake a partner."""
-    _, span = without_noise(angle_rad, period_s, white_noise(angle_rad))
+    span = smoothing_span(angle_rad, period_s, white_noise(angle_rad))
     if span * period_s > 2.0 * SMOOTHED_S[0]:
         return slopes_over(angle_rad, span, 2, period_s)
     return derivatives(angle_rad[:, None], period_s)[1][:, 0]

@@ -81,13 +81,10 @@ class _Point:
 
 def _usable(problem: JointProblem, moves: Sequence[Move], z: Array) -> _Point:
     """The start, or as far from the nominal values towards it as the simulation stays finite."""
-    for share in (1.0, 0.9, 0.7, 0.5, 0.3, 0.1):
+    for share in (1.0, 0.9, 0.7, 0.5, 0.3, 0.1, 0.0):
         costs, squares, residuals = _simulated(problem, moves, (share * z)[None])
         if np.isfinite(costs[0]):
             break
-    else:
-        share = 0.0
-        costs, squares, residuals = _simulated(problem, moves, (share * z)[None])
     return _Point(share * z, float(costs[0]), squares[0], [r[0] for r in residuals])
 
 

@@ -127,14 +127,25 @@ def without_noise(values: Array, period_s: float, noise: float) -> tuple[Array, 
     Noise of an input is no error of the model, but would look like one: quadratics by least squares (Savitzky and
     Golay 1964), without lag, over the span that foretells left-out samples best; around edges the signal stays.
     """
-    spans = [2 * round(0.5 * seconds / period_s) + 1 for seconds in SMOOTHED_S]
-    spans = [span for span in spans if 5 <= span < len(values)]
-    if not spans or noise <= 0.0:
+    span = smoothing_span(values, period_s, noise)
+    if span == 1:
         return values, 1
-    span = min(spans, key=lambda span: _left_out_error(values, span))
     smooth = smoothed_over(values, span)
-    edge = uniform_filter1d((np.abs(values - smooth) > LEFT_ALONE * noise).astype(float), spans[0]) > 0.0
+    around = _spans(values, period_s)[0]
+    edge = uniform_filter1d((np.abs(values - smooth) > LEFT_ALONE * noise).astype(float), around) > 0.0
     return np.where(edge, values, smooth), span
+
+
+def smoothing_span(values: Array, period_s: float, noise: float) -> int:
+    """Samples over which the smoothing of a signal (T,) foretells left-out ones best; 1 where it shall not be."""
+    spans = _spans(values, period_s)
+    return min(spans, key=lambda span: _left_out_error(values, span)) if spans and noise > 0.0 else 1
+
+
+def _spans(values: Array, period_s: float) -> list[int]:
+    """SMOOTHED_S in samples, odd numbers; those too short to smooth and too long for the signal are left out."""
+    spans = [2 * round(0.5 * seconds / period_s) + 1 for seconds in SMOOTHED_S]
+    return [span for span in spans if 5 <= span < len(values)]
 
 
 def _left_out_error(values: Array, span: int) -> float:

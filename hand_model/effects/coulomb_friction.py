@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hand_model.effects.effect import Effect, declare, inline, remember
+from hand_model.effects.effect import Effect, declare, inline, loop_moved, loop_torque, remember
 from hand_model.plant_parameters import DEGREE, Parameter
 
 TORQUE, BREAKAWAY, SPEED, LOADED, PRESLIDING = declare(
@@ -42,18 +42,15 @@ def dry(w, i, omega, p):  # type: ignore[no-untyped-def]
 @inline
 def torque(w, i, phi, omega, p, e):  # type: ignore[no-untyped-def]
     """Torque of contacts that give, against the motion so far."""
-    z = w[BRISTLE, i]
-    toward = min(max(omega * 1e6, -1.0), 1.0)
     whole = level(w, i, omega, p) * giving(w, i)
-    return -whole * z, whole / w[PRESLIDING, i] * (1.0 - z * toward)
+    share, stiffness = loop_torque(w[BRISTLE, i], omega, w[PRESLIDING, i], 0.0)
+    return whole * share, whole * stiffness
 
 
 @inline
 def moved(w, i, before, after, h):  # type: ignore[no-untyped-def]
-    """dz = (sign - z) |dphi| / presliding, taken implicitly."""
-    way = abs(after - before) / w[PRESLIDING, i]
-    toward = 1.0 if after > before else -1.0
-    w[BRISTLE, i] = (w[BRISTLE, i] + way * toward) / (1.0 + way)
+    """Dahl's loop over the presliding motion."""
+    w[BRISTLE, i] = loop_moved(w[BRISTLE, i], before, after, w[PRESLIDING, i], 0.0)
     return 0.0
 
 

@@ -89,6 +89,31 @@ def followed(y, before, now, tau, h):  # type: ignore[no-untyped-def]
     return now - behind + (y - before + behind) * decay(h / (tau + _TINY_S))
 
 
+@inline
+def loop_growth(z, toward, sharp):  # type: ignore[no-untyped-def]
+    """Growth of a loop z (-1 ... 1) per motion over its scale: Dahl's, or Bouc and Wen's with a knee (sharp 1)."""
+    a = z * toward
+    forward = max(a, 0.0)
+    return 1.0 - (1.0 - sharp) * a - sharp * forward * forward
+
+
+@inline
+def loop_torque(z, omega, scale, sharp):  # type: ignore[no-untyped-def]
+    """Share of its height by which a loop pushes, and its stiffness [1/rad]."""
+    toward = min(max(omega * 1e6, -1.0), 1.0)
+    return -z, loop_growth(z, toward, sharp) / scale
+
+
+@inline
+def loop_moved(z, before, after, scale, sharp):  # type: ignore[no-untyped-def]
+    """A loop after a motion [rad], its growth taken implicitly (linearised)."""
+    way = abs(after - before) / scale
+    toward = 1.0 if after > before else -1.0
+    a = z * toward
+    slower = (1.0 - sharp) + 2.0 * sharp * max(a, 0.0)
+    return toward * min(a + way * loop_growth(z, toward, sharp) / (1.0 + way * slower), 1.0)
+
+
 @dataclass(frozen=True, slots=True)
 class Effect:
     """One entry of the catalogue.

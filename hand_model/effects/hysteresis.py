@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hand_model.effects.effect import Effect, declare, inline, remember
+from hand_model.effects.effect import Effect, declare, inline, loop_moved, loop_torque, remember
 from hand_model.plant_parameters import DEGREE, Parameter
 
 TORQUE, SCALE, SHARPNESS = declare(
@@ -14,28 +14,16 @@ LOOP = remember()
 
 
 @inline
-def _building(a, sharp):  # type: ignore[no-untyped-def]
-    """Growth of the loop per motion over its scale; a: how far it is built up in the direction of motion, -1 ... 1."""
-    forward = max(a, 0.0)
-    return 1.0 - (1.0 - sharp) * a - sharp * forward * forward
-
-
-@inline
 def torque(w, i, phi, omega, p, e):  # type: ignore[no-untyped-def]
     """Dahl's loop, or Bouc and Wen's: a torque against the motion that needs an angle to build up."""
-    z = w[LOOP, i]
-    toward = min(max(omega * 1e6, -1.0), 1.0)
-    return -w[TORQUE, i] * z, w[TORQUE, i] / w[SCALE, i] * _building(z * toward, w[SHARPNESS, i])
+    share, stiffness = loop_torque(w[LOOP, i], omega, w[SCALE, i], w[SHARPNESS, i])
+    return w[TORQUE, i] * share, w[TORQUE, i] * stiffness
 
 
 @inline
 def moved(w, i, before, after, h):  # type: ignore[no-untyped-def]
-    """The loop's growth, taken implicitly (linearised)."""
-    way = abs(after - before) / w[SCALE, i]
-    toward = 1.0 if after > before else -1.0
-    a, sharp = w[LOOP, i] * toward, w[SHARPNESS, i]
-    slower = (1.0 - sharp) + 2.0 * sharp * max(a, 0.0)
-    w[LOOP, i] = toward * min(a + way * _building(a, sharp) / (1.0 + way * slower), 1.0)
+    """The loop follows the motion."""
+    w[LOOP, i] = loop_moved(w[LOOP, i], before, after, w[SCALE, i], w[SHARPNESS, i])
     return 0.0
 
 

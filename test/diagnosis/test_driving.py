@@ -117,7 +117,8 @@ def test_noise_of_a_pressure_at_rest_is_no_inflow(hand: Hand, truth: tuple[np.nd
     """Fails when rises of the noise are taken for air that flows."""
     problem, moves, z = fitted(read(hand, truth), hand)
     shape_driving(problem, moves, z)
-    flow = inflow(problem.pieces[0])
+    piece = problem.pieces[0]
+    flow = inflow(piece.driving_pa, len(piece.pressure_pa), piece.period_s)
     true = np.maximum(np.diff(truth[1][:, P, hand.joints.index(JOINT)]), 0.0).sum()
     assert flow.sum() * PERIOD_S == pytest.approx(true, rel=0.1)
 
