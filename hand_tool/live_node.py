@@ -27,10 +27,8 @@ READY_S = 60.0
 RUNNING_S, DISCOVERY_S = 15.0, 1.0
 """Longest wait for a hand that should be running already; what it takes to hear of every other node."""
 TICK_S = 0.1
-LISTENERS = 2
-"""Of our trajectories: the controller and the recorder."""
-
-
+RECORDER = "recorder"
+"""Name of the node that records beside us; others may listen, too."""
 LIFETIME_NS = 100_000_000
 """Of an experiment's set-points: when the tool is stopped the board vents."""
 BEYOND_RAD = np.radians(8.0)
@@ -76,7 +74,8 @@ def perform(
         publisher = node.create_publisher(JointTrajectory, "joint_trajectory", QUEUED_QOS)
         end = time.monotonic() + READY_S
         # The recorder must hear the commands from the first on: nothing moves before it listens, too.
-        while seen[0] == 0 or publisher.get_subscription_count() < LISTENERS or not _recorded(node):
+        recorded = ("joint_trajectory", "valve_command")
+        while seen[0] == 0 or publisher.get_subscription_count() < 2 or not _recorded(node, recorded):
             _spin(executor, TICK_S)
             healthy()
             on_progress("waiting for simulation and controller", TICK_S)
@@ -94,9 +93,10 @@ def perform(
         rclpy.try_shutdown()
 
 
-def _recorded(node: Node) -> bool:
-    """Whether the recorder listens to the commands beside the simulation."""
-    return bool(node.count_subscribers("valve_command") >= LISTENERS)
+def _recorded(node: Node, topics: Sequence[str]) -> bool:
+    """Whether the recorder listens to all these topics."""
+    listeners = ([info.node_name for info in node.get_subscriptions_info_by_topic(topic)] for topic in topics)
+    return all(RECORDER in names for names in listeners)
 
 
 def _spin(executor: EventsExecutor, seconds: float) -> None:
@@ -156,11 +156,12 @@ def _await_hand(
     node: Node, executor: EventsExecutor, publisher: Any, latest: dict[str, float], healthy: Callable[[], None]
 ) -> None:
     end = time.monotonic() + RUNNING_S
-    while not latest or publisher.get_subscription_count() < LISTENERS:
+    recorded = ("joint_states", "valve_command")
+    while not latest or publisher.get_subscription_count() < 2 or not _recorded(node, recorded):  # it and the hand
         _spin(executor, TICK_S)
         healthy()
         if time.monotonic() > end:
-            raise NotReadyError(f"no joint_states and valve_command listeners within {RUNNING_S:g} s")
+            raise NotReadyError(f"no joint_states, valve or recorder within {RUNNING_S:g} s")
     _spin(executor, DISCOVERY_S)
     _check_alone(node)
 
