@@ -20,11 +20,12 @@ from hand_diagnosis.verdict import StageResult, describe, stage_results
 from hand_ident.hand_signals import without_sensor_curve
 from hand_ident.joint_data import joint_problem
 from hand_ident.map_fit import map_fit
-from hand_ident.moves import nominal_moves
+from hand_ident.moves import FARTHEST, nominal_moves
 from hand_ident.signals import Signals
 from hand_model.description import Hand
 from hand_model.effects import CATALOGUE, EFFECTS
 from hand_model.effects.effect import Effect
+from hand_model.plant_parameters import PLANT_PARAMETERS
 
 Array = NDArray[np.float64]
 MOVES_RAD = np.radians(2.0)
@@ -80,13 +81,15 @@ def diagnose(
     checked = [check(one, hand) for one in signals]
     signals = [one.signals for one in checked]
     unusable = frozenset().union(*(one.unusable for one in checked))
+    again = [check(one, hand) for one in reruns]
+    reruns = [_usable(one) for one in again]
     wanted = _joints(signals, hand, joints, unusable)
     if sensor_curve is None:  # of all joints that move, also those that are not asked for: they vote
         sensor_curve = _reads_through_curve(signals, hand, _joints(signals, hand, (), unusable), tolerance)
     if sensor_curve:
         signals = [without_sensor_curve(one, hand) for one in signals]
         reruns = [without_sensor_curve(one, hand) for one in reruns]
-    lines = [line for one in checked for line in (*one.signals.notes, *one.lines)]
+    lines = [line for one in (*checked, *again) for line in (*one.signals.notes, *one.lines)]
     lines += [line for one in checked for line in _still(one, wanted, joints)]
     task = Task(signals, hand, wanted, effects, tolerance, seed, floors(signals, reruns))
     done = []
@@ -94,8 +97,15 @@ def diagnose(
         done.append(_diagnose_joint(task, joint, number))
         progress(joint)
     done = _without_lonely(task, _beside_models(task, done))
+    lines += [line for one in done for line in _at_bounds(one)]
     findings = [*_dropped(signals), *_ranked(done)]
     return Diagnosis(_verdict(findings, done), tuple(findings), tuple(done), tuple(lines), sensor_curve)
+
+
+def _usable(rerun: Checked) -> Signals:
+    """A re-run that says nothing of joints whose channels are at fault."""
+    at_fault = [joint in rerun.unusable for joint in rerun.signals.joints]
+    return replace(rerun.signals, known=rerun.signals.known & ~np.array(at_fault, dtype=bool))
 
 
 def _effects(without: Sequence[str]) -> list[Effect]:
@@ -166,6 +176,19 @@ def _diagnose_joint(
     told = isolability(problem, search.nominal, judged) if search.accepted else None
     _forget_slopes(search)
     return JointDiagnosis(joint, search, results, told)
+
+
+def _at_bounds(one: JointDiagnosis) -> list[str]:
+    """Nominal numbers that would go farther than they may: a model this far off needs another tolerance."""
+    own = {key for accepted in one.search.accepted for key in accepted.effect.keys}
+    fit = one.search.final
+    far = [
+        move.key
+        for move, z in zip(fit.moves, fit.z, strict=True)
+        if move.row < len(PLANT_PARAMETERS) and move.key not in own and abs(z) > FARTHEST - 1e-6
+    ]
+    reason = f"ends {FARTHEST:g} tolerances from its nominal value; expect more with --tolerance?"
+    return [f"{one.joint}: {', '.join(far)} {reason}"] if far else []
 
 
 def _forget_slopes(search: JointSearch) -> None:

@@ -26,13 +26,13 @@ def log_likelihood(problem: JointProblem, squares: Array, blocks: NDArray[np.boo
     return float(-0.5 * (counts * np.log1p(chi2 / counts)).sum())
 
 
-def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[int] = ()) -> float:
+def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[Sequence[int]] = ()) -> float:
     """Laplace: log likelihood and prior at the best point, and the volume that the data leave of the prior's.
 
     What held-out blocks say of the point that was fitted without them comes on top: p(all) = p(train) p(held | train).
-    optional: moves of which each may be needed or not, at least one of them is. The evidence is the mean over these
-    models, each from the full one by the ratio of posterior to prior density at its neutral values (Dickey 1971):
-    a number that the data do not ask for costs nothing.
+    optional: for each effect, moves of which each may be needed or not, at least one of them is. The evidence is the
+    mean over these models, each from the full one by the ratio of posterior to prior density at its neutral values
+    (Dickey 1971), effects taken one by one: a number that the data do not ask for costs nothing.
     """
     train = ~problem.held_out
     counts = np.maximum(problem.effective_counts(train), 1.0)
@@ -43,12 +43,15 @@ def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[int] = (
     _, logdet = np.linalg.slogdet(precision)
     likelihood = log_likelihood(problem, fit.squares, train) + log_likelihood(problem, fit.squares, ~train)
     whole = likelihood - 0.5 * float(fit.z @ fit.z) - 0.5 * float(logdet)
-    if len(optional) < 2:
-        return whole
     covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+    return whole + sum(_sparing(fit.z, covariance, group) for group in optional)
+
+
+def _sparing(z: Array, covariance: Array, optional: Sequence[int]) -> float:
+    """Log of the mean evidence of the models without some of the optional moves, over that of the full one."""
     off = [list(chosen) for k in range(len(optional)) for chosen in combinations(optional, k)]
-    ratios = np.array([_density_ratio(fit.z[chosen], covariance[np.ix_(chosen, chosen)]) for chosen in off])
-    return whole + float(np.logaddexp.reduce(ratios) - np.log(len(ratios)))
+    ratios = np.array([_density_ratio(z[chosen], covariance[np.ix_(chosen, chosen)]) for chosen in off])
+    return float(np.logaddexp.reduce(ratios) - np.log(len(ratios)))
 
 
 def _density_ratio(z: Array, covariance: Array) -> float:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_diagnosis.evidence import log_likelihood
 from hand_ident.joint_problem import JointProblem
 from hand_ident.map_fit import MapFit, map_fit
 from hand_ident.signals import derivatives
@@ -20,8 +21,8 @@ from hand_model.effects.effect import PARTNER
 from hand_model.parameters import JOINT_PARAMETERS, ROW
 
 Array = NDArray[np.float64]
-WORTH = 8.0
-"""Cost that the model's acceleration must save to replace the measured one."""
+WORTH = 4.0
+"""Log likelihood that the model's acceleration must bring to replace the measured one."""
 _SENSOR = [ROW[key] for effect in CATALOGUE if effect.place == "angle_sensor" for key in effect.keys]
 
 
@@ -47,6 +48,7 @@ def fits_better(problem: JointProblem, fit: MapFit, accelerations: Sequence[Arra
     """Whether the nominal model of a joint, fitted as fit, would fit clearly better with these of its partner."""
     measured = [piece.exogenous[:, PARTNER].copy() for piece in problem.pieces]
     put_partner(problem, accelerations)
-    cost = map_fit(problem, fit.moves, fit.z, 3).cost
+    beside = map_fit(problem, fit.moves, fit.z, 3)
     put_partner(problem, measured)
-    return cost < fit.cost - WORTH
+    before, after = (log_likelihood(problem, one.squares, ~problem.held_out) for one in (fit, beside))
+    return after > before + WORTH

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +54,7 @@ def _lag(first: Signals, rerun: Signals) -> int | None:
     return best if errors[best] <= SAME_COMMANDS * float(first.set_point_pa.std()) else None
 
 
-def _overlap(first: Array, second: Array, lag: int) -> tuple[Array, Array]:
+def _overlap(first: NDArray[Any], second: NDArray[Any], lag: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """The parts of two signals that belong together where the second comes lag samples later."""
     a, b = (first, second[lag:]) if lag >= 0 else (first[-lag:], second)
     count = min(len(a), len(b))
@@ -64,6 +65,7 @@ def _difference(first: Signals, rerun: Signals, joint: str, lag: int) -> Array:
     """Scatter (OUTPUTS,) of one run: RMS difference of two over the root of two, white noise taken off."""
     i, j = first.joints.index(joint), rerun.joints.index(joint)
     scatter = np.zeros(OUTPUTS)
+    known = _overlap(first.known[:, i], rerun.known[:, j], lag)
     for stage, (a, b) in enumerate(
         (
             (first.pressure_pa[:, i], rerun.pressure_pa[:, j]),
@@ -72,7 +74,7 @@ def _difference(first: Signals, rerun: Signals, joint: str, lag: int) -> Array:
         )
     ):
         one, other = _overlap(a, b, lag)
-        change = (one - other)[round(SETTLING_S / first.period_s) :]
+        change = np.where(known[0] & known[1], one - other, np.nan)[round(SETTLING_S / first.period_s) :]
         change = change[np.isfinite(change)]
         if len(change) > 3:
             scatter[stage] = np.sqrt(max(float(np.mean(change**2)) - white_noise(change) ** 2, 0.0) / 2.0)

@@ -17,7 +17,8 @@ from hand_diagnosis.evidence import block_bootstrap, held_out_rmse, log_evidence
 from hand_diagnosis.screen import Screened, screen
 from hand_ident.joint_problem import JointProblem
 from hand_ident.map_fit import MapFit, costs_at, map_fit
-from hand_ident.moves import Move, effect_moves, merged, probe_values
+from hand_ident.moves import START_CREEP, Move, effect_moves, merged, probe_values
+from hand_model.effects import EFFECTS
 from hand_model.effects.effect import Effect
 from hand_model.parameters import ROW
 from hand_model.plant_parameters import PLANT_PARAMETERS
@@ -212,13 +213,18 @@ def _judge(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, 
         gain = np.nan_to_num((rmse[0] - rmse[1]) / problem.floor)
     stage = int(np.argmax(gain))
     fall = block_bootstrap(problem, current.squares, fit.squares, stage, rng)
-    return Hypothesis(effect, fit, log_evidence(problem, fit, _amounts(effect, fit)), stage, fall)
+    return Hypothesis(effect, fit, log_evidence(problem, fit, _amounts(fit)), stage, fall)
 
 
-def _amounts(effect: Effect, fit: MapFit) -> list[int]:
-    """Moves of an effect's own numbers that say how much, each of which may be neutral while the others act."""
-    own = {ROW[key] for key in effect.keys if key not in effect.shape and ROW[key] >= len(PLANT_PARAMETERS)}
-    return [k for k, move in enumerate(fit.moves) if move.row in own and not move.log]
+def _amounts(fit: MapFit) -> list[list[int]]:
+    """Moves of each effect's own numbers that say how much; each may be neutral while others of its effect act."""
+    amounts: dict[str, list[int]] = {}
+    for k, move in enumerate(fit.moves):
+        name = move.key.partition(".")[0]
+        own = len(PLANT_PARAMETERS) <= move.row < START_CREEP and not move.log
+        if own and move.key not in EFFECTS[name].shape:
+            amounts.setdefault(name, []).append(k)
+    return list(amounts.values())
 
 
 def _begin(problem: JointProblem, current: MapFit, screened: Screened, heat: Heat) -> tuple[list[Move], Array, Array]:
@@ -329,7 +335,7 @@ def _prune(found: JointSearch) -> None:
             final = found.final
             start = {move.row: z for move, z in zip(final.moves, final.z, strict=True)}
             fit = map_fit(found.problem, moves, np.array([start.get(move.row, 0.0) for move in moves]), 8)
-            trials.append((log_evidence(found.problem, fit), index, fit))
+            trials.append((log_evidence(found.problem, fit, _amounts(fit)), index, fit))
         best = max(trials, key=lambda trial: trial[0])
         if best[0] < evidence - ACCEPTED / 2.0:
             return

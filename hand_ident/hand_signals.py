@@ -18,6 +18,8 @@ SHORTEST_S = 2.0
 LONGEST_GAP_S = 0.1
 FOREIGN_CLOCK_NS = 1e9
 """Publish times further than this from the stamps are of another clock and say nothing; the stamps then count."""
+OFFSET_NS = 2e6
+"""Difference between the delays of two topics, stamp to receipt, from which their clocks differ."""
 
 
 def hand_signals(recording: Recording, hand: Hand) -> Signals:
@@ -100,7 +102,25 @@ def _notes(recording: Recording) -> tuple[str, ...]:
     for topic in ("pressures", "valve_command"):
         if topic not in recording or not len(recording[topic]):
             notes.append(f"no {topic}: the stages that need them are not judged")
-    return tuple(notes)
+    return (*notes, *_clocks(recording))
+
+
+def _clocks(recording: Recording) -> list[str]:
+    """Topics whose stamps are another clock's than those of joint_states: all are received by one recorder."""
+    delays = {}
+    for topic in ("joint_states", "pressures", "contact_forces", "valve_command"):
+        if topic in recording and len(recording[topic]):
+            behind = (recording[topic].log_ns - recording[topic].stamp_ns).astype(np.float64)
+            low, middle, high = np.quantile(behind, [0.25, 0.5, 0.75])
+            if abs(middle) < FOREIGN_CLOCK_NS:  # else stamps and receipt are on clocks of their own
+                delays[topic] = middle, high - low
+    common, scatter = delays.pop("joint_states", (0.0, np.inf))
+    return [
+        f"{topic}: stamped {abs(own - common) * 1e-6:.3g} ms {'behind' if own > common else 'ahead of'} joint_states,"
+        " by when they were received; clocks differ?"
+        for topic, (own, spread) in delays.items()
+        if abs(own - common) > OFFSET_NS + spread + scatter
+    ]
 
 
 def without_sensor_curve(signals: Signals, hand: Hand) -> Signals:

@@ -14,9 +14,9 @@ from hand_ident.moves import Move
 Array = NDArray[np.float64]
 DIFFERENCE = 0.002
 """Step of the finite differences, in standard deviations of the prior."""
-DAMPING = (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3)
-BOLD = (0.0, 1e-2, 1.0, 100.0)
-"""Trial steps, all tried at once, by their damping; bold ones may be longer."""
+DAMPING = (0.0, 1e-2, 0.1, 1.0, 30.0)
+BOLD = (0.0, 0.1, 30.0)
+"""Trial steps, all tried at once, by their damping; bold ones may be longer.  Eight fill two blocks of lanes."""
 LONGEST_STEP, LONGEST_BOLD = 0.7, 4.0
 """Of any coordinate: beyond a prior's width the slopes say little, but where they do, the way is short."""
 
@@ -124,10 +124,12 @@ def _normal_equations(
     count = len(sensitivity[0])
     normal, slope = np.zeros((count, count)), np.zeros(count)
     for piece, residual, slopes in zip(problem.pieces, residuals, sensitivity, strict=True):
-        root = np.sqrt(problem.weight)[:, None] * train[piece.block][None]
-        j = (slopes * root).reshape(count, -1)
-        normal += j @ j.T
-        slope += j @ (residual * root).ravel()
+        counted = train[piece.block]
+        for stage in np.flatnonzero(piece.use.any(axis=1)):  # stage by stage: smaller arrays
+            root = np.sqrt(problem.weight[stage]) * counted
+            j = slopes[:, stage] * root
+            normal += j @ j.T
+            slope += j @ (residual[stage] * root)
     return normal, slope
 
 

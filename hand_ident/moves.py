@@ -48,6 +48,7 @@ NOMINAL_KEYS = (
 _FLOOR = {"valve.dead_time_s": 0.002, "statics.a0_nm": 0.01}
 """Size that stands for a nominal number whose own is too small to measure a tolerance by; dead time: one step."""
 FARTHEST = 3.0
+"""Tolerances that a nominal number may move by."""
 _WIDE = {"valve.dead_time_s": 0.4}
 """Tolerances that are wider than the common one: a set-point waits for the board's tick, too."""
 

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -29,6 +28,20 @@ from numpy.typing import NDArray
 
 from hand_model.effects import CATALOGUE, MEMORY
 from hand_model.effects.effect import ACCELERATION, ANGLE, MEMORY_ROW, PARTNER, SPEED, inline
+from hand_model.hooks import (
+    added_damping,
+    added_torque,
+    at_actuator,
+    changed_rate,
+    dry_friction,
+    felt_error,
+    keep_motion,
+    read_angle,
+    read_force,
+    read_pressure,
+    shaped_set_point,
+    true_pressure,
+)
 from hand_model.joint import one_sided
 from hand_model.material import creep_rate
 from hand_model.parameters import JOINT_PARAMETERS, ROW
@@ -65,82 +78,18 @@ _D_CONTACT, _W_CONTACT = ROW["contact.damping_nm_s_per_rad"], ROW["contact.engag
 _SUPPLY, _CLOCK, _SHARE = ROW["supply.pressure_pa"], ROW["clock_offset.offset_s"], ROW["clock_offset.share"]
 
 
-def _composed(hook: str, pair: Callable[[Any, Any], Any], nothing: Any) -> Any:
-    """The functions that effects hook in at one place, as one function."""
-    functions: list[Any] = [effect.hooks[hook] for effect in CATALOGUE if hook in effect.hooks]
-    whole = functions[0] if functions else inline(nothing)
-    for function in functions[1:]:
-        whole = inline(pair(whole, function))
-    return whole
-
-
-def _then_set_point(a: Any, b: Any) -> Any:
-    return lambda w, i, u, p, e, h: b(w, i, a(w, i, u, p, e, h), p, e, h)
-
-
-def _then_rate(a: Any, b: Any) -> Any:
-    return lambda w, i, rate, p, u, e: b(w, i, a(w, i, rate, p, u, e), p, u, e)
-
-
-def _then(a: Any, b: Any) -> Any:
-    return lambda w, i, x: b(w, i, a(w, i, x))
-
-
-def _then_undo(a: Any, b: Any) -> Any:
-    return lambda w, i, x: a(w, i, b(w, i, x))
-
-
-def _then_timed(a: Any, b: Any) -> Any:
-    return lambda w, i, x, h: b(w, i, a(w, i, x, h), h)
-
-
-def _plus_torque(a: Any, b: Any) -> Any:
-    def both(w, i, phi, omega, p, e):  # type: ignore[no-untyped-def]
-        torque_a, stiffness_a = a(w, i, phi, omega, p, e)
-        torque_b, stiffness_b = b(w, i, phi, omega, p, e)
-        return torque_a + torque_b, stiffness_a + stiffness_b
-
-    return both
-
-
-def _plus_speed(a: Any, b: Any) -> Any:
-    return lambda w, i, omega: a(w, i, omega) + b(w, i, omega)
-
-
-def _plus_dry(a: Any, b: Any) -> Any:
-    return lambda w, i, omega, p: a(w, i, omega, p) + b(w, i, omega, p)
-
-
-def _both_moved(a: Any, b: Any) -> Any:
-    return lambda w, i, before, after, h: a(w, i, before, after, h) + b(w, i, before, after, h)
-
-
-_shape_set_point = _composed("set_point", _then_set_point, lambda w, i, u, p, e, h: u)
-_felt_error = _composed("valve_error", _then, lambda w, i, error: error)
-_changed_rate = _composed("pressure_rate", _then_rate, lambda w, i, rate, p, u, e: rate)
-read_pressure = _composed("pressure_reading", _then, lambda w, i, p: p)
-_true_pressure = _composed("pressure_true", _then_undo, lambda w, i, p: p)
-at_actuator = _composed("actuator_pressure", _then_timed, lambda w, i, p, h: p)
-_added_torque = _composed("torque", _plus_torque, lambda w, i, phi, omega, p, e: (0.0, 0.0))
-_added_damping = _composed("damping", _plus_speed, lambda w, i, omega: 0.0)
-_dry_friction = _composed("dry", _plus_dry, lambda w, i, omega, p: 0.0)
-_keep_motion = _composed("moved", _both_moved, lambda w, i, before, after, h: 0.0)
-read_angle = _composed("angle_reading", _then_timed, lambda w, i, phi, h: phi)
-_read_force = _composed("force_reading", _then_timed, lambda w, i, force, h: force)
-
-
 @inline
 def _filling(w, i, p, u, e):  # type: ignore[no-untyped-def]
     """Pressure rate [Pa/s] at p under the set-point u."""
-    rate = _felt_error(w, i, u - p) / w[_TAU, i]
+    rate = felt_error(w, i, u - p) / w[_TAU, i]
     rate = min(max(rate, -w[_VENT, i]), w[_FILL, i])
-    return _changed_rate(w, i, rate, p, u, e)
+    return changed_rate(w, i, rate, p, u, e)
 
 
 @inline
 def valve_step(w, i, p, u, e, h):  # type: ignore[no-untyped-def]
     """Pressure [Pa] after h [s] under the delayed set-point u (Eq. 8's valve); Heun's method."""
-    u = _shape_set_point(w, i, min(max(u, 0.0), w[_SUPPLY, i]), p, e, h)
+    u = shaped_set_point(w, i, min(max(u, 0.0), w[_SUPPLY, i]), p, e, h)
     first = _filling(w, i, p, u, e)
     second = _filling(w, i, p + h * first, u, e)
     return p + 0.5 * h * (first + second)
@@ -155,7 +104,7 @@ def _engaged(depth, width):  # type: ignore[no-untyped-def]
 @inline
 def _acting_torque(w, i, phi, omega, p, creep, e):  # type: ignore[no-untyped-def]
     """Torque on the joint but for damping and dry friction [N m], its stiffness [N m/rad], and damping in it."""
-    added, stiffness = _added_torque(w, i, phi, omega, p, e)
+    added, stiffness = added_torque(w, i, phi, omega, p, e)
     width, contact_width = w[_W_STOP, i], w[_W_CONTACT, i]
     high, low, contact = phi - w[_HIGH, i], w[_LOW, i] - phi, phi - w[_CONTACT, i]
     total = (
@@ -185,15 +134,15 @@ def creep_step(w, i, p, creep, h):  # type: ignore[no-untyped-def]
 def joint_step(w, i, phi, omega, p, creep, e, h):  # type: ignore[no-untyped-def]
     """Angle [rad] and speed [rad/s] after h [s] at the actuator pressure p, Eq. 8."""
     total, stiffness, included = _acting_torque(w, i, phi, omega, p, creep, e)
-    damping = w[_D, i] + _added_damping(w, i, omega)
+    damping = w[_D, i] + added_damping(w, i, omega)
     implicit = 0.5 * h * damping + 0.25 * h * h * stiffness
     mass = w[_J, i] + implicit + 0.5 * h * included  # whose torque at omega is part of the total
     free = ((w[_J, i] - implicit) * omega + h * total) / mass
-    stopping = h * _dry_friction(w, i, omega, p) / mass
+    stopping = h * dry_friction(w, i, omega, p) / mass
     after = max(abs(free) - stopping, 0.0)
     after = after if free > 0.0 else -after
     moved = phi + 0.5 * h * (omega + after)
-    _keep_motion(w, i, phi, moved, h)
+    keep_motion(w, i, phi, moved, h)
     return moved, after
 
 
@@ -201,8 +150,8 @@ def joint_step(w, i, phi, omega, p, creep, e, h):  # type: ignore[no-untyped-def
 def _outside_torque(w, i, p, creep, e):  # type: ignore[no-untyped-def]
     """Torque [N m] that the surroundings must exert for the measured motion, stops left out; Eq. 8 for M_d."""
     phi, omega = e[ANGLE], e[SPEED]
-    added, _ = _added_torque(w, i, phi, omega, p, e)
-    damping = w[_D, i] + _added_damping(w, i, omega)
+    added, _ = added_torque(w, i, phi, omega, p, e)
+    damping = w[_D, i] + added_damping(w, i, omega)
     actuator = _torque(p, phi, creep, w[_A0, i], w[_A1, i], w[_A2, i], w[_A3, i], w[_PHI_MAX, i])
     inertial = w[_J, i] * e[ACCELERATION] + w[_JC, i] * e[PARTNER]
     return actuator + added - w[_LOAD, i] - damping * omega - inertial
@@ -231,7 +180,9 @@ def _between(signal, x):  # type: ignore[no-untyped-def]
 def equations() -> str:
     """Numba's cache looks at changes of one file alone; this key makes it look at every equation."""
     here = Path(__file__).parent
-    files = [here / f"{name}.py" for name in ("joint", "material", "statics", "plant_parameters", "pressure_loop")]
+    files = [
+        here / f"{name}.py" for name in ("hooks", "joint", "material", "statics", "plant_parameters", "pressure_loop")
+    ]
     files += sorted((here / "effects").glob("*.py"))
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
@@ -261,7 +212,7 @@ def _open_step(w, e, h):  # type: ignore[no-untyped-def]
     """One step of the valve stage on the set-points and of the joint stage on the measured pressures."""
     for i in range(LANES):
         w[X + P, i] = valve_step(w, i, w[X + P, i], w[_COMMAND, i], e, h)
-        p = at_actuator(w, i, _true_pressure(w, i, w[_INPUT, i]), h)
+        p = at_actuator(w, i, true_pressure(w, i, w[_INPUT, i]), h)
         w[_ACTUATOR, i] = p
         creep = w[X + CREEP, i]
         phi, omega = joint_step(w, i, w[X + PHI, i], w[X + OMEGA, i], p, creep, e, h)
@@ -274,9 +225,9 @@ def _driven_step(w, e, phi, h):  # type: ignore[no-untyped-def]
     """One step of a machine whose motion is imposed: the joint goes to phi, where it was measured."""
     for i in range(LANES):
         w[X + P, i] = valve_step(w, i, w[X + P, i], w[_COMMAND, i], e, h)
-        p = at_actuator(w, i, _true_pressure(w, i, w[_INPUT, i]), h)
+        p = at_actuator(w, i, true_pressure(w, i, w[_INPUT, i]), h)
         w[_ACTUATOR, i] = p
-        _keep_motion(w, i, w[X + PHI, i], phi, h)
+        keep_motion(w, i, w[X + PHI, i], phi, h)
         w[X + PHI, i], w[X + OMEGA, i] = phi, e[SPEED]
         w[X + CREEP, i] = creep_step(w, i, p, w[X + CREEP, i], h)
 
@@ -285,22 +236,22 @@ def _driven_step(w, e, phi, h):  # type: ignore[no-untyped-def]
 def _read_driven(w, e, dt, lever, out, k):  # type: ignore[no-untyped-def]
     """Readings of such a machine: the force it gives outward, dry friction against the motion included."""
     for i in range(LANES):
-        out[0, k, i] = read_pressure(w, i, w[X + P, i])
-        out[1, k, i] = read_angle(w, i, w[X + PHI, i], dt)
+        out[i, 0, k] = read_pressure(w, i, w[X + P, i])
+        out[i, 1, k] = read_angle(w, i, w[X + PHI, i], dt)
         outside = _outside_torque(w, i, w[_ACTUATOR, i], w[X + CREEP, i], e)
         direction = min(max(e[SPEED] / STANDSTILL_RAD_S, -1.0), 1.0)
-        friction = direction * _dry_friction(w, i, e[SPEED], w[_ACTUATOR, i])
-        out[2, k, i] = _read_force(w, i, (outside - friction) / lever, dt)
+        friction = direction * dry_friction(w, i, e[SPEED], w[_ACTUATOR, i])
+        out[i, 2, k] = read_force(w, i, (outside - friction) / lever, dt)
 
 
 @inline
 def _read(w, e, dt, lever, out, k):  # type: ignore[no-untyped-def]
     """Readings at the end of a sample."""
     for i in range(LANES):
-        out[0, k, i] = read_pressure(w, i, w[X + P, i])
-        out[1, k, i] = read_angle(w, i, w[X + PHI, i], dt)
+        out[i, 0, k] = read_pressure(w, i, w[X + P, i])
+        out[i, 1, k] = read_angle(w, i, w[X + PHI, i], dt)
         force = _outside_torque(w, i, w[_ACTUATOR, i], w[X + CREEP, i], e) / lever
-        out[2, k, i] = _read_force(w, i, max(force, 0.0), dt)
+        out[i, 2, k] = read_force(w, i, max(force, 0.0), dt)
 
 
 @inline
@@ -356,7 +307,8 @@ def _kernel() -> Any:
     def open_lanes(w, u, reading, e, dt, steps, lever, driven, out):  # type: ignore[no-untyped-def]
         _ = key
         for block in prange(w.shape[0]):
-            _open_block(w[block], u, reading, e, dt, steps, lever, driven, out[block])
+            lanes = out[LANES * block : LANES * (block + 1)]
+            _open_block(w[block], u, reading, e, dt, steps, lever, driven, lanes)
 
     return njit(cache=True, parallel=True, fastmath=_FAST)(open_lanes)
 
@@ -394,12 +346,9 @@ def open_chain(
         for row, kind in effect.starts:
             w[:, row] = w[:, X + PHI] if kind == "angle" else pressure_pa[0]
     work = np.ascontiguousarray(w.reshape(blocks, LANES, WORK).transpose(0, 2, 1))
-    out = np.empty((blocks, OUTPUTS, samples, LANES))
-    out[:, 0, 0], out[:, 1, 0], out[:, 2, 0] = work[:, X + P], work[:, X + PHI], 0.0
+    out = np.empty((blocks * LANES, OUTPUTS, samples))
+    out[:, 0, 0], out[:, 1, 0], out[:, 2, 0] = w[:, X + P], w[:, X + PHI], 0.0
     steps = max(1, math.ceil(period_s / step_s - 1e-9))
     u, p, e = (np.ascontiguousarray(signal, dtype=np.float64) for signal in (set_point_pa, pressure_pa, exogenous))
     _open_lanes(work, u, p, e, period_s, steps, lever_m, driven, out)
-    readings = np.empty((count, OUTPUTS, samples))
-    for k in range(count):  # lane by lane: of ten minutes a second copy of all would be large
-        readings[k] = out[k // LANES, :, :, k % LANES]
-    return readings
+    return out[:count]

@@ -21,16 +21,14 @@ from hand_model.chain import (
     WORK,
     P,
     X,
-    at_actuator,
     creep_step,
     equations,
     joint_step,
-    read_angle,
-    read_pressure,
     valve_step,
 )
 from hand_model.effects import CATALOGUE, switching_valve
 from hand_model.effects.effect import inline
+from hand_model.hooks import at_actuator, read_angle, read_pressure
 from hand_model.parameters import JOINT_PARAMETERS, ROW
 from hand_model.plant_parameters import PLANT_PARAMETERS, STEP_S
 from hand_model.stack_rows import stack_doubles

@@ -6,9 +6,9 @@ from hand_model.effects.effect import TIME, Effect, declare, inline
 from hand_model.plant_parameters import PLANT_ROW, Parameter
 
 STIFFNESS, STRENGTH = declare(
-    Parameter("ageing.stiffness_per_h", -60.0, 60.0, "relative change of the elasticity an hour", 1 / 3600, 0.0, 15.0),
+    Parameter("ageing.stiffness_per_h", -60.0, 60.0, "relative change of the elasticity an hour", 1 / 3600, 0.0, 5.0),
     Parameter(
-        "ageing.strength_per_h", -60.0, 60.0, "relative change of the pressure torque an hour", 1 / 3600, 0.0, 10.0
+        "ageing.strength_per_h", -60.0, 60.0, "relative change of the pressure torque an hour", 1 / 3600, 0.0, 5.0
     ),
 )
 _A1, _A2, _A3 = (PLANT_ROW[f"statics.{key}"] for key in ("a1_nm_per_rad", "a2_nm_per_pa", "a3_nm_per_pa_rad"))

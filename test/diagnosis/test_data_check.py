@@ -10,10 +10,13 @@ import pytest
 
 from hand_diagnosis.data_check import check
 from hand_diagnosis.diagnose import diagnose
+from hand_ident.hand_signals import hand_signals
+from hand_ident.loader import load_recording
 from hand_ident.offline_recording import record_offline
 from hand_ident.signals import Signals
 from hand_model.description import Hand
-from test.diagnosis.conftest import record
+from hand_model.parameters import JOINT_PARAMETERS, ROW
+from test.diagnosis.conftest import changed, record
 from test.diagnosis.test_diagnose_command import hand_tool
 
 JOINT = 4
@@ -119,6 +122,49 @@ def test_repeated_and_unsorted_stamps_change_nothing(hand: Hand, tmp_path: Path)
     result = hand_tool("diagnose", str(shuffled), "--joints", "index_distal", "--out", str(tmp_path / "out"), "--json")
     assert result.exit_code == 0, result.output
     assert '"verdict": "agrees"' in result.output
+
+
+@pytest.mark.parametrize(("late_ms", "says"), [(15.0, "15 ms behind"), (-8.0, "8 ms ahead"), (0.0, "")])
+def test_a_clock_of_its_own_is_said(late_ms: float, says: str, hand: Hand, tmp_path: Path) -> None:
+    """Fails when pressures stamped by another clock than the angles pass unsaid, or an ordinary bag is suspected."""
+    out = tmp_path / "run.mcap"
+    for _ in record_offline(hand, np.full((600, 11), 1e5), out, seed=4):
+        pass
+    recording = load_recording(out)
+    pressures = recording["pressures"]
+    recording.topics["pressures"] = replace(pressures, stamp_ns=pressures.stamp_ns - round(late_ms * 1e6))
+    notes = [note for note in hand_signals(recording, hand).notes if "clocks differ" in note]
+    assert len(notes) == (1 if says else 0), notes
+    assert all(says in note for note in notes), notes
+
+
+def test_a_rerun_is_checked_like_any_recording(signals: Signals, hand: Hand) -> None:
+    """Fails when a fault of a re-run's channel is taken for poor repeatability, or not said."""
+    wrong = replace(
+        signals,
+        name="again",
+        angle_rad=with_column(signals.angle_rad, 180.0 / np.pi * signals.angle_rad[:, JOINT]),
+    )
+    joints = [hand.joints[JOINT]]
+    result = diagnose([signals], hand, tolerance=0.05, seed=0, joints=joints, sensor_curve=False, reruns=[wrong])
+    assert any(line.startswith("again") and "degrees?" in line for line in result.check), result.check
+    assert result.joints[0].search.problem.floor[1] < np.radians(0.06)
+
+
+def test_a_number_far_off_asks_for_a_larger_tolerance(hand: Hand) -> None:
+    """Fails when a nominal number that ends where its tolerance ends is not said to."""
+    strong = changed(hand, hand.joints[JOINT], statics__a2_nm_per_pa=1.15 * nominal(hand, "statics.a2_nm_per_pa"))
+    far = record(strong, np.random.default_rng(73), 20.0)
+    lines = [
+        diagnose([far], hand, tolerance=share, seed=0, joints=[hand.joints[JOINT]], sensor_curve=False).check
+        for share in (0.01, 0.1)
+    ]
+    assert any("statics.a2_nm_per_pa" in line and "--tolerance" in line for line in lines[0]), lines[0]
+    assert not any("--tolerance" in line for line in lines[1]), lines[1]
+
+
+def nominal(hand: Hand, key: str) -> float:
+    return float(hand.parameters[ROW[key], JOINT] / JOINT_PARAMETERS[ROW[key]].scale)
 
 
 def rewrite(source: Path, target: Path, rng: np.random.Generator) -> None:

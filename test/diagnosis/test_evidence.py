@@ -41,7 +41,7 @@ def test_numbers_that_data_do_not_ask_for_cost_little(hand: Hand) -> None:
     problem = task.prepare(JOINT).problem
     alone = log_evidence(problem, plain)
     assert log_evidence(problem, full) < alone - 4.0  # what they would cost
-    assert abs(log_evidence(problem, full, amounts) - alone) < 3.0
+    assert abs(log_evidence(problem, full, [amounts]) - alone) < 3.0
 
 
 def test_held_out_blocks_speak(hand: Hand) -> None:
