@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 
 from hand_diagnosis.evidence import block_bootstrap, held_out_rmse, log_evidence
 from hand_diagnosis.screen import Screened, screen
-from hand_ident.joint_problem import JointProblem
+from hand_ident.driving import shape_driving
+from hand_ident.joint_problem import STAGES, JointProblem
 from hand_ident.map_fit import MapFit, costs_at, map_fit
 from hand_ident.moves import START_CREEP, Move, effect_moves, merged, probe_values
+from hand_ident.signals import white_noise
 from hand_model.effects import EFFECTS
 from hand_model.effects.effect import Effect
 from hand_model.parameters import ROW
@@ -52,6 +54,10 @@ CLAIMABLE = 0.03
 """Fall of the held-out error relative to itself that is worth a claim."""
 STARTS, JITTER, ITERATIONS = 1, 0.5, 12
 """Further starts of the fit of an effect to be accepted; how far off they are, in priors' widths; their iterations."""
+SHARPER, POLISHING = 25.0, 6
+"""Weight of the data in the last fit, relative to that of the practical floor; its iterations."""
+COLOURED = 1.05
+"""Root mean square of a residual over its white noise from which there is something to polish."""
 PROBES, SHARES = 6, (0.1, 0.3, 1.0, 2.5, 6.0)
 """Starts of a fit: probes of the effect, and shares of the way to them."""
 LISTED, WORTH_LISTING = 3, 0.2
@@ -148,11 +154,27 @@ def search_joint(
             break
         found.accepted.append(best)
         current, evidence = best.fit, best.log_evidence
+        if STAGES[best.stage] == "pressure":
+            current, evidence = _driven_anew(found, current)
         left = [effect for effect in left if effect.name != best.effect.name]
     _prune(found)
+    _polish(found)
     found.rounds = [[replace(one, fit=one.fit.lean()) for one in hypotheses] for hypotheses in found.rounds]
     found.accepted[:-1] = [replace(one, fit=one.fit.lean()) for one in found.accepted[:-1]]
     return found
+
+
+def _driven_anew(found: JointSearch, current: MapFit) -> tuple[MapFit, float]:
+    """The current model and its evidence, the joint driven by the pressure that a now better valve's model gives.
+
+    What the first model left of the readings had steps, and could not be smoothed for long.
+    """
+    problem = found.problem
+    shape_driving(problem, current.moves, current.z)
+    found.nominal = map_fit(problem, found.nominal.moves, found.nominal.z, 8)
+    current = map_fit(problem, current.moves, current.z, 8)
+    found.accepted[-1] = replace(found.accepted[-1], fit=current)
+    return current, log_evidence(problem, current, _amounts(current))
 
 
 def _round(
@@ -319,6 +341,38 @@ def _worst_improves(problem: JointProblem, current: MapFit, hypothesis: Hypothes
     before = current.squares[hypothesis.stage, usable] / counts[usable]
     after = hypothesis.fit.squares[hypothesis.stage, usable] / counts[usable]
     return bool(len(before) and after[int(np.argmax(before))] < before.max() and after.max() < before.max())
+
+
+def _polish(found: JointSearch) -> None:
+    """Fit the first and the last model to what is below the practical floor, too, where it is more than noise.
+
+    Which effects are missing is judged against the floor; once that is settled there is no reason to leave, for the
+    sake of priors, what the same numbers explain. Errors of the numbers stay those of the floor.
+    """
+    if not _coloured(found.problem, found.final):
+        return
+    if found.accepted:
+        last = found.accepted[-1]
+        found.accepted[-1] = replace(last, fit=_polished(found.problem, last.fit))
+    found.nominal = _polished(found.problem, found.nominal)
+
+
+def _polished(problem: JointProblem, fit: MapFit) -> MapFit:
+    sharp = replace(problem, weight=SHARPER * problem.weight)
+    done = map_fit(sharp, fit.moves, fit.z, POLISHING)
+    train = ~problem.held_out
+    cost = float((problem.weight[:, None] * done.squares[:, train]).sum() + done.z @ done.z)
+    return replace(done, cost=cost, normal=done.normal / SHARPER)
+
+
+def _coloured(problem: JointProblem, fit: MapFit) -> bool:
+    """Whether any residual is clearly more than white noise."""
+    for piece, residual in zip(problem.pieces, fit.residuals, strict=True):
+        for stage in np.flatnonzero(piece.use.any(axis=1)):
+            left = residual[stage][piece.use[stage]]
+            if float(np.sqrt(np.mean(left**2))) > COLOURED * white_noise(left):
+                return True
+    return False
 
 
 def _prune(found: JointSearch) -> None:

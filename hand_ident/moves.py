@@ -44,13 +44,15 @@ NOMINAL_KEYS = (
     "dynamics.coupling_inertia_kg_m2",
     "valve.fill_rate_pa_per_s",
     "valve.vent_rate_pa_per_s",
+    "end_stop.damping_nm_s_per_rad",
 )
 _FLOOR = {"valve.dead_time_s": 0.002, "statics.a0_nm": 0.01}
 """Size that stands for a nominal number whose own is too small to measure a tolerance by; dead time: one step."""
 FARTHEST = 3.0
 """Tolerances that a nominal number may move by."""
-_WIDE = {"valve.dead_time_s": 0.4}
-"""Tolerances that are wider than the common one: a set-point waits for the board's tick, too."""
+_WIDE = {"valve.dead_time_s": 0.4, "end_stop.damping_nm_s_per_rad": 0.4}
+"""Tolerances that are wider than the common one: a set-point waits for the board's tick, too; a stop's damping is
+guessed in any model."""
 
 
 @dataclass(frozen=True, slots=True)

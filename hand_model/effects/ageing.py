@@ -6,7 +6,7 @@ from hand_model.effects.effect import TIME, Effect, declare, inline
 from hand_model.plant_parameters import PLANT_ROW, Parameter
 
 STIFFNESS, STRENGTH = declare(
-    Parameter("ageing.stiffness_per_h", -60.0, 60.0, "relative change of the elasticity an hour", 1 / 3600, 0.0, 5.0),
+    Parameter("ageing.stiffness_per_h", -60.0, 60.0, "relative change of the elasticity an hour", 1 / 3600, 0.0, 3.0),
     Parameter(
         "ageing.strength_per_h", -60.0, 60.0, "relative change of the pressure torque an hour", 1 / 3600, 0.0, 5.0
     ),

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from hand_model.effects.effect import Effect, declare, followed, inline, remember
+from hand_model.effects.effect import Effect, declare, followed_twice, inline, remember
 from hand_model.plant_parameters import Parameter
 
 TAU, SECOND = declare(
     Parameter("angle_lag.time_constant_s", 0.0, 0.5, "of the filters together", 1.0, 0.0, 0.01),
     Parameter("angle_lag.second", 0.0, 0.5, "share of a second filter in it", 1.0, 0.0, 0.1),
 )
-BEFORE, FIRST, LAGGED = remember(), remember(), remember()
+ROWS = (remember(), remember(), remember())
 
 
 @inline
 def angle_reading(w, i, phi, h):  # type: ignore[no-untyped-def]
     """One first-order filter or two; their memory begins at the first angle (chain.py)."""
-    second = w[SECOND, i] * w[TAU, i]
-    first = followed(w[FIRST, i], w[BEFORE, i], phi, w[TAU, i] - second, h)
-    w[LAGGED, i] = followed(w[LAGGED, i], w[FIRST, i], first, second, h)
-    w[BEFORE, i], w[FIRST, i] = phi, first
-    return w[LAGGED, i]
+    return followed_twice(w, i, ROWS, phi, w[TAU, i], w[SECOND, i], h)
 
 
 EFFECT = Effect(
@@ -32,6 +28,6 @@ EFFECT = Effect(
     "Low-pass filter between the joint and its reading, of first or second order.",
     "first-order filters in series",
     {"angle_reading": angle_reading},
-    starts=((BEFORE, "angle"), (FIRST, "angle"), (LAGGED, "angle")),
+    starts=tuple((row, "angle") for row in ROWS),
     shape=("angle_lag.second",),
 )

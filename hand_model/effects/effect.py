@@ -35,7 +35,7 @@ TIME, NEIGHBOUR, INFLOW, PARTNER, ANGLE, SPEED, ACCELERATION = range(7)
 acceleration of the coupled phalanx [rad/s^2]; the joint's measured angle [rad], speed and acceleration."""
 EXOGENOUS = 7
 ATMOSPHERE_PA = 101325.0
-_TINY_S = 1e-9
+TINY_S = 1e-9
 MEMORY_ROW = 128
 """Row of the working array at which the memory of the effects begins; above the number of parameters."""
 
@@ -86,7 +86,18 @@ def decay(x):  # type: ignore[no-untyped-def]
 def followed(y, before, now, tau, h):  # type: ignore[no-untyped-def]
     """A first-order lag after h [s] in which its input went straight from before to now; exact."""
     behind = tau * (now - before) / h
-    return now - behind + (y - before + behind) * decay(h / (tau + _TINY_S))
+    return now - behind + (y - before + behind) * decay(h / (tau + TINY_S))
+
+
+@inline
+def followed_twice(w, i, rows, now, tau, share, h):  # type: ignore[no-untyped-def]
+    """Two lags in series, of which the second has a share of tau; rows: of the last input, of the first, of both."""
+    before, between, last = rows
+    second = share * tau
+    first = followed(w[between, i], w[before, i], now, tau - second, h)
+    w[last, i] = followed(w[last, i], w[between, i], first, second, h)
+    w[before, i], w[between, i] = now, first
+    return w[last, i]
 
 
 @inline

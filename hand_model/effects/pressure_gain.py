@@ -5,7 +5,7 @@ from __future__ import annotations
 from hand_model.effects.effect import Effect, declare, inline
 from hand_model.plant_parameters import Parameter
 
-(GAIN,) = declare(Parameter("pressure_gain.error", -0.5, 0.5, "relative error of the span", 1.0, 0.0, 0.01))
+(GAIN,) = declare(Parameter("pressure_gain.error", -0.5, 0.5, "relative error of the span", 1.0, 0.0, 0.005))
 
 
 @inline

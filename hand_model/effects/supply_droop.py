@@ -19,9 +19,11 @@ _SUPPLY = PLANT_ROW["supply.pressure_pa"]
 @inline
 def set_point(w, i, u, p, e, h):  # type: ignore[no-untyped-def]
     """No valve delivers more than the supply has; a regulator passes a part of the sag on, a throttle its ratio."""
-    w[SAG, i] += (w[RESISTANCE, i] * e[INFLOW] - w[SAG, i]) * (h / (w[TAU, i] + h))
-    passed = (w[SHARE, i] + w[RATIO, i] * u / w[_SUPPLY, i]) * w[SAG, i]
-    return max(min(u - passed, w[_SUPPLY, i] - w[DEFICIT, i] - w[SAG, i]), 0.0)
+    growth = (w[RESISTANCE, i] * e[INFLOW] - w[SAG, i]) * (h / (w[TAU, i] + 0.5 * h))
+    sag = w[SAG, i] + 0.5 * growth  # amid the step, for which the set-point holds
+    w[SAG, i] += growth
+    passed = (w[SHARE, i] + w[RATIO, i] * u / w[_SUPPLY, i]) * sag
+    return max(min(u - passed, w[_SUPPLY, i] - w[DEFICIT, i] - sag), 0.0)
 
 
 EFFECT = Effect(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hand_model.effects.effect import Effect, Times, declare, inline, remember
+from hand_model.effects.effect import TINY_S, Effect, Times, decay, declare, inline, remember
 from hand_model.plant_parameters import Parameter
 
 TAU, VENTING = declare(
@@ -14,9 +14,11 @@ LAGGED = remember()
 
 @inline
 def set_point(w, i, u, p, e, h):  # type: ignore[no-untyped-def]
-    """First-order lag ahead of the valve's own."""
-    w[LAGGED, i] += (u - w[LAGGED, i]) * min(h / (w[TAU, i] + 0.5 * h), 1.0)
-    return w[LAGGED, i]
+    """First-order lag ahead of the valve's own: its mean over the step, in which u is constant."""
+    tau, behind = w[TAU, i], w[LAGGED, i] - u
+    left = behind * decay(h / (tau + TINY_S))
+    w[LAGGED, i] = u + left
+    return u + (behind - left) * tau / h
 
 
 @inline

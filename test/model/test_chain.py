@@ -13,13 +13,15 @@ from hand_model.chain import open_chain
 from hand_model.closed_chain import ClosedChain, has_effects
 from hand_model.description import Hand, load_hand
 from hand_model.effects import CATALOGUE, EFFECTS
-from hand_model.effects.effect import EXOGENOUS, MEMORY_ROW, sine_cosine
+from hand_model.effects.effect import EXOGENOUS, INFLOW, MEMORY_ROW, sine_cosine
 from hand_model.parameters import JOINT_PARAMETERS, ROW
 from hand_model.plant_parameters import PLANT_PARAMETERS
 from hand_sim.plant import PHI, HandPlant, P, resting_state
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "hand.yaml"
 PERIOD_S = 0.005
+SMOOTH = ("supply", "valve", "fluid", "angle_sensor", "pressure_sensor")
+"""Places whose effects neither stick nor strike."""
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +100,28 @@ def test_every_effect_changes_something_and_neutral_changes_nothing(hand: Hand) 
             largest, switched_on = max(largest, moved.max()), switched_on or has_effects(parameters)
         assert switched_on, effect.name
         assert largest > 1.0, effect.name
+
+
+def test_steps_of_integration_say_nothing_of_an_effect(hand: Hand) -> None:
+    """Fails when what an effect does depends on the step of integration: a lag half a step early is another lag."""
+    commands, rng = steps(12.0)[:, 3], np.random.default_rng(4)
+    pressure = np.convolve(commands, np.exp(-np.arange(60) / 9.0) / 9.5)[: len(commands)]
+    around = np.zeros((len(commands), EXOGENOUS))
+    around[:, INFLOW] = 5e5 * np.repeat(rng.random(len(commands) // 40), 40)
+    for effect in CATALOGUE:
+        probes = probe_values(effect, hand.parameters[:, 0]) if effect.place in SMOOTH else []
+        columns = np.repeat(hand.parameters[:, 0][None], 1 + len(probes), axis=0)
+        for column, probe in zip(columns[1:], probes, strict=True):
+            column[list(probe)] = list(probe.values())
+        start = np.zeros((len(columns), 4))
+        fine, coarse = (
+            open_chain(columns, start, commands, pressure, around, PERIOD_S, step_s=step_s)[:, :2]
+            for step_s in (0.4e-3, 2.6e-3)
+        )
+        changes, errors = fine[1:] - fine[:1], (coarse[1:] - coarse[:1]) - (fine[1:] - fine[:1])
+        for change, error in zip(changes, errors, strict=True):
+            stage = int(np.abs(change[0]).max() < 10.0)
+            assert np.sqrt((error[stage] ** 2).mean()) <= 0.02 * np.sqrt((change[stage] ** 2).mean()), effect.name
 
 
 def test_coulomb_friction_sticks(hand: Hand) -> None:
