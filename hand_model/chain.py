@@ -27,7 +27,7 @@ from numba import carray, njit, prange
 from numpy.typing import NDArray
 
 from hand_model.effects import CATALOGUE, MEMORY
-from hand_model.effects.effect import ACCELERATION, ANGLE, MEMORY_ROW, PARTNER, SPEED, inline
+from hand_model.effects.effect import ACCELERATION, ANGLE, CREPT, MEMORY_ROW, PARTNER, SPEED, inline
 from hand_model.hooks import (
     added_damping,
     added_torque,
@@ -104,6 +104,7 @@ def _engaged(depth, width):  # type: ignore[no-untyped-def]
 @inline
 def _acting_torque(w, i, phi, omega, p, creep, e):  # type: ignore[no-untyped-def]
     """Torque on the joint but for damping and dry friction [N m], its stiffness [N m/rad], and damping in it."""
+    w[CREPT, i] = creep * w[_PHI_MAX, i]
     added, stiffness = added_torque(w, i, phi, omega, p, e)
     width, contact_width = w[_W_STOP, i], w[_W_CONTACT, i]
     high, low, contact = phi - w[_HIGH, i], w[_LOW, i] - phi, phi - w[_CONTACT, i]
@@ -150,6 +151,7 @@ def joint_step(w, i, phi, omega, p, creep, e, h):  # type: ignore[no-untyped-def
 def _outside_torque(w, i, p, creep, e):  # type: ignore[no-untyped-def]
     """Torque [N m] that the surroundings must exert for the measured motion, stops left out; Eq. 8 for M_d."""
     phi, omega = e[ANGLE], e[SPEED]
+    w[CREPT, i] = creep * w[_PHI_MAX, i]
     added, _ = added_torque(w, i, phi, omega, p, e)
     damping = w[_D, i] + added_damping(w, i, omega)
     actuator = _torque(p, phi, creep, w[_A0, i], w[_A1, i], w[_A2, i], w[_A3, i], w[_PHI_MAX, i])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hand_model.effects.effect import TIME, Effect, declare, inline
+from hand_model.effects.effect import CREPT, TIME, Effect, declare, inline
 from hand_model.plant_parameters import PLANT_ROW, Parameter
 
 STIFFNESS, STRENGTH = declare(
@@ -16,10 +16,10 @@ _A1, _A2, _A3 = (PLANT_ROW[f"statics.{key}"] for key in ("a1_nm_per_rad", "a2_nm
 
 @inline
 def torque(w, i, phi, omega, p, e):  # type: ignore[no-untyped-def]
-    """Eq. 6 with coefficients that change in proportion to time."""
+    """Eq. 11 with coefficients that change in proportion to time."""
     t = e[TIME]
     elastic, strong = w[STIFFNESS, i] * t, w[STRENGTH, i] * t
-    added = elastic * w[_A1, i] * phi + strong * (w[_A2, i] + w[_A3, i] * phi) * p
+    added = elastic * w[_A1, i] * (phi - w[CREPT, i]) + strong * (w[_A2, i] + w[_A3, i] * phi) * p
     return added, -elastic * w[_A1, i] - strong * w[_A3, i] * p
 
 

@@ -175,6 +175,10 @@ def remember(rows: int = 1) -> int:
     return MEMORY_ROW + _memory - rows
 
 
+CREPT = remember()
+"""Row in which the chain puts the angle to which the material has crept, A phi_max of Eq. 11 [rad], before torques."""
+
+
 def declared() -> tuple[tuple[Parameter, ...], int]:
     """All parameters taken up, and the number of memory rows."""
     return tuple(_parameters), _memory

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hand_model.effects.effect import Effect, declare, inline, remember
+from hand_model.effects.effect import CREPT, Effect, declare, inline, remember
 from hand_model.plant_parameters import PLANT_ROW, Parameter
 
 SHIFT, SOFTENING, TAU = declare(
@@ -18,7 +18,7 @@ WARMTH = remember()
 def torque(w, i, phi, omega, p, e):  # type: ignore[no-untyped-def]
     """A rest torque and an elasticity that follow the warmth."""
     elastic = w[SOFTENING, i] * w[WARMTH, i] * w[_A1, i]
-    return w[SHIFT, i] * w[WARMTH, i] - elastic * phi, elastic
+    return w[SHIFT, i] * w[WARMTH, i] - elastic * (phi - w[CREPT, i]), elastic
 
 
 @inline
