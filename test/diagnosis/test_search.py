@@ -1,0 +1,55 @@
+"""What the search does once it knows what is missing: better inputs, and a last fit below the practical floor."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hand_diagnosis.diagnose import diagnose
+from hand_diagnosis.search import _polished
+from hand_diagnosis.task import Task
+from hand_ident.map_fit import map_fit
+from hand_ident.signals import Signals
+from hand_model.description import Hand
+from test.diagnosis import conftest
+from test.diagnosis.conftest import changed, off_by_a_little, record
+
+JOINT = "index_distal"
+
+
+def test_the_last_fit_goes_below_the_practical_floor(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when priors keep structure that the numbers could explain, or when that makes the numbers look surer."""
+    monkeypatch.setattr(conftest, "ANGLE_NOISE_RAD", np.radians(0.003))
+    monkeypatch.setattr(conftest, "PRESSURE_NOISE_PA", 20.0)
+    rng = np.random.default_rng(90)
+    nominal = off_by_a_little(hand, rng, 0.06)
+    ready = Task([record(hand, rng, 16.0)], nominal, [JOINT], [], 0.05, 0, {}).prepare(JOINT)
+    fit = map_fit(ready.problem, ready.moves, ready.start, 12, 1e-4)
+    last = _polished(ready.problem, fit)
+    train = ~ready.problem.held_out
+    print(last.squares[1, train].sum() / fit.squares[1, train].sum(), last.cost - fit.cost)
+    assert last.squares[1, train].sum() < 0.95 * fit.squares[1, train].sum()
+    assert last.z @ last.z > fit.z @ fit.z
+    assert fit.cost - 0.1 < last.cost < fit.cost + 5.0  # at the floor's weight, for which the first one is the best
+    errors = [np.sqrt(np.diag(one.covariance)) for one in (fit, last)]
+    np.testing.assert_allclose(errors[1], errors[0], rtol=0.3)
+
+
+def test_a_better_valve_drives_the_joint_better(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when the pressure that drives a joint keeps what a nominal valve made of it, once the valve is known."""
+    leaking = changed(hand, JOINT, leak__rate_per_s=0.5, leak__turbulent=1.0)
+    signals = record(leaking, np.random.default_rng(91))
+    monkeypatch.setattr(conftest, "PRESSURE_NOISE_PA", 0.0)
+    truth = record(leaking, np.random.default_rng(91)).pressure_pa[:, hand.joints.index(JOINT)]
+    first = Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem.pieces[0].driving_pa
+    result = diagnose([signals], hand, tolerance=0.05, seed=0, joints=[JOINT], sensor_curve=False)
+    last = result.joints[0].search.problem.pieces[0].driving_pa
+    errors = [_error(driving, truth, signals) for driving in (first, last)]
+    print(errors)
+    assert errors[1] < 0.7 * errors[0]
+
+
+def _error(driving_pa: np.ndarray, truth_pa: np.ndarray, signals: Signals) -> float:
+    """RMS at the samples [Pa]."""
+    finer = (len(driving_pa) - 1) // (signals.samples - 1)
+    return float(np.sqrt(np.mean((driving_pa[::finer] - truth_pa)[100:] ** 2)))
