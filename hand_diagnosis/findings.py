@@ -17,10 +17,12 @@ from hand_model.effects.effect import Effect
 from hand_model.parameters import JOINT_PARAMETERS, ROW
 
 Array = NDArray[np.float64]
-TEMPERATURE = 2.0
+TEMPERATURE = 1.5
 """Log evidences are divided by it: equations that are only nearly right make differences look larger than they are."""
-OUTSIDE = 0.07
+OUTSIDE = 0.05
 """Share kept for physics that the catalogue does not hold and that the named effect stands in for."""
+SEVERAL = 0.85
+"""Share by which each of several effects of one joint is less probable: two can conspire to be a third, left out."""
 UNKNOWN = 0.94
 """Probability of an `unknown`: how often it was right in trials with concealed effects, like OUTSIDE."""
 MENTIONED = 0.02
@@ -118,7 +120,8 @@ def _rivals(search: JointSearch, accepted: Hypothesis) -> list[tuple[Effect, flo
 
 def _finding(joint: str, search: JointSearch, accepted: Hypothesis, noise: float, index: int) -> Finding:
     """noise: of the stage that gains most, SI.  index: of the effect among those accepted."""
-    effect, rivals = accepted.effect, _rivals(search, accepted)
+    effect, share = accepted.effect, SEVERAL if len(search.accepted) > 1 else 1.0
+    rivals = [(one, share * p) for one, p in _rivals(search, accepted)]
     probability = next(p for e, p in rivals if e.name == effect.name)
     others = [(e, p) for e, p in rivals if e.name != effect.name and p > MENTIONED]
     alternatives = tuple((e.name, p, _separating(effect, e)) for e, p in sorted(others, key=lambda pair: -pair[1]))

@@ -14,11 +14,12 @@ from hand_ident.map_fit import MapFit
 from hand_model.effects.effect import SPEED
 
 Array = NDArray[np.float64]
-UNEXPLAINED = 1.3
-"""Held-out error beyond the noise, in practical floors, from which something is left to explain."""
-MOSTLY, HARDLY, PART = 0.15, 0.4, 0.6
+UNEXPLAINED, PART = 1.3, 0.55
+"""Held-out error beyond the noise, in practical floors, from which something is left to explain; and from which it is
+where effects took a part of it away: there was something, and this is more of it."""
+MOSTLY, UNTOUCHED = 0.15, 0.9
 """Share of the first model's excess that may remain for the effects to count as the explanation; and the share from
-which they are none, where more than PART of the floor remains."""
+which they have none in this stage."""
 TIME_SAYS_MORE = 0.25
 """Share of variance by which time must explain more than any state."""
 
@@ -48,7 +49,8 @@ class StageResult:
     def unexplained(self) -> bool:
         """Whether structure is left that is worth a word."""
         left = self.excess_after / max(self.excess_before, 1e-300)
-        return (self.leftover and left > MOSTLY) or (self.excess_after > PART * self.floor and HARDLY < left < 1.0)
+        enough = UNEXPLAINED if left > UNTOUCHED else PART
+        return left > MOSTLY and self.excess_after > enough * self.floor
 
     @property
     def leftover(self) -> bool:

@@ -18,6 +18,8 @@ SHORTEST_S = 2.0
 LONGEST_GAP_S = 0.1
 FOREIGN_CLOCK_NS = 1e9
 """Publish times further than this from the stamps are of another clock and say nothing; the stamps then count."""
+ON_GRID, STEADY = 0.02, 0.1
+"""Shares of a period: by which stamps of pressures may lie beside the ticks, and up to which they do so steadily."""
 OFFSET_NS = 2e6
 """Difference between the delays of two topics, stamp to receipt, from which their clocks differ."""
 
@@ -42,7 +44,8 @@ def hand_signals(recording: Recording, hand: Hand) -> Signals:
     grid = ticks.stamp_ns
     base = recording.on_time_base(stamps_ns=grid, joints=joints, max_gap_s=LONGEST_GAP_S)
     angle, known = bridge(base.position)
-    pressure, pressure_known = bridge(base.pressure)
+    pressure_pa, late_s = _pressures(recording, base, joints)
+    pressure, pressure_known = bridge(pressure_pa)
     held, commanded = _set_points(recording, joints, ticks)
     notes = _notes(recording)
     return Signals(
@@ -58,7 +61,34 @@ def hand_signals(recording: Recording, hand: Hand) -> Signals:
         np.asarray(pressure_known.any(axis=0)),
         notes,
         1.0 - len(stamps) / len(grid),
+        pressure_late_s=late_s,
     )
+
+
+def _pressures(recording: Recording, base: TimeBase, joints: tuple[str, ...]) -> tuple[Array, float]:
+    """Pressures (T, J), and by how much they are later than the ticks [s].
+
+    Where their stamps lie steadily beside those of the angles, each tick has its nearest reading: between two of them
+    no straight line tells what was there.
+    """
+    if "pressures" not in recording or len(recording["pressures"]) < 2:
+        return base.pressure, 0.0
+    data = recording["pressures"]
+    stamps, last = np.unique(data.stamp_ns[::-1], return_index=True)
+    at = np.clip(np.searchsorted(stamps, base.time_ns), 1, len(stamps) - 1)
+    at -= base.time_ns - stamps[at - 1] < stamps[at] - base.time_ns
+    late = (stamps[at] - base.time_ns).astype(np.float64)
+    period = float(np.median(np.diff(base.time_ns)))
+    low, middle, high = np.quantile(late, [0.1, 0.5, 0.9])
+    if abs(middle) < ON_GRID * period or high - low > STEADY * period:
+        return base.pressure, 0.0
+    pressure = np.full_like(base.pressure, np.nan)
+    near = np.abs(late - middle) < STEADY * period
+    rows = (len(data.stamp_ns) - 1 - last)[at[near]]
+    for column, joint in enumerate(joints):
+        if joint in data.names:
+            pressure[near, column] = data["pressure"][rows, data.names.index(joint)]
+    return pressure, float(middle) * 1e-9
 
 
 def _rate_hz(stamps: NDArray[np.int64], nominal_hz: float) -> float:

@@ -72,6 +72,7 @@ def _piece(signals: Signals, hand: Hand, joint: str, first_block: int) -> Piece:
         _use(signals, j, force),
         block_numbers(signals.samples, signals.period_s, first_block),
         start,
+        signals.pressure_late_s,
     )
 
 

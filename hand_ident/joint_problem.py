@@ -36,6 +36,7 @@ class Piece:
 
     driving_pa: the measured pressure as the joint's input, its noise reduced, (finer (T - 1) + 1,) evenly over the
     samples.  span: of the smoothing, in samples.  smoothed: (T,) where there was any.  known: (T,) where readings were.
+    late_s: by how much the pressures were read after the rest.
     use: (OUTPUTS, T) samples that count.  block: (T,) number of the block of each sample, over all recordings.
     """
 
@@ -53,6 +54,7 @@ class Piece:
     use: NDArray[np.bool_]
     block: NDArray[np.int64]
     start: Array
+    late_s: float = 0.0
 
     @property
     def measured(self) -> Array:
@@ -112,7 +114,7 @@ class JointProblem:
             out.append(
                 open_chain(
                     columns, start, piece.set_point_pa, piece.driving_pa, piece.exogenous, piece.period_s,
-                    self.lever_m, self.step_s, self.driven,
+                    self.lever_m, self.step_s, self.driven, piece.late_s,
                 )
             )  # fmt: skip
         return out

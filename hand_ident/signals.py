@@ -40,6 +40,7 @@ class Signals:
     judged at all.  notes: what the data check found.  dropped: share of frames that never came.
     driven: the motion was imposed, and force_n is what the machine answered.
     machine: of another machine than a hand; ranges of a hand say nothing about it.
+    pressure_late_s: by how much the pressures of a sample were read after its angles, by their stamps.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Signals:
     dropped: float = 0.0
     driven: bool = False
     machine: bool = False
+    pressure_late_s: float = 0.0
 
     @property
     def samples(self) -> int:

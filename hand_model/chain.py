@@ -198,15 +198,15 @@ _SIZE = WORK * LANES
 
 
 @inline
-def _inputs(w, u, reading, begin, end, dt, finer):  # type: ignore[no-untyped-def]
+def _inputs(w, u, reading, begin, end, dt, finer, late):  # type: ignore[no-untyped-def]
     """Delayed set-point and measured pressure of a step, lane by lane (gathers keep a loop from being vectorised).
 
-    finer: readings per sample.
+    finer: readings per sample.  late: by how much they, and the pressures predicted, are later than its ticks.
     """
     for i in range(LANES):
-        lag = (w[_DEAD, i] + w[_CLOCK, i] * w[_SHARE, i]) / dt
+        lag = (w[_DEAD, i] + w[_CLOCK, i] * w[_SHARE, i] - late) / dt
         w[_COMMAND, i] = _delayed(u, begin - lag, end - lag)
-        w[_INPUT, i] = _between(reading, finer * (0.5 * (begin + end) + w[_CLOCK, i] / dt))
+        w[_INPUT, i] = _between(reading, finer * (0.5 * (begin + end) + (w[_CLOCK, i] - late) / dt))
 
 
 @inline
@@ -275,7 +275,7 @@ def _block_kernel() -> Any:
     """One block through all samples, compiled alone: a parallel region would keep it from being vectorised."""
     key = equations()
 
-    def open_block(work, u, reading, e, dt, steps, lever, driven, out):  # type: ignore[no-untyped-def]
+    def open_block(work, u, reading, e, dt, steps, lever, driven, late, out):  # type: ignore[no-untyped-def]
         _ = key
         w = carray(stack_doubles(_SIZE), (WORK, LANES))  # of known shape: rows cannot overlap
         for row in range(WORK):
@@ -285,7 +285,7 @@ def _block_kernel() -> Any:
         finer = (reading.shape[0] - 1) / max(e.shape[0] - 1, 1)
         for k in range(e.shape[0] - 1):
             for n in range(steps):
-                _inputs(w, u, reading, k + n / steps, k + (n + 1) / steps, dt, finer)
+                _inputs(w, u, reading, k + n / steps, k + (n + 1) / steps, dt, finer, late)
                 now = _around_between(e, k, (n + 0.5) / steps)
                 if driven:
                     way = e[k + 1, ANGLE] - e[k, ANGLE]
@@ -306,11 +306,11 @@ _open_block = _block_kernel()
 def _kernel() -> Any:
     key = equations()
 
-    def open_lanes(w, u, reading, e, dt, steps, lever, driven, out):  # type: ignore[no-untyped-def]
+    def open_lanes(w, u, reading, e, dt, steps, lever, driven, late, out):  # type: ignore[no-untyped-def]
         _ = key
         for block in prange(w.shape[0]):
             lanes = out[LANES * block : LANES * (block + 1)]
-            _open_block(w[block], u, reading, e, dt, steps, lever, driven, lanes)
+            _open_block(w[block], u, reading, e, dt, steps, lever, driven, late, lanes)
 
     return njit(cache=True, parallel=True, fastmath=_FAST)(open_lanes)
 
@@ -328,6 +328,7 @@ def open_chain(
     lever_m: float = 1.0,
     step_s: float = 1.3e-3,
     driven: bool = False,
+    late_s: float = 0.0,
 ) -> Array:
     """Readings (columns, OUTPUTS, samples) that each parameter set predicts from each stage's measured inputs.
 
@@ -337,7 +338,7 @@ def open_chain(
     (samples,), each holds until the next.  pressure_pa: (finer (samples - 1) + 1,), no gaps, `finer` readings evenly
     over each sample.  exogenous: (samples, EXOGENOUS).
     lever_m: arm of the force sensor.  step_s: largest step of integration.  driven: the motion is imposed, and the
-    force is what is predicted.
+    force is what is predicted.  late_s: pressures were read so much after the ticks of all else, less than a sample.
     """
     count, samples = len(columns), len(exogenous)
     blocks = -(-count // LANES)
@@ -352,5 +353,5 @@ def open_chain(
     out[:, 0, 0], out[:, 1, 0], out[:, 2, 0] = w[:, X + P], w[:, X + PHI], 0.0
     steps = max(1, math.ceil(period_s / step_s - 1e-9))
     u, p, e = (np.ascontiguousarray(signal, dtype=np.float64) for signal in (set_point_pa, pressure_pa, exogenous))
-    _open_lanes(work, u, p, e, period_s, steps, lever_m, driven, out)
+    _open_lanes(work, u, p, e, period_s, steps, lever_m, driven, late_s, out)
     return out[:count]

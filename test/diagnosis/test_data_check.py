@@ -138,6 +138,26 @@ def test_a_clock_of_its_own_is_said(late_ms: float, says: str, hand: Hand, tmp_p
     assert all(says in note for note in notes), notes
 
 
+def test_pressures_between_the_ticks_keep_their_times(hand: Hand, tmp_path: Path) -> None:
+    """Fails when readings stamped between the angles' are interpolated, which cuts corners and hides noise."""
+    out = tmp_path / "run.mcap"
+    commands = np.repeat(np.random.default_rng(74).uniform(0.0, 3e5, (20, 11)), 100, axis=0)
+    for _ in record_offline(hand, commands, out, seed=4):
+        pass
+    recording = load_recording(out)
+    sound, pressures = hand_signals(recording, hand), recording["pressures"]
+    recording.topics["pressures"] = replace(pressures, stamp_ns=pressures.stamp_ns + 2_000_000)
+    late = hand_signals(recording, hand)
+    assert late.pressure_late_s == pytest.approx(0.002)
+    assert sound.pressure_late_s == 0.0
+    inside = slice(2, -2)
+    np.testing.assert_array_equal(late.pressure_pa[inside], sound.pressure_pa[inside])
+    result = diagnose([late], hand, tolerance=0.05, seed=0, joints=[hand.joints[JOINT]], sensor_curve=True)
+    assert [finding.effect for finding in result.findings] == [], result.findings
+    pressure = next(one for one in result.joints[0].results if one.name == "pressure")
+    assert pressure.after < 1.1 * pressure.noise
+
+
 def test_a_rerun_is_checked_like_any_recording(signals: Signals, hand: Hand) -> None:
     """Fails when a fault of a re-run's channel is taken for poor repeatability, or not said."""
     wrong = replace(
