@@ -153,7 +153,9 @@ def test_pressures_between_the_ticks_keep_their_times(hand: Hand, tmp_path: Path
     inside = slice(2, -2)
     np.testing.assert_array_equal(late.pressure_pa[inside], sound.pressure_pa[inside])
     result = diagnose([late], hand, tolerance=0.05, seed=0, joints=[hand.joints[JOINT]], sensor_curve=True)
-    assert [finding.effect for finding in result.findings] == [], result.findings
+    assert [finding.effect for finding in result.findings] == ["clock_offset"], result.findings
+    offset = next(number for number in result.findings[0].numbers if number.key == "clock_offset.offset_s")
+    assert abs(offset.value) == pytest.approx(0.002, abs=4e-4)
     pressure = next(one for one in result.joints[0].results if one.name == "pressure")
     assert pressure.after < 1.1 * pressure.noise
 
