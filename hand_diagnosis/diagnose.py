@@ -171,7 +171,7 @@ def _diagnose_joint(
     effects = [effect for effect in task.effects if effect.name != without]
     rng = np.random.default_rng([task.seed, *seed])
     search = search_joint(problem, effects, ready.moves, rng, ready.start)
-    results = tuple(stage_results(problem, search.nominal, search.final))
+    results = tuple(stage_results(problem, search.nominal, search.final, len(search.accepted)))
     judged = [effect for effect in effects if effect.place != "force_sensor"]
     told = isolability(problem, search.nominal, judged) if search.accepted else None
     _forget_slopes(search)

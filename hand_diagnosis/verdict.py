@@ -18,8 +18,8 @@ UNEXPLAINED, PART = 1.3, 0.55
 """Held-out error beyond the noise, in practical floors, from which something is left to explain; and from which it is
 where effects took a part of it away: there was something, and this is more of it."""
 MOSTLY, UNTOUCHED = 0.15, 0.9
-"""Share of the first model's excess that may remain for the effects to count as the explanation; and the share from
-which they have none in this stage."""
+"""Share of the first model's excess that may remain for one effect to count as the explanation (for several: less, by
+the square of their number, for many terms come near anything); and that from which they have no part in this stage."""
 TIME_SAYS_MORE = 0.25
 """Share of variance by which time must explain more than any state."""
 
@@ -28,7 +28,8 @@ TIME_SAYS_MORE = 0.25
 class StageResult:
     """A stage on held-out data, SI: error before and after, noise, excess over the noise before and after.
 
-    floor: repeatability.  noise: the white noise of the reading, and what the noise of the stage's measured inputs
+    floor: repeatability.  effects: how many were found on the joint.
+    noise: the white noise of the reading, and what the noise of the stage's measured inputs
     makes of its prediction.
     """
 
@@ -39,6 +40,7 @@ class StageResult:
     excess_before: float
     excess_after: float
     floor: float
+    effects: int
 
     @property
     def name(self) -> str:
@@ -50,7 +52,7 @@ class StageResult:
         """Whether structure is left that is worth a word."""
         left = self.excess_after / max(self.excess_before, 1e-300)
         enough = UNEXPLAINED if left > UNTOUCHED else PART
-        return left > MOSTLY and self.excess_after > enough * self.floor
+        return left > MOSTLY / max(self.effects, 1) ** 2 and self.excess_after > enough * self.floor
 
     @property
     def leftover(self) -> bool:
@@ -58,8 +60,8 @@ class StageResult:
         return self.excess_after > UNEXPLAINED * self.floor
 
 
-def stage_results(problem: JointProblem, nominal: MapFit, final: MapFit) -> list[StageResult]:
-    """Pressure, angle and force, those that the recording holds."""
+def stage_results(problem: JointProblem, nominal: MapFit, final: MapFit, effects: int) -> list[StageResult]:
+    """Pressure, angle and force, those that the recording holds. effects: how many the final model has."""
     before, after = held_out_rmse(problem, nominal.squares), held_out_rmse(problem, final.squares)
     inputs = noise_of_inputs(problem, final)
     results = []
@@ -74,7 +76,7 @@ def stage_results(problem: JointProblem, nominal: MapFit, final: MapFit) -> list
         excess = [float(np.sqrt(max(rmse[stage] ** 2 - noise**2, 0.0))) for rmse in (before, after)]
         errors = float(before[stage]), float(after[stage])
         floor = float(problem.floor[stage])
-        results.append(StageResult(stage, errors[0], errors[1], noise, excess[0], excess[1], floor))
+        results.append(StageResult(stage, errors[0], errors[1], noise, excess[0], excess[1], floor, effects))
     return results
 
 
