@@ -17,9 +17,10 @@ Array = NDArray[np.float64]
 UNEXPLAINED, PART = 1.3, 0.55
 """Held-out error beyond the noise, in practical floors, from which something is left to explain; and from which it is
 where effects took a part of it away: there was something, and this is more of it."""
-MOSTLY, UNTOUCHED = 0.15, 0.9
-"""Share of the first model's excess that may remain for one effect to count as the explanation (for several: less, by
-the square of their number, for many terms come near anything); and that from which they have no part in this stage."""
+MOSTLY, HARDLY, UNTOUCHED = 0.15, 0.22, 0.9
+"""Share of the first model's excess that may remain for one effect to count as the explanation, where much is left and
+where little is (for several effects less, by the square of their number: many terms come near anything); and the share
+from which they have no part in this stage."""
 TIME_SAYS_MORE = 0.25
 """Share of variance by which time must explain more than any state."""
 
@@ -51,8 +52,9 @@ class StageResult:
     def unexplained(self) -> bool:
         """Whether structure is left that is worth a word."""
         left = self.excess_after / max(self.excess_before, 1e-300)
+        share = (MOSTLY if self.leftover else HARDLY) / max(self.effects, 1) ** 2
         enough = UNEXPLAINED if left > UNTOUCHED else PART
-        return left > MOSTLY / max(self.effects, 1) ** 2 and self.excess_after > enough * self.floor
+        return left > share and self.excess_after > enough * self.floor
 
     @property
     def leftover(self) -> bool:
