@@ -20,7 +20,7 @@ from hand_diagnosis.verdict import StageResult, describe, stage_results
 from hand_ident.hand_signals import without_sensor_curve
 from hand_ident.joint_data import joint_problem
 from hand_ident.map_fit import map_fit
-from hand_ident.moves import FARTHEST, nominal_moves
+from hand_ident.moves import FARTHEST, WIDE, nominal_moves
 from hand_ident.signals import Signals
 from hand_model.description import Hand
 from hand_model.effects import CATALOGUE, EFFECTS
@@ -185,7 +185,7 @@ def _at_bounds(one: JointDiagnosis) -> list[str]:
     far = [
         move.key
         for move, z in zip(fit.moves, fit.z, strict=True)
-        if move.row < len(PLANT_PARAMETERS) and move.key not in own and abs(z) > FARTHEST - 1e-6
+        if move.row < len(PLANT_PARAMETERS) and move.key not in own | set(WIDE) and abs(z) > FARTHEST - 1e-6
     ]
     reason = f"ends {FARTHEST:g} tolerances from its nominal value; expect more with --tolerance?"
     return [f"{one.joint}: {', '.join(far)} {reason}"] if far else []

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_diagnosis.evidence import block_bootstrap, held_out_rmse, log_evidence
+from hand_diagnosis.polish import coloured, polished
 from hand_diagnosis.screen import Screened, screen
 from hand_ident.driving import shape_driving
 from hand_ident.joint_problem import STAGES, JointProblem
 from hand_ident.map_fit import MapFit, costs_at, map_fit
 from hand_ident.moves import START_CREEP, Move, effect_moves, merged, probe_values
-from hand_ident.signals import white_noise
 from hand_model.effects import EFFECTS
 from hand_model.effects.effect import Effect
 from hand_model.parameters import ROW
@@ -54,10 +54,6 @@ CLAIMABLE = 0.03
 """Fall of the held-out error relative to itself that is worth a claim."""
 STARTS, JITTER, ITERATIONS = 1, 0.5, 12
 """Further starts of the fit of an effect to be accepted; how far off they are, in priors' widths; their iterations."""
-SHARPER, POLISHING = 25.0, 6
-"""Weight of the data in the last fit, relative to that of the practical floor; its iterations."""
-COLOURED = 1.05
-"""Root mean square of a residual over its white noise from which there is something to polish."""
 PROBES, SHARES = 6, (0.1, 0.3, 1.0, 2.5, 6.0)
 """Starts of a fit: probes of the effect, and shares of the way to them."""
 LISTED, WORTH_LISTING = 3, 0.2
@@ -344,35 +340,13 @@ def _worst_improves(problem: JointProblem, current: MapFit, hypothesis: Hypothes
 
 
 def _polish(found: JointSearch) -> None:
-    """Fit the first and the last model to what is below the practical floor, too, where it is more than noise.
-
-    Which effects are missing is judged against the floor; once that is settled there is no reason to leave, for the
-    sake of priors, what the same numbers explain. Errors of the numbers stay those of the floor.
-    """
-    if not _coloured(found.problem, found.final):
+    """The first and the last model fitted below the practical floor, too, where more than noise is left."""
+    if not coloured(found.problem, found.final):
         return
     if found.accepted:
         last = found.accepted[-1]
-        found.accepted[-1] = replace(last, fit=_polished(found.problem, last.fit))
-    found.nominal = _polished(found.problem, found.nominal)
-
-
-def _polished(problem: JointProblem, fit: MapFit) -> MapFit:
-    sharp = replace(problem, weight=SHARPER * problem.weight)
-    done = map_fit(sharp, fit.moves, fit.z, POLISHING)
-    train = ~problem.held_out
-    cost = float((problem.weight[:, None] * done.squares[:, train]).sum() + done.z @ done.z)
-    return replace(done, cost=cost, normal=done.normal / SHARPER)
-
-
-def _coloured(problem: JointProblem, fit: MapFit) -> bool:
-    """Whether any residual is clearly more than white noise."""
-    for piece, residual in zip(problem.pieces, fit.residuals, strict=True):
-        for stage in np.flatnonzero(piece.use.any(axis=1)):
-            left = residual[stage][piece.use[stage]]
-            if float(np.sqrt(np.mean(left**2))) > COLOURED * white_noise(left):
-                return True
-    return False
+        found.accepted[-1] = replace(last, fit=polished(found.problem, last.fit))
+    found.nominal = polished(found.problem, found.nominal)
 
 
 def _prune(found: JointSearch) -> None:

@@ -50,7 +50,7 @@ _FLOOR = {"valve.dead_time_s": 0.002, "statics.a0_nm": 0.01}
 """Size that stands for a nominal number whose own is too small to measure a tolerance by; dead time: one step."""
 FARTHEST = 3.0
 """Tolerances that a nominal number may move by."""
-_WIDE = {"valve.dead_time_s": 0.4, "end_stop.damping_nm_s_per_rad": 0.4}
+WIDE = {"valve.dead_time_s": 0.4, "end_stop.damping_nm_s_per_rad": 0.4}
 """Tolerances that are wider than the common one: a set-point waits for the board's tick, too; a stop's damping is
 guessed in any model."""
 
@@ -97,7 +97,7 @@ def nominal_moves(nominal: Array, tolerance: float, rested: bool) -> list[Move]:
         if size == 0.0 or creepless:
             continue
         bound = JOINT_PARAMETERS[row]
-        scale = size * max(tolerance, _WIDE.get(key, 0.0))
+        scale = size * max(tolerance, WIDE.get(key, 0.0))
         low = max(bound.low * bound.scale, nominal[row] - FARTHEST * scale)
         high = min(bound.high * bound.scale, nominal[row] + FARTHEST * scale)
         moves.append(Move(row, nominal[row], scale, False, low, high))
