@@ -17,9 +17,9 @@ from hand_model.effects.effect import Effect
 from hand_model.parameters import JOINT_PARAMETERS, ROW
 
 Array = NDArray[np.float64]
-TEMPERATURE = 1.5
+TEMPERATURE = 1.25
 """Log evidences are divided by it: equations that are only nearly right make differences look larger than they are."""
-OUTSIDE = 0.05
+OUTSIDE = 0.04
 """Share kept for physics that the catalogue does not hold and that the named effect stands in for."""
 SEVERAL = 0.85
 """Share by which each of several effects of one joint is less probable: two can conspire to be a third, left out."""
