@@ -58,7 +58,7 @@ STANDSTILL_RAD_S = 0.02
 STATES = 4
 P, PHI, OMEGA, CREEP = range(STATES)
 _ROWS = len(JOINT_PARAMETERS)
-_FAST = {"contract", "nnan", "nsz"}
+_FAST = {"contract", "nnan", "nsz", "arcp"}
 
 _torque, _one_sided, _creep_rate = (inline(f.py_func) for f in (static_torque, one_sided, creep_rate))
 _DEAD, _TAU = ROW["valve.dead_time_s"], ROW["valve.time_constant_s"]

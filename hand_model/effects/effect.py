@@ -59,7 +59,7 @@ HOOKS = (
     "force_reading",
 )
 
-_FAST = {"contract", "nnan", "nsz"}
+_FAST = {"contract", "nnan", "nsz", "arcp"}
 inline = njit(forceinline=True, fastmath=_FAST, error_model="numpy")
 """Equations of effects are compiled into the chain."""
 
