@@ -180,12 +180,11 @@ def _diagnose_joint(
 
 def _at_bounds(one: JointDiagnosis) -> list[str]:
     """Nominal numbers that would go farther than they may: a model this far off needs another tolerance."""
-    own = {key for accepted in one.search.accepted for key in accepted.effect.keys}
-    fit = one.search.final
+    fit, own = one.search.final, one.search.effect_keys.union(WIDE)
     far = [
         move.key
         for move, z in zip(fit.moves, fit.z, strict=True)
-        if move.row < len(PLANT_PARAMETERS) and move.key not in own | set(WIDE) and abs(z) > FARTHEST - 1e-6
+        if move.row < len(PLANT_PARAMETERS) and move.key not in own and abs(z) > FARTHEST - 1e-6
     ]
     reason = f"ends {FARTHEST:g} tolerances from its nominal value; expect more with --tolerance?"
     return [f"{one.joint}: {', '.join(far)} {reason}"] if far else []

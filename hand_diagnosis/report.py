@@ -167,7 +167,7 @@ def _changes(one: JointDiagnosis) -> list[dict[str, Any]]:
     fit, problem = one.search.final, one.search.problem
     deviation = np.sqrt(np.diag(fit.covariance))
     columns, _ = problem.columns(fit.moves, fit.z[None])
-    own = {key for accepted in one.search.accepted for key in accepted.effect.keys}
+    own = one.search.effect_keys
     rows = []
     for move, z, std in zip(fit.moves, fit.z, deviation, strict=True):
         if move.row == START_CREEP or move.key in own or abs(z) < max(2.0 * std, 0.1):

@@ -104,6 +104,11 @@ class JointSearch:
         """The fit of the best model."""
         return self.accepted[-1].fit if self.accepted else self.nominal
 
+    @property
+    def effect_keys(self) -> frozenset[str]:
+        """Numbers of the effects found; what else moved is a nominal number."""
+        return frozenset(key for one in self.accepted for key in one.effect.keys)
+
     def bare(self, *names: str) -> MapFit:
         """The best model with effects switched off (all, where none is named): what is left shows where they act.
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hand_ident.loader import Recording, RecordingError
 from hand_ident.signals import Signals, bridge, samples_on_grid
-from hand_ident.time_base import TimeBase, published_on_stamp_clock
+from hand_ident.time_base import TimeBase, nearest, published_on_stamp_clock
 from hand_model.description import Hand
 from hand_sim.offline import Commands, Ticks, rebuild_ticks, set_points_in_force
 
@@ -73,21 +73,11 @@ def _pressures(recording: Recording, base: TimeBase, joints: tuple[str, ...]) ->
     """
     if "pressures" not in recording or len(recording["pressures"]) < 2:
         return base.pressure, 0.0
-    data = recording["pressures"]
-    stamps, last = np.unique(data.stamp_ns[::-1], return_index=True)
-    at = np.clip(np.searchsorted(stamps, base.time_ns), 1, len(stamps) - 1)
-    at -= base.time_ns - stamps[at - 1] < stamps[at] - base.time_ns
-    late = (stamps[at] - base.time_ns).astype(np.float64)
     period = float(np.median(np.diff(base.time_ns)))
+    pressure, late = nearest(base.time_ns, recording["pressures"], "pressure", joints, STEADY * period)
     low, middle, high = np.quantile(late, [0.1, 0.5, 0.9])
     if abs(middle) < ON_GRID * period or high - low > STEADY * period:
         return base.pressure, 0.0
-    pressure = np.full_like(base.pressure, np.nan)
-    near = np.abs(late - middle) < STEADY * period
-    rows = (len(data.stamp_ns) - 1 - last)[at[near]]
-    for column, joint in enumerate(joints):
-        if joint in data.names:
-            pressure[near, column] = data["pressure"][rows, data.names.index(joint)]
     return pressure, float(middle) * 1e-9
 
 

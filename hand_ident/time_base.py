@@ -113,6 +113,20 @@ def interpolate(times: Times, stamps: Times, values: Floats, max_gap_ns: int) ->
     return result
 
 
+def nearest(times: Times, data: TopicData, field: str, names: Sequence[str], most_ns: float) -> tuple[Floats, Floats]:
+    """A field's sample nearest to each time (T, J), and by how much it is later (T,) [ns].
+
+    most_ns: how far from the median lateness a sample may be; NaN where it is farther.
+    """
+    stamps, rows = _in_order(data.stamp_ns)
+    at = np.clip(np.searchsorted(stamps, times), 1, len(stamps) - 1)
+    at -= times - stamps[at - 1] < stamps[at] - times
+    late = (stamps[at] - times).astype(np.float64)
+    values = _named(data, field, names)[rows[at]]
+    values[np.abs(late - np.median(late)) >= most_ns] = np.nan
+    return values, late
+
+
 def in_force(times: Times, starts: Times) -> NDArray[np.intp]:
     """Row of `starts` (rising) that began last at each time; -1 before the first."""
     rows: NDArray[np.intp] = np.searchsorted(starts, times, side="right") - 1

@@ -27,7 +27,7 @@ from numba import carray, njit, prange
 from numpy.typing import NDArray
 
 from hand_model.effects import CATALOGUE, MEMORY
-from hand_model.effects.effect import ACCELERATION, ANGLE, CREPT, MEMORY_ROW, PARTNER, SPEED, inline
+from hand_model.effects.effect import ACCELERATION, ANGLE, CREPT, FAST, MEMORY_ROW, PARTNER, SPEED, inline
 from hand_model.hooks import (
     added_damping,
     added_torque,
@@ -58,7 +58,6 @@ STANDSTILL_RAD_S = 0.02
 STATES = 4
 P, PHI, OMEGA, CREEP = range(STATES)
 _ROWS = len(JOINT_PARAMETERS)
-_FAST = {"contract", "nnan", "nsz", "arcp"}
 
 _torque, _one_sided, _creep_rate = (inline(f.py_func) for f in (static_torque, one_sided, creep_rate))
 _DEAD, _TAU = ROW["valve.dead_time_s"], ROW["valve.time_constant_s"]
@@ -297,7 +296,7 @@ def _block_kernel() -> Any:
             else:
                 _read(w, _around(e, k + 1), dt, lever, out, k + 1)
 
-    return njit(cache=True, fastmath=_FAST, error_model="numpy")(open_block)
+    return njit(cache=True, fastmath=FAST, error_model="numpy")(open_block)
 
 
 _open_block = _block_kernel()
@@ -312,7 +311,7 @@ def _kernel() -> Any:
             lanes = out[LANES * block : LANES * (block + 1)]
             _open_block(w[block], u, reading, e, dt, steps, lever, driven, late, lanes)
 
-    return njit(cache=True, parallel=True, fastmath=_FAST)(open_lanes)
+    return njit(cache=True, parallel=True, fastmath=FAST)(open_lanes)
 
 
 _open_lanes = _kernel()

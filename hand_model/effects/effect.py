@@ -59,8 +59,9 @@ HOOKS = (
     "force_reading",
 )
 
-_FAST = {"contract", "nnan", "nsz", "arcp"}
-inline = njit(forceinline=True, fastmath=_FAST, error_model="numpy")
+FAST = {"contract", "nnan", "nsz", "arcp"}
+"""What the chain's arithmetic may do: contract, ignore NaN and signed zeros, multiply by a reciprocal."""
+inline = njit(forceinline=True, fastmath=FAST, error_model="numpy")
 """Equations of effects are compiled into the chain."""
 
 

@@ -9,9 +9,11 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 from ament_index_python.packages import get_package_prefix
 from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 
 HAND = Path(get_package_prefix("fluidic_hand")) / "lib" / "fluidic_hand" / "hand"
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -21,14 +23,13 @@ QUIET = ("--disable-background-networking", "--disable-component-update", "--dis
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a demo that has run; fails, and is tried again, when the loop did not keep time."""
+    """The folder of a demo that has run."""
     folder = tmp_path_factory.mktemp("demo")
     environment = dict(os.environ) | {"ROS_DOMAIN_ID": str((os.getpid() + 45) % 90 + 10)}
     command = [str(HAND), "demo", "--out", str(folder / "out"), "--json"]
     ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=240, check=False)
     assert ran.returncode == 0, ran.stderr
     summary = json.loads(ran.stdout)
-    assert 195.0 < summary["loop"]["rate_hz"] < 205.0
     assert max(joint["replay_rms_deg"] for joint in summary["joints"].values()) < 0.05
     return folder / "out"
 
@@ -40,6 +41,20 @@ def test_the_summary_has_every_joint_and_the_loop(result: Path) -> None:
     for joint in summary["joints"].values():
         assert joint["tracking_rms_deg"] < 3.0
     assert set(summary["loop"]) == {"rate_hz", "missed_fraction", "latency_p50_ms", "latency_p99_ms"}
+
+
+def test_the_loops_rate_is_the_recordings(result: Path) -> None:
+    """Fails when the rate shown is not that of the answered frames; what a machine reaches is for bench/ to say."""
+    loop = json.loads((result / "summary.json").read_text(encoding="utf-8"))["loop"]
+    with (result / "recording.mcap").open("rb") as stream:
+        read = make_reader(stream, decoder_factories=[DecoderFactory()])
+        stamps: dict[str, set[int]] = {"/hand/joint_states": set(), "/hand/valve_command": set()}
+        for _, channel, _, message in read.iter_decoded_messages(topics=list(stamps)):
+            stamps[channel.topic].add(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
+    answered = sorted(set.intersection(*stamps.values()))
+    periods = np.diff(answered)
+    assert loop["rate_hz"] == pytest.approx(1e9 / periods.mean(), rel=1e-6)
+    assert np.median(periods) == pytest.approx(5e6, rel=0.02)  # frames come at 200 Hz; a busy machine may skip some
 
 
 def test_both_recordings_hold_the_hands_topics(result: Path) -> None:
