@@ -95,7 +95,7 @@ def make(
     """Write the trial's folder; returns the commitment, the SHA-256 of the truth."""
     out.mkdir(parents=True, exist_ok=True)
     nominal = Nominal(model)
-    _write_models(nominal, out)
+    write_models(nominal, out)
     cases = draw_cases(count, seed)
     work = [(case, str(model), str(out)) for case in cases]
     made: list[Case] = []
@@ -116,7 +116,7 @@ def _mapped(work: list[tuple[Case, str, str]], jobs: int) -> Iterator[Case]:
         yield from pool.map(make_case, work)
 
 
-def _write_models(nominal: Nominal, out: Path) -> None:
+def write_models(nominal: Nominal, out: Path) -> None:
     """What the diagnosis is given: the nominal hand; one without creep; one with a known obstacle on each joint."""
     rate = 1.0 / FRAME_S
     nominal.write(nominal.rows, out / "model.yaml", rate, {})
