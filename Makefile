@@ -11,7 +11,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 # A domain of one's own, so that two checkouts on one machine do not hear each other.
 export ROS_DOMAIN_ID ?= $(shell echo $$(( $$$$ % 90 + 10 )))
 
-SOURCES := $(wildcard hand_*/*.py hand_*/*.dbc hand_*/*.html hand_*/*.json hand_msgs/*/* hand_msgs/* config/* launch/* tools/hand setup.* package.xml resource/*)
+SOURCES := $(wildcard hand_*/*.py hand_*/*/*.py hand_*/*.dbc hand_*/*.html hand_*/*.json hand_msgs/*/* hand_msgs/* config/* launch/* tools/hand setup.* package.xml resource/*)
 
 .PHONY: help demo test lint bench proof build clean
 
