@@ -111,7 +111,7 @@ def beyond_noise(problem: JointProblem, fit: MapFit) -> float:
 
 def _untouched(problem: JointProblem) -> float:
     """The same of the nominal model as it is."""
-    squares = problem.block_squares(problem.residuals(problem.nominal[None], np.zeros(1)))[0]
+    squares = problem.block_squares(problem.residuals(problem.nominal[None], problem.starts(1)))[0]
     return _beyond(problem, held_out_rmse(problem, squares)[1])
 
 

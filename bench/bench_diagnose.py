@@ -64,8 +64,8 @@ def _jacobian(signals: Signals, hand: Hand, rounds: int) -> dict[str, Any]:
     all_columns[:, ROW["statics.a2_nm_per_pa"]] *= 1.0 + 1e-3 * np.arange(1, PARAMETERS + 1)
     single, jacobian = [], []
     for _ in range(rounds):
-        single.append(_seconds(lambda: problem.predict(one, np.zeros(1))))
-        jacobian.append(_seconds(lambda: problem.predict(all_columns, np.zeros(PARAMETERS))))
+        single.append(_seconds(lambda: problem.predict(one, problem.starts(1))))
+        jacobian.append(_seconds(lambda: problem.predict(all_columns, problem.starts(PARAMETERS))))
     ours, reference = statistics.median(jacobian), statistics.median(single)
     name = f"Jacobian of {PARAMETERS} parameters against one rollout"
     return {

@@ -34,6 +34,20 @@ class Correction:
         """A formula for people; states are scaled: rad, bar, rad/s."""
         return " ".join(f"{value:+.3g} {name}" for name, value in self.terms) or "0"
 
+    def scaled(self, unit: str, size: float, angle: float, pressure_bar: float) -> Correction:
+        """In other units: what one of the signal's, of the angle's, of the pressure's is there."""
+        terms = []
+        for name, value in self.terms:
+            turned = name.count("omega") - name.count("sign(omega)") + _power(name, "phi")
+            terms.append((name, value * size / angle**turned / pressure_bar ** _power(name, "p")))
+        return Correction(unit, tuple(terms), self.held_out_share)
+
+
+def _power(name: str, symbol: str) -> int:
+    """Of a symbol in the name of a term of the library."""
+    factors = [factor.split("^") for factor in name.split()]
+    return sum(int(factor[1]) if len(factor) > 1 else 1 for factor in factors if factor[0] == symbol)
+
 
 def sparse_correction(problem: JointProblem, fit: MapFit, stage: int) -> Correction:
     """Fit the residual of a stage on train blocks and judge it on held-out ones."""

@@ -48,8 +48,22 @@ class Number:
 
 
 @dataclass(frozen=True, slots=True)
+class Unexplained:
+    """What is left, its size and its difference between the directions of motion in `unit`."""
+
+    size: float
+    unit: str
+    structure: Structure
+    direction: float
+    correction: Correction
+
+
+@dataclass(frozen=True, slots=True)
 class Finding:
-    """One finding. joint None: the whole hand.  alternatives: (effect, probability, experiment that separates)."""
+    """One finding. joint None: the whole hand.  alternatives: (effect, probability, experiment that separates).
+
+    numbers: the effect's, or of an `unknown` those of effects that explain a part of it.
+    """
 
     joint: str | None
     place: str
@@ -61,6 +75,7 @@ class Finding:
     condition: str
     numbers: tuple[Number, ...]
     statement: str
+    unexplained: Unexplained | None = None
 
 
 def unit_of(key: str) -> str:
@@ -80,26 +95,44 @@ def joint_findings(joint: str, search: JointSearch, results: Sequence[StageResul
 def unknown_finding(
     joint: str, search: JointSearch, result: StageResult, structure: Structure, correction: Correction
 ) -> Finding:
-    """Something is there that no effect explains."""
-    scale, unit = SHOWN[result.stage], UNITS[result.stage]
-    size = scale * result.excess_after
-    memory = "changes slowly" if structure.frequency_hz < 0.2 else f"around {structure.frequency_hz:.1f} Hz"
-    direction = scale * structure.direction
-    statement = (
-        f"{joint}: {size:.3g} {unit} RMS of the {structure.signal} on held-out data is more than noise and fits no"
-        f" effect of the catalogue; it depends most on {structure.state}"
-        f" ({structure.share:.0%} of its variance), {memory},"
-        f" and differs by {direction:.2g} {unit} between flexing and extending."
-        f" Data-driven correction, no physics: {correction.text} {unit}, which takes away"
-        f" {correction.held_out_share:.0%} of it on held-out data."
+    """Something is there that no effect explains; numbers: of effects that explain a part, and that the model holds."""
+    scale = SHOWN[result.stage]
+    rest = Unexplained(
+        scale * result.excess_after, UNITS[result.stage], structure, scale * structure.direction, correction
     )
-    nearest = [one.effect for one in _first_round(search)[:2]]
-    names = [(effect.name, 0.1 / (k + 1), effect.experiments[0]) for k, effect in enumerate(nearest)]
+    held = [accepted.effect for accepted in search.accepted]
+    numbers = tuple(number for effect in held for number in parameter_numbers(search, effect))
+    near = list({one.name: one for one in [*held, *(one.effect for one in _first_round(search))]}.values())[:2]
+    # Twice as probable as the other; what is named here is what the unknown is not.
+    names = [(e.name, (1.0 - UNKNOWN) * (2 - k) / 3.0, e.experiments[0]) for k, e in enumerate(near)]
     place = "valve" if result.stage == 0 else "force_sensor" if result.stage == 2 else "joint"
+    errors = f"{scale * result.before:.3g} to {scale * result.after:.3g} {UNITS[result.stage]}"
+    parts = [effect.says.format(**spoken(numbers)) for effect in held]
+    statement = unknown_statement(joint, rest, parts, errors)
     return Finding(
         joint, place, "unknown", UNKNOWN, tuple(names), _when(search, search.nominal, result.stage), structure.signal,
-        f"mostly with {structure.state}", (), statement,
+        f"mostly with {structure.state}", numbers, statement, rest,
     )  # fmt: skip
+
+
+def spoken(numbers: Sequence[Number]) -> dict[str, str]:
+    """What a sentence of the catalogue says of numbers: by their short names."""
+    return {n.key.rsplit(".", 1)[1]: f"{n.value:.3g} ± {n.std:.1g}" for n in numbers}
+
+
+def unknown_statement(joint: str, rest: Unexplained, parts: Sequence[str], errors: str) -> str:
+    """In words. parts: what the catalogue says of effects that explain a part.  errors: before and after them."""
+    structure, unit = rest.structure, rest.unit
+    memory = "changes slowly" if structure.frequency_hz < 0.2 else f"around {structure.frequency_hz:.1f} Hz"
+    held = f" The model holds a part of it: {'; '.join(parts)}; the error falls from {errors}." if parts else ""
+    return (
+        f"{joint}: {rest.size:.3g} {unit} RMS of the {structure.signal} on held-out data is more than noise and fits no"
+        f" effect of the catalogue; it depends most on {structure.state}"
+        f" ({structure.share:.0%} of its variance), {memory},"
+        f" and differs by {rest.direction:.2g} {unit} between flexing and extending.{held}"
+        f" Data-driven correction, no physics: {rest.correction.text} {unit}, which takes away"
+        f" {rest.correction.held_out_share:.0%} of it on held-out data."
+    )
 
 
 def _first_round(search: JointSearch) -> list[Hypothesis]:
@@ -129,8 +162,7 @@ def _finding(joint: str, search: JointSearch, accepted: Hypothesis, noise: float
     stage, bare = accepted.stage, search.bare(effect.name)
     before = search.nominal if index == 0 else search.accepted[index - 1].fit
     fall = _fall(search, before, accepted.fit, stage)
-    values = {n.key.rsplit(".", 1)[1]: f"{n.value:.3g} ± {n.std:.1g}" for n in numbers}
-    says = effect.says.format(**values)
+    says = effect.says.format(**spoken(numbers))
     floor = f"{SHOWN[stage] * noise:.3g} {UNITS[stage]}"
     statement = f"{joint}: {says}. The held-out error of the {STAGES[stage]} falls from {fall}; the noise is {floor}."
     if alternatives:

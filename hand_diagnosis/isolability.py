@@ -48,7 +48,7 @@ class Isolability:
 
 def isolability(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> Isolability:
     """At a fit, from the sensitivities of the very recording."""
-    base, creep = problem.columns(fit.moves, fit.z[None])
+    base, starts = problem.columns(fit.moves, fit.z[None])
     probes = [(k, values) for k, effect in enumerate(effects) for values in probe_values(effect, base[0])]
     columns = np.repeat(base, len(probes), axis=0)
     for column, (_, values) in zip(columns, probes, strict=True):
@@ -59,7 +59,7 @@ def isolability(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -
     normal = np.zeros((moves, moves))
     stride = max(1, sum(len(piece.angle_rad) for piece in problem.pieces) // ENOUGH)
     parts = [columns[begin : begin + AT_ONCE] for begin in range(0, len(probes), AT_ONCE)]
-    thinned = [_thinned_change(problem, fit, part, creep, stride) for part in parts]
+    thinned = [_thinned_change(problem, fit, part, starts, stride) for part in parts]
     for index, slopes in enumerate(fit.sensitivity):
         root = np.sqrt(problem.weight * stride)[:, None]
         s = (np.concatenate([part[index] for part in thinned]) * root).reshape(len(probes), -1)
@@ -71,9 +71,9 @@ def isolability(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -
     return _summary([effect.name for effect in effects], [k for k, _ in probes], gram, left)
 
 
-def _thinned_change(problem: JointProblem, fit: MapFit, columns: Array, creep: Array, stride: int) -> list[Array]:
+def _thinned_change(problem: JointProblem, fit: MapFit, columns: Array, starts: Array, stride: int) -> list[Array]:
     """Changes of the residuals (k, OUTPUTS, T / stride) by piece."""
-    changed = problem.residuals(columns, np.repeat(creep, len(columns)))
+    changed = problem.residuals(columns, np.repeat(starts, len(columns), axis=0))
     pairs = zip(fit.residuals, changed, strict=True)
     return [np.nan_to_num((other - residual)[:, :, ::stride]) for residual, other in pairs]
 

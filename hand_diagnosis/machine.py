@@ -10,6 +10,7 @@ A machine file says what moves, by what, and where the columns are:
     stiffness: 0.0                     # [N/m] or [N m/rad]
     damping: 0.0                       # [N s/m] or [N m s/rad]
     inertia: 0.1                       # [kg] or [kg m^2]
+    weight: 0.0                        # rotary: torque at 90 degrees of what hangs from the axis [N m]
     columns:
       time: {column: t_s}
       input: {column: p_bar, scale: 1.0e+5}
@@ -30,7 +31,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import savgol_filter
 
+from hand_diagnosis.findings import Finding, unit_of, unknown_statement
 from hand_diagnosis.inputs import table_columns
 from hand_diagnosis.report import small_statement
 from hand_ident.hand_signals import SHORTEST_S
@@ -48,8 +51,12 @@ TORQUE, TRAVEL, INPUT, FORCE = 0.5, 1.5, 4e5, 10.0
 """Sizes in a finger: torque [N m], travel [rad], input [Pa], force at the pad [N]."""
 UNMODELLED = 0.1
 """Share of the torque of a finger that effects may have."""
+SMOOTHED_S = 0.05
+"""Half the window over which positions are differentiated, to see what force the nominal model lacks."""
 LEVER_M = TORQUE / FORCE
-_KEYS = ("schema", "name", "motion", "imposed", "gain", "stiffness", "damping", "inertia", "columns")
+DAMPING = 1e-4
+"""Of a finger [N m s/rad], where none is given: too little to see, and enough for a fit to start from."""
+_KEYS = ("schema", "name", "motion", "imposed", "gain", "stiffness", "damping", "inertia", "weight", "columns")
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,16 +114,32 @@ def load_machine(path: Path, recordings: Sequence[Path]) -> Machine:
     # An angle stays an angle: gravity and harmonic errors are sines of it.
     per_angle = travel / TRAVEL if linear else 1.0
     largest = float(np.abs(np.concatenate([t["input"] for t in tables])).max())
-    per_input, per_torque = largest / INPUT, gain * largest / TORQUE
-    if largest == 0.0:  # nothing is modelled that could set the scale: all of the force is for effects to explain
-        force = np.concatenate([np.abs(t.get("force", np.ones(1))) for t in tables])
-        per_input, per_torque = 1.0, max(float(force.max()), 1e-12) / (UNMODELLED * TORQUE)
+    missing = max(_unmodelled(top, table, gain) for table in tables)
+    per_torque = max(gain * largest / TORQUE, missing / (UNMODELLED * TORQUE), 1e-12)
+    per_input = (largest or TORQUE * per_torque / gain) / INPUT  # an input at rest still has a usual gain
     hand = _hand(path, top, gain * per_input / per_torque, per_angle, per_torque)
     signals = tuple(
         _signals(recording, table, imposed, (per_torque, per_angle, per_input))
         for recording, table in zip(recordings, tables, strict=True)
     )
     return Machine(top.name("name"), linear, hand, signals, per_torque, per_angle, per_input)
+
+
+def _unmodelled(top: Section, table: dict[str, Array], gain: float) -> float:
+    """Largest force or torque that the nominal model lacks, by its balance over the recorded motion."""
+    period = float(np.median(np.diff(table["time"])))
+    window = min(2 * round(SMOOTHED_S / period) + 1, (len(table["time"]) - 1) // 2 * 2 + 1)
+    if window < 5:
+        return 0.0
+    x, v, a = (savgol_filter(table["position"], window, 3, deriv=k, delta=period) for k in range(3))
+    numbers = (top.number(name, 0.0, 1e12, 0.0) for name in ("stiffness", "damping", "inertia"))
+    passive = sum(number * motion for number, motion in zip(numbers, (x, v, a), strict=True))
+    rest = gain * table["input"] - passive - _weight(top) * np.sin(x) - table.get("force", 0.0)
+    return float(np.quantile(np.abs(rest), 0.99))
+
+
+def _weight(top: Section) -> float:
+    return top.number("weight", 0.0, 0.0 if top.raw("motion", "linear or rotary") == "linear" else 1e12, 0.0)
 
 
 def _read(path: Path, top: Section, recording: Path, imposed: bool) -> dict[str, Array]:
@@ -165,8 +188,9 @@ def _hand(path: Path, top: Section, a2: float, per_angle: float, per_torque: flo
         "statics.a3_nm_per_pa_rad": 0.0,
         "material.phi_max_deg": 0.0,
         "dynamics.inertia_kg_m2": max(top.number("inertia", 0.0, 1e12, 0.0) * scale, 1e-9),
-        "dynamics.viscous_friction_nm_s_per_rad": max(top.number("damping", 0.0, 1e12, 0.0) * scale, 1e-6),
+        "dynamics.viscous_friction_nm_s_per_rad": max(top.number("damping", 0.0, 1e12, 0.0) * scale, DAMPING),
         "dynamics.coupling_inertia_kg_m2": 0.0,
+        "gravity.sine_nm": _weight(top) / per_torque,
         "end_stop.low_deg": -np.pi,
         "end_stop.high_deg": 2.0 * np.pi,
         "supply.pressure_pa": 2e6,
@@ -199,40 +223,65 @@ def _signals(recording: Path, table: dict[str, Array], imposed: bool, units: tup
     )  # fmt: skip
 
 
-def in_own_units(content: dict[str, Any], machine: Machine) -> dict[str, Any]:
-    """report.json's content with parameters and errors in the machine's units."""
+def in_own_units(content: dict[str, Any], findings: Sequence[Finding], machine: Machine) -> dict[str, Any]:
+    """report.json's content with parameters, errors and sentences in the machine's units. findings: its findings."""
     torque = "N" if machine.linear else "N m"
     for finding in content["findings"]:
         for number in finding["parameters"].values():
             factor, unit = machine.unit_factor(number["unit"])
             number["value"], number["std"], number["unit"] = number["value"] * factor, number["std"] * factor, unit
     for row in [*content["fit"], *content["located"], *content["not_claimable"]]:
-        factors = {"force": machine.per_torque * LEVER_M, "angle": machine.unit_factor("deg")[0]}
-        factor = factors.get(row["signal"], machine.per_input)
+        factor, row["unit"] = _unit_of_signal(machine, row["signal"], torque)
         for key in {"rmse_before", "rmse_after", "noise_floor", "taken", "floor", "rms", "noise"} & row.keys():
             row[key] *= factor
-        row["unit"] = {"force": torque, "angle": machine.unit_factor("deg")[1]}.get(row["signal"], "input")
+    for row in content["parameter_changes"]:
+        factor, _ = machine.unit_factor(unit_of(row["parameter"]))
+        for key in ("nominal", "value", "std"):
+            row[key] *= factor
     if content["next_experiment"]:
         del content["next_experiment"]["command"]  # nothing here drives another machine
     for row in content["not_claimable"]:
         row["statement"] = small_statement(row)
-    for finding in content["findings"]:
-        finding["statement"] = _statement(finding, content, machine.linear)
+    for finding, own in zip(content["findings"], findings, strict=True):
+        finding["statement"] = _statement(finding, own, content, machine)
     return content
 
 
-def _statement(finding: dict[str, Any], content: dict[str, Any], linear: bool) -> str:
+def _unit_of_signal(machine: Machine, signal: str, torque: str) -> tuple[float, str]:
+    units = {"force": (machine.per_torque * LEVER_M, torque), "angle": machine.unit_factor("deg")}
+    return units.get(signal, (machine.per_input, "input"))
+
+
+def _statement(finding: dict[str, Any], own: Finding, content: dict[str, Any], machine: Machine) -> str:
     """The finding said again with the machine's numbers and units."""
-    if finding["effect"] not in EFFECTS:
+    signal = finding["where"]["signal"]
+    row = next((r for r in content["fit"] if r["split"] == "held_out" and r["signal"] == signal), None)
+    if row is None:
         return str(finding["statement"])
-    values = {
-        key.rsplit(".", 1)[1]: f"{number['value']:.3g} ± {number['std']:.1g}"
-        for key, number in finding["parameters"].items()
-    }
-    said = EFFECTS[finding["effect"]].says.format(**values)
-    if linear:
-        for word, own in (("N m", "N"), ("degrees", "mm"), ("rad", "m"), ("/Pa", "/input"), (" Pa", " input")):
-            said = said.replace(word, own)
-    row = next(r for r in content["fit"] if r["split"] == "held_out" and r["signal"] == finding["where"]["signal"])
     errors = f"{row['rmse_before']:.3g} to {row['rmse_after']:.3g} {row['unit']}"
-    return f"{AXIS}: {said}. With all findings the held-out error of the {row['signal']} falls from {errors}."
+    parts = [_says(name, finding, machine.linear) for name in _effects_of(finding)]
+    if own.unexplained is None:
+        return f"{AXIS}: {parts[0]}. With all findings the held-out error of the {signal} falls from {errors}."
+    rest = own.unexplained
+    factor, unit = _unit_of_signal(machine, signal, row["unit"])
+    correction = rest.correction.scaled(unit, factor, machine.per_angle, 1e5 * machine.per_input)
+    rest = replace(rest, size=factor * rest.size, direction=factor * rest.direction, unit=unit, correction=correction)
+    return unknown_statement(AXIS, rest, parts, errors).replace("pressure", "input")
+
+
+def _effects_of(finding: dict[str, Any]) -> list[str]:
+    """The effects whose numbers a finding has."""
+    names = [key.partition(".")[0] for key in finding["parameters"]]
+    return [name for name in EFFECTS if name == finding["effect"] or (finding["effect"] == "unknown" and name in names)]
+
+
+def _says(name: str, finding: dict[str, Any], linear: bool) -> str:
+    effect = EFFECTS[name]
+    numbers = {key: finding["parameters"][key] for key in effect.keys if key in finding["parameters"]}
+    said = effect.says.format(
+        **{key.rsplit(".", 1)[1]: f"{n['value']:.3g} ± {n['std']:.1g}" for key, n in numbers.items()}
+    )
+    if linear:
+        for word, its in (("N m", "N"), ("degrees", "mm"), ("rad", "m"), ("/Pa", "/input"), (" Pa", " input")):
+            said = said.replace(word, its)
+    return said

@@ -26,11 +26,11 @@ PARTS = (1, 2, 5, 10, 20)
 def noise_of_inputs(problem: JointProblem, fit: MapFit) -> Array:
     """RMS (OUTPUTS,), SI, by which input noise moves the predictions of a fit on held-out blocks."""
     rng = np.random.default_rng(SEED)
-    columns, creep = problem.columns(fit.moves, fit.z[None])
-    plain = problem.predict(columns, creep)
+    columns, starts = problem.columns(fit.moves, fit.z[None])
+    plain = problem.predict(columns, starts)
     noisy = replace(problem, pieces=[_disturbed(piece, rng, problem.driven) for piece in problem.pieces])
     squares, count = np.zeros(OUTPUTS), np.zeros(OUTPUTS)
-    for piece, one, other in zip(problem.pieces, plain, noisy.predict(columns, creep), strict=True):
+    for piece, one, other in zip(problem.pieces, plain, noisy.predict(columns, starts), strict=True):
         counts = piece.use & problem.held_out[piece.block]
         squares += (((other[0] - one[0]) * counts) ** 2).sum(axis=1)
         count += counts.sum(axis=1)

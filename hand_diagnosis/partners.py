@@ -28,10 +28,10 @@ _SENSOR = [ROW[key] for effect in CATALOGUE if effect.place == "angle_sensor" fo
 
 def model_accelerations(problem: JointProblem, fit: MapFit) -> list[Array]:
     """Acceleration (T,) [rad/s^2] of the joint itself in every piece, by its fitted model."""
-    columns, creep = problem.columns(fit.moves, fit.z[None])
+    columns, starts = problem.columns(fit.moves, fit.z[None])
     for row in _SENSOR:
         columns[:, row] = (JOINT_PARAMETERS[row].neutral or 0.0) * JOINT_PARAMETERS[row].scale
-    predicted = problem.predict(columns, creep)
+    predicted = problem.predict(columns, starts)
     return [
         derivatives(one[0, 1][:, None], piece.period_s)[1][:, 0]
         for one, piece in zip(predicted, problem.pieces, strict=True)

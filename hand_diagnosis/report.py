@@ -170,7 +170,7 @@ def _changes(one: JointDiagnosis) -> list[dict[str, Any]]:
     own = one.search.effect_keys
     rows = []
     for move, z, std in zip(fit.moves, fit.z, deviation, strict=True):
-        if move.row == START_CREEP or move.key in own or abs(z) < max(2.0 * std, 0.1):
+        if move.row >= START_CREEP or move.key in own or abs(z) < max(2.0 * std, 0.1):
             continue
         nominal, value = float(problem.nominal[move.row]), float(columns[0, move.row])
         change = (value - nominal) / nominal if nominal else None
@@ -254,5 +254,5 @@ def _values(one: JointDiagnosis) -> dict[str, float]:
         return {}
     fit, problem = one.search.final, one.search.problem
     columns, _ = problem.columns(fit.moves, fit.z[None])
-    moved = {m.key for m, z in zip(fit.moves, fit.z, strict=True) if m.row != START_CREEP and abs(z) > 1e-6}
+    moved = {m.key for m, z in zip(fit.moves, fit.z, strict=True) if m.row < START_CREEP and abs(z) > 1e-6}
     return {key: float(columns[0, move.row]) for move in fit.moves for key in [move.key] if key in moved}

@@ -39,7 +39,7 @@ class Screened:
 
 def screen(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> list[Screened]:
     """Every effect by its best probe, the most promising first."""
-    base, creep = problem.columns(fit.moves, fit.z[None])
+    base, starts = problem.columns(fit.moves, fit.z[None])
     probes = [(effect, values) for effect in effects for values in probe_values(effect, base[0])]
     if not probes:
         return []
@@ -51,7 +51,7 @@ def screen(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> lis
     at_once = AT_ONCE if sum(len(piece.angle_rad) for piece in problem.pieces) < LONG else FEWER
     for begin in range(0, len(probes), at_once):
         part = slice(begin, begin + at_once)
-        changed = problem.residuals(columns[part], np.repeat(creep, len(columns[part])))
+        changed = problem.residuals(columns[part], np.repeat(starts, len(columns[part]), axis=0))
         gains[part], shares[part] = _gains(problem, fit, changed)
     best: dict[str, Screened] = {}
     for (effect, values), gain, share in zip(probes, gains, shares, strict=True):

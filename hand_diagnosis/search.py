@@ -117,10 +117,10 @@ class JointSearch:
         off = [one.effect for one in self.accepted if not names or one.effect.name in names]
         if not off:
             return self.final
-        columns, creep = self.problem.columns(self.final.moves, self.final.z[None])
+        columns, starts = self.problem.columns(self.final.moves, self.final.z[None])
         rows = [ROW[key] for effect in off for key in effect.keys]
         columns[:, rows] = self.problem.nominal[rows]
-        residuals = self.problem.residuals(columns, creep)
+        residuals = self.problem.residuals(columns, starts)
         squares = self.problem.block_squares(residuals)[0]
         return replace(self.final, squares=squares, residuals=tuple(r[0] for r in residuals), sensitivity=())
 

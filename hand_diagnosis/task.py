@@ -13,7 +13,7 @@ from hand_ident.driving import accelerations, inflow, shape_driving
 from hand_ident.joint_data import driving_pressure, joint_problem
 from hand_ident.joint_problem import FLOOR, JointProblem, Piece
 from hand_ident.map_fit import MapFit, map_fit
-from hand_ident.moves import Move, nominal_moves
+from hand_ident.moves import Move, nominal_moves, speed_moves
 from hand_ident.signals import Signals
 from hand_model.description import Hand
 from hand_model.effects.effect import INFLOW, NEIGHBOUR, Effect
@@ -74,6 +74,8 @@ class Task:
         if joint not in self._rough:
             problem = joint_problem(self.signals, self.hand, joint, self.floors.get(joint, np.array(FLOOR)))
             moves = nominal_moves(problem.nominal, self.tolerance, rested(self.signals, joint))
+            if not problem.driven:
+                moves += speed_moves(problem.starts(1)[0, 1:].tolist())
             fit = map_fit(problem, moves, np.zeros(len(moves)), ROUGHLY)
             _choose_neighbour([self.signals[number] for number in self._holding(joint)], joint, problem, fit)
             shape_driving(problem, moves, fit.z)

@@ -29,9 +29,9 @@ def shape_driving(problem: JointProblem, moves: Sequence[Move], z: Array) -> Non
     if problem.driven:
         return
     finer = max(1, math.ceil(problem.pieces[0].period_s / problem.step_s - 1e-9))
-    columns, creep = problem.columns(moves, z[None])
+    columns, starts = problem.columns(moves, z[None])
     fine = replace(problem, pieces=[_finer(piece, finer) for piece in problem.pieces])
-    predicted = fine.predict(columns, creep)
+    predicted = fine.predict(columns, starts)
     problem.pieces[:] = [
         _shaped(piece, one[0, 0], finer) if piece.use[0].any() else piece
         for piece, one in zip(problem.pieces, predicted, strict=True)
@@ -40,10 +40,10 @@ def shape_driving(problem: JointProblem, moves: Sequence[Move], z: Array) -> Non
 
 def accelerations(problem: JointProblem, moves: Sequence[Move], z: Array) -> list[Array]:
     """Acceleration (T,) [rad/s^2] of the joint in every piece, by its model at the coordinates z (moves,)."""
-    columns, creep = problem.columns(moves, z[None])
+    columns, starts = problem.columns(moves, z[None])
     return [
         _acceleration(piece, predicted[0, 1])
-        for piece, predicted in zip(problem.pieces, problem.predict(columns, creep), strict=True)
+        for piece, predicted in zip(problem.pieces, problem.predict(columns, starts), strict=True)
     ]
 
 

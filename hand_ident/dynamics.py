@@ -94,7 +94,7 @@ def identify_joint(
         raise ValueError(f"{joint}: the recording has neither set-points nor pressures for it")
     moves = [*(_move(problem, key) for key in keys), Move(START_CREEP, 0.0, 0.3, False, 0.0, 1.0)]
     zero = np.zeros(len(moves))
-    nominal = problem.residuals(problem.nominal[None], np.zeros(1))
+    nominal = problem.residuals(problem.nominal[None], problem.starts(1))
     starts = [zero, *(START_SPREAD * rng.standard_normal((STARTS - 1, len(moves))))]
     best = multi_start(problem, moves, starts)
     return JointDynamics(

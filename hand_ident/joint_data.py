@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.polynomial.polynomial import polyfit
 from numpy.typing import NDArray
 
 from hand_ident.joint_problem import (
@@ -16,13 +17,16 @@ from hand_ident.joint_problem import (
     initial_weights,
 )
 from hand_ident.signals import SMOOTHED_S, Signals, derivatives, slopes_over, smoothing_span, white_noise, without_noise
-from hand_model.chain import OUTPUTS, PHI, STATES, P
+from hand_model.chain import OMEGA, OUTPUTS, PHI, STATES, P
 from hand_model.description import Hand
 from hand_model.effects.effect import ACCELERATION, ANGLE, EXOGENOUS, NEIGHBOUR, PARTNER, SPEED, TIME
 
 Array = NDArray[np.float64]
 TOUCHING_N = 0.3
 """A force below this may be noise; the force stage is judged only while something is touched."""
+
+STARTING_S, STARTING_ORDER, IN_MOTION_RAD_S = 0.15, 4, 0.3
+"""The motion at the start is a polynomial over so long; slower than this it is rest."""
 
 
 def joint_problem(
@@ -57,6 +61,7 @@ def _piece(signals: Signals, hand: Hand, joint: str, first_block: int) -> Piece:
     driving, span = driving_pressure(signals, j)
     start = np.zeros(STATES)
     start[P], start[PHI] = signals.pressure_pa[0, j], signals.angle_rad[0, j]
+    start[OMEGA] = speed_at_start(signals.angle_rad[:, j], signals.period_s)
     return Piece(
         signals.name,
         signals.period_s,
@@ -74,6 +79,16 @@ def _piece(signals: Signals, hand: Hand, joint: str, first_block: int) -> Piece:
         start,
         signals.pressure_late_s,
     )
+
+
+def speed_at_start(angle_rad: Array, period_s: float) -> float:
+    """Of a recording that begins in motion [rad/s]; 0 at rest, where an estimate would be noise."""
+    count = min(round(STARTING_S / period_s) + 1, len(angle_rad))
+    if count < 2 * STARTING_ORDER:
+        return 0.0
+    at = np.linspace(0.0, 1.0, count)
+    speed = float(polyfit(at, angle_rad[:count], STARTING_ORDER)[1]) / ((count - 1) * period_s)
+    return speed if abs(speed) > IN_MOTION_RAD_S else 0.0
 
 
 def driving_pressure(signals: Signals, j: int) -> tuple[Array, int]:

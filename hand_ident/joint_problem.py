@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_ident.moves import START_CREEP, Move
-from hand_model.chain import CREEP, OUTPUTS, PHI, STATES, P, open_chain
+from hand_model.chain import CREEP, OMEGA, OUTPUTS, open_chain
 
 Array = NDArray[np.float64]
 STAGES = ("pressure", "angle", "force")
@@ -95,22 +95,25 @@ class JointProblem:
         return held_out_blocks(self.blocks)
 
     def columns(self, moves: Sequence[Move], z: Array) -> tuple[Array, Array]:
-        """Parameter sets (k, rows) and starting creep (k,) of coordinates z (k, moves)."""
-        columns = np.repeat(self.nominal[None], len(z), axis=0)
-        creep = np.zeros(len(z))
+        """Parameter sets (k, rows) and starts (k, 1 + pieces) of coordinates z (k, moves)."""
+        columns, starts = np.repeat(self.nominal[None], len(z), axis=0), self.starts(len(z))
         for index, move in enumerate(moves):
-            if move.row == START_CREEP:
-                creep = move.value(z[:, index])
+            if move.row >= START_CREEP:
+                starts[:, move.row - START_CREEP] = move.value(z[:, index])
             else:
                 columns[:, move.row] = move.value(z[:, index])
-        return columns, creep
+        return columns, starts
 
-    def predict(self, columns: Array, creep: Array) -> list[Array]:
+    def starts(self, count: int) -> Array:
+        """(count, 1 + pieces): creeping ratio at the start, 0, and each piece's first speed, as estimated."""
+        return np.tile([0.0, *(piece.start[OMEGA] for piece in self.pieces)], (count, 1))
+
+    def predict(self, columns: Array, starts: Array) -> list[Array]:
         """Readings (k, OUTPUTS, T) of every piece."""
         out = []
-        for piece in self.pieces:
-            start = np.zeros((len(columns), STATES))
-            start[:, P], start[:, PHI], start[:, CREEP] = piece.start[P], piece.start[PHI], creep
+        for index, piece in enumerate(self.pieces):
+            start = np.tile(piece.start, (len(columns), 1))
+            start[:, CREEP], start[:, OMEGA] = starts[:, 0], starts[:, 1 + index]
             out.append(
                 open_chain(
                     columns, start, piece.set_point_pa, piece.driving_pa, piece.exogenous, piece.period_s,
@@ -119,9 +122,9 @@ class JointProblem:
             )  # fmt: skip
         return out
 
-    def residuals(self, columns: Array, creep: Array) -> list[Array]:
+    def residuals(self, columns: Array, starts: Array) -> list[Array]:
         """Measured minus predicted (k, OUTPUTS, T) of every piece; 0 where it does not count."""
-        residuals = self.predict(columns, creep)
+        residuals = self.predict(columns, starts)
         for piece, predicted in zip(self.pieces, residuals, strict=True):
             np.subtract(piece.measured, predicted, out=predicted)
             predicted[:, ~piece.use] = 0.0

@@ -20,7 +20,7 @@ from hand_model.plant_parameters import PLANT_PARAMETERS
 
 Array = NDArray[np.float64]
 START_CREEP = len(JOINT_PARAMETERS)
-"""Row of the creeping ratio at the start, behind the parameters."""
+"""Row of the creeping ratio at the start, behind the parameters; behind it those of the recordings' first speeds."""
 EFFECT_SPREAD = 3.0
 """How many typical sizes an effect is expected to have, one standard deviation."""
 LOG_SPREAD = 0.7
@@ -81,7 +81,9 @@ class Move:
     @property
     def key(self) -> str:
         """Its name in hand.yaml."""
-        return "start.creep" if self.row == START_CREEP else JOINT_PARAMETERS[self.row].key
+        if self.row >= START_CREEP:
+            return "start.creep" if self.row == START_CREEP else "start.speed"
+        return JOINT_PARAMETERS[self.row].key
 
 
 def nominal_moves(nominal: Array, tolerance: float, rested: bool) -> list[Move]:
@@ -104,6 +106,16 @@ def nominal_moves(nominal: Array, tolerance: float, rested: bool) -> list[Move]:
     if nominal[ROW["material.phi_max_deg"]] != 0.0:
         moves.append(Move(START_CREEP, 0.0, 0.1 if rested else 0.3, False, 0.0, 1.0))
     return moves
+
+
+def speed_moves(speeds: Sequence[float]) -> list[Move]:
+    """Of the first speeds [rad/s] of recordings that begin in motion: estimates, 0 where there is none."""
+    wide = math.inf
+    return [
+        Move(START_CREEP + 1 + index, speed, 0.05 + 0.03 * abs(speed), False, -wide, wide)
+        for index, speed in enumerate(speeds)
+        if speed != 0.0
+    ]
 
 
 def effect_moves(effect: Effect, nominal: Array) -> list[Move]:

@@ -82,8 +82,8 @@ def _moves(problem: JointProblem, keys: tuple[str, ...]) -> list[Move]:
 
 
 def _simulated(problem: JointProblem, fit: MapFit) -> Array:
-    columns, creep = problem.columns(fit.moves, fit.z[None])
-    simulated: Array = problem.predict(columns, creep)[0][0, 1]
+    columns, starts = problem.columns(fit.moves, fit.z[None])
+    simulated: Array = problem.predict(columns, starts)[0][0, 1]
     return simulated
 
 

@@ -108,7 +108,7 @@ def _machine(
 
     loaded = load_machine(machine, recordings)
     result = run(loaded.signals, loaded.hand, tolerance=tolerance, seed=seed, without=without, sensor_curve=False)
-    content = in_own_units(document(result, [str(path) for path in recordings], str(machine)), loaded)
+    content = in_own_units(document(result, [str(path) for path in recordings], str(machine)), result.findings, loaded)
     out.mkdir(parents=True, exist_ok=True)
     (out / "report.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     effects = {

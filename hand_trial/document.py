@@ -102,14 +102,27 @@ def reality_table(results: list[dict[str, Any]]) -> str:
         sparse = base.pop("SINDy discrepancy")
         name, best = min(base.items(), key=lambda item: item[1]["held_out"])
         rows.append(
-            f"| {one['machine']} | {one['verdict']} | {', '.join(one['known'])} | {', '.join(one['found']) or 'none'} |"
+            f"| {one['machine']} | {one['verdict']} | {', '.join(one['known'])} | {_found(one)} |"
             f" {', '.join(one['decoys_taken']) or 'none'} | {one['before']:.3g} | {one['after']:.3g} |"
             f" {best['held_out']:.3g} ({name}) | {sparse['held_out']:.3g} | {one['unit']} |"
         )
+    rows += ["", "| machine | number | ours | published | source |", "|---|---|---|---|---|"]
+    for one in results:
+        for number in one["published"]:
+            ours = number["ours"]
+            told = f"{ours['value']:.3g} ± {ours['std']:.1g} {ours['unit']}" if ours else "not found"
+            rows.append(
+                f"| {one['machine']} | `{number['key']}` | {told} | {number['published']:.3g} | {number['source']} |"
+            )
     for one in results:
         rows += ["", f"{one['machine']}:"]
         rows += [f"- {finding['statement']}" for finding in one["findings"]]
     return "\n".join(rows) + "\n"
+
+
+def _found(one: dict[str, Any]) -> str:
+    names = [*one["found"], *(f"{name} (a part)" for name in one["found_in_part"])]
+    return ", ".join(names) or "none"
 
 
 if __name__ == "__main__":

@@ -1,8 +1,7 @@
-"""Recordings of real machines that others made, diagnosed from a model without friction and gravity, beside baselines.
+"""Recordings of real machines that others made, diagnosed from a model without friction or gravity, beside baselines.
 
-The known effects are left out of the nominal model; the ordinary command has to find them. The same recordings are
-given to six fixed friction models by least squares, the best on held-out data taken (as BAM compares its models;
-Duclusaud et al. 2025), and to a sparse regression of the discrepancy (SINDy; Brunton, Proctor, Kutz 2016).
+The known effects are left out of the nominal model; the ordinary command has to find them (hand_trial/baselines.py says
+what else is fitted to the same recordings).
 """
 
 from __future__ import annotations
@@ -15,25 +14,36 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
-Array = NDArray[np.float64]
-BLOCK_S, HELD_OUT_EVERY = 1.25, 3
+from hand_trial.baselines import Array, imposed_baselines, moved_baselines
+
 BAR_PA = 1e5
-LOAD_WRAP, LOAD_MOST = 65536.0, 1500.0
-"""The servo's log holds its load as unsigned 16 bits, interpolated across the wrap: such samples are dropped."""
+GRAVITY_M_S2 = 9.80665
+TORQUE_NM_PER_V, BACK_EMF_V_S, ARMATURE_KG_M2 = 0.3867 / 4.017, 0.3867, 0.0018
+"""Of the servo's motor: what its authors publish (Rhoban/bam, bam/params/xl330/m1.json)."""
+DUTY_PER_RAD = 4096.0 / (2.0 * np.pi) / (256.0 * 885.0)
+"""Of the servo's controller, per unit of its gain (Rhoban/bam, bam/dynamixel/actuator.py)."""
+SWITCHED_OFF_S = 0.05
+"""Left out after the log says that the motor is off: until it is."""
+DECOYS = ("stiffening", "hysteresis", "contact")
+DRIVEN_KP = 100
+"""Of the recordings whose motor is driven: at higher gains the controller's law is less certain, say its authors."""
 
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """name, effects known and not there, the machine file, columns of each recording: time, position, force, input."""
+    """name, effects known and not there, the machine file, columns of each recording: time, position, force, input.
+
+    published: value and source of numbers that others give.
+    """
 
     name: str
     known: tuple[str, ...]
     decoys: tuple[str, ...]
     description: dict[str, Any]
     recordings: dict[str, dict[str, Array]]
+    published: dict[str, tuple[float, str]]
+    tolerance: float
 
 
 def machines(data: Path) -> list[Machine]:
@@ -43,7 +53,7 @@ def machines(data: Path) -> list[Machine]:
     if cylinder.is_dir():
         found += [_seal(cylinder, "NAPN", 4.9087e-4), _seal(cylinder, "O-ring257", 5.1875e-4)]
     if servo.is_dir():
-        found.append(_servo(servo))
+        found += _servo(servo)
     if not found:
         raise FileNotFoundError(f"{data}: neither pneumatic_cylinder nor servo_pendulum lies there")
     return found
@@ -61,38 +71,58 @@ def _seal(folder: Path, seal: str, area_m2: float) -> Machine:
             }
     description = _description(f"seal_{seal}", "linear", {"gain": area_m2, "inertia": 0.1}, has_input=True)
     known = ("coulomb_friction", "hysteresis")
-    return Machine(f"seal {seal}", known, ("viscous_friction", "stiffening"), description, recordings)
+    return Machine(f"seal {seal}", known, ("viscous_friction", "stiffening"), description, recordings, {}, 0.3)
 
 
-def _servo(folder: Path) -> Machine:
-    recordings = {}
+def _servo(folder: Path) -> list[Machine]:
+    """The pendulum on the servo: driven, where its weight is left out; and falling with the motor off, its friction."""
+    driven, falling, weight_nm = {}, {}, 0.0
     for path in sorted(folder.glob("*.json")):
         log = json.loads(path.read_text(encoding="utf-8"))
-        if log["kp"] != 100 or log["trajectory"] == "lift_and_drop":
-            continue
         rows = log["entries"]
-        time, load = (np.array([row[key] for row in rows], dtype=np.float64) for key in ("timestamp", "load"))
-        load = np.where(load > LOAD_WRAP / 2, load - LOAD_WRAP, load)
-        good = np.abs(load) <= LOAD_MOST
-        recordings[f"servo_{log['trajectory']}"] = {
-            "time": time,
-            "position": np.array([row["position"] for row in rows]),
-            "force": -1e-3 * np.interp(time, time[good], load[good]),
-            "input": np.zeros(len(time)),
-        }
-    description = _description("servo_pendulum", "rotary", {"inertia": 5e-3}, has_input=False)
-    return Machine("servo pendulum", ("gravity", "coulomb_friction"), ("stiffening",), description, recordings)
+        t, x, v, goal, on = (
+            np.array([row[key] for row in rows], dtype=np.float64)
+            for key in ("timestamp", "position", "speed", "goal_position", "torque_enable")
+        )
+        inertia, weight_nm = log["mass"] * log["length"] ** 2, log["mass"] * GRAVITY_M_S2 * log["length"]
+        volts = log["vin"] * np.clip(log["kp"] * DUTY_PER_RAD * (goal - x), -1.0, 1.0)
+        off = int(np.argmin(on)) if on.min() < 0.5 else len(t)
+        name = f"servo_{log['kp']}_{log['trajectory']}"
+        if log["kp"] == DRIVEN_KP:
+            force = -TORQUE_NM_PER_V * (volts - BACK_EMF_V_S * v)
+            driven[name] = {key: value[:off] for key, value in {"time": t, "position": x, "force": force}.items()}
+        if off < len(t):
+            part = slice(off + round(SWITCHED_OFF_S / log["dt"]), None)
+            falling[name] = {"time": t[part], "position": x[part], "input": np.zeros(len(t[part]))}
+    rest_rad = float(np.mean([columns["position"][-1] for columns in falling.values()]))
+    for columns in falling.values():
+        columns["position"] = columns["position"] - rest_rad  # it hangs down there, whatever the sensor's zero
+    by_mass = {"gravity.sine_nm": (weight_nm, "mass and length of the rig, without the arm")}
+    friction = {
+        "coulomb_friction.torque_nm": (0.0128, "Rhoban/bam, xl330, model m1"),
+        "dynamics.viscous_friction_nm_s_per_rad": (0.0037, "Rhoban/bam, xl330, model m1"),
+    }
+    rigid = _description("servo_driven", "rotary", {"inertia": inertia}, has_input=False)
+    hanging = {"inertia": inertia + ARMATURE_KG_M2, "weight": weight_nm, "gain": 1.0}
+    free = _description("servo_falling", "rotary", hanging, has_input=True, imposed=False)
+    return [
+        Machine("servo, driven", ("gravity",), ("stiffening", "contact"), rigid, driven, by_mass, 0.1),
+        Machine("servo, falling", ("coulomb_friction", "viscous_friction"), DECOYS, free, falling, friction, 0.1),
+    ]
 
 
-def _description(name: str, motion: str, numbers: dict[str, float], *, has_input: bool) -> dict[str, Any]:
-    columns = {key: {"column": key} for key in ("time", "position", "force", *(("input",) if has_input else ()))}
-    base = {"schema": 1, "name": name.replace("-", "_").lower(), "motion": motion, "imposed": True}
+def _description(
+    name: str, motion: str, numbers: dict[str, float], *, has_input: bool, imposed: bool = True
+) -> dict[str, Any]:
+    names = ("time", "position", *(("force",) if imposed else ()), *(("input",) if has_input else ()))
+    columns = {key: {"column": key} for key in names}
+    base = {"schema": 1, "name": name.replace("-", "_").lower(), "motion": motion, "imposed": imposed}
     return base | {"stiffness": 0.0, "damping": 0.0, **numbers, "columns": columns}
 
 
 def examine(machine: Machine, out: Path, command: list[str]) -> dict[str, Any]:
-    """Diagnose one machine and fit the baselines; errors in N or N m."""
-    folder = out / machine.name.replace(" ", "_")
+    """Diagnose one machine and fit the baselines; errors of the force (N, N m) or of the position (deg)."""
+    folder = out / machine.name.replace(",", "").replace(" ", "_")
     folder.mkdir(parents=True, exist_ok=True)
     description = folder / "machine.yaml"
     description.write_text(yaml.safe_dump(machine.description, sort_keys=False), encoding="utf-8")
@@ -100,15 +130,20 @@ def examine(machine: Machine, out: Path, command: list[str]) -> dict[str, Any]:
     for name, columns in machine.recordings.items():
         paths.append(folder / f"{name}.npz")
         np.savez(paths[-1], **columns)  # type: ignore[arg-type]
-    options = ["--machine", str(description), "--out", str(folder), "--tolerance", "0.3", "--json"]
+    options = ["--machine", str(description), "--out", str(folder), "--tolerance", str(machine.tolerance), "--json"]
     done = subprocess.run(
         [*command, "diagnose", *map(str, paths), *options], capture_output=True, text=True, check=False
     )
     if done.returncode != 0:
         raise RuntimeError(f"{machine.name}: {done.stderr.strip().splitlines()[-1]}")
     report = json.loads(done.stdout)
-    held = next(f for f in report["fit"] if f["split"] == "held_out" and f["signal"] == "force")
-    names = [finding["effect"] for finding in report["findings"]]
+    imposed = machine.description["imposed"]
+    signal = "force" if imposed else "angle"
+    held = next(f for f in report["fit"] if f["split"] == "held_out" and f["signal"] == signal)
+    numbers = {key: number for finding in report["findings"] for key, number in finding["parameters"].items()}
+    told = [finding["effect"] for finding in report["findings"]]
+    # An `unknown` has the numbers of effects that explain a part of it.
+    parts = [name for name in (key.partition(".")[0] for key in numbers) if name not in told]
     return {
         "machine": machine.name,
         "recordings": len(paths),
@@ -118,69 +153,15 @@ def examine(machine: Machine, out: Path, command: list[str]) -> dict[str, Any]:
         ],
         "rivals": sorted({a["effect"] for f in report["findings"] for a in f["alternatives"]}),
         "known": list(machine.known),
-        "found": [name for name in machine.known if name in names],
-        "decoys_taken": [name for name in machine.decoys if name in names],
+        "found": [name for name in machine.known if name in told],
+        "found_in_part": [name for name in machine.known if name in parts],
+        "decoys_taken": [name for name in machine.decoys if name in (*told, *parts)],
+        "published": [
+            {"key": key, "published": value, "source": source, "ours": numbers.get(key)}
+            for key, (value, source) in machine.published.items()
+        ],
         "unit": held["unit"],
         "before": held["rmse_before"],
         "after": held["rmse_after"],
-        "baselines": baselines(machine),
+        "baselines": (imposed_baselines if imposed else moved_baselines)(machine.description, machine.recordings),
     }
-
-
-def baselines(machine: Machine) -> dict[str, dict[str, float]]:
-    """Train and held-out RMSE of six friction models and of a sparse regression, on the same blocks."""
-    parts = [_features(machine, columns) for columns in machine.recordings.values()]
-    rest, v, p, x, train = (np.concatenate([part[k] for part in parts]) for k in range(5))
-    keep = train > 0.5
-    speed = float(np.std(v))
-    sign, one = np.tanh(v / (0.02 * speed)), np.ones(len(v))
-    stribeck = sign * np.exp(-((v / (0.1 * speed)) ** 2))
-    gravity = [np.sin(x), np.cos(x)] if machine.description["motion"] == "rotary" else []
-    models = {
-        "viscous": [v],
-        "Coulomb": [sign],
-        "Coulomb, viscous": [sign, v],
-        "Coulomb, viscous, Stribeck": [sign, v, stribeck],
-        "Coulomb, viscous, load": [sign, v, sign * p],
-        "Coulomb, viscous, Stribeck, load, quadratic": [sign, v, stribeck, sign * p, stribeck * p, v * np.abs(v)],
-    }
-    errors = {}
-    for name, columns in models.items():
-        a = np.column_stack([one, *gravity, *columns])
-        left = rest - a @ np.linalg.lstsq(a[keep], rest[keep], rcond=None)[0]
-        errors[name] = _errors(left, keep)
-    errors["SINDy discrepancy"] = _errors(rest - _sparse(np.column_stack([x, v, p, sign]), rest, keep), keep)
-    return errors
-
-
-def _errors(left: Array, keep: NDArray[np.bool_]) -> dict[str, float]:
-    train, held = (float(np.sqrt(np.mean(left[part] ** 2))) for part in (keep, ~keep))
-    return {"train": train, "held_out": held}
-
-
-def _features(machine: Machine, columns: dict[str, Array]) -> tuple[Array, Array, Array, Array, Array]:
-    """What the nominal model leaves of the force, speed, input [bar], position, and 1 for training samples."""
-    t, x = columns["time"], columns["position"]
-    period = float(np.median(np.diff(t)))
-    span = max(2 * round(0.06 / period) + 1, 5)
-    v, a = (savgol_filter(x, span, 3, deriv=k, delta=period) for k in (1, 2))
-    gain = machine.description.get("gain", 0.0)
-    rest = columns["force"] - gain * columns["input"] + machine.description["inertia"] * a
-    block = ((t - t[0]) / BLOCK_S).astype(int)
-    # The tool's own choice: one of every three, drawn alike.
-    drawn = np.random.default_rng(HELD_OUT_EVERY).integers(HELD_OUT_EVERY, size=block[-1] // HELD_OUT_EVERY + 1)
-    train = block % HELD_OUT_EVERY != drawn[block // HELD_OUT_EVERY]
-    return rest, v, columns["input"] / BAR_PA, x, train.astype(float)
-
-
-def _sparse(states: Array, rest: Array, keep: NDArray[np.bool_]) -> Array:
-    """Sparse regression of the discrepancy over cubic monomials of the states, by PySINDy."""
-    import pysindy  # noqa: PLC0415 - slow to load, and only here
-
-    scale = np.maximum(states[keep].std(axis=0), 1e-12)
-    library = pysindy.PolynomialLibrary(degree=3)
-    features = np.asarray(library.fit_transform(states / scale), dtype=np.float64)
-    optimizer = pysindy.STLSQ(threshold=0.05 * float(np.std(rest[keep])), alpha=1e-3, normalize_columns=False)
-    optimizer.fit(features[keep], rest[keep][:, None])
-    predicted: Array = (features @ np.asarray(optimizer.coef_, dtype=np.float64).T)[:, 0]
-    return predicted

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from hand_diagnosis.correction import Correction, _library
 from hand_diagnosis.diagnose import diagnose
 from hand_diagnosis.findings import joint_findings
 from hand_diagnosis.report import schema
@@ -75,26 +76,104 @@ def test_seal_friction_of_a_cylinder(tmp_path: Path) -> None:
     assert total == pytest.approx(8.0, rel=0.1)
 
 
-def test_friction_of_a_driven_arm(tmp_path: Path) -> None:
-    """Fails when an axis that is moved by its input is not simulated in its own inertia, damping and stiffness."""
+def driven_arm(shaken_nm: float) -> np.ndarray:
+    """Time, goal and angle of an arm with friction, shaken by a torque at 1.7 Hz."""
     rng = np.random.default_rng(3)
     period, steps = 0.005, 10
     time = np.arange(0.0, 40.0, period)
     goal = np.interp(time, np.arange(0, 45, 1.5), rng.uniform(-0.8, 0.8, 30))
     angle, speed, angles = 0.0, 0.0, []
-    for target in goal:
+    for now, target in zip(time, goal, strict=True):
         angles.append(angle)
         for _ in range(steps):  # fine Euler steps with a steep sign: no code shared with the tool
-            torque = 2.0 * (target - angle) - 0.05 * speed - 0.12 * np.tanh(speed / 2e-3)
+            torque = (
+                shaken_nm * np.sin(2 * np.pi * 1.7 * now)
+                + 2.0 * (target - angle)
+                - 0.05 * speed
+                - 0.12 * np.tanh(speed / 2e-3)
+            )
             speed += period / steps * torque / 0.005
             angle += period / steps * speed
     noisy = np.array(angles) + 5e-4 * rng.standard_normal(len(angles))
-    content = run(tmp_path, PENDULUM, np.column_stack([time, goal, noisy]), "t,goal,angle")
+    return np.column_stack([time, goal, noisy])
+
+
+def test_friction_of_a_driven_arm(tmp_path: Path) -> None:
+    """Fails when an axis that is moved by its input is not simulated in its own inertia, damping and stiffness."""
+    content = run(tmp_path, PENDULUM, driven_arm(0.0), "t,goal,angle")
     first = content["findings"][0]  # type: ignore[index]
     assert first["effect"] == "coulomb_friction"
     number = first["parameters"]["coulomb_friction.torque_nm"]
     assert number["unit"] == "N m"
     assert number["value"] == pytest.approx(0.12, rel=0.15)
+
+
+SWINGING = """
+schema: 1
+name: pendulum
+motion: rotary
+gain: 1.0
+damping: 0.003
+inertia: 0.006
+weight: 0.5
+columns:
+  time: {column: t}
+  input: {column: idle}
+  position: {column: angle}
+"""
+
+
+def swings() -> np.ndarray:
+    """Time, idle input and angle of a pendulum that is recorded in mid-swing."""
+    rng = np.random.default_rng(4)
+    period, steps = 0.005, 20
+    time = np.arange(0.0, 10.0, period)
+    angle, speed, angles = 0.7, -3.0, []
+    for _ in time:
+        angles.append(angle)
+        for _ in range(steps):
+            torque = -0.5 * np.sin(angle) - 0.012 * np.tanh(speed / 5e-3) - 0.003 * speed
+            speed += period / steps * torque / 0.006
+            angle += period / steps * speed
+    noisy = np.array(angles) + 4e-4 * rng.standard_normal(len(angles))
+    return np.column_stack([time, np.zeros(len(time)), noisy])
+
+
+def test_a_falling_pendulum_loses_to_friction(tmp_path: Path) -> None:
+    """Fails when weight, an idle input or a start in mid-swing is not handled."""
+    content = run(tmp_path, SWINGING, swings(), "t,idle,angle")
+    first = content["findings"][0]  # type: ignore[index]
+    assert first["effect"] == "coulomb_friction"
+    assert first["parameters"]["coulomb_friction.torque_nm"]["value"] == pytest.approx(0.012, rel=0.1)
+    inertia = [row for row in content["parameter_changes"] if row["parameter"] == "dynamics.inertia_kg_m2"]  # type: ignore[attr-defined]
+    assert all(row["nominal"] == pytest.approx(0.006) for row in inertia)  # in the machine's own units
+
+
+def test_a_part_that_is_known_stands_beside_the_unknown(tmp_path: Path) -> None:
+    """Fails when an `unknown` hides what the model holds of it, or speaks of it in a finger's units."""
+    content = run(tmp_path, PENDULUM, driven_arm(shaken_nm=0.025), "t,goal,angle")
+    first = content["findings"][0]  # type: ignore[index]
+    assert first["effect"] == "unknown"
+    assert first["parameters"]["coulomb_friction.torque_nm"]["value"] == pytest.approx(0.12, rel=0.1)
+    assert "The model holds a part of it: Coulomb friction of 0." in first["statement"]
+    assert first["probability"] + sum(one["probability"] for one in first["alternatives"]) <= 1.0
+    held = next(row for row in content["fit"] if row["split"] == "held_out" and row["signal"] == "angle")  # type: ignore[attr-defined]
+    assert f"to {held['rmse_after']:.3g} deg" in first["statement"]
+
+
+def test_a_correction_in_other_units_is_the_same_curve() -> None:
+    """Fails when a term is scaled by another power of its states than it has."""
+    rng = np.random.default_rng(5)
+    angle, pressure_bar, speed = rng.uniform(0.1, 2.0, (3, 7))
+    library = _library(angle, pressure_bar, speed)
+    terms = tuple((name, float(w)) for (name, _), w in zip(library, rng.standard_normal(len(library)), strict=True))
+    own = Correction("deg", terms, 0.5).scaled("mm", 20.0, 0.1, 3.0)
+    scaled = dict(_library(0.1 * angle, 3.0 * pressure_bar, 0.1 * speed))
+    steep = {name: np.sign(value) for name, value in library if "sign" in name}  # the direction is no size
+    scaled |= {name: value * (3.0 * pressure_bar if name.startswith("p ") else 1.0) for name, value in steep.items()}
+    plain = dict(library) | {n: v * (pressure_bar if n.startswith("p ") else 1.0) for n, v in steep.items()}
+    want = 20.0 * sum(weight * plain[name] for name, weight in terms)
+    np.testing.assert_allclose(sum(weight * scaled[name] for name, weight in own.terms), want, rtol=1e-12)
 
 
 def test_two_effects_on_one_joint(hand: Hand) -> None:

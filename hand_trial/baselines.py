@@ -1,0 +1,171 @@
+"""What else one would fit to a machine's recordings: six fixed friction models and a sparse regression.
+
+The six are fitted by least squares on the tool's own training blocks and judged on its held-out blocks; the best there
+is taken (as BAM compares its models; Duclusaud et al. 2025). The sparse regression is one of the discrepancy (SINDy;
+Brunton, Proctor, Kutz 2016). Where the motion was imposed they predict the force; else they are simulated, and predict
+the position.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.signal import savgol_filter
+
+Array = NDArray[np.float64]
+Recordings = Mapping[str, dict[str, Array]]
+Errors = dict[str, dict[str, float]]
+BLOCK_S, HELD_OUT_EVERY = 1.25, 3
+BAR_PA = 1e5
+STEPS, STANDSTILL = 8, 0.02
+"""Of the simulation: per sample; and the speed [rad/s] around which friction turns."""
+FRICTIONS = {
+    "viscous": (1,),
+    "Coulomb": (0,),
+    "Coulomb, viscous": (0, 1),
+    "Coulomb, viscous, Stribeck": (0, 1, 2),
+    "Coulomb, viscous, load": (0, 1, 3),
+    "Coulomb, viscous, Stribeck, load, quadratic": (0, 1, 2, 3, 4),
+}
+"""Of Coulomb, viscous, Stribeck, load, quadratic."""
+
+
+def imposed_baselines(description: Mapping[str, Any], recordings: Recordings) -> Errors:
+    """Train and held-out RMSE of the force, of six friction models and of a sparse regression."""
+    parts = [_features(description, columns) for columns in recordings.values()]
+    rest, v, p, x, train = (np.concatenate([part[k] for part in parts]) for k in range(5))
+    keep = train > 0.5
+    speed = float(np.std(v))
+    sign, one = np.tanh(v / (0.02 * speed)), np.ones(len(v))
+    stribeck = sign * np.exp(-((v / (0.1 * speed)) ** 2))
+    gravity = [np.sin(x), np.cos(x)] if description["motion"] == "rotary" else []
+    models = {
+        "viscous": [v],
+        "Coulomb": [sign],
+        "Coulomb, viscous": [sign, v],
+        "Coulomb, viscous, Stribeck": [sign, v, stribeck],
+        "Coulomb, viscous, load": [sign, v, sign * p],
+        "Coulomb, viscous, Stribeck, load, quadratic": [sign, v, stribeck, sign * p, stribeck * p, v * np.abs(v)],
+    }
+    errors = {}
+    for name, columns in models.items():
+        a = np.column_stack([one, *gravity, *columns])
+        left = rest - a @ np.linalg.lstsq(a[keep], rest[keep], rcond=None)[0]
+        errors[name] = _errors(left, keep)
+    errors["SINDy discrepancy"] = _errors(rest - _sparse(np.column_stack([x, v, p, sign]), rest, keep), keep)
+    return errors
+
+
+def _errors(left: Array, keep: NDArray[np.bool_]) -> dict[str, float]:
+    train, held = (float(np.sqrt(np.mean(left[part] ** 2))) for part in (keep, ~keep))
+    return {"train": train, "held_out": held}
+
+
+def _features(description: Mapping[str, Any], columns: dict[str, Array]) -> tuple[Array, Array, Array, Array, Array]:
+    """What the nominal model leaves of the force, speed, input [bar], position, and 1 for training samples."""
+    t, x = columns["time"], columns["position"]
+    period = float(np.median(np.diff(t)))
+    span = max(2 * round(0.06 / period) + 1, 5)
+    v, a = (savgol_filter(x, span, 3, deriv=k, delta=period) for k in (1, 2))
+    given = columns.get("input", np.zeros(len(t)))
+    modelled = description.get("gain", 0.0) * given - description["inertia"] * a
+    modelled = modelled - description["stiffness"] * x - description.get("weight", 0.0) * np.sin(x)
+    return columns.get("force", 0.0) - modelled, v, given / BAR_PA, x, _train(t).astype(float)
+
+
+def _train(t: Array) -> NDArray[np.bool_]:
+    """The tool's own choice of blocks: one of every three is held out, drawn alike."""
+    block = ((t - t[0]) / BLOCK_S).astype(int)
+    drawn = np.random.default_rng(HELD_OUT_EVERY).integers(HELD_OUT_EVERY, size=block[-1] // HELD_OUT_EVERY + 1)
+    return np.asarray(block % HELD_OUT_EVERY != drawn[block // HELD_OUT_EVERY])
+
+
+def _sparse(states: Array, rest: Array, keep: NDArray[np.bool_]) -> Array:
+    """What a sparse regression of the discrepancy over cubic monomials of the states predicts."""
+    return _sparse_model(states, rest, keep)(states)
+
+
+def _sparse_model(states: Array, rest: Array, keep: NDArray[np.bool_]) -> Callable[[Array], Array]:
+    import pysindy  # noqa: PLC0415 - slow to load, and only here
+
+    scale = np.maximum(states[keep].std(axis=0), 1e-12)
+    library = pysindy.PolynomialLibrary(degree=3)
+    features = np.asarray(library.fit_transform(states / scale), dtype=np.float64)
+    optimizer = pysindy.STLSQ(threshold=0.05 * float(np.std(rest[keep])), alpha=1e-3, normalize_columns=False)
+    optimizer.fit(features[keep], rest[keep][:, None])
+    weights = np.asarray(optimizer.coef_, dtype=np.float64)[0]
+
+    def predict(x: Array) -> Array:
+        return np.asarray(np.asarray(library.transform(x / scale), dtype=np.float64) @ weights)
+
+    return predict
+
+
+def moved_baselines(description: Mapping[str, Any], recordings: Recordings) -> Errors:
+    """Train and held-out RMSE of the angle [deg] of a hanging axis without input: the models simulated, gravity in all.
+
+    Beside friction they fit weight, attitude and each recording's first speed; inertia is the nominal one.
+    """
+    inertia, weight = float(description["inertia"]), float(description["weight"])
+    parts = [_features(description, columns) for columns in recordings.values()]
+    rest, v, _, x, train = (np.concatenate([part[k] for part in parts]) for k in range(5))
+    keep, lengths = train > 0.5, np.array([len(part[0]) for part in parts])
+    starts = np.concatenate([[0], np.cumsum(lengths)[:-1]])
+    period = float(np.median(np.diff(next(iter(recordings.values()))["time"])))
+    errors = {}
+    for name, chosen in FRICTIONS.items():
+
+        def left(z: Array, chosen: tuple[int, ...] = chosen) -> Array:
+            friction = np.zeros(5)
+            friction[list(chosen)] = np.abs(z[: len(chosen)])
+            share, attitude, *speeds = z[len(chosen) :]
+            swung: Array = _swing(
+                x, starts, lengths, np.array(speeds), weight * share, attitude, friction, inertia, period
+            )
+            return np.asarray(swung - x)
+
+        begin = np.concatenate([np.full(len(chosen), 0.005), [1.0, 0.0], v[starts]])
+        fit = least_squares(lambda z, left=left: left(z)[keep], begin, x_scale=np.maximum(np.abs(begin), 0.01))
+        errors[name] = _errors(np.degrees(left(fit.x)), keep)
+    correct = _sparse_model(np.column_stack([x, v, np.tanh(v / STANDSTILL)]), rest, keep)
+    simulated = np.concatenate(
+        [_corrected(x[at], v[at], n, correct, inertia, weight, period) for at, n in zip(starts, lengths, strict=True)]
+    )
+    errors["SINDy discrepancy"] = _errors(np.degrees(simulated - x), keep)
+    return errors
+
+
+@njit(cache=True)
+def _swing(x, starts, lengths, speeds, weight, attitude, friction, inertia, period):  # type: ignore[no-untyped-def]
+    """Angles (samples,) of a pendulum from each recording's first sample; semi-implicit Euler."""
+    out, h = np.empty(len(x)), period / STEPS
+    coulomb, viscous, stribeck, load, quadratic = friction
+    for k in range(len(starts)):
+        angle, speed = x[starts[k]], speeds[k]
+        for n in range(lengths[k]):
+            out[starts[k] + n] = angle
+            for _ in range(STEPS):
+                pull = weight * np.sin(angle + attitude)
+                dry = coulomb + load * abs(pull) + stribeck * np.exp(-((speed / 0.2) ** 2))
+                wet = viscous + quadratic * abs(speed)
+                speed += h * (-pull - wet * speed - dry * np.tanh(speed / STANDSTILL)) / inertia
+                angle += h * speed
+    return out
+
+
+def _corrected(
+    angle: float, speed: float, samples: int, correct: Callable[[Array], Array], inertia: float, weight: float, h: float
+) -> Array:
+    """Angles (samples,) of the nominal model with a regression's torque beside it."""
+    out = np.empty(samples)
+    for n in range(samples):
+        out[n] = angle
+        state = np.clip([angle, speed, np.tanh(speed / STANDSTILL)], -20.0, 20.0)  # a polynomial may run away
+        speed += h * float(-weight * np.sin(angle) + correct(state[None])[0]) / inertia
+        angle = float(np.clip(angle + h * speed, -20.0, 20.0))
+    return out
