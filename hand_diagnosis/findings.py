@@ -95,7 +95,7 @@ def joint_findings(joint: str, search: JointSearch, results: Sequence[StageResul
 def unknown_finding(
     joint: str, search: JointSearch, result: StageResult, structure: Structure, correction: Correction
 ) -> Finding:
-    """Something is there that no effect explains; numbers: of effects that explain a part, and that the model holds."""
+    """Something is there that no effect explains; numbers: of effects that explain a part of it."""
     scale = SHOWN[result.stage]
     rest = Unexplained(
         scale * result.excess_after, UNITS[result.stage], structure, scale * structure.direction, correction
@@ -124,7 +124,7 @@ def unknown_statement(joint: str, rest: Unexplained, parts: Sequence[str], error
     """In words. parts: what the catalogue says of effects that explain a part.  errors: before and after them."""
     structure, unit = rest.structure, rest.unit
     memory = "changes slowly" if structure.frequency_hz < 0.2 else f"around {structure.frequency_hz:.1f} Hz"
-    held = f" The model holds a part of it: {'; '.join(parts)}; the error falls from {errors}." if parts else ""
+    held = f" A part of it may be: {'; '.join(parts)}; with that the error falls from {errors}." if parts else ""
     return (
         f"{joint}: {rest.size:.3g} {unit} RMS of the {structure.signal} on held-out data is more than noise and fits no"
         f" effect of the catalogue; it depends most on {structure.state}"

@@ -87,7 +87,7 @@ def _joint(one: JointDiagnosis, picture: bytes, content: dict[str, Any], units: 
         evidence = f"<table>{head}{rivals}</table>"
     numbers = "".join(
         f"<tr><td>{html.escape(key)}</td><td>{p['value']:.4g}</td><td>{p['std']:.2g}</td><td>{html.escape(p['unit'])}</td>"
-        f"<td>{'' if p['determined'] else 'not determined by these data'}</td></tr>"
+        f"<td>{_remark(f['effect'], p['determined'])}</td></tr>"
         for f in content["findings"]
         if f["joint"] == one.joint
         for key, p in f["parameters"].items()
@@ -98,6 +98,12 @@ def _joint(one: JointDiagnosis, picture: bytes, content: dict[str, Any], units: 
         f"<section><h2>{html.escape(one.joint)}</h2><img alt='measured and simulated {html.escape(one.joint)}'"
         f" src='data:image/png;base64,{data}'>{table}<details><summary>Evidence</summary>{evidence}</details></section>"
     )
+
+
+def _remark(effect: str, determined: bool) -> str:
+    if effect == "unknown":
+        return "explains a part, not claimed"
+    return "" if determined else "not determined by these data"
 
 
 def _fall(one: JointDiagnosis, hypothesis: Any, units: Units) -> str:

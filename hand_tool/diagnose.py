@@ -114,6 +114,7 @@ def _machine(
     effects = {
         key: {"value": number["value"], "unit": number["unit"]}
         for finding in content["findings"]
+        if finding["effect"] != "unknown"
         for key, number in finding["parameters"].items()
     }
     (out / "model.yaml").write_text(yaml.safe_dump({"machine": loaded.name, "effects": effects}), encoding="utf-8")

@@ -150,12 +150,12 @@ def test_a_falling_pendulum_loses_to_friction(tmp_path: Path) -> None:
 
 
 def test_a_part_that_is_known_stands_beside_the_unknown(tmp_path: Path) -> None:
-    """Fails when an `unknown` hides what the model holds of it, or speaks of it in a finger's units."""
+    """Fails when an `unknown` hides what explains a part of it, or speaks of it in a finger's units."""
     content = run(tmp_path, PENDULUM, driven_arm(shaken_nm=0.025), "t,goal,angle")
     first = content["findings"][0]  # type: ignore[index]
     assert first["effect"] == "unknown"
     assert first["parameters"]["coulomb_friction.torque_nm"]["value"] == pytest.approx(0.12, rel=0.1)
-    assert "The model holds a part of it: Coulomb friction of 0." in first["statement"]
+    assert "A part of it may be: Coulomb friction of 0." in first["statement"]
     assert first["probability"] + sum(one["probability"] for one in first["alternatives"]) <= 1.0
     held = next(row for row in content["fit"] if row["split"] == "held_out" and row["signal"] == "angle")  # type: ignore[attr-defined]
     assert f"to {held['rmse_after']:.3g} deg" in first["statement"]
