@@ -24,6 +24,8 @@ BLOCK_S, HELD_OUT_EVERY = 1.25, 3
 BAR_PA = 1e5
 STEPS, STANDSTILL = 8, 0.02
 """Of the simulation: per sample; and the speed [rad/s] around which friction turns."""
+STARTS = (0.002, 0.006, 0.02, 0.06)
+"""Of each friction, in weights: swings that are out of step have local minima."""
 FRICTIONS = {
     "viscous": (1,),
     "Coulomb": (0,),
@@ -117,7 +119,7 @@ def moved_baselines(description: Mapping[str, Any], recordings: Recordings) -> E
     keep, lengths = train > 0.5, np.array([len(part[0]) for part in parts])
     starts = np.concatenate([[0], np.cumsum(lengths)[:-1]])
     period = float(np.median(np.diff(next(iter(recordings.values()))["time"])))
-    errors = {}
+    errors, simpler = {}, np.full(5, 1e-4 * weight)
     for name, chosen in FRICTIONS.items():
 
         def left(z: Array, chosen: tuple[int, ...] = chosen) -> Array:
@@ -129,9 +131,14 @@ def moved_baselines(description: Mapping[str, Any], recordings: Recordings) -> E
             )
             return np.asarray(swung - x)
 
-        begin = np.concatenate([np.full(len(chosen), 0.005), [1.0, 0.0], v[starts]])
-        fit = least_squares(lambda z, left=left: left(z)[keep], begin, x_scale=np.maximum(np.abs(begin), 0.01))
-        errors[name] = _errors(np.degrees(left(fit.x)), keep)
+        fits = []
+        for guess in [*(np.full(5, share * weight) for share in STARTS), simpler]:
+            begin = np.concatenate([guess[list(chosen)], [1.0, 0.0], v[starts]])
+            size = np.maximum(np.abs(begin), 0.01)
+            fits.append(least_squares(lambda z, left=left: left(z)[keep], begin, x_scale=size))
+        best = min(fits, key=lambda fit: fit.cost).x
+        simpler[list(chosen)] = np.abs(best[: len(chosen)])
+        errors[name] = _errors(np.degrees(left(best)), keep)
     correct = _sparse_model(np.column_stack([x, v, np.tanh(v / STANDSTILL)]), rest, keep)
     simulated = np.concatenate(
         [_corrected(x[at], v[at], n, correct, inertia, weight, period) for at, n in zip(starts, lengths, strict=True)]
