@@ -273,11 +273,15 @@ def _starts(problem: JointProblem, current: MapFit, screened: Screened, moves: S
         for share in SHARES:
             start = [_coordinate(move, probe, share, columns[0], here, shape) for move in moves]
             released = [
-                0.0 if move.row not in own and move.row < len(PLANT_PARAMETERS) and not move.log else z
-                for move, z in zip(moves, start, strict=True)
+                0.0 if move.row not in own and _expected(move) else z for move, z in zip(moves, start, strict=True)
             ]
             starts += [start, released]
     return starts
+
+
+def _expected(move: Move) -> bool:
+    """Whether it has an expected value to be released to: nominal numbers and first speeds."""
+    return not move.log and (move.row < len(PLANT_PARAMETERS) or move.row > START_CREEP)
 
 
 def _coordinate(

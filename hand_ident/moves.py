@@ -110,12 +110,12 @@ def nominal_moves(nominal: Array, tolerance: float, rested: bool) -> list[Move]:
 
 def speed_moves(speeds: Sequence[float]) -> list[Move]:
     """Of the first speeds [rad/s] of recordings that begin in motion: estimates, 0 where there is none."""
-    wide = math.inf
-    return [
-        Move(START_CREEP + 1 + index, speed, 0.05 + 0.03 * abs(speed), False, -wide, wide)
-        for index, speed in enumerate(speeds)
-        if speed != 0.0
-    ]
+    moves = []
+    for index, speed in enumerate(speeds):
+        scale = 0.05 + 0.01 * abs(speed)
+        low, high = speed - FARTHEST * scale, speed + FARTHEST * scale
+        moves += [Move(START_CREEP + 1 + index, speed, scale, False, low, high)] if speed != 0.0 else []
+    return moves
 
 
 def effect_moves(effect: Effect, nominal: Array) -> list[Move]:

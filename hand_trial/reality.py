@@ -23,8 +23,8 @@ TORQUE_NM_PER_V, BACK_EMF_V_S, ARMATURE_KG_M2 = 0.3867 / 4.017, 0.3867, 0.0018
 """Of the servo's motor: what its authors publish (Rhoban/bam, bam/params/xl330/m1.json)."""
 DUTY_PER_RAD = 4096.0 / (2.0 * np.pi) / (256.0 * 885.0)
 """Of the servo's controller, per unit of its gain (Rhoban/bam, bam/dynamixel/actuator.py)."""
-SWITCHED_OFF_S = 0.05
-"""Left out after the log says that the motor is off: until it is."""
+SWITCHED_OFF_S = 0.45
+"""Left out after the log says that the motor is off: the first half swing loses energy as no later one does."""
 DECOYS = ("stiffening", "hysteresis", "contact")
 DRIVEN_KP = 100
 """Of the recordings whose motor is driven: at higher gains the controller's law is less certain, say its authors."""

@@ -72,7 +72,7 @@ def test_the_servos_logs_are_two_machines(tmp_path: Path) -> None:
     volts = 7.4 * 100 * 4096 / (2 * np.pi) / (256 * 885) * (0.9 - 0.4)
     assert driven.recordings["servo_100_sin"]["force"][0] == pytest.approx(-0.3867 / 4.017 * (volts - 0.3867 * 0.5))
     (fall,) = falling.recordings.values()
-    assert fall["time"][0] == pytest.approx(2.05)
+    assert fall["time"][0] == pytest.approx(2.45)
     assert fall["position"][-1] == 0.0
     assert falling.published["coulomb_friction.torque_nm"][0] == 0.0128
     assert falling.description["weight"] == pytest.approx(0.5 * 9.80665 * 0.1)
