@@ -14,7 +14,7 @@ from hand_diagnosis.findings import Finding, joint_findings, unknown_finding
 from hand_diagnosis.isolability import Isolability, isolability
 from hand_diagnosis.partners import fits_better, model_accelerations, put_partner
 from hand_diagnosis.repeatability import floors
-from hand_diagnosis.search import JointSearch, search_joint
+from hand_diagnosis.search import JointSearch, rough_evidence, search_joint
 from hand_diagnosis.task import Task, rested
 from hand_diagnosis.verdict import StageResult, describe, stage_results
 from hand_ident.hand_signals import without_sensor_curve
@@ -36,6 +36,8 @@ EXCITED_PA = 1e4
 CURVE_JOINTS = 5
 SHARED_JOINTS = 0.5
 """Share of the joints that must show an effect of the whole hand."""
+CURVE_UNSURE = 0.1
+"""Of the logarithm of the cost's ratio: closer than this, the nominal model alone cannot tell."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +87,7 @@ def diagnose(
     reruns = [_usable(one) for one in again]
     wanted = _joints(signals, hand, joints, unusable)
     if sensor_curve is None:  # of all joints that move, also those that are not asked for: they vote
-        sensor_curve = _reads_through_curve(signals, hand, _joints(signals, hand, (), unusable), tolerance)
+        sensor_curve = _reads_through_curve(signals, hand, _joints(signals, hand, (), unusable), tolerance, effects)
     if sensor_curve:
         signals = [without_sensor_curve(one, hand) for one in signals]
         reruns = [without_sensor_curve(one, hand) for one in reruns]
@@ -140,10 +142,13 @@ def _still(checked: Checked, wanted: Sequence[str], asked: Sequence[str]) -> lis
     return [f"{one.name}: {', '.join(still)} too little motion to judge"] if still else []
 
 
-def _reads_through_curve(signals: Sequence[Signals], hand: Hand, joints: Sequence[str], tolerance: float) -> bool:
+def _reads_through_curve(
+    signals: Sequence[Signals], hand: Hand, joints: Sequence[str], tolerance: float, effects: Sequence[Effect]
+) -> bool:
     """Whether the angles of most joints fit the model better once the described sensors' own error is taken back.
 
-    Each joint has one vote: a joint with an effect must not decide for those without.
+    Each joint has one vote: a joint with an effect must not decide for those without. Where effects hide the sensors'
+    error in most, as in a recording of one joint that misses something, the best effect of each is fitted first.
     """
     if not joints:
         return False
@@ -157,7 +162,15 @@ def _reads_through_curve(signals: Sequence[Signals], hand: Hand, joints: Sequenc
             moves = nominal_moves(problem.nominal, tolerance, rested(signals, joint))
             costs.append(map_fit(problem, moves, np.zeros(len(moves)), 3).cost)
         gains.append(float(np.log(max(costs[0], 1e-12) / max(costs[1], 1e-12))))  # no usable sample costs nothing
-    return bool(np.median(gains) > 0.0)
+    if abs(np.median(gains)) > CURVE_UNSURE:
+        return bool(np.median(gains) > 0.0)
+    gained = 0.0
+    for candidate, sign in ((signals, -1.0), (straight, 1.0)):
+        for joint in chosen:
+            problem = joint_problem(candidate, hand, joint)
+            moves = nominal_moves(problem.nominal, tolerance, rested(signals, joint))
+            gained += sign * rough_evidence(problem, effects, moves, np.random.default_rng(0))
+    return gained > 0.0
 
 
 def _diagnose_joint(

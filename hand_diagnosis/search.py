@@ -165,6 +165,15 @@ def search_joint(
     return found
 
 
+def rough_evidence(
+    problem: JointProblem, effects: Sequence[Effect], base: Sequence[Move], rng: np.random.Generator
+) -> float:
+    """Log evidence of the best model with one effect at most, fitted roughly."""
+    nominal = map_fit(problem, base, np.zeros(len(base)), 8)
+    fits = [_fit(problem, nominal, one, HEATS[0], rng) for one in _promising(problem, nominal, effects)]
+    return max([log_evidence(problem, nominal), *(one.log_evidence for one in fits)])
+
+
 def _driven_anew(found: JointSearch, current: MapFit) -> tuple[MapFit, float]:
     """The current model and its evidence, the joint driven by the pressure that a now better valve's model gives.
 

@@ -118,6 +118,21 @@ def test_a_table_gives_the_same_finding(rubbing: Path, tmp_path: Path) -> None:
     assert any(a["effect"] == "coulomb_friction" for f in content["findings"] for a in [f, *f["alternatives"]])
 
 
+def test_one_joint_alone_tells_its_sensors_curve_from_friction(tmp_path: Path) -> None:
+    """Fails when friction hides the sensor's curve, which then passes for a stiffening and an obstacle."""
+    hand = load_hand(CONFIG)
+    truth = changed(hand, "index_proximal", coulomb_friction__torque_nm=0.012)
+    j = hand.joints.index("index_proximal")
+    set_point = excitation(np.random.default_rng(6), 40.0, 11) * (np.arange(11) == j)
+    for _ in record_offline(truth, set_point, tmp_path / "one.mcap", seed=3):
+        pass
+    result = hand_tool("diagnose", str(tmp_path / "one.mcap"), "--model", str(CONFIG), "--out", str(tmp_path), "--json")
+    assert result.exit_code == 0, result.output
+    content = json.loads(result.output)
+    assert content["sensor_curve"] is True
+    assert [finding["effect"] for finding in content["findings"]] == ["coulomb_friction"]
+
+
 BAD = {
     "no file": (("nowhere.mcap",), "nowhere.mcap"),
     "empty": (("empty.mcap",), "empty.mcap"),
