@@ -19,8 +19,9 @@ from hand_diagnosis.task import Task, rested
 from hand_diagnosis.verdict import StageResult, describe, stage_results
 from hand_ident.hand_signals import without_sensor_curve
 from hand_ident.joint_data import joint_problem
+from hand_ident.joint_problem import JointProblem
 from hand_ident.map_fit import map_fit
-from hand_ident.moves import FARTHEST, WIDE, nominal_moves
+from hand_ident.moves import FARTHEST, WIDE, Move, nominal_moves
 from hand_ident.signals import Signals
 from hand_model.description import Hand
 from hand_model.effects import CATALOGUE, EFFECTS
@@ -158,8 +159,7 @@ def _reads_through_curve(
     for joint in chosen:
         costs = []
         for candidate in (signals, straight):
-            problem = joint_problem(candidate, hand, joint)
-            moves = nominal_moves(problem.nominal, tolerance, rested(signals, joint))
+            problem, moves = _plain(candidate, hand, joint, tolerance)
             costs.append(map_fit(problem, moves, np.zeros(len(moves)), 3).cost)
         gains.append(float(np.log(max(costs[0], 1e-12) / max(costs[1], 1e-12))))  # no usable sample costs nothing
     if abs(np.median(gains)) > CURVE_UNSURE:
@@ -167,10 +167,15 @@ def _reads_through_curve(
     gained = 0.0
     for candidate, sign in ((signals, -1.0), (straight, 1.0)):
         for joint in chosen:
-            problem = joint_problem(candidate, hand, joint)
-            moves = nominal_moves(problem.nominal, tolerance, rested(signals, joint))
+            problem, moves = _plain(candidate, hand, joint, tolerance)
             gained += sign * rough_evidence(problem, effects, moves, np.random.default_rng(0))
     return gained > 0.0
+
+
+def _plain(signals: Sequence[Signals], hand: Hand, joint: str, tolerance: float) -> tuple[JointProblem, list[Move]]:
+    """A joint by itself, and the moves of its nominal numbers."""
+    problem = joint_problem(signals, hand, joint)
+    return problem, nominal_moves(problem.nominal, tolerance, rested(signals, joint))
 
 
 def _diagnose_joint(

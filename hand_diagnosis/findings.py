@@ -101,17 +101,17 @@ def unknown_finding(
         scale * result.excess_after, UNITS[result.stage], structure, scale * structure.direction, correction
     )
     held = [accepted.effect for accepted in search.accepted]
-    numbers = tuple(number for effect in held for number in parameter_numbers(search, effect))
+    own = [parameter_numbers(search, effect) for effect in held]
     near = list({one.name: one for one in [*held, *(one.effect for one in _first_round(search))]}.values())[:2]
     # Twice as probable as the other; what is named here is what the unknown is not.
     names = [(e.name, (1.0 - UNKNOWN) * (2 - k) / 3.0, e.experiments[0]) for k, e in enumerate(near)]
     place = "valve" if result.stage == 0 else "force_sensor" if result.stage == 2 else "joint"
     errors = f"{scale * result.before:.3g} to {scale * result.after:.3g} {UNITS[result.stage]}"
-    parts = [effect.says.format(**spoken(numbers)) for effect in held]
+    parts = [effect.says.format(**spoken(numbers)) for effect, numbers in zip(held, own, strict=True)]
     statement = unknown_statement(joint, rest, parts, errors)
     return Finding(
         joint, place, "unknown", UNKNOWN, tuple(names), _when(search, search.nominal, result.stage), structure.signal,
-        f"mostly with {structure.state}", numbers, statement, rest,
+        f"mostly with {structure.state}", tuple(number for numbers in own for number in numbers), statement, rest,
     )  # fmt: skip
 
 

@@ -108,7 +108,7 @@ def load_machine(path: Path, recordings: Sequence[Path]) -> Machine:
     top.integer("schema", 1, 1)
     linear = top.choice("motion", ["linear", "rotary"]) == "linear"
     imposed = bool(top.raw("imposed", "true or false", False))
-    tables = [_read(path, top, recording, imposed) for recording in recordings]
+    tables = [_read(top, recording, imposed) for recording in recordings]
     gain = top.number("gain", 1e-12, 1e12, 1.0 if imposed else None)
     travel = max(float(np.ptp(np.concatenate([t["position"] for t in tables]))), 1e-12)
     # An angle stays an angle: gravity and harmonic errors are sines of it.
@@ -142,7 +142,7 @@ def _weight(top: Section) -> float:
     return top.number("weight", 0.0, 0.0 if top.raw("motion", "linear or rotary") == "linear" else 1e12, 0.0)
 
 
-def _read(path: Path, top: Section, recording: Path, imposed: bool) -> dict[str, Array]:
+def _read(top: Section, recording: Path, imposed: bool) -> dict[str, Array]:
     """Columns on a uniform clock, SI: time, input, position, force (where the motion is imposed)."""
     section = top.section("columns", ("time", "input", "position", "force"))
     with_input = not imposed or "input" in section
@@ -162,7 +162,6 @@ def _read(path: Path, top: Section, recording: Path, imposed: bool) -> dict[str,
         raise RecordingError(f"{recording} has {len(time_s)} different times; {SHORTEST_S:g} s of samples are needed")
     period = float(np.median(np.diff(time_s)))
     grid = time_s[0] + period * np.arange(samples_on_grid(recording, time_s[0], time_s[-1], period))
-    del path
     known = {name: _known(recording, name, grid, time_s, data[name][kept]) for name in wanted[1:]}
     return {"time": grid, "input": np.zeros(len(grid))} | known
 

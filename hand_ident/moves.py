@@ -111,10 +111,10 @@ def nominal_moves(nominal: Array, tolerance: float, rested: bool) -> list[Move]:
 def speed_moves(speeds: Sequence[float]) -> list[Move]:
     """Of the first speeds [rad/s] of recordings that begin in motion: estimates, 0 where there is none."""
     moves = []
-    for index, speed in enumerate(speeds):
-        scale = 0.05 + 0.01 * abs(speed)
-        low, high = speed - FARTHEST * scale, speed + FARTHEST * scale
-        moves += [Move(START_CREEP + 1 + index, speed, scale, False, low, high)] if speed != 0.0 else []
+    for row, speed in enumerate(speeds, START_CREEP + 1):
+        if speed != 0.0:
+            scale = 0.05 + 0.01 * abs(speed)
+            moves.append(Move(row, speed, scale, False, speed - FARTHEST * scale, speed + FARTHEST * scale))
     return moves
 
 

@@ -46,20 +46,14 @@ def imposed_baselines(description: Mapping[str, Any], recordings: Recordings) ->
     sign, one = np.tanh(v / (0.02 * speed)), np.ones(len(v))
     stribeck = sign * np.exp(-((v / (0.1 * speed)) ** 2))
     gravity = [np.sin(x), np.cos(x)] if description["motion"] == "rotary" else []
-    models = {
-        "viscous": [v],
-        "Coulomb": [sign],
-        "Coulomb, viscous": [sign, v],
-        "Coulomb, viscous, Stribeck": [sign, v, stribeck],
-        "Coulomb, viscous, load": [sign, v, sign * p],
-        "Coulomb, viscous, Stribeck, load, quadratic": [sign, v, stribeck, sign * p, stribeck * p, v * np.abs(v)],
-    }
+    terms = ([sign], [v], [stribeck], [sign * p], [stribeck * p, v * np.abs(v)])
     errors = {}
-    for name, columns in models.items():
-        a = np.column_stack([one, *gravity, *columns])
+    for name, chosen in FRICTIONS.items():
+        a = np.column_stack([one, *gravity, *(column for k in chosen for column in terms[k])])
         left = rest - a @ np.linalg.lstsq(a[keep], rest[keep], rcond=None)[0]
         errors[name] = _errors(left, keep)
-    errors["SINDy discrepancy"] = _errors(rest - _sparse(np.column_stack([x, v, p, sign]), rest, keep), keep)
+    states = np.column_stack([x, v, p, sign])
+    errors["SINDy discrepancy"] = _errors(rest - _sparse(states, rest, keep)(states), keep)
     return errors
 
 
@@ -87,12 +81,8 @@ def _train(t: Array) -> NDArray[np.bool_]:
     return np.asarray(block % HELD_OUT_EVERY != drawn[block // HELD_OUT_EVERY])
 
 
-def _sparse(states: Array, rest: Array, keep: NDArray[np.bool_]) -> Array:
-    """What a sparse regression of the discrepancy over cubic monomials of the states predicts."""
-    return _sparse_model(states, rest, keep)(states)
-
-
-def _sparse_model(states: Array, rest: Array, keep: NDArray[np.bool_]) -> Callable[[Array], Array]:
+def _sparse(states: Array, rest: Array, keep: NDArray[np.bool_]) -> Callable[[Array], Array]:
+    """The discrepancy by the states (samples, k): a sparse regression over their cubic monomials."""
     import pysindy  # noqa: PLC0415 - slow to load, and only here
 
     scale = np.maximum(states[keep].std(axis=0), 1e-12)
@@ -139,7 +129,7 @@ def moved_baselines(description: Mapping[str, Any], recordings: Recordings) -> E
         best = min(fits, key=lambda fit: fit.cost).x
         simpler[list(chosen)] = np.abs(best[: len(chosen)])
         errors[name] = _errors(np.degrees(left(best)), keep)
-    correct = _sparse_model(np.column_stack([x, v, np.tanh(v / STANDSTILL)]), rest, keep)
+    correct = _sparse(np.column_stack([x, v, np.tanh(v / STANDSTILL)]), rest, keep)
     simulated = np.concatenate(
         [_corrected(x[at], v[at], n, correct, inertia, weight, period) for at, n in zip(starts, lengths, strict=True)]
     )

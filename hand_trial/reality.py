@@ -25,7 +25,6 @@ DUTY_PER_RAD = 4096.0 / (2.0 * np.pi) / (256.0 * 885.0)
 """Of the servo's controller, per unit of its gain (Rhoban/bam, bam/dynamixel/actuator.py)."""
 SWITCHED_OFF_S = 0.45
 """Left out after the log says that the motor is off: the first half swing loses energy as no later one does."""
-DECOYS = ("stiffening", "hysteresis", "contact")
 DRIVEN_KP = 100
 """Of the recordings whose motor is driven: at higher gains the controller's law is less certain, say its authors."""
 
@@ -105,9 +104,10 @@ def _servo(folder: Path) -> list[Machine]:
     rigid = _description("servo_driven", "rotary", {"inertia": inertia}, has_input=False)
     hanging = {"inertia": inertia + ARMATURE_KG_M2, "weight": weight_nm, "gain": 1.0}
     free = _description("servo_falling", "rotary", hanging, has_input=True, imposed=False)
+    dry_and_wet, decoys = ("coulomb_friction", "viscous_friction"), ("stiffening", "hysteresis", "contact")
     return [
         Machine("servo, driven", ("gravity",), ("stiffening", "contact"), rigid, driven, by_mass, 0.1),
-        Machine("servo, falling", ("coulomb_friction", "viscous_friction"), DECOYS, free, falling, friction, 0.1),
+        Machine("servo, falling", dry_and_wet, decoys, free, falling, friction, 0.1),
     ]
 
 

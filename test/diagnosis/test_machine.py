@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -10,11 +11,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from hand_diagnosis import findings
 from hand_diagnosis.correction import Correction, _library
 from hand_diagnosis.diagnose import diagnose
 from hand_diagnosis.findings import joint_findings
 from hand_diagnosis.report import schema
+from hand_diagnosis.verdict import describe
 from hand_model.description import Hand
+from hand_model.effects import EFFECTS
 from hand_tool.cli import app
 from test.diagnosis.conftest import changed, off_by_a_little, record
 
@@ -176,7 +180,7 @@ def test_a_correction_in_other_units_is_the_same_curve() -> None:
     np.testing.assert_allclose(sum(weight * scaled[name] for name, weight in own.terms), want, rtol=1e-12)
 
 
-def test_two_effects_on_one_joint(hand: Hand) -> None:
+def test_two_effects_on_one_joint(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> None:
     """Fails when a second effect hides behind the first, or its probability is that of the first round."""
     rng = np.random.default_rng(70)
     truth = changed(hand, "index_distal", coulomb_friction__torque_nm=0.008, valve_deadband__width_pa=4e3)
@@ -187,6 +191,20 @@ def test_two_effects_on_one_joint(hand: Hand) -> None:
     assert all(finding.probability > 0.5 for finding in result.findings)
     one = result.joints[0]
     assert len(joint_findings(one.joint, one.search, one.results)) == 2
+    # Two effects whose numbers have the same short names: each sentence says its own.
+    one.search.accepted[1] = replace(one.search.accepted[1], effect=EFFECTS["hysteresis"])
+    sizes = {"coulomb_friction": 1.0, "hysteresis": 2.0}
+    monkeypatch.setattr(
+        findings,
+        "parameter_numbers",
+        lambda _, effect: [findings.Number(key, sizes[effect.name], 0.1, "N m", True) for key in effect.keys],
+    )
+    stage = one.search.accepted[0].stage
+    rest = next(each for each in one.results if each.stage == stage)
+    structure = describe(one.search.problem, one.search.final, stage)
+    told = findings.unknown_finding(one.joint, one.search, rest, structure, Correction("deg", (), 0.0))
+    assert "Coulomb friction of 1 ± 0.1 N m" in told.statement
+    assert "a loop of 2 ± 0.1 N m" in told.statement
 
 
 @pytest.mark.parametrize(
