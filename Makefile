@@ -11,7 +11,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 # A domain of one's own, so that two checkouts on one machine do not hear each other.
 export ROS_DOMAIN_ID ?= $(shell echo $$(( $$$$ % 90 + 10 )))
 
-SOURCES := $(wildcard hand_*/*.py hand_*/*/*.py hand_*/*.dbc hand_*/*.html hand_*/*.json hand_msgs/*/* hand_msgs/* config/* launch/* tools/hand setup.* package.xml resource/*)
+SOURCES := $(wildcard hand_*/*.py hand_*/*/*.py validation/*.py validation/*/*.py validation/*/*.html hand_*/*.dbc hand_*/*.html hand_*/*.json hand_msgs/*/* hand_msgs/* config/* launch/* tools/hand setup.* package.xml resource/*)
 
 .PHONY: help demo test lint bench proof build clean
 
@@ -33,7 +33,7 @@ lint: $(BUILT)
 	$(RUN) ruff format --check . && ruff check . && mypy
 
 bench: $(BUILT)
-	$(RUN) python -m bench --out out/bench.json
+	$(RUN) python -m validation.bench --out out/bench.json
 
 # The key lives in the shell of this recipe alone; the diagnosis runs in processes that never see it.
 # DATA=folder: public recordings of real machines (docs/proof.md names them), diagnosed as well.
@@ -42,7 +42,7 @@ proof: $(BUILT)
 	key=$$(echo "$$made" | sed -n 's/^key //p') && echo "$$made" | sed '/^key /d' && \
 	hand trial run out/proof && (echo "$$key" | hand trial score out/proof || [ $$? = 1 ]) && \
 	$(if $(DATA),hand trial reality $(DATA) --out out/reality &&) \
-	python -m hand_trial.document out/proof docs/proof.md $(if $(DATA),out/reality/reality.json)
+	python -m validation.trial.document out/proof docs/proof.md $(if $(DATA),out/reality/reality.json)
 
 build: $(BUILT)
 

@@ -6,16 +6,20 @@ NAME = "fluidic_hand"
 PACKAGES = [
     "hand_model",
     "hand_model.effects",
+    "hand_messages",
     "hand_ros",
     "hand_driver",
-    "hand_sim",
     "hand_control",
-    "hand_ident",
-    "hand_magnet",
-    "hand_paper",
+    "hand_sim",
+    "hand_recording",
+    "hand_identification",
     "hand_diagnosis",
     "hand_tool",
-    "hand_trial",
+    "validation",
+    "validation.bench",
+    "validation.magnet",
+    "validation.paper",
+    "validation.trial",
 ]
 
 
@@ -47,7 +51,7 @@ setup(
             "driver = hand_driver.node:main",
             "simulation = hand_sim.node:main",
             "controller = hand_control.node:main",
-            "recorder = hand_ident.recorder_node:main",
+            "recorder = hand_recording.node:main",
             "hand = hand_tool.cli:main",
         ]
     },

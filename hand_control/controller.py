@@ -22,8 +22,8 @@ from hand_control.supervisor import VENT_S, Phase, Supervisor
 from hand_control.tolerance import Tolerance
 from hand_control.touch import Event, Touch
 from hand_control.tuning import gains
+from hand_messages.health import Health, Level
 from hand_model.description import Hand
-from hand_ros.health import Health, Level
 
 Array = NDArray[np.float64]
 REFUSAL_S = 5.0

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_ros.cdr import Layout
-from hand_ros.layouts import MessageSpec
+from hand_messages.cdr import Layout
+from hand_messages.layouts import MessageSpec
 
 Array = NDArray[np.float64]
 

@@ -25,10 +25,10 @@ from hand_control.grasps import load_grasps
 from hand_control.inputs import JointInput
 from hand_control.settings import PARAMETERS, Settings
 from hand_control.supervisor import FREEZE_S
+from hand_messages.cdr import Layout
+from hand_messages.health import Health, Level
+from hand_messages.layouts import CONTACT_FORCES, CONTROLLER_STATE, JOINT_PRESSURES, JOINT_STATE, VALVE_COMMAND
 from hand_model.description import Hand, load_hand
-from hand_ros.cdr import Layout
-from hand_ros.health import Health, Level
-from hand_ros.layouts import CONTACT_FORCES, CONTROLLER_STATE, JOINT_PRESSURES, JOINT_STATE, VALVE_COMMAND
 from hand_ros.node import COMMAND_QOS, QUEUED_QOS, SENSOR_QOS, STATE_QOS, HandNode, default_config, run
 
 WATCH_PERIOD_S = 0.02

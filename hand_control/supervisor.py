@@ -18,7 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from hand_ros.health import Health, Level
+from hand_messages.health import Health, Level
 
 WARN_S = 0.020
 FREEZE_S = 0.050

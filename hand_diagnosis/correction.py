@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_ident.joint_problem import SHOWN, UNITS, JointProblem
-from hand_ident.map_fit import MapFit
+from hand_identification.joint_problem import SHOWN, UNITS, JointProblem
+from hand_identification.map_fit import MapFit
 from hand_model.effects.effect import SPEED
 
 Array = NDArray[np.float64]

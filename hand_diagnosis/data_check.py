@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_ident.signals import Signals, bridge, white_noise
 from hand_model.description import Hand
 from hand_model.parameters import ROW
 from hand_model.statics import equilibrium_angle
+from hand_recording.signals import Signals, bridge, white_noise
 
 Array = NDArray[np.float64]
 FARTHEST_RAD, HIGHEST_PA = 2.0 * np.pi, 2e6

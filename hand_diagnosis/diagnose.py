@@ -17,16 +17,16 @@ from hand_diagnosis.repeatability import floors
 from hand_diagnosis.search import JointSearch, rough_evidence, search_joint
 from hand_diagnosis.task import Task, rested
 from hand_diagnosis.verdict import StageResult, describe, stage_results
-from hand_ident.hand_signals import without_sensor_curve
-from hand_ident.joint_data import joint_problem
-from hand_ident.joint_problem import JointProblem
-from hand_ident.map_fit import map_fit
-from hand_ident.moves import FARTHEST, WIDE, Move, nominal_moves
-from hand_ident.signals import Signals
+from hand_identification.free_parameters import FARTHEST, WIDE, Move, nominal_moves
+from hand_identification.joint_data import joint_problem
+from hand_identification.joint_problem import JointProblem
+from hand_identification.map_fit import map_fit
 from hand_model.description import Hand
 from hand_model.effects import CATALOGUE, EFFECTS
 from hand_model.effects.effect import Effect
 from hand_model.plant_parameters import PLANT_PARAMETERS
+from hand_recording.hand_signals import without_sensor_curve
+from hand_recording.signals import Signals
 
 Array = NDArray[np.float64]
 MOVES_RAD = np.radians(2.0)

@@ -13,8 +13,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_ident.joint_problem import JointProblem
-from hand_ident.map_fit import MapFit
+from hand_identification.joint_problem import JointProblem
+from hand_identification.map_fit import MapFit
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from hand_diagnosis.correction import Correction
 from hand_diagnosis.search import Hypothesis, JointSearch
 from hand_diagnosis.verdict import StageResult, Structure
-from hand_ident.joint_problem import BLOCK_S, SHOWN, STAGES, UNITS
-from hand_ident.map_fit import MapFit
+from hand_identification.joint_problem import BLOCK_S, SHOWN, STAGES, UNITS
+from hand_identification.map_fit import MapFit
 from hand_model.effects.effect import Effect
 from hand_model.parameters import JOINT_PARAMETERS, ROW
 

@@ -19,13 +19,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_ident.hand_signals import SHORTEST_S, hand_signals
-from hand_ident.loader import load_recording
-from hand_ident.recording_files import RecordingError
-from hand_ident.rig_file import UNITS
-from hand_ident.signals import Signals, bridge, samples_on_grid
 from hand_model.description import Hand
 from hand_model.yaml_reader import Section, read_yaml
+from hand_recording.hand_signals import SHORTEST_S, hand_signals
+from hand_recording.loader import load_recording
+from hand_recording.recording_files import RecordingError
+from hand_recording.rig_file import UNITS
+from hand_recording.signals import Signals, bridge, samples_on_grid
 
 Array = NDArray[np.float64]
 TABLES = {".csv", ".parquet", ".pq", ".npz"}

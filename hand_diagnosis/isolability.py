@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_diagnosis.screen import AT_ONCE
-from hand_ident.joint_problem import JointProblem
-from hand_ident.map_fit import MapFit
-from hand_ident.moves import probe_values
+from hand_identification.free_parameters import probe_values
+from hand_identification.joint_problem import JointProblem
+from hand_identification.map_fit import MapFit
 from hand_model.effects.effect import Effect
 
 Array = NDArray[np.float64]

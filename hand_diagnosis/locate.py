@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_diagnosis.verdict import StageResult, states_of
-from hand_ident.joint_problem import STAGES, JointProblem
-from hand_ident.map_fit import MapFit
+from hand_identification.joint_problem import STAGES, JointProblem
+from hand_identification.map_fit import MapFit
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

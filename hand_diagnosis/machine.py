@@ -36,14 +36,14 @@ from scipy.signal import savgol_filter
 from hand_diagnosis.findings import Finding, unit_of, unknown_statement
 from hand_diagnosis.inputs import table_columns
 from hand_diagnosis.report import small_statement
-from hand_ident.hand_signals import SHORTEST_S
-from hand_ident.installed import default_model
-from hand_ident.recording_files import RecordingError
-from hand_ident.signals import Signals, bridge, samples_on_grid
 from hand_model.description import Hand, load_hand
 from hand_model.effects import EFFECTS
 from hand_model.parameters import ROW
 from hand_model.yaml_reader import Section, read_yaml
+from hand_recording.hand_signals import SHORTEST_S
+from hand_recording.installed import default_model
+from hand_recording.recording_files import RecordingError
+from hand_recording.signals import Signals, bridge, samples_on_grid
 
 Array = NDArray[np.float64]
 AXIS = "axis"

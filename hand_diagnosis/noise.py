@@ -11,11 +11,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_ident.joint_problem import JointProblem, Piece
-from hand_ident.map_fit import MapFit
-from hand_ident.signals import derivatives, smoothed_over, white_noise
+from hand_identification.joint_problem import JointProblem, Piece
+from hand_identification.map_fit import MapFit
 from hand_model.chain import OUTPUTS
 from hand_model.effects.effect import ACCELERATION, ANGLE, SPEED
+from hand_recording.signals import derivatives, smoothed_over, white_noise
 
 Array = NDArray[np.float64]
 SEED = 20

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from hand_diagnosis.diagnose import Diagnosis, JointDiagnosis
 from hand_diagnosis.isolability import ALIKE
 from hand_diagnosis.verdict import describe, states_of
-from hand_ident.joint_problem import SHOWN, STAGES, UNITS
+from hand_identification.joint_problem import SHOWN, STAGES, UNITS
 
 Array = NDArray[np.float64]
 VERDICTS = {

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_diagnosis.evidence import log_likelihood
-from hand_ident.joint_problem import JointProblem
-from hand_ident.map_fit import MapFit, map_fit
-from hand_ident.signals import derivatives
+from hand_identification.joint_problem import JointProblem
+from hand_identification.map_fit import MapFit, map_fit
 from hand_model.effects import CATALOGUE
 from hand_model.effects.effect import PARTNER
 from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_recording.signals import derivatives
 
 Array = NDArray[np.float64]
 WORTH = 4.0

@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from hand_ident.joint_problem import JointProblem
-from hand_ident.map_fit import MapFit, map_fit
-from hand_ident.signals import white_noise
+from hand_identification.joint_problem import JointProblem
+from hand_identification.map_fit import MapFit, map_fit
+from hand_recording.signals import white_noise
 
 SHARPER, ITERATIONS = 25.0, 6
 """Weight of the data, relative to that of the practical floor; iterations of the fit."""

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_ident.joint_problem import FLOOR, SETTLING_S
-from hand_ident.signals import Signals, white_noise
+from hand_identification.joint_problem import FLOOR, SETTLING_S
 from hand_model.chain import OUTPUTS
+from hand_recording.signals import Signals, white_noise
 
 Array = NDArray[np.float64]
 SAME_COMMANDS = 0.02

@@ -15,9 +15,9 @@ from hand_diagnosis.findings import Finding
 from hand_diagnosis.isolability import Isolability
 from hand_diagnosis.locate import locate
 from hand_diagnosis.separation import best_experiment
-from hand_ident.joint_problem import SHOWN, STAGES, UNITS
-from hand_ident.model_file import write_model
-from hand_ident.moves import START_CREEP
+from hand_identification.free_parameters import START_CREEP
+from hand_identification.joint_problem import SHOWN, STAGES, UNITS
+from hand_identification.model_file import write_model
 from hand_model.description import Hand
 
 SCHEMA = 1

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_ident.joint_problem import JointProblem
-from hand_ident.map_fit import MapFit
-from hand_ident.moves import probe_values
+from hand_identification.free_parameters import probe_values
+from hand_identification.joint_problem import JointProblem
+from hand_identification.map_fit import MapFit
 from hand_model.effects.effect import Effect
 from hand_model.parameters import ROW
 

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from hand_diagnosis.evidence import block_bootstrap, held_out_rmse, log_evidence
 from hand_diagnosis.polish import coloured, polished
 from hand_diagnosis.screen import Screened, screen
-from hand_ident.driving import shape_driving
-from hand_ident.joint_problem import STAGES, JointProblem
-from hand_ident.map_fit import MapFit, costs_at, map_fit
-from hand_ident.moves import START_CREEP, Move, effect_moves, merged, probe_values
+from hand_identification.driving import shape_driving
+from hand_identification.free_parameters import START_CREEP, Move, effect_moves, merged, probe_values
+from hand_identification.joint_problem import STAGES, JointProblem
+from hand_identification.map_fit import MapFit, costs_at, map_fit
 from hand_model.effects import EFFECTS
 from hand_model.effects.effect import Effect
 from hand_model.parameters import ROW

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from hand_diagnosis.excitation import EXPERIMENTS
 from hand_diagnosis.search import Hypothesis
-from hand_ident.joint_problem import CORRELATION_S, JointProblem
-from hand_ident.map_fit import MapFit
+from hand_identification.joint_problem import CORRELATION_S, JointProblem
+from hand_identification.map_fit import MapFit
 from hand_model.closed_chain import ClosedChain
 from hand_model.parameters import ROW
 from hand_model.statics import equilibrium_angle

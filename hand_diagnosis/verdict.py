@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from hand_diagnosis.evidence import held_out_rmse
 from hand_diagnosis.noise import noise_of_inputs, noise_of_reading
-from hand_ident.joint_problem import STAGES, JointProblem, Piece
-from hand_ident.map_fit import MapFit
+from hand_identification.joint_problem import STAGES, JointProblem, Piece
+from hand_identification.map_fit import MapFit
 from hand_model.effects.effect import SPEED
 
 Array = NDArray[np.float64]

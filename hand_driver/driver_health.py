@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from hand_driver.board import Frame, LinkCounters, Status
+from hand_messages.health import Health, Level
 from hand_model.description import Hand
-from hand_ros.health import Health, Level
 
 RATE_WINDOW_S = 2.0
 """Rates and losses are judged over this window."""

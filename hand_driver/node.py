@@ -23,8 +23,8 @@ from hand_driver.serial_board import SerialBoard
 from hand_driver.set_points import CommandReader, RefusedError
 from hand_driver.topics import FrameTopics
 from hand_driver.zero import PressureZero
+from hand_messages.health import Health, Level
 from hand_model.description import Hand, load_hand
-from hand_ros.health import Health, Level
 from hand_ros.node import COMMAND_QOS, SENSOR_QOS, STATE_QOS, HandNode, default_config, run
 from hand_ros.parameters import NodeParameter
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_messages.cdr import Layout, LayoutError
+from hand_messages.layouts import VALVE_COMMAND
 from hand_model.description import Hand
-from hand_ros.cdr import Layout, LayoutError
-from hand_ros.layouts import VALVE_COMMAND
 
 FUTURE_S = 0.1
 """A stamp further ahead than this comes from another clock."""

@@ -6,9 +6,9 @@ import numpy as np
 
 from hand_driver.board import Frame
 from hand_driver.measurement import Measurement
+from hand_messages.cdr import Layout
+from hand_messages.layouts import ADC_FRAME, CONTACT_FORCES, JOINT_PRESSURES, JOINT_STATE
 from hand_model.description import Hand
-from hand_ros.cdr import Layout
-from hand_ros.layouts import ADC_FRAME, CONTACT_FORCES, JOINT_PRESSURES, JOINT_STATE
 
 TOPICS = {
     "pressures": JOINT_PRESSURES,

@@ -1,1 +1,1 @@
-"""What every node shares: the life of a node, and the byte layout of the messages."""
+"""What every node shares: the life of a node and its declared parameters."""

@@ -24,7 +24,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from hand_ros.health import Health, Level
+from hand_messages.health import Health, Level
 from hand_ros.parameters import NodeParameter, ParameterError, check_all
 
 SENSOR_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -11,9 +11,9 @@ from rosgraph_msgs.msg import Clock
 
 from hand_driver.board import Board, Frame
 from hand_driver.node import COMMON_PARAMETERS, DriverNode
+from hand_messages.cdr import Layout
+from hand_messages.layouts import CLOCK
 from hand_model.description import Hand
-from hand_ros.cdr import Layout
-from hand_ros.layouts import CLOCK
 from hand_ros.node import QUEUED_QOS, run
 from hand_ros.parameters import NodeParameter
 from hand_sim.board import SimulatedBoard

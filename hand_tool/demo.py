@@ -17,10 +17,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from hand_control.grasps import Grasp, load_grasps
-from hand_ident.installed import default_model
-from hand_ident.loader import load_recording
-from hand_ident.replay import replay_recording, write_replay
 from hand_model.description import Hand, load_hand
+from hand_recording.installed import default_model
+from hand_recording.loader import load_recording
+from hand_recording.replay import replay_recording, write_replay
 from hand_tool.demo_page import write_page
 from hand_tool.demo_summary import Summary, summarise
 from hand_tool.processes import ProcessError, Processes

@@ -14,8 +14,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hand_ident.loader import Recording
-from hand_ident.replay import Replay
+from hand_recording.loader import Recording
+from hand_recording.replay import Replay
 from hand_tool.demo_summary import Summary
 from hand_tool.replay_difference import replayed_angle_rad
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_ident.loader import Recording
-from hand_ident.replay import Replay
-from hand_ident.time_base import published_on_stamp_clock
+from hand_recording.loader import Recording
+from hand_recording.replay import Replay
+from hand_recording.time_base import published_on_stamp_clock
 from hand_tool.replay_difference import difference_deg
 
 FOLLOWED_DEG = 3.0

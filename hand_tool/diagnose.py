@@ -12,8 +12,8 @@ import yaml
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from hand_ident.installed import default_model
 from hand_model.description import load_hand
+from hand_recording.installed import default_model
 
 LINES = 15
 

@@ -12,8 +12,8 @@ from typing import Annotated
 import typer
 
 from hand_driver.board import BoardError
-from hand_ident.installed import default_model
 from hand_model.description import Hand, load_hand
+from hand_recording.installed import default_model
 from hand_sim.can_port import BusPort, SlcanPort
 from hand_sim.emulator import Emulator
 from hand_sim.faults import Faults, parse_disconnect, parse_stuck

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import Progress
 
-from hand_ident.installed import default_model
-from hand_ident.offline_recording import record_offline
 from hand_model.description import Hand, load_hand
+from hand_recording.installed import default_model
+from hand_recording.offline_recording import record_offline
 from hand_tool.processes import Processes
 
 

@@ -10,8 +10,8 @@ from typing import Annotated
 
 import typer
 
-from hand_ident.angle_calibration import calibrate_angle
-from hand_ident.rig_file import read_rig
+from hand_identification.angle_calibration import calibrate_angle
+from hand_recording.rig_file import read_rig
 
 
 def angle(

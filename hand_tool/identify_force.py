@@ -10,8 +10,8 @@ from typing import Annotated
 
 import typer
 
-from hand_ident.force_calibration import calibrate_force
-from hand_ident.rig_file import read_rig
+from hand_identification.force_calibration import calibrate_force
+from hand_recording.rig_file import read_rig
 
 
 def force(

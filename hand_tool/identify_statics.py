@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from hand_ident.loader import load_recording
-from hand_ident.rig_file import RigError, read_rig
-from hand_ident.static_map import TERMS, StaticMap, VolumeMap, identify_statics, identify_volume, residual_map
+from hand_identification.static_map import TERMS, StaticMap, VolumeMap, identify_statics, identify_volume, residual_map
+from hand_recording.loader import load_recording
+from hand_recording.rig_file import RigError, read_rig
 
 Columns = dict[str, NDArray[np.float64]]
 BAGS = {".mcap", ".db3"}

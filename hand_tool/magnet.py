@@ -13,8 +13,10 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from hand_tool.validation_extra import needs_validation
+
 if TYPE_CHECKING:
-    from hand_magnet.contour import Optimum
+    from validation.magnet.contour import Optimum
 
 
 def magnet(
@@ -30,10 +32,11 @@ def magnet(
 
     Exit codes: 0 done, 2 bad usage or bad input.
     """
-    try:
-        from hand_magnet.contour import METHODS, optimise  # noqa: PLC0415 - the nodes' machines may lack its libraries
-        from hand_paper.fig06 import draw  # noqa: PLC0415 - as above
+    with needs_validation("magnet"):
+        from validation.magnet.contour import METHODS, optimise  # noqa: PLC0415 - a robot need not have it
+        from validation.paper.fig06 import draw  # noqa: PLC0415 - as above
 
+    try:
         if method not in (*METHODS, "both"):
             raise ValueError(f"--method is {method!r}; it must be one of {', '.join((*METHODS, 'both'))}")
         if not 30 <= budget <= 100_000:
@@ -66,9 +69,9 @@ def magnet(
 
 
 def _result(one: Optimum) -> dict[str, Any]:
-    from hand_magnet.contour import magnet_of  # noqa: PLC0415 - as above
-    from hand_magnet.field import radial_field  # noqa: PLC0415 - as above
-    from hand_magnet.linearity import joint_nonlinearity, position_error_deg  # noqa: PLC0415 - as above
+    from validation.magnet.contour import magnet_of  # noqa: PLC0415 - as above
+    from validation.magnet.field import radial_field  # noqa: PLC0415 - as above
+    from validation.magnet.linearity import joint_nonlinearity, position_error_deg  # noqa: PLC0415 - as above
 
     angle, field = radial_field(magnet_of(one.genes_m))
     ring = radial_field(magnet_of(np.zeros_like(one.genes_m)))
@@ -86,7 +89,7 @@ def _result(one: Optimum) -> dict[str, Any]:
 
 
 def _write_contour(one: Optimum, path: Path) -> None:
-    from hand_magnet.contour import contour_m  # noqa: PLC0415 - as above
+    from validation.magnet.contour import contour_m  # noqa: PLC0415 - as above
 
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream)

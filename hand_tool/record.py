@@ -15,9 +15,9 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from hand_ident.record_options import RecordOptions, RecordSummary
-from hand_ident.repair import Repair, repair
-from hand_ident.selection import Selection
+from hand_recording.record_options import RecordOptions, RecordSummary
+from hand_recording.repair import Repair, repair
+from hand_recording.selection import Selection
 
 
 def record(
@@ -62,8 +62,8 @@ def record(
 def _record(options: RecordOptions, quiet: bool) -> RecordSummary:
     # rclpy is missing on machines that only evaluate recordings; they can still mend and read the help.
     try:
-        from hand_ident.recorder_node import record as run  # noqa: PLC0415
-        from hand_ident.recorder_node import stop_signals  # noqa: PLC0415
+        from hand_recording.node import record as run  # noqa: PLC0415
+        from hand_recording.node import stop_signals  # noqa: PLC0415
     except ImportError as error:
         raise ValueError(f"recording needs ROS 2, and {error.name} is not to be found") from error
     console = Console(stderr=True)

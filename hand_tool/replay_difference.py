@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_ident.loader import Recording
-from hand_ident.replay import Replay
+from hand_recording.loader import Recording
+from hand_recording.replay import Replay
 from hand_sim.plant import PHI
 
 

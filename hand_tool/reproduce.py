@@ -4,27 +4,28 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from hand_paper.catalogue import IDS
-from hand_paper.catalogue import reproduce as run
-from hand_paper.page import png, write_page
-from hand_paper.result import Reproduction
+from hand_tool.validation_extra import needs_validation
+
+if TYPE_CHECKING:
+    from validation.paper.result import Reproduction
 
 WORKERS = 2
 
 
 def reproduce(
     out: Annotated[Path, typer.Option(help="Folder for the PNGs, index.html and results.json.")],
-    only: Annotated[list[str] | None, typer.Option(help=f"One of {', '.join(IDS)}; may be repeated.")] = None,
+    only: Annotated[list[str] | None, typer.Option(help="One figure or table, such as fig13; may be repeated.")] = None,
     seed: Annotated[int, typer.Option(help="Of noise and searches.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print results.json's content.")] = False,
 ) -> None:
@@ -34,6 +35,10 @@ def reproduce(
 
     Exit codes: 0 done, 2 bad usage or bad input.
     """
+    with needs_validation("reproduce"):
+        from validation.paper.catalogue import IDS  # noqa: PLC0415 - a robot need not have it
+        from validation.paper.page import write_page  # noqa: PLC0415 - as above
+
     try:
         names = tuple(dict.fromkeys(only)) if only else IDS
         for name in names:
@@ -59,7 +64,14 @@ def reproduce(
 
 
 def _one(name: str, seed: int) -> tuple[Reproduction, bytes]:
-    result = run(name, seed, lambda _: None)
+    return _reproduced(name, seed, lambda _: None)
+
+
+def _reproduced(name: str, seed: int, progress: Callable[[float], None]) -> tuple[Reproduction, bytes]:
+    from validation.paper.catalogue import reproduce as run  # noqa: PLC0415 - a robot need not have it
+    from validation.paper.page import png  # noqa: PLC0415 - as above
+
+    result = run(name, seed, progress)
     return result, png(result)
 
 
@@ -71,8 +83,7 @@ def _run_all(names: tuple[str, ...], seed: int, console: Console) -> list[tuple[
         bar = progress.add_task("reproducing", total=len(names))
         if len(names) == 1:
             share = progress.add_task(names[0], total=1.0)
-            result = run(names[0], seed, lambda part: progress.update(share, completed=part))
-            return [(result, png(result))]
+            return [_reproduced(names[0], seed, lambda part: progress.update(share, completed=part))]
         with ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn")) as pool:
             slowest_first = sorted(names, key=lambda name: name != "fig06")
             waiting = {pool.submit(_one, name, seed): name for name in slowest_first}

@@ -12,10 +12,10 @@ import typer
 from rich.console import Console
 from rich.progress import Progress, TimeElapsedColumn
 
-from hand_ident.installed import default_model
-from hand_ident.loader import Recording, load_recording
-from hand_ident.replay import Replay, replay_recording, write_replay
 from hand_model.description import load_hand
+from hand_recording.installed import default_model
+from hand_recording.loader import Recording, load_recording
+from hand_recording.replay import Replay, replay_recording, write_replay
 from hand_tool.replay_difference import difference_deg
 
 

@@ -13,7 +13,8 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from hand_ident.installed import default_model
+from hand_recording.installed import default_model
+from hand_tool.validation_extra import needs_validation
 
 app = typer.Typer(no_args_is_help=True, help="A blind trial: conceal effects, diagnose, open the seal and score.")
 KEY = "HAND_TRIAL_KEY"
@@ -42,8 +43,9 @@ def make(
     _check_jobs(jobs)
     if out.exists() and any(out.iterdir()):
         _refuse(f"{out} is not empty; give a new folder")
-    from hand_trial.make import make as make_trial  # noqa: PLC0415 - compiles; only where it is used
-    from hand_trial.seal import new_key  # noqa: PLC0415 - as above
+    with needs_validation("trial"):
+        from validation.trial.make import make as make_trial  # noqa: PLC0415 - a robot need not have it
+        from validation.trial.seal import new_key  # noqa: PLC0415 - as above
 
     key = new_key()
     with _bar("cases") as advance:
@@ -73,7 +75,8 @@ def run(
         _refuse(f"{KEY} is set; a diagnosis must not be able to open the seal")
     if not (folder / "plan.json").is_file():
         _refuse(f"{folder} holds no trial (plan.json is missing); make one with: hand trial make {folder}")
-    from hand_trial.run import run as run_trial  # noqa: PLC0415 - only where it is used
+    with needs_validation("trial"):
+        from validation.trial.run import run as run_trial  # noqa: PLC0415 - a robot need not have it
 
     with _bar("recordings") as advance:
         try:
@@ -97,8 +100,9 @@ def score(
 
     Exit codes: 0 done, 1 a goal is not reached, 2 bad usage, a wrong key or a broken seal.
     """
-    from hand_trial.score import GOALS, SAYS, met  # noqa: PLC0415 - only where it is used
-    from hand_trial.score import score as score_trial  # noqa: PLC0415 - as above
+    with needs_validation("trial"):
+        from validation.trial.score import GOALS, SAYS, met  # noqa: PLC0415 - a robot need not have it
+        from validation.trial.score import score as score_trial  # noqa: PLC0415 - as above
 
     try:
         given = key or os.environ.get(KEY) or sys.stdin.readline().strip()
@@ -134,7 +138,8 @@ def reality(
 
     Exit codes: 0 done, 1 the tool failed on a machine, 2 bad usage.
     """
-    from hand_trial.reality import examine, machines  # noqa: PLC0415 - only where it is used
+    with needs_validation("trial"):
+        from validation.trial.reality import examine, machines  # noqa: PLC0415 - a robot need not have it
 
     try:
         found = machines(data)

@@ -14,13 +14,13 @@ settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
 ROOT = Path(__file__).resolve().parent.parent
-_SOURCES = sorted(ROOT.glob("hand_*/**/*.py"))
+_SOURCES = sorted([*ROOT.glob("hand_*/**/*.py"), *ROOT.glob("validation/**/*.py")])
 _STAMP = hashlib.sha256(b"".join(path.read_bytes() for path in _SOURCES)).hexdigest()[:16]
 # Numba's cache looks at changes of one file alone; a kernel that takes an equation from another could be stale.
 # Set before numba is imported, and inherited by every process that a test starts.
 os.environ["NUMBA_CACHE_DIR"] = str(ROOT / ".pytest_cache" / f"kernels-{_STAMP}")
 
-REAL_TIME = ("nodes/", "tool/test_demo", "ident/test_recorder_live", "driver/test_emulator.py", "driver/test_can_")
+REAL_TIME = ("nodes/", "tool/test_demo", "recording/test_recorder_live", "driver/test_emulator.py", "driver/test_can_")
 """Tests of processes that keep deadlines: a machine that stalls for 0.1 s makes the hand vent, rightly."""
 
 

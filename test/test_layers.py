@@ -3,67 +3,105 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-BELOW = {
+ROBOT = {"hand_model", "hand_messages", "hand_ros", "hand_driver", "hand_sim"}
+BELOW: dict[str, set[str]] = {
     "hand_model": set(),
-    "hand_ros": set(),
-    "hand_driver": {"hand_model", "hand_ros"},
-    "hand_control": {"hand_model", "hand_ros"},
-    "hand_sim": {"hand_model", "hand_ros", "hand_driver"},
-    "hand_ident": {"hand_model", "hand_ros", "hand_driver", "hand_sim"},
-    "hand_magnet": {"hand_model"},
-    "hand_paper": {"hand_model", "hand_control", "hand_sim", "hand_ident", "hand_magnet"},
-    "hand_diagnosis": {"hand_model", "hand_ros", "hand_driver", "hand_sim", "hand_ident"},
-    "hand_trial": set(),
-    "hand_tool": {
-        "hand_model",
-        "hand_ros",
-        "hand_driver",
-        "hand_control",
-        "hand_sim",
-        "hand_ident",
-        "hand_magnet",
-        "hand_paper",
-        "hand_diagnosis",
-        "hand_trial",
-    },
+    "hand_messages": set(),
+    "hand_ros": {"hand_messages"},
+    "hand_driver": {"hand_model", "hand_messages", "hand_ros"},
+    "hand_control": {"hand_model", "hand_messages", "hand_ros"},
+    "hand_sim": {"hand_model", "hand_messages", "hand_ros", "hand_driver"},
+    "hand_recording": ROBOT,
+    "hand_machine": ROBOT | {"hand_recording"},
+    "hand_identification": ROBOT | {"hand_recording", "hand_machine"},
+    "hand_diagnosis": ROBOT | {"hand_recording", "hand_machine", "hand_identification"},
+    "hand_tool": ROBOT
+    | {"hand_control", "hand_recording", "hand_machine", "hand_identification", "hand_diagnosis", "validation"},
 }
+"""From below to above; a package that is not there yet is passed over."""
+VALIDATION_COMMANDS = {"trial.py", "reproduce.py", "magnet.py"}
 ROS = {"rclpy", "ament_index_python"}
-NODE_MODULES = {"node.py", "recorder_node.py", "live_node.py"}
+NODE_MODULES = {"node.py", "live_node.py"}
 GENERATED = ("_msgs", "_srvs", "_interfaces")
+PACKAGES = [package for package in BELOW if (ROOT / package).is_dir()]
+
+
+def imported(tree: ast.AST) -> Iterator[str]:
+    """Dotted names of the modules that a tree imports, wherever in it."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            yield node.module
+        elif isinstance(node, ast.ImportFrom) and node.level:
+            yield "relative import"
+
+
+def modules_imported(path: Path) -> set[str]:
+    """Dotted names of all modules that a file imports."""
+    return set(imported(ast.parse(path.read_text(encoding="utf-8"))))
 
 
 def imports(path: Path) -> set[str]:
-    """Top-level packages a module imports, wherever in the file."""
-    names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            names.add(node.module.split(".")[0])
-        elif isinstance(node, ast.ImportFrom) and node.level:
-            names.add("relative import")
-    return names
+    """Top-level packages that a file imports."""
+    return {name.split(".")[0] for name in modules_imported(path)}
+
+
+def ours(names: set[str]) -> set[str]:
+    """The packages of this tree among the names, without the generated interface package."""
+    return {name for name in names if name == "validation" or (name.startswith("hand_") and name != "hand_msgs")}
 
 
 def modules(package: str) -> list[Path]:
     return sorted((ROOT / package).glob("**/*.py"))
 
 
-@pytest.mark.parametrize("package", BELOW)
+def test_every_package_has_its_layer() -> None:
+    """Fails when a package is added without a place in the order, or when a file of a former package comes back."""
+    found = {path.parent.name for path in ROOT.glob("hand_*/__init__.py")}
+    assert found == set(PACKAGES)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
 def test_imports_point_down(package: str) -> None:
     """Fails when a package imports one beside or above it."""
     assert modules(package)
     for path in modules(package):
-        reached = {name for name in imports(path) if name.startswith("hand_") and name != "hand_msgs"} - {package}
+        reached = ours(imports(path)) - {package}
         assert reached <= BELOW[package], f"{path.relative_to(ROOT)} imports {sorted(reached - BELOW[package])}"
 
 
-@pytest.mark.parametrize("package", BELOW)
+def test_only_their_commands_import_validation_and_only_when_they_run() -> None:
+    """Fails when `hand` needs `validation` to start, or when another module begins to use it."""
+    for path in modules("hand_tool"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        if "validation" not in {name.split(".")[0] for name in imported(tree)}:
+            continue
+        assert path.name in VALIDATION_COMMANDS, path.name
+        for statement in tree.body:
+            if isinstance(statement, ast.FunctionDef | ast.ClassDef) or "TYPE_CHECKING" in ast.dump(statement):
+                continue
+            at_start = {name for name in imported(statement) if name.split(".")[0] == "validation"}
+            assert not at_start, f"{path.name} imports {sorted(at_start)} when it is loaded"
+
+
+def test_the_trial_shares_no_code_with_what_it_tries() -> None:
+    """Fails when the blind trial imports anything of this tree but itself."""
+    paths = modules("validation/trial")
+    assert paths
+    for path in paths:
+        names = {name for name in modules_imported(path) if ours({name.split(".")[0]})}
+        foreign = {name for name in names if not name.startswith("validation.trial")}
+        assert not foreign, f"{path.name} imports {sorted(foreign)}"
+
+
+@pytest.mark.parametrize("package", PACKAGES)
 def test_one_ros_module_a_package(package: str) -> None:
     """Fails when rclpy or generated messages spread beyond a package's one node module."""
     ros = [p for p in modules(package) if any(n in ROS or n.endswith(GENERATED) for n in imports(p))]
@@ -71,14 +109,15 @@ def test_one_ros_module_a_package(package: str) -> None:
     assert all(path.name in NODE_MODULES for path in ros)
 
 
-def test_model_reads_no_clock_and_no_ros() -> None:
-    """Fails when the physics starts to depend on time of day, ROS or random state of its own."""
-    for path in modules("hand_model"):
-        assert not imports(path) & {"time", "datetime", "random", "threading"}, path.name
+@pytest.mark.parametrize("package", ["hand_model", "hand_messages"])
+def test_pure_packages_read_no_clock_and_no_ros(package: str) -> None:
+    """Fails when physics or messages start to depend on time of day, ROS or random state of their own."""
+    for path in modules(package):
+        assert not imports(path) & {"time", "datetime", "random", "threading", *ROS}, path.name
 
 
 def test_no_relative_imports() -> None:
     """Fails when a module hides its layer behind a relative import."""
-    for package in BELOW:
+    for package in [*PACKAGES, "validation"]:
         for path in modules(package):
             assert "relative import" not in imports(path), path

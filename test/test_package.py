@@ -41,7 +41,7 @@ def test_every_dependency_is_known_to_rosdep_or_jazzy() -> None:
 def test_every_import_is_declared() -> None:
     """Fails when the stack imports a library that package.xml does not ask for."""
     used: set[str] = set()
-    for path in ROOT.glob("hand_*/**/*.py"):
+    for path in [*ROOT.glob("hand_*/**/*.py"), *ROOT.glob("validation/**/*.py")]:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 used |= {alias.name.split(".")[0] for alias in node.names}
@@ -79,7 +79,8 @@ def test_every_package_is_installed() -> None:
     """Fails when a new package is forgotten in setup.py."""
     listed = re.search(r"PACKAGES = \[(.*?)\]", (ROOT / "setup.py").read_text(encoding="utf-8"), re.DOTALL)
     assert listed is not None
-    found = {".".join(path.parent.relative_to(ROOT).parts) for path in ROOT.glob("hand_*/**/__init__.py")}
+    files = [*ROOT.glob("hand_*/**/__init__.py"), *ROOT.glob("validation/**/__init__.py")]
+    found = {".".join(path.parent.relative_to(ROOT).parts) for path in files}
     assert set(re.findall(r'"([\w.]+)"', listed.group(1))) == found
 
 

@@ -1,5 +1,5 @@
 /* Runs recorded ticks on a bare Cortex-M4 so that the instructions of one can be counted. No C library.
- * data.h is written by bench/bench_firmware.py: JOINTS, TICKS, DT, gains, inputs. */
+ * data.h is written by validation/bench/bench_firmware.py: JOINTS, TICKS, DT, gains, inputs. */
 #include "data.h"
 #include "hand_law.h"
 

@@ -14,9 +14,9 @@ from hand_control.settings import PARAMETERS, Settings
 from hand_control.tuning import gains
 from hand_model.description import load_hand
 from hand_model.parameters import ROW
-from hand_paper.obstacle_rig import close_on_obstacles
-from hand_paper.step_rig import RATE_HZ, draw, run_law, run_pid
 from hand_sim.plant import CREEP, PHI, HandPlants, P
+from validation.paper.obstacle_rig import close_on_obstacles
+from validation.paper.step_rig import RATE_HZ, draw, run_law, run_pid
 
 HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
 DT_S = 1.0 / RATE_HZ

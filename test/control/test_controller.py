@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bench.bench_steps import figures, step_response
 from hand_control.controller import Controller
 from hand_control.law import PRESSURE, SATURATED, TORQUE, Law
 from hand_control.law_rows import S
@@ -19,11 +18,12 @@ from hand_control.settings import PARAMETERS, Settings
 from hand_control.shaping import Shaper
 from hand_control.supervisor import FREEZE_S, VENT_S, WARN_S, Phase, Supervisor
 from hand_control.tuning import gains
+from hand_messages.health import Level
 from hand_model.description import load_hand
 from hand_model.parameters import ROW
-from hand_ros.health import Level
 from hand_ros.parameters import ParameterError
 from hand_sim.plant import SimulatedPlant
+from validation.bench.bench_steps import figures, step_response
 
 HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
 COUNT = len(HAND.joints)

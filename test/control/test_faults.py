@@ -14,8 +14,8 @@ from hand_control.controller import Controller
 from hand_control.grasps import load_grasps
 from hand_control.settings import Settings
 from hand_control.supervisor import Phase
+from hand_messages.health import Level
 from hand_model.description import load_hand
-from hand_ros.health import Level
 from hand_sim.plant import OMEGA, PHI, HandPlant, P
 
 CONFIG = Path(__file__).parents[2] / "config"

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bench import bench_firmware
 from hand_control.law import CONTACT_TORQUE, PRESSURE, TORQUE, Law
 from hand_control.law_rows import GAINS, OUTPUT, STATE
 from hand_control.settings import Settings
 from hand_control.tuning import gains
 from hand_model.description import load_hand
-from hand_paper.step_rig import draw, reference
 from hand_sim.plant import PHI, HandPlants, P
+from validation.bench import bench_firmware
+from validation.paper.step_rig import draw, reference
 
 ROOT = Path(__file__).parents[2]
 HAND = load_hand(ROOT / "config" / "hand.yaml")

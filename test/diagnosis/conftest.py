@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hand_ident.moves import NOMINAL_KEYS
-from hand_ident.signals import Signals
+from hand_identification.free_parameters import NOMINAL_KEYS
 from hand_model.closed_chain import ClosedChain
 from hand_model.description import Hand, load_hand
 from hand_model.parameters import ROW
+from hand_recording.signals import Signals
 from hand_sim.plant import PHI, P, resting_state
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "hand.yaml"

@@ -10,12 +10,12 @@ import pytest
 
 from hand_diagnosis.data_check import check
 from hand_diagnosis.diagnose import diagnose
-from hand_ident.hand_signals import hand_signals
-from hand_ident.loader import load_recording
-from hand_ident.offline_recording import record_offline
-from hand_ident.signals import Signals
 from hand_model.description import Hand
 from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_recording.hand_signals import hand_signals
+from hand_recording.loader import load_recording
+from hand_recording.offline_recording import record_offline
+from hand_recording.signals import Signals
 from test.diagnosis.conftest import changed, record
 from test.diagnosis.test_diagnose_command import hand_tool
 

@@ -10,10 +10,10 @@ from scipy.signal import lfilter
 
 from hand_diagnosis.diagnose import Diagnosis, diagnose
 from hand_diagnosis.locate import locate
-from hand_ident.signals import Signals
 from hand_model.description import Hand
 from hand_model.effects import CATALOGUE
 from hand_model.parameters import ROW
+from hand_recording.signals import Signals
 from test.diagnosis.conftest import ANGLE_NOISE_RAD, changed, off_by_a_little, record
 
 JOINT = "index_distal"

@@ -17,11 +17,11 @@ from hand_diagnosis.diagnose import Diagnosis
 from hand_diagnosis.excitation import EXPERIMENTS, pressure_ceiling_pa, set_points
 from hand_diagnosis.findings import Finding
 from hand_diagnosis.report import next_experiment, schema
-from hand_ident.loader import load_recording
-from hand_ident.offline_recording import record_offline
 from hand_model.description import Hand, load_hand
 from hand_model.effects import CATALOGUE
 from hand_model.parameters import ROW
+from hand_recording.loader import load_recording
+from hand_recording.offline_recording import record_offline
 from hand_tool.cli import app
 from test.diagnosis.conftest import CONFIG, changed, excitation
 

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from hand_diagnosis.task import Task
-from hand_ident.driving import inflow, shape_driving
-from hand_ident.joint_data import joint_problem
-from hand_ident.joint_problem import JointProblem
-from hand_ident.map_fit import map_fit
-from hand_ident.moves import Move, nominal_moves
-from hand_ident.signals import Signals, derivatives, without_noise
+from hand_identification.driving import inflow, shape_driving
+from hand_identification.free_parameters import Move, nominal_moves
+from hand_identification.joint_data import joint_problem
+from hand_identification.joint_problem import JointProblem
+from hand_identification.map_fit import map_fit
 from hand_model.closed_chain import ClosedChain
 from hand_model.description import Hand
 from hand_model.effects.effect import INFLOW, PARTNER
+from hand_recording.signals import Signals, derivatives, without_noise
 from hand_sim.plant import PHI, P, resting_state
 
 JOINT, FINE, PERIOD_S = "index_proximal", 4, 0.01

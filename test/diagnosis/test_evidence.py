@@ -9,8 +9,8 @@ import numpy as np
 from hand_diagnosis.evidence import log_evidence
 from hand_diagnosis.search import HEATS, search_joint
 from hand_diagnosis.task import Task
-from hand_ident.map_fit import MapFit, map_fit
-from hand_ident.moves import effect_moves, merged
+from hand_identification.free_parameters import effect_moves, merged
+from hand_identification.map_fit import MapFit, map_fit
 from hand_model.description import Hand
 from hand_model.effects import EFFECTS
 from hand_model.parameters import ROW

@@ -8,9 +8,9 @@ import pytest
 from hand_diagnosis.diagnose import diagnose
 from hand_diagnosis.polish import polished
 from hand_diagnosis.task import Task
-from hand_ident.map_fit import map_fit
-from hand_ident.signals import Signals
+from hand_identification.map_fit import map_fit
 from hand_model.description import Hand
+from hand_recording.signals import Signals
 from test.diagnosis import conftest
 from test.diagnosis.conftest import changed, off_by_a_little, record
 

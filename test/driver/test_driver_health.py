@@ -9,8 +9,8 @@ import pytest
 
 from hand_driver.board import Frame, LinkCounters, Status
 from hand_driver.driver_health import RATE_WINDOW_S, REFUSAL_S, SILENCE_S, DriverHealth, LinkState
+from hand_messages.health import Health, Level
 from hand_model.description import load_hand
-from hand_ros.health import Health, Level
 
 HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
 PARTS = ["link", "frames", "supply", "channels", "board", "commands"]

@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hand_driver.set_points import FUTURE_S, MAX_LIFETIME_S, CommandReader, RefusedError, SetPoints
+from hand_messages.cdr import Layout
+from hand_messages.layouts import VALVE_COMMAND
 from hand_model.description import load_hand
-from hand_ros.cdr import Layout
-from hand_ros.layouts import VALVE_COMMAND
 
 HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
 JOINTS = HAND.joints

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hand_ident.moves import probe_values
+from hand_identification.free_parameters import probe_values
 from hand_model.chain import open_chain
 from hand_model.closed_chain import ClosedChain, has_effects
 from hand_model.description import Hand, load_hand

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hand_ident.loader import load_recording
+from hand_recording.loader import load_recording
 from test.nodes.conftest import BIN
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ from hand_msgs.msg import ValveCommand
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from hand_ident.loader import load_recording
-from hand_ident.replay import replay_recording
 from hand_model.description import load_hand
+from hand_recording.loader import load_recording
+from hand_recording.replay import replay_recording
 from hand_tool.replay_difference import replayed_angle_rad
 
 if TYPE_CHECKING:

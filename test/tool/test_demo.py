@@ -70,7 +70,7 @@ def test_both_recordings_hold_the_hands_topics(result: Path) -> None:
 
 def test_contact_forces_were_felt(result: Path) -> None:
     """Fails when the object in the simulated hand presses no sensor."""
-    from hand_ident.loader import load_recording  # noqa: PLC0415 - rosbags is slow to import
+    from hand_recording.loader import load_recording  # noqa: PLC0415 - rosbags is slow to import
 
     assert load_recording(result / "recording.mcap")["contact_forces"]["force"].max() > 0.3
 

@@ -1,0 +1,1 @@
+"""Identification: sensors, static map, dynamics, free parameters and their fit."""

@@ -1,0 +1,185 @@
+"""Dynamics and material of a joint by simulation error: valve, J and d of Eq. 8, creep of Eqs. 11 to 13.
+
+The valve is judged from command to pressure, the joint from measured pressure to angle, each on its own input, so that
+one does not bias the other. Creep has a scale that no recording shows: A, b0 and b1 times c with phi_max over c is the
+same motion. By convention b1 stays at its nominal value, where the creeping ratio is 1 at supply pressure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_identification.free_parameters import START_CREEP, Move
+from hand_identification.joint_data import joint_problem
+from hand_identification.joint_problem import STAGES, JointProblem
+from hand_identification.map_fit import MapFit, multi_start
+from hand_identification.static_map import correlation_time
+from hand_model.description import Hand
+from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_recording.signals import Signals
+
+Array = NDArray[np.float64]
+DYNAMIC_KEYS = (
+    "valve.dead_time_s",
+    "valve.time_constant_s",
+    "dynamics.inertia_kg_m2",
+    "dynamics.viscous_friction_nm_s_per_rad",
+)
+MATERIAL_KEYS = (
+    "material.phi_max_deg",
+    "material.p_min_pa",
+    "material.extension_time_s",
+    "material.b0_per_pa",
+    "material.recovery_time_s",
+)
+STATIC_KEYS = ("statics.a0_nm", "statics.a1_nm_per_rad", "statics.a2_nm_per_pa", "statics.a3_nm_per_pa_rad")
+SPREAD = 1.0
+"""Expected standard deviation of the logarithm of a number: a factor e either way costs one unit."""
+STARTS = 4
+START_SPREAD = 0.5
+"""Standard deviation of the random starts, in units of SPREAD."""
+DETERMINED, WEAK = 0.05, 0.3
+"""Relative standard errors up to which a number is determined, or weakly so."""
+SHOWS = {
+    "valve.dead_time_s": "steps of the set-point",
+    "valve.time_constant_s": "steps of the set-point",
+    "dynamics.inertia_kg_m2": "fast steps or a multisine up to several Hz",
+    "dynamics.viscous_friction_nm_s_per_rad": "steps or a multisine",
+    "material.phi_max_deg": "a staircase with minutes under pressure",
+    "material.p_min_pa": "holds at low pressures, near p_min",
+    "material.extension_time_s": "a hold under pressure of a few time constants",
+    "material.b0_per_pa": "recovery from high to middle pressures",
+    "material.recovery_time_s": "a hold at low pressure after a long load",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """One number: key, value and standard error (SI), verdict, and what to record where it is not determined."""
+
+    key: str
+    value: float
+    std: float
+    verdict: str
+    record: str
+
+
+@dataclass(frozen=True, slots=True)
+class JointDynamics:
+    """A joint's result. rmse: by stage, on fitted and on held-out samples (SI), nominal and identified."""
+
+    joint: str
+    estimates: tuple[Estimate, ...]
+    rmse_before: dict[str, float]
+    rmse_after: dict[str, float]
+    held_out_after: dict[str, float]
+    fit: MapFit
+    problem: JointProblem
+
+    def values(self) -> dict[str, float]:
+        """Values by key, SI, of what the data determine at least weakly."""
+        return {one.key: one.value for one in self.estimates if one.verdict != "not determined"}
+
+
+def identify_joint(
+    signals: Sequence[Signals], hand: Hand, joint: str, keys: Sequence[str], rng: np.random.Generator
+) -> JointDynamics:
+    """Fit the keys of one joint from several starts; the best one counts. ValueError where nothing can be judged."""
+    problem = joint_problem(signals, hand, joint)
+    if not any(piece.use.any() for piece in problem.pieces):
+        raise ValueError(f"{joint}: the recording has neither set-points nor pressures for it")
+    moves = [*(_move(problem, key) for key in keys), Move(START_CREEP, 0.0, 0.3, False, 0.0, 1.0)]
+    zero = np.zeros(len(moves))
+    nominal = problem.residuals(problem.nominal[None], problem.starts(1))
+    starts = [zero, *(START_SPREAD * rng.standard_normal((STARTS - 1, len(moves))))]
+    best = multi_start(problem, moves, starts)
+    return JointDynamics(
+        joint,
+        tuple(_estimates(problem, best)),
+        _rmse(problem, [r[0] for r in nominal], held_out=False),
+        _rmse(problem, best.residuals, held_out=False),
+        _rmse(problem, best.residuals, held_out=True),
+        best,
+        problem,
+    )
+
+
+def identify(
+    signals: Sequence[Signals],
+    hand: Hand,
+    joints: Sequence[str],
+    keys: Sequence[str],
+    seed: int,
+    progress: Callable[[str], None],
+) -> list[JointDynamics]:
+    """Every joint in turn, reproducible for a seed."""
+    found = []
+    for number, joint in enumerate(joints):
+        found.append(identify_joint(signals, hand, joint, keys, np.random.default_rng([seed, number])))
+        progress(joint)
+    return found
+
+
+def _move(problem: JointProblem, key: str) -> Move:
+    row = ROW[key]
+    bound = JOINT_PARAMETERS[row]
+    low, high, nominal = bound.low * bound.scale, bound.high * bound.scale, float(problem.nominal[row])
+    if key in STATIC_KEYS:
+        size = max(abs(nominal), 0.01 if key == "statics.a0_nm" else 0.0)
+        return Move(row, nominal, 0.2 * size, False, low, min(high, 0.0) if nominal < 0.0 else high)
+    centre = nominal if nominal > 0.0 else (bound.typical or bound.neutral or 1.0) * bound.scale
+    return Move(row, max(centre, 1e-3 if key == "valve.dead_time_s" else 0.0), SPREAD, True, low, high)
+
+
+def _estimates(problem: JointProblem, fit: MapFit) -> list[Estimate]:
+    """Values with errors that the data alone give, residual correlation counted."""
+    covariance = _data_covariance(problem, fit)
+    columns, _ = problem.columns(fit.moves, fit.z[None])
+    estimates = []
+    for index, move in enumerate(fit.moves):
+        if move.row == START_CREEP:
+            continue
+        value = float(columns[0, move.row])
+        deviation = float(np.sqrt(covariance[index, index]))
+        std = abs(value) * move.scale * deviation if move.log else move.scale * deviation
+        share = std / max(abs(value), 1e-300)
+        verdict = "determined" if share < DETERMINED else "weakly" if share < WEAK else "not determined"
+        hint = "" if verdict == "determined" else SHOWS.get(move.key, "a staircase over pressure")
+        estimates.append(Estimate(move.key, value, std, verdict, hint))
+    return estimates
+
+
+def _data_covariance(problem: JointProblem, fit: MapFit) -> Array:
+    """Of z, from the residuals' own size and correlation instead of the weights; pseudo-inverse where singular."""
+    train = ~problem.held_out
+    count = len(fit.z)
+    information = np.zeros((count, count))
+    for piece, residual, slopes in zip(problem.pieces, fit.residuals, fit.sensitivity, strict=True):
+        inside = train[piece.block]
+        for stage in range(len(STAGES)):
+            use = piece.use[stage] & inside
+            if use.sum() < 10 or not np.any(slopes[:, stage]):
+                continue
+            noise = residual[stage, use]
+            variance = max(float(np.var(noise)), 1e-30) * correlation_time(noise)
+            j = slopes[:, stage][:, use]
+            information += j @ j.T / variance
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-12))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    inverse = (vectors / np.maximum(values, 1e-9)) @ vectors.T
+    return np.asarray(inverse / np.outer(scale, scale))
+
+
+def _rmse(problem: JointProblem, residuals: Sequence[Array], *, held_out: bool) -> dict[str, float]:
+    squares = problem.block_squares([r[None] for r in residuals])[0]
+    chosen = problem.held_out if held_out else ~problem.held_out
+    counts = problem.block_counts
+    return {
+        stage: float(np.sqrt(squares[k, chosen].sum() / counts[k, chosen].sum()))
+        for k, stage in enumerate(STAGES[:2])
+        if counts[k, chosen].sum() > 0
+    }

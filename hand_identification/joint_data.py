@@ -1,0 +1,155 @@
+"""From signals to the problem of one joint: what surrounds the joint, what counts, where it begins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.polynomial.polynomial import polyfit
+from numpy.typing import NDArray
+
+from hand_identification.joint_problem import (
+    FLOOR,
+    SETTLING_S,
+    JointProblem,
+    Piece,
+    block_numbers,
+    initial_weights,
+)
+from hand_model.chain import OMEGA, OUTPUTS, PHI, STATES, P
+from hand_model.description import Hand
+from hand_model.effects.effect import ACCELERATION, ANGLE, EXOGENOUS, NEIGHBOUR, PARTNER, SPEED, TIME
+from hand_recording.signals import (
+    SMOOTHED_S,
+    Signals,
+    derivatives,
+    slopes_over,
+    smoothing_span,
+    white_noise,
+    without_noise,
+)
+
+Array = NDArray[np.float64]
+TOUCHING_N = 0.3
+"""A force below this may be noise; the force stage is judged only while something is touched."""
+
+STARTING_S, STARTING_ORDER, IN_MOTION_RAD_S = 0.15, 4, 0.3
+"""The motion at the start is a polynomial over so long; slower than this it is rest."""
+
+
+def joint_problem(
+    signals: Sequence[Signals], hand: Hand, joint: str, floor: Sequence[float] | Array = FLOOR
+) -> JointProblem:
+    """The problem of one joint over all recordings that hold it, with the hand's nominal parameters.
+
+    floor: (OUTPUTS,) SI, repeatability of each signal.
+    """
+    index = hand.joints.index(joint)
+    pieces: list[Piece] = []
+    first = 0
+    for one in signals:
+        if joint in one.joints:
+            pieces.append(_piece(one, hand, joint, first))
+            first = int(pieces[-1].block[-1]) + 1
+    noise = np.max([_noise(piece) for piece in pieces], axis=0)
+    return JointProblem(
+        joint,
+        pieces,
+        hand.parameters[:, index].copy(),
+        initial_weights(pieces[0].period_s, noise),
+        _lever_m(hand, index),
+        driven=signals[0].driven,
+        floor=np.asarray(floor),
+    )
+
+
+def _piece(signals: Signals, hand: Hand, joint: str, first_block: int) -> Piece:
+    j = signals.joints.index(joint)
+    force = signals.force_n[:, j]
+    driving, span = driving_pressure(signals, j)
+    start = np.zeros(STATES)
+    start[P], start[PHI] = signals.pressure_pa[0, j], signals.angle_rad[0, j]
+    start[OMEGA] = speed_at_start(signals.angle_rad[:, j], signals.period_s)
+    return Piece(
+        signals.name,
+        signals.period_s,
+        signals.set_point_pa[:, j],
+        signals.pressure_pa[:, j],
+        driving,
+        span,
+        driving != signals.pressure_pa[:, j],
+        signals.angle_rad[:, j],
+        force,
+        _surroundings(signals, hand, joint),
+        signals.known[:, j],
+        _use(signals, j, force),
+        block_numbers(signals.samples, signals.period_s, first_block),
+        start,
+        signals.pressure_late_s,
+    )
+
+
+def speed_at_start(angle_rad: Array, period_s: float) -> float:
+    """Of a recording that begins in motion [rad/s]; 0 at rest, where an estimate would be noise."""
+    count = min(round(STARTING_S / period_s) + 1, len(angle_rad))
+    if count < 2 * STARTING_ORDER:
+        return 0.0
+    at = np.linspace(0.0, 1.0, count)
+    speed = float(polyfit(at, angle_rad[:count], STARTING_ORDER)[1]) / ((count - 1) * period_s)
+    return speed if abs(speed) > IN_MOTION_RAD_S else 0.0
+
+
+def driving_pressure(signals: Signals, j: int) -> tuple[Array, int]:
+    """Pressure (T,) [Pa] of a column as the joint's input, by its readings alone, and the span of its smoothing."""
+    pressure = signals.pressure_pa[:, j]
+    return (pressure, 1) if signals.driven else without_noise(pressure, signals.period_s, white_noise(pressure))
+
+
+def _surroundings(signals: Signals, hand: Hand, joint: str) -> Array:
+    """Columns of e, (T, EXOGENOUS); the hand's inflow is not among them (driving.py)."""
+    j = signals.joints.index(joint)
+    speed, acceleration = derivatives(signals.angle_rad[:, j : j + 1], signals.period_s)
+    e = np.zeros((signals.samples, EXOGENOUS))
+    e[:, TIME] = signals.time_s
+    e[:, ANGLE], e[:, SPEED] = signals.angle_rad[:, j], speed[:, 0]
+    e[:, ACCELERATION] = acceleration[:, 0]
+    partner = int(hand.partner[hand.joints.index(joint)])
+    if partner >= 0 and hand.joints[partner] in signals.joints:
+        other = signals.joints.index(hand.joints[partner])
+        e[:, PARTNER] = _quiet_acceleration(signals.angle_rad[:, other], signals.period_s)
+        e[:, NEIGHBOUR] = signals.angle_rad[:, other]
+    elif len(signals.joints) > 1:
+        e[:, NEIGHBOUR] = signals.angle_rad[:, j - 1 if j else 1]
+    return e
+
+
+def _quiet_acceleration(angle_rad: Array, period_s: float) -> Array:
+    """Of a joint (T,): a slow motion is smoothed for longer than a fast one, so that noise does not shake a partner."""
+    span = smoothing_span(angle_rad, period_s, white_noise(angle_rad))
+    if span * period_s > 2.0 * SMOOTHED_S[0]:
+        return slopes_over(angle_rad, span, 2, period_s)
+    return derivatives(angle_rad[:, None], period_s)[1][:, 0]
+
+
+def _use(signals: Signals, j: int, force: Array) -> NDArray[np.bool_]:
+    """Samples of each stage that count, (OUTPUTS, T)."""
+    settled = np.arange(signals.samples) >= round(SETTLING_S / signals.period_s)
+    known = signals.known[:, j] & settled
+    use = np.zeros((OUTPUTS, signals.samples), dtype=bool)
+    use[0] = known & bool(signals.has_set_point[j]) & bool(signals.has_pressure[j])
+    use[1] = known & bool(signals.has_pressure[j])
+    if signals.driven:
+        use[1], use[2] = False, known & np.isfinite(force)
+        return use
+    use[2] = known & np.isfinite(force) & (np.nan_to_num(force) > TOUCHING_N)
+    return use
+
+
+def _noise(piece: Piece) -> Array:
+    """White noise of each measured signal (OUTPUTS,), from the data."""
+    return np.array([white_noise(signal) for signal in piece.measured])
+
+
+def _lever_m(hand: Hand, joint: int) -> float:
+    sites = np.flatnonzero(hand.sensors.site_joint == joint)
+    return float(hand.sensors.lever_arm_m[sites[0]]) if len(sites) else 1.0

@@ -1,0 +1,183 @@
+"""One joint of one or more recordings as a least-squares problem: parameters in, residuals of each stage out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_identification.free_parameters import START_CREEP, Move
+from hand_model.chain import CREEP, OMEGA, OUTPUTS, open_chain
+
+Array = NDArray[np.float64]
+STAGES = ("pressure", "angle", "force")
+"""What each stage predicts, in the order of the chain's outputs."""
+UNITS = ("Pa", "deg", "N")
+SHOWN = (1.0, 180.0 / np.pi, 1.0)
+"""From SI to the unit a person reads."""
+FLOOR = (300.0, np.radians(0.05), 0.05)
+"""Practical repeatability of each signal, correlated over CORRELATION_S: smaller differences claim nothing."""
+CLAIMABLE = 0.6
+"""Error that an effect must take away (the root of the fall of the mean square) relative to the practical floor."""
+CORRELATION_S = 0.5
+SETTLING_S = 0.5
+"""After the start, and after a gap, the model needs this long to forget what it could not know."""
+BLOCK_S = 1.25
+"""Length of the blocks into which a recording is cut for held-out data and the bootstrap."""
+HELD_OUT_EVERY = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """One recording of the joint. Signals (T,), exogenous (T, EXOGENOUS).
+
+    driving_pa: the measured pressure as the joint's input, its noise reduced, (finer (T - 1) + 1,) evenly over the
+    samples.  span: of the smoothing, in samples.  smoothed: (T,) where there was any.  known: (T,) where readings were.
+    late_s: by how much the pressures were read after the rest.
+    use: (OUTPUTS, T) samples that count.  block: (T,) number of the block of each sample, over all recordings.
+    """
+
+    name: str
+    period_s: float
+    set_point_pa: Array
+    pressure_pa: Array
+    driving_pa: Array
+    span: int
+    smoothed: NDArray[np.bool_]
+    angle_rad: Array
+    force_n: Array
+    exogenous: Array
+    known: NDArray[np.bool_]
+    use: NDArray[np.bool_]
+    block: NDArray[np.int64]
+    start: Array
+    late_s: float = 0.0
+
+    @property
+    def measured(self) -> Array:
+        """(OUTPUTS, T)."""
+        return np.array([self.pressure_pa, self.angle_rad, np.nan_to_num(self.force_n)])
+
+
+@dataclass(slots=True)
+class JointProblem:
+    """A joint: its pieces, nominal parameters (rows,), weights (OUTPUTS,) of squared residuals, held-out blocks.
+
+    floor: (OUTPUTS,) SI, repeatability of each signal; what is below it is not claimed.
+    """
+
+    joint: str
+    pieces: list[Piece]
+    nominal: Array
+    weight: Array
+    lever_m: float = 1.0
+    step_s: float = 2.6e-3
+    driven: bool = False
+    floor: Array = field(default_factory=lambda: np.array(FLOOR))
+
+    @property
+    def claimable(self) -> Array:
+        """(OUTPUTS,) SI: the error that an effect must take away; all of what re-runs differ by, where that is more."""
+        practical = np.array(FLOOR)
+        return np.where(self.floor > practical, self.floor, CLAIMABLE * practical)
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return int(self.pieces[-1].block[-1]) + 1
+
+    @property
+    def held_out(self) -> NDArray[np.bool_]:
+        """(blocks,) which are not fitted, see `held_out_blocks`."""
+        return held_out_blocks(self.blocks)
+
+    def columns(self, moves: Sequence[Move], z: Array) -> tuple[Array, Array]:
+        """Parameter sets (k, rows) and starts (k, 1 + pieces) of coordinates z (k, moves)."""
+        columns, starts = np.repeat(self.nominal[None], len(z), axis=0), self.starts(len(z))
+        for index, move in enumerate(moves):
+            if move.row >= START_CREEP:
+                starts[:, move.row - START_CREEP] = move.value(z[:, index])
+            else:
+                columns[:, move.row] = move.value(z[:, index])
+        return columns, starts
+
+    def starts(self, count: int) -> Array:
+        """(count, 1 + pieces): creeping ratio at the start, 0, and each piece's first speed, as estimated."""
+        return np.tile([0.0, *(piece.start[OMEGA] for piece in self.pieces)], (count, 1))
+
+    def predict(self, columns: Array, starts: Array) -> list[Array]:
+        """Readings (k, OUTPUTS, T) of every piece."""
+        out = []
+        for index, piece in enumerate(self.pieces):
+            start = np.tile(piece.start, (len(columns), 1))
+            start[:, CREEP], start[:, OMEGA] = starts[:, 0], starts[:, 1 + index]
+            out.append(
+                open_chain(
+                    columns, start, piece.set_point_pa, piece.driving_pa, piece.exogenous, piece.period_s,
+                    self.lever_m, self.step_s, self.driven, piece.late_s,
+                )
+            )  # fmt: skip
+        return out
+
+    def residuals(self, columns: Array, starts: Array) -> list[Array]:
+        """Measured minus predicted (k, OUTPUTS, T) of every piece; 0 where it does not count."""
+        residuals = self.predict(columns, starts)
+        for piece, predicted in zip(self.pieces, residuals, strict=True):
+            np.subtract(piece.measured, predicted, out=predicted)
+            predicted[:, ~piece.use] = 0.0
+        return residuals
+
+    def block_squares(self, residuals: Sequence[Array]) -> Array:
+        """Sums of squares (k, OUTPUTS, blocks)."""
+        total = np.zeros((len(residuals[0]), OUTPUTS, self.blocks))
+        for piece, residual in zip(self.pieces, residuals, strict=True):
+            first, last = piece.block[0], piece.block[-1]
+            starts = np.searchsorted(piece.block, np.arange(first, last + 1))
+            for column, one in zip(total, residual, strict=True):
+                column[:, first : last + 1] += np.add.reduceat(one * one, starts, axis=1)
+        return total
+
+    @property
+    def block_counts(self) -> Array:
+        """Samples that count, (OUTPUTS, blocks)."""
+        counts = np.zeros((OUTPUTS, self.blocks))
+        for piece in self.pieces:
+            first, last = piece.block[0], piece.block[-1]
+            starts = np.searchsorted(piece.block, np.arange(first, last + 1))
+            counts[:, first : last + 1] += np.add.reduceat(piece.use.astype(float), starts, axis=1)
+        return counts
+
+    def effective_counts(self, blocks: NDArray[np.bool_]) -> Array:
+        """Independent samples of each stage (OUTPUTS,) in chosen blocks (blocks,): correlation makes many of one."""
+        per_sample = self.pieces[0].period_s / CORRELATION_S
+        counts: Array = self.block_counts[:, blocks].sum(axis=1) * min(per_sample, 1.0)
+        return counts
+
+
+@cache
+def held_out_blocks(blocks: int) -> NDArray[np.bool_]:
+    """(blocks,): one of every three, so that each stretch is judged; which one is drawn, always alike.
+
+    At regular distances a periodic motion could show the same part of itself in every block that is fitted.
+    """
+    drawn = np.random.default_rng(HELD_OUT_EVERY).integers(HELD_OUT_EVERY, size=-(-blocks // HELD_OUT_EVERY))
+    held = np.zeros(HELD_OUT_EVERY * len(drawn), dtype=bool)
+    held[HELD_OUT_EVERY * np.arange(len(drawn)) + drawn] = True
+    return held[:blocks]
+
+
+def initial_weights(period_s: float, noise: Array) -> Array:
+    """Weights (OUTPUTS,) of squared residuals: white noise (OUTPUTS,) and the practical floor, correlated."""
+    samples = max(CORRELATION_S / period_s, 1.0)
+    weights: Array = 1.0 / (noise**2 + np.array(FLOOR) ** 2 * samples)
+    return weights
+
+
+def block_numbers(samples: int, period_s: float, first: int) -> NDArray[np.int64]:
+    """Block of each sample of a recording, numbered from `first`; at least six blocks a recording."""
+    length = max(1, min(round(BLOCK_S / period_s), samples // 6))
+    numbers: NDArray[np.int64] = first + np.minimum(np.arange(samples) // length, max(samples // length - 1, 0))
+    return numbers

@@ -1,0 +1,196 @@
+"""Walking a message type over its CDR bytes: to lay one out, and to read the shape of a received one.
+
+Wire format: little-endian XCDR1 as the ROS 2 middlewares write it (OMG DDS-XTypes 1.3, 7.4.1): a
+4-byte encapsulation header, then fields aligned to their own size relative to byte 4. A string is a
+uint32 length including the closing NUL, the bytes and the NUL. An empty list aligns nothing behind its
+length. Bytes skipped by alignment are undefined on the wire.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hand_messages.layouts import MessageSpec
+
+ENCAPSULATION = b"\x00\x01"  # plain CDR, little-endian; the two option bytes behind it carry nothing
+HEADER_SIZE = 4
+TIME = "T"  # stands for the structure of int32 sec and uint32 nanosec
+
+_CODES: dict[str, str] = {
+    "bool": "?",
+    "int8": "b",
+    "uint8": "B",
+    "int16": "h",
+    "uint16": "H",
+    "int32": "i",
+    "uint32": "I",
+    "int64": "q",
+    "uint64": "Q",
+    "float32": "f",
+    "float64": "d",
+}
+
+
+class LayoutError(ValueError):
+    """These bytes or values do not fit the layout; the message says what and where."""
+
+
+class Slot(NamedTuple):
+    """Where a value lies: key, offset from the message's first byte, type code, list length (None: one)."""
+
+    key: str
+    offset: int
+    code: str
+    length: int | None
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """NumPy type of one element on the wire."""
+        return np.dtype([("sec", "<i4"), ("nanosec", "<u4")] if self.code == TIME else "<" + self.code)
+
+
+class Shape(NamedTuple):
+    """What stays the same: frame, entries of each string list, elements of each number list."""
+
+    frame_id: str
+    names: Mapping[str, tuple[str, ...]]
+    lengths: Mapping[str, int]
+
+
+def element_code(spec: MessageSpec, kind: str) -> str:
+    """Struct code of a number type. Raises LayoutError for a type that fixed layouts cannot hold."""
+    if kind not in _CODES:
+        raise LayoutError(f"{spec.type}: field type {kind} has no fixed layout")
+    return _CODES[kind]
+
+
+class Plan:
+    """A message being laid out: its bytes with all values zero, the constant segments, the slots."""
+
+    def __init__(self) -> None:
+        self.template = bytearray(ENCAPSULATION + b"\x00\x00")
+        self.segments: list[tuple[int, int]] = [(0, 2)]
+        self.slots: list[Slot] = []
+
+    def _align(self, size: int) -> None:
+        self.template += bytes(-(len(self.template) - HEADER_SIZE) % size)
+
+    def _constant(self, data: bytes) -> None:
+        start, stop = len(self.template), len(self.template) + len(data)
+        if self.segments[-1][1] == start:
+            start = self.segments.pop()[0]
+        self.segments.append((start, stop))
+        self.template += data
+
+    def length(self, value: int) -> None:
+        """A list's or string's constant length."""
+        self._align(4)
+        self._constant(struct.pack("<I", value))
+
+    def string(self, text: str) -> None:
+        """A constant string."""
+        data = text.encode() + b"\x00"
+        self.length(len(data))
+        self._constant(data)
+
+    def slot(self, key: str, code: str, count: int | None = None) -> None:
+        """A value: one, or a list's elements."""
+        size = 4 if code == TIME else struct.calcsize("<" + code)
+        if count != 0:
+            self._align(size)
+        self.slots.append(Slot(key, len(self.template), code, count))
+        self.template += bytes((8 if code == TIME else size) * (1 if count is None else count))
+
+
+def lay_out(spec: MessageSpec, shape: Shape) -> Plan:
+    """Lay out a message of this type and shape."""
+    plan = Plan()
+    for field, kind in spec.fields:
+        if kind == "header":
+            plan.slot("stamp_ns", TIME)
+            plan.string(shape.frame_id)
+        elif kind in ("time", "duration"):
+            plan.slot(f"{field}_ns", TIME)
+        elif kind == "string[]":
+            plan.length(len(shape.names[field]))
+            for name in shape.names[field]:
+                plan.string(name)
+        elif kind.endswith("[]"):
+            plan.length(shape.lengths[field])
+            plan.slot(field, element_code(spec, kind[:-2]), shape.lengths[field])
+        else:
+            plan.slot(field, element_code(spec, kind))
+    return plan
+
+
+class _Cursor:
+    """Reads lengths and strings of one message, checking every step against its end."""
+
+    def __init__(self, spec: MessageSpec, raw: bytes) -> None:
+        if raw[:2] != ENCAPSULATION:
+            raise LayoutError(f"{spec.type}: not little-endian CDR")
+        self.spec, self.raw, self.position = spec, raw, HEADER_SIZE
+
+    def skip(self, size: int, count: int = 1) -> int:
+        """Step over `count` aligned elements and return where they start."""
+        start = self.position
+        if count:
+            start += -(start - HEADER_SIZE) % size
+        if start + size * count > len(self.raw):
+            raise LayoutError(f"{self.spec.type}: cut off at byte {len(self.raw)}")
+        self.position = start + size * count
+        return start
+
+    def length(self) -> int:
+        return int(struct.unpack_from("<I", self.raw, self.skip(4))[0])
+
+    def string(self) -> str:
+        size = self.length()
+        start = self.skip(1, size)
+        try:
+            return self.raw[start : start + max(size - 1, 0)].decode()
+        except UnicodeDecodeError:
+            raise LayoutError(f"{self.spec.type}: string at byte {start} is not UTF-8") from None
+
+
+def read_shape(spec: MessageSpec, raw: bytes) -> Shape:
+    """Frame, names and list lengths of one message. Raises LayoutError where it does not parse."""
+    cursor, frame_id = _Cursor(spec, raw), ""
+    names: dict[str, tuple[str, ...]] = {}
+    lengths: dict[str, int] = {}
+    for field, kind in spec.fields:
+        if kind == "header":
+            cursor.skip(4, 2)
+            frame_id = cursor.string()
+        elif kind in ("time", "duration"):
+            cursor.skip(4, 2)
+        elif kind == "string[]":
+            names[field] = tuple(cursor.string() for _ in range(cursor.length()))
+        elif kind.endswith("[]"):
+            lengths[field] = cursor.length()
+            cursor.skip(struct.calcsize("<" + element_code(spec, kind[:-2])), lengths[field])
+        else:
+            cursor.skip(struct.calcsize("<" + element_code(spec, kind)))
+    return Shape(frame_id, names, lengths)
+
+
+def complete_shape(
+    spec: MessageSpec, frame_id: str, names: Mapping[str, tuple[str, ...]], lengths: Mapping[str, int]
+) -> Shape:
+    """A shape with every list of the message: a number list not named has as many elements as names.
+
+    Raises LayoutError for a field that is none of the message's and for a length that is not known.
+    """
+    texts = [field for field, kind in spec.fields if kind == "string[]"]
+    numbers = [field for field, kind in spec.fields if kind.endswith("[]") and kind != "string[]"]
+    if unknown := sorted(set(names) - set(texts)) + sorted(set(lengths) - set(numbers)):
+        raise LayoutError(f"{spec.type}: has no such list: {', '.join(unknown)}")
+    full = {field: tuple(names.get(field, ())) for field in texts}
+    if len(texts) != 1 and (missing := sorted(set(numbers) - set(lengths))):
+        raise LayoutError(f"{spec.type}: length of {', '.join(missing)} not given")
+    common = len(full[texts[0]]) if texts else 0
+    return Shape(frame_id, full, {field: lengths.get(field, common) for field in numbers})

@@ -1,0 +1,155 @@
+"""Signals from a recording of a hand: stamps to ticks, set-points by the board's rules, forces by joint."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_model.description import Hand
+from hand_recording.loader import Recording, RecordingError
+from hand_recording.signals import Signals, bridge, samples_on_grid
+from hand_recording.time_base import TimeBase, nearest, published_on_stamp_clock
+from hand_sim.offline import Commands, Ticks, rebuild_ticks, set_points_in_force
+
+Array = NDArray[np.float64]
+SHORTEST_S = 2.0
+LONGEST_GAP_S = 0.1
+FOREIGN_CLOCK_NS = 1e9
+"""Publish times further than this from the stamps are of another clock and say nothing; the stamps then count."""
+ON_GRID, STEADY = 0.02, 0.1
+"""Shares of a period: by which stamps of pressures may lie beside the ticks, and up to which they do so steadily."""
+OFFSET_NS = 2e6
+"""Difference between the delays of two topics, stamp to receipt, from which their clocks differ."""
+
+
+def hand_signals(recording: Recording, hand: Hand) -> Signals:
+    """Every joint of the hand that the recording holds. RecordingError: one line, where it cannot be used."""
+    states = recording["joint_states"]
+    joints = tuple(joint for joint in hand.joints if joint in states.names)
+    if not joints:
+        raise RecordingError(
+            f"{recording.path}: joint_states has {', '.join(states.names)}; none is a joint of {hand.path}"
+        )
+    stamps = np.unique(states.stamp_ns)
+    if len(stamps) < 2 or (stamps[-1] - stamps[0]) * 1e-9 < SHORTEST_S:
+        span = (stamps[-1] - stamps[0]) * 1e-9 if len(stamps) else 0.0
+        raise RecordingError(
+            f"{recording.path}: joint_states has {len(stamps)} samples over {span:.3g} s; {SHORTEST_S:g} s are needed"
+        )
+    rate_hz = _rate_hz(stamps, hand.rate_hz)
+    samples_on_grid(recording.path, stamps[0] * 1e-9, stamps[-1] * 1e-9, 1.0 / rate_hz)
+    ticks = rebuild_ticks(stamps, rate_hz)
+    grid = ticks.stamp_ns
+    base = recording.on_time_base(stamps_ns=grid, joints=joints, max_gap_s=LONGEST_GAP_S)
+    angle, known = bridge(base.position)
+    pressure_pa, late_s = _pressures(recording, base, joints)
+    pressure, pressure_known = bridge(pressure_pa)
+    held, commanded = _set_points(recording, joints, ticks)
+    notes = _notes(recording)
+    return Signals(
+        recording.path.name,
+        joints,
+        ticks.period_s,
+        held,
+        pressure,
+        angle,
+        _forces(base, hand, joints),
+        known & (pressure_known | ~pressure_known.any(axis=0)),
+        commanded,
+        np.asarray(pressure_known.any(axis=0)),
+        notes,
+        1.0 - len(stamps) / len(grid),
+        pressure_late_s=late_s,
+    )
+
+
+def _pressures(recording: Recording, base: TimeBase, joints: tuple[str, ...]) -> tuple[Array, float]:
+    """Pressures (T, J), and by how much they are later than the ticks [s].
+
+    Where their stamps lie steadily beside those of the angles, each tick has its nearest reading: between two of them
+    no straight line tells what was there.
+    """
+    if "pressures" not in recording or len(recording["pressures"]) < 2:
+        return base.pressure, 0.0
+    period = float(np.median(np.diff(base.time_ns)))
+    pressure, late = nearest(base.time_ns, recording["pressures"], "pressure", joints, STEADY * period)
+    low, middle, high = np.quantile(late, [0.1, 0.5, 0.9])
+    if abs(middle) < ON_GRID * period or high - low > STEADY * period:
+        return base.pressure, 0.0
+    return pressure, float(middle) * 1e-9
+
+
+def _rate_hz(stamps: NDArray[np.int64], nominal_hz: float) -> float:
+    """The nominal rate, unless the stamps say clearly another one."""
+    seen = 1e9 / float(np.median(np.diff(stamps)))
+    return nominal_hz if 0.8 < seen / nominal_hz < 1.25 else seen
+
+
+def _set_points(recording: Recording, joints: tuple[str, ...], ticks: Ticks) -> tuple[Array, NDArray[np.bool_]]:
+    """Set-points in force at each tick (T, J), and which joints were commanded."""
+    empty = np.zeros((len(ticks.stamp_ns), len(joints)))
+    if "valve_command" not in recording or not len(recording["valve_command"]):
+        return empty, np.zeros(len(joints), dtype=bool)
+    data = recording["valve_command"]
+    present = [joint in data.names for joint in joints]
+    columns = [data.names.index(joint) for joint in joints if joint in data.names]
+    pressure = data["pressure"][:, columns]
+    sent_ns = published_on_stamp_clock(recording.topics)
+    if abs(float(np.median(sent_ns - data.stamp_ns))) > FOREIGN_CLOCK_NS:
+        sent_ns = data.stamp_ns
+    usable = np.isfinite(pressure).all(axis=1) & (data["lifetime_ns"] > 0)
+    order = np.argsort(sent_ns[usable], kind="stable")
+    commands = Commands(sent_ns[usable][order], pressure[usable][order], data["lifetime_ns"][usable][order] * 1e-9)
+    empty[:, present] = set_points_in_force(commands, ticks)
+    return empty, np.array(present)
+
+
+def _forces(base: TimeBase, hand: Hand, joints: tuple[str, ...]) -> Array:
+    """Forces (T, J) of the site on each joint; NaN where there is none."""
+    forces = np.full((len(base.time_ns), len(joints)), np.nan)
+    for column, site in enumerate(base.sites):
+        if site in hand.sensors.sites:
+            joint = int(hand.sensors.site_joint[hand.sensors.sites.index(site)])
+            if joint >= 0 and hand.joints[joint] in joints:
+                forces[:, joints.index(hand.joints[joint])] = base.force[:, column]
+    return forces
+
+
+def _notes(recording: Recording) -> tuple[str, ...]:
+    notes = []
+    for topic in ("pressures", "valve_command"):
+        if topic not in recording or not len(recording[topic]):
+            notes.append(f"no {topic}: the stages that need them are not judged")
+    return (*notes, *_clocks(recording))
+
+
+def _clocks(recording: Recording) -> list[str]:
+    """Topics whose stamps are another clock's than those of joint_states: all are received by one recorder."""
+    delays = {}
+    for topic in ("joint_states", "pressures", "contact_forces", "valve_command"):
+        if topic in recording and len(recording[topic]):
+            behind = (recording[topic].log_ns - recording[topic].stamp_ns).astype(np.float64)
+            low, middle, high = np.quantile(behind, [0.25, 0.5, 0.75])
+            if abs(middle) < FOREIGN_CLOCK_NS:  # else stamps and receipt are on clocks of their own
+                delays[topic] = middle, high - low
+    common, scatter = delays.pop("joint_states", (0.0, np.inf))
+    return [
+        f"{topic}: stamped {abs(own - common) * 1e-6:.3g} ms {'behind' if own > common else 'ahead of'} joint_states,"
+        " by when they were received; clocks differ?"
+        for topic, (own, spread) in delays.items()
+        if abs(own - common) > OFFSET_NS + spread + scatter
+    ]
+
+
+def without_sensor_curve(signals: Signals, hand: Hand) -> Signals:
+    """The angles behind the readings, where sensor and calibration are as described: the line's error taken back."""
+    grid = np.radians(np.linspace(-40.0, 130.0, 1701))
+    line, hall = hand.sensors.angle_line, hand.sensors.hall
+    curves = line.angle_rad(hall.ratio(np.repeat(grid[:, None], len(hand.joints), axis=1)))
+    true = signals.angle_rad.copy()
+    for column, joint in enumerate(signals.joints):
+        curve = np.maximum.accumulate(curves[:, hand.joints.index(joint)])
+        true[:, column] = np.interp(signals.angle_rad[:, column], curve, grid)
+    return replace(signals, angle_rad=true)

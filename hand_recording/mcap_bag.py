@@ -1,0 +1,141 @@
+"""A recording in MCAP that survives the death of its writer.
+
+Chunks are small and closed by size and by age, and behind the last one always stands a provisional end
+mark, overwritten by the next chunk: at any moment the file on disk is a complete MCAP file without
+index. Closing it puts the index and the summary in place of the end mark.
+"""
+
+from __future__ import annotations
+
+import fcntl
+from pathlib import Path
+from typing import BinaryIO, cast
+
+from mcap.data_stream import RecordBuilder
+from mcap.records import DataEnd, Footer
+from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+
+from hand_recording.bag_contents import Contents, Topic, TopicCount
+from hand_recording.metadata import information, information_text, qos_text, write_metadata
+
+CHUNK_BYTES = 64 * 1024
+CHUNK_AGE_NS = 500_000_000
+_BUFFER_BYTES = 1024 * 1024  # more than a chunk with its index, so that both leave in one write
+
+
+def _end_mark() -> bytes:
+    """The shortest lawful end of an MCAP file: no summary."""
+    builder = RecordBuilder()
+    DataEnd(0).write(builder)
+    Footer(0, 0, 0).write(builder)
+    return bytes(builder.end() + MCAP0_MAGIC)
+
+
+END_MARK = _end_mark()
+
+
+def claim(stream: BinaryIO) -> bool:
+    """Lock a recording's file for this process, as long as it is open; False when another one writes it."""
+    try:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True  # a file system without locks
+    return True
+
+
+class _Unflushed:
+    """A stream whose flush does nothing: chunk and end mark must leave in one write."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self.write, self.tell = stream.write, stream.tell
+
+    def flush(self) -> None:
+        """Leave the bytes in the buffer."""
+
+
+class McapBag:
+    """A BagWriter. One file; in a folder with metadata.yaml when `metadata` names that folder."""
+
+    def __init__(self, path: Path, metadata: Path | None) -> None:
+        """Start `path`, which must not exist. Raises OSError."""
+        self.path = path
+        self.contents = Contents()
+        self._metadata = metadata
+        self._stream: BinaryIO = path.open("xb", buffering=_BUFFER_BYTES)
+        claim(self._stream)
+        # The library never closes a chunk by itself here: this class does, to place the end mark.
+        self._writer = Writer(
+            cast(BinaryIO, _Unflushed(self._stream)), chunk_size=1 << 40, compression=CompressionType.LZ4
+        )
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[tuple[str, str], int] = {}
+        self._open_bytes = 0
+        self._now_ns = self._opened_ns = 0
+        self._writer.start(profile="ros2", library="fluidic_hand")
+        self._settle()
+
+    @classmethod
+    def file(cls, path: Path) -> McapBag:
+        """A bare file."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return cls(path, None)
+
+    @classmethod
+    def folder(cls, path: Path) -> McapBag:
+        """A rosbag2 folder NAME with NAME_0.mcap in it."""
+        path.mkdir(parents=True)
+        return cls(path / f"{path.name}_0.mcap", path)
+
+    def add_topic(self, topic: Topic) -> None:
+        """See BagWriter."""
+        key = (topic.type, topic.definition)
+        if key not in self._schemas:
+            self._schemas[key] = self._writer.register_schema(topic.type, topic.encoding, topic.definition.encode())
+        self._channels[topic.name] = self._writer.register_channel(
+            topic.name,
+            "cdr",
+            self._schemas[key],
+            {"offered_qos_profiles": qos_text(topic.qos), "topic_type_hash": topic.type_hash},
+        )
+        self.contents.topics[topic.name] = TopicCount(topic)
+
+    def write(self, topic: str, raw: bytes, log_ns: int, publish_ns: int, sequence: int = 0) -> None:
+        """See BagWriter."""
+        if not self._open_bytes:
+            self._opened_ns = self._now_ns
+        self._writer.add_message(self._channels[topic], log_ns, raw, publish_ns, sequence & 0xFFFFFFFF)
+        self.contents.topics[topic].add(log_ns, len(raw))
+        self._open_bytes += len(raw)
+        if self._open_bytes >= CHUNK_BYTES:
+            self._settle()
+
+    def tick(self, now_ns: int) -> None:
+        """See BagWriter."""
+        self._now_ns = now_ns
+        if self._open_bytes and now_ns - self._opened_ns >= CHUNK_AGE_NS:
+            self._settle()
+
+    def close(self) -> None:
+        """See BagWriter. Harmless when repeated."""
+        if self._stream.closed:
+            return
+        content = information("mcap", self.path.name, self.contents)
+        with self._stream:
+            self._writer.flush()
+            self._writer.add_metadata("rosbag2", {"serialized_metadata": information_text(content)})
+            self._writer.finish()
+            self._stream.flush()
+            self._stream.truncate()
+        if self._metadata:
+            write_metadata(self._metadata, content)
+
+    def _settle(self) -> None:
+        """Close the chunk, hand all to the operating system and stand before the end mark."""
+        self._open_bytes = 0
+        self._writer.flush()
+        position = self._stream.tell()
+        self._stream.write(END_MARK)
+        self._stream.flush()
+        self._stream.seek(position)

@@ -1,0 +1,282 @@
+"""The recorder: every topic of a hand into a rosbag2 recording, as the bytes came in.
+
+No executor runs here. Subscriptions are emptied fifty times a second, which costs a fraction of waking
+for every message; the middleware stamps receipt and keeps what waits. The only module of hand_recording
+that imports rclpy.
+"""
+
+from __future__ import annotations
+
+import importlib
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+
+from hand_recording.arrivals import Arrival, Arrivals
+from hand_recording.bag_writer import STORAGES, BagError, Topic, open_bag
+from hand_recording.message_types import UnknownType
+from hand_recording.record_options import RecordOptions, RecordSummary, summarize
+from hand_recording.selection import Selection
+from hand_ros.parameters import NodeParameter, check_all
+
+PERIOD_S = 0.02
+DISCOVERY_S = 0.2
+PROGRESS_S = 0.5
+PARAMETERS = (
+    NodeParameter("out", "", "new folder, or NAME.mcap for one bare file; empty: hand_DATE_TIME"),
+    NodeParameter("storage", "mcap", "file format", choices=STORAGES),
+    NodeParameter("namespaces", [""], "record all topics below these; empty: the node's own, or /hand"),
+    NodeParameter("rosout", False, "record /rosout too"),
+    NodeParameter("duration_s", 0.0, "end after this time [s]; 0: record until stopped", low=0.0, high=1e9),
+)
+QUEUE = 2000  # messages a topic may pile up between two rounds, seconds of them at any rate in use
+
+
+def record(
+    options: RecordOptions,
+    until: Callable[[float], bool],
+    progress: Callable[[RecordSummary], None] | None = None,
+    args: Sequence[str] | None = None,
+) -> RecordSummary:
+    """Record until the duration is over or `until` says so.
+
+    until: waits for the given seconds at most and returns whether to stop, as threading.Event.wait.
+    args: ROS arguments. Raises BagError when the recording cannot be written.
+    """
+    rclpy.init(args=list(args or ()), signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = Node("recorder", start_parameter_services=False, enable_rosout=False)
+        return _run(node, options, until, progress)
+    finally:
+        rclpy.try_shutdown()
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """The executable `recorder`: options come as ROS parameters. Exit codes: 0 recorded, 2 bad input."""
+    with stop_signals() as stop:
+        try:
+            try:
+                rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+                node = Node("recorder", start_parameter_services=False)
+            except Exception as error:  # rcl raises several unrelated classes for bad arguments
+                raise ValueError(" ".join(str(error).split())) from error
+            options = _options_of(node)
+            node.get_logger().info(f"recording to {options.out}")
+            summary = _run(node, options, stop.wait, None)
+        except ValueError as error:
+            print(f"recorder: {error}", file=sys.stderr)
+            sys.exit(2)
+        finally:
+            rclpy.try_shutdown()
+    for topic in summary.topics:
+        print(f"{topic.name}: {topic.messages} messages, {topic.rate_hz:.1f} Hz, {topic.missed} missed")
+
+
+@contextmanager
+def stop_signals() -> Iterator[threading.Event]:
+    """An event that SIGINT and SIGTERM set while the context lasts."""
+    event = threading.Event()
+    before = {number: signal.signal(number, lambda *_: event.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield event
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _options_of(node: Node) -> RecordOptions:
+    """Declare, read and check the node's parameters. Raises ValueError."""
+    values = {}
+    for parameter in PARAMETERS:
+        descriptor = ParameterDescriptor(description=parameter.description, read_only=True, dynamic_typing=True)
+        values[parameter.name] = node.declare_parameter(parameter.name, parameter.default, descriptor).value
+    check_all(PARAMETERS, values)
+    namespace = node.get_namespace()
+    spaces = [space for space in values["namespaces"] if space] or ["/hand" if namespace == "/" else namespace]
+    return RecordOptions(
+        Path(values["out"] or time.strftime("hand_%Y-%m-%d_%H-%M-%S")),
+        values["storage"],
+        Selection(tuple(spaces), (), values["rosout"]),
+        values["duration_s"] or None,
+    )
+
+
+def _run(
+    node: Node,
+    options: RecordOptions,
+    until: Callable[[float], bool],
+    progress: Callable[[RecordSummary], None] | None,
+) -> RecordSummary:
+    recorder = _Recorder(node, options)
+    try:
+        began = now = time.monotonic()
+        next_search = next_report = began
+        end = began + options.duration_s if options.duration_s else float("inf")
+        while now < end:
+            if now >= next_search:
+                recorder.discover()
+                next_search = now + DISCOVERY_S
+            recorder.collect(time.time_ns(), time.monotonic_ns())
+            if progress and now >= next_report:
+                progress(recorder.summary(now - began))
+                next_report = now + PROGRESS_S
+            if until(min(PERIOD_S, max(end - now, 0.0))):
+                break
+            now = time.monotonic()
+        return recorder.finish(time.monotonic() - began)
+    except OSError as error:
+        raise BagError(f"{options.out} cannot be written further: {error.strerror}") from error
+    finally:
+        recorder.abandon()
+        node.destroy_node()
+
+
+class _Subscribed:
+    """One recorded topic's subscription; replaced when the offered QoS no longer suits it."""
+
+    def __init__(self, node: Node, topic: str, kind: Any, qos: QoSProfile) -> None:
+        self.qos = qos
+        self.publishers = 0
+        self._kind = kind
+        self._node = node
+        self._handle = node.create_subscription(kind, topic, lambda _: None, qos, raw=True)
+
+    def take(self) -> Iterator[tuple[bytes, dict[str, int]]]:
+        """Every message that waits, with its times."""
+        with self._handle.handle:
+            while (taken := self._handle.handle.take_message(self._kind, True)) is not None:
+                yield taken
+
+    def destroy(self) -> None:
+        """Unsubscribe."""
+        self._node.destroy_subscription(self._handle)
+
+
+class _Recorder:
+    """Discovers, subscribes, takes and writes."""
+
+    def __init__(self, node: Node, options: RecordOptions) -> None:
+        self._node = node
+        self._options = options
+        self._bag = open_bag(options.out, options.storage)
+        self._arrivals = Arrivals(self._bag)
+        self._subscribed: dict[str, _Subscribed] = {}
+        self._skipped: dict[str, str] = {}
+
+    def discover(self) -> None:
+        """Subscribe to what appeared, and anew where a publisher offers less than is asked."""
+        chosen = self._options.selection.choose(self._node.get_topic_names_and_types())
+        for name, types in chosen.items():
+            offers = self._node.get_publishers_info_by_topic(name)
+            if not offers or name in self._skipped:
+                continue
+            if name not in self._subscribed:
+                self._add(name, types, offers)
+            elif _suiting(offers) != self._subscribed[name].qos:
+                self._take(name)
+                self._subscribed.pop(name).destroy()
+                self._subscribe(name, types[0], offers)
+            if name in self._subscribed:
+                self._subscribed[name].publishers = len(offers)
+
+    def collect(self, now_ns: int, monotonic_ns: int) -> None:
+        """Take all that waits and write what was received by now_ns."""
+        for name in self._subscribed:
+            self._take(name)
+        self._arrivals.write(now_ns)
+        self._bag.tick(monotonic_ns)
+
+    def summary(self, duration_s: float) -> RecordSummary:
+        """Numbers so far."""
+        return summarize(self._options.out, duration_s, self._bag.contents, self._arrivals.missed, self._skipped)
+
+    def finish(self, duration_s: float) -> RecordSummary:
+        """Write what still waits and close the bag."""
+        self.collect(sys.maxsize, time.monotonic_ns())
+        self._bag.close()
+        return self.summary(duration_s)
+
+    def abandon(self) -> None:
+        """Close the bag after a failure, as far as it can be; harmless after finish."""
+        with suppress(OSError):  # a full disk was reported already
+            self._bag.close()
+
+    def _take(self, name: str) -> None:
+        subscribed = self._subscribed[name]
+        for raw, info in subscribed.take():
+            arrival = Arrival(
+                info["received_timestamp"] or time.time_ns(),
+                name,
+                raw,
+                info["source_timestamp"],
+                info["publication_sequence_number"] or 0,
+            )
+            self._arrivals.add(arrival, subscribed.publishers == 1)
+
+    def _add(self, name: str, types: Sequence[str], offers: Sequence[Any]) -> None:
+        try:
+            if len(types) != 1:
+                raise UnknownType(f"{name}: published with several types: {', '.join(types)}")
+            topic = Topic.of(name, types[0], [_recorded(offer.qos_profile) for offer in offers])
+            wire = str(offers[0].topic_type_hash)
+            if wire.startswith("RIHS01_") and wire != topic.type_hash:
+                raise UnknownType(f"{name}: the publisher's {types[0]} is another version than the one found here")
+            self._subscribe(name, types[0], offers)
+        except (UnknownType, ImportError, AttributeError) as error:
+            self._skipped[name] = str(error)
+            self._node.get_logger().warning(f"not recorded: {error}")
+        else:
+            self._bag.add_topic(topic)
+
+    def _subscribe(self, name: str, type_name: str, offers: Sequence[Any]) -> None:
+        package, _, kind = type_name.partition("/msg/")
+        message = getattr(importlib.import_module(f"{package}.msg"), kind)
+        self._subscribed[name] = _Subscribed(self._node, name, message, _suiting(offers))
+
+
+def _suiting(offers: Sequence[Any]) -> QoSProfile:
+    """The strictest QoS that every publisher of a topic meets."""
+    profiles = [offer.qos_profile for offer in offers]
+    reliable = all(profile.reliability == ReliabilityPolicy.RELIABLE for profile in profiles)
+    kept = all(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for profile in profiles)
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=QUEUE,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if kept else DurabilityPolicy.VOLATILE,
+    )
+
+
+def _recorded(profile: QoSProfile) -> Qos:
+    """An offered profile as a bag stores it."""
+    return Qos(
+        QosHistory(int(profile.history)),
+        profile.depth,
+        QosReliability(int(profile.reliability)),
+        QosDurability(int(profile.durability)),
+        _duration(profile.deadline),
+        _duration(profile.lifespan),
+        QosLiveliness(int(profile.liveliness)),
+        _duration(profile.liveliness_lease_duration),
+        profile.avoid_ros_namespace_conventions,
+    )
+
+
+def _duration(duration: Any) -> QosTime:
+    return QosTime(*divmod(duration.nanoseconds, 1_000_000_000))
+
+
+if __name__ == "__main__":
+    main()

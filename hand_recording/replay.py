@@ -1,0 +1,127 @@
+"""Replaying a recording: its valve commands through the offline plant, the same topics out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_driver.board import Frame, Status
+from hand_driver.measurement import Converter
+from hand_driver.topics import TOPICS, FrameTopics
+from hand_messages.cdr import Layout
+from hand_messages.layouts import VALVE_COMMAND
+from hand_model.description import Hand
+from hand_recording.bag_writer import Topic, open_bag
+from hand_recording.loader import Recording, RecordingError
+from hand_recording.time_base import published_on_stamp_clock
+from hand_sim.offline import Commands, Measured, Ticks, replay, without_noise
+from hand_sim.plant import SimulatedPlant
+
+Array = NDArray[np.float64]
+VELOCITY_TIME_CONSTANT_S = 0.01
+"""The driver's default, so that the replayed velocities are comparable."""
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """States (N, STATES, joints) of the plant at the recording's frames, and their clock."""
+
+    hand: Hand
+    namespace: str
+    ticks: Ticks
+    states: Array
+    commands: Commands
+
+    @property
+    def stamp_ns(self) -> NDArray[np.int64]:
+        """Stamps (N,) [ns] of the replayed frames: the recorded sample clock without its jitter."""
+        return self.ticks.stamp_ns[self.ticks.number]
+
+
+def replay_recording(recording: Recording, hand: Hand) -> Replay:
+    """Drive the plant with what was commanded. RecordingError where the recording does not fit the hand."""
+    states, pressures = recording["joint_states"], recording["pressures"]
+    position = _by_name(recording, "joint_states", "position", hand)
+    velocity = _by_name(recording, "joint_states", "velocity", hand)
+    stamps, first = np.unique(states.stamp_ns, return_index=True)
+    if len(stamps) < 2:
+        raise RecordingError(f"{recording.path} has {len(stamps)} frames of joint_states; two or more are needed")
+    nearest = np.clip(np.searchsorted(pressures.stamp_ns, stamps), 0, len(pressures) - 1)
+    pressure = _by_name(recording, "pressures", "pressure", hand)[nearest]
+    commands = _commands(recording, hand)
+    ticks, plant_states = replay(hand, Measured(stamps, position[first], velocity[first], pressure), commands)
+    return Replay(hand, recording.namespace, ticks, plant_states, commands)
+
+
+def messages(result: Replay, seed: int | None) -> Iterator[tuple[int, tuple[bytes, ...]]]:
+    """Stamp and serialized topics, in the order of TOPICS, of each replayed frame.
+
+    Sensors, ADC and calibration are the driver's; seed adds their noise, None leaves it out.
+    """
+    hand = result.hand
+    sensors = SimulatedPlant(hand if seed is not None else without_noise(hand), hand.rate_hz, seed or 0)
+    converter = Converter(hand, VELOCITY_TIME_CONSTANT_S)
+    topics = FrameTopics(hand, "hand")
+    supply_v = hand.sensors.supply_voltage_v
+    for number, stamp_ns, state in zip(result.ticks.number, result.stamp_ns, result.states, strict=True):
+        counts = sensors.convert(state, supply_v)
+        frame = Frame(int(number), int(stamp_ns) // 1000, supply_v, Status(0), counts, 0)
+        yield int(stamp_ns), topics.encode(int(stamp_ns), frame, converter.convert(frame))
+
+
+def write_replay(result: Replay, out: Path, storage: str, seed: int | None) -> Iterator[float]:
+    """Write the replay as a recording with the commands it answers; yields the share done, 0 ... 1."""
+    names = [f"{result.namespace}/{topic}" for topic in TOPICS]
+    bag = open_bag(out, storage)
+    try:
+        for name, spec in zip(names, TOPICS.values(), strict=True):
+            bag.add_topic(Topic.of(name, spec.type))
+        command = f"{result.namespace}/valve_command"
+        bag.add_topic(Topic.of(command, VALVE_COMMAND.type))
+        sent = iter(_encoded_commands(result))
+        waiting = next(sent, None)
+        for index, (stamp_ns, raws) in enumerate(messages(result, seed)):
+            for name, raw in zip(names, raws, strict=True):
+                bag.write(name, raw, stamp_ns, stamp_ns)
+            while waiting is not None and waiting[0] <= stamp_ns:
+                bag.write(command, waiting[1], waiting[0], waiting[0])
+                waiting = next(sent, None)
+            yield (index + 1) / len(result.states)
+    finally:
+        bag.close()
+
+
+def _encoded_commands(result: Replay) -> Iterator[tuple[int, bytes]]:
+    layout = Layout(VALVE_COMMAND, "hand", result.hand.joints)
+    commands = result.commands
+    for sent_ns, pressure, lifetime_s in zip(
+        commands.sent_ns.tolist(), commands.pressure_pa, commands.lifetime_s, strict=True
+    ):
+        yield sent_ns, layout.encode(sent_ns, lifetime_ns=round(lifetime_s * 1e9), pressure=pressure)
+
+
+def _commands(recording: Recording, hand: Hand) -> Commands:
+    """Set-points in the order they were sent; those with a number that is none are left out, as a board does."""
+    data = recording["valve_command"]
+    pressure = _by_name(recording, "valve_command", "pressure", hand)
+    sent_ns = published_on_stamp_clock(recording.topics)
+    usable = np.isfinite(pressure).all(axis=1) & (data["lifetime_ns"] > 0)
+    order = np.argsort(sent_ns[usable], kind="stable")
+    return Commands(sent_ns[usable][order], pressure[usable][order], data["lifetime_ns"][usable][order] * 1e-9)
+
+
+def _by_name(recording: Recording, topic: str, field: str, hand: Hand) -> Array:
+    """A field (N, joints) in the hand's order. RecordingError names a joint that is missing."""
+    data = recording[topic]
+    missing = [joint for joint in hand.joints if joint not in data.names]
+    if missing:
+        raise RecordingError(
+            f"{recording.path}: {topic} has no joint {missing[0]!r}; it has {', '.join(data.names)}: "
+            "is the model of another hand?"
+        )
+    values: Array = data[field][:, [data.names.index(joint) for joint in hand.joints]]
+    return values

@@ -1,0 +1,157 @@
+"""What the diagnosis works on: the measured signals of every joint on one uniform clock, without gaps, with weights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import savgol_coeffs, savgol_filter
+
+from hand_recording.recording_files import RecordingError
+
+Array = NDArray[np.float64]
+SMOOTHING_S = 0.045
+"""Window over which speed and acceleration are taken from measured angles; short against any motion of a finger."""
+
+
+LONGEST = 1_000_000
+"""Samples of a recording (83 minutes at 200 Hz); the memory of a fit grows with them."""
+
+
+def samples_on_grid(name: object, first_s: float, last_s: float, period_s: float) -> int:
+    """Samples from the first time to the last. RecordingError where they are too many to fit."""
+    count = int((last_s - first_s) / period_s + 0.5) + 1
+    if count > LONGEST:
+        raise RecordingError(
+            f"{name} has {count} samples on a uniform clock; the allowed range is up to {LONGEST};"
+            " cut it into several recordings, and judge each with --each"
+        )
+    return count
+
+
+@dataclass(frozen=True, slots=True)
+class Signals:
+    """One recording. T samples, J joints; every array (T, J).
+
+    set_point_pa: in force from its sample to the next.  pressure_pa, angle_rad: as read, gaps bridged.
+    force_n: NaN where no sensor.  known: False where a reading was bridged.  has_*: (J,) whether the stage can be
+    judged at all.  notes: what the data check found.  dropped: share of frames that never came.
+    driven: the motion was imposed, and force_n is what the machine answered.
+    machine: of another machine than a hand; ranges of a hand say nothing about it.
+    pressure_late_s: by how much the pressures of a sample were read after its angles, by their stamps.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    period_s: float
+    set_point_pa: Array
+    pressure_pa: Array
+    angle_rad: Array
+    force_n: Array
+    known: NDArray[np.bool_]
+    has_set_point: NDArray[np.bool_]
+    has_pressure: NDArray[np.bool_]
+    notes: tuple[str, ...] = field(default=())
+    dropped: float = 0.0
+    driven: bool = False
+    machine: bool = False
+    pressure_late_s: float = 0.0
+
+    @property
+    def samples(self) -> int:
+        """T."""
+        return len(self.angle_rad)
+
+    @property
+    def time_s(self) -> Array:
+        """(T,) [s] from 0."""
+        return np.asarray(np.arange(self.samples) * self.period_s, dtype=np.float64)
+
+
+def bridge(values: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Columns (T, J) with NaN replaced by linear interpolation, and where they were known; an empty column is 0."""
+    known = np.isfinite(values)
+    filled = np.zeros_like(values)
+    at = np.arange(len(values))
+    for j in range(values.shape[1]):
+        if known[:, j].any():
+            filled[:, j] = np.interp(at, at[known[:, j]], values[known[:, j], j])
+    return filled, known
+
+
+def derivatives(angle_rad: Array, period_s: float) -> tuple[Array, Array]:
+    """Speed and acceleration (T, J) from angles by a cubic over a short moving window."""
+    half = max(2, round(SMOOTHING_S / period_s / 2.0))
+    window = min(2 * half + 1, (len(angle_rad) - 1) // 2 * 2 + 1)
+    if window < 5:
+        return np.zeros_like(angle_rad), np.zeros_like(angle_rad)
+    speed: Array = savgol_filter(angle_rad, window, 3, deriv=1, delta=period_s, axis=0)
+    acceleration: Array = savgol_filter(angle_rad, window, 3, deriv=2, delta=period_s, axis=0)
+    return speed, acceleration
+
+
+def white_noise(values: Array, known: NDArray[np.bool_] | None = None) -> float:
+    """Standard deviation of the white part of a signal (T,), from its third differences (robust against motion)."""
+    difference = np.diff(values, 3)
+    if known is not None:
+        inside = known[3:] & known[2:-1] & known[1:-2] & known[:-3]
+        difference = difference[inside]
+    if not len(difference):
+        return 0.0
+    quiet = np.abs(difference)
+    # Third differences of unit white noise have variance 1 + 9 + 9 + 1. Of quantised or quiet signals most are 0.
+    trimmed = float(np.sqrt(np.mean(np.minimum(quiet, np.quantile(quiet, 0.9)) ** 2)))
+    return max(float(np.median(quiet)) / 0.6745, 0.3 * trimmed) / float(np.sqrt(20.0))
+
+
+SMOOTHED_S = (0.07, 0.15, 0.3, 0.6, 1.2)
+"""Spans of the smoothing of an input to choose from; mechanics and valves are slower than the first."""
+LEFT_ALONE = 3.5
+"""Where smoothing would move a signal by more than so many standard deviations of its noise, it is no noise."""
+
+
+def smoothed_over(values: Array, span: int) -> Array:
+    """A signal (T,) smoothed by quadratics over an odd number of samples; fewer than 5 change nothing."""
+    return values if span < 5 or len(values) <= span else savgol_filter(values, span, 2)
+
+
+def slopes_over(values: Array, span: int, order: int, period_s: float) -> Array:
+    """A derivative (T,) of a signal by quadratics over an odd number of samples; 0 where there are too few."""
+    span = max(span, 5)
+    return savgol_filter(values, span, 2, order, period_s) if len(values) > span else np.zeros(len(values))
+
+
+def without_noise(values: Array, period_s: float, noise: float) -> tuple[Array, int]:
+    """A signal (T,) that is an input of a model, with less of its white noise and none of its edges; and the span.
+
+    Noise of an input is no error of the model, but would look like one: quadratics by least squares (Savitzky and
+    Golay 1964), without lag, over the span that foretells left-out samples best; around edges the signal stays.
+    """
+    span = smoothing_span(values, period_s, noise)
+    if span == 1:
+        return values, 1
+    smooth = smoothed_over(values, span)
+    around = _spans(values, period_s)[0]
+    edge = uniform_filter1d((np.abs(values - smooth) > LEFT_ALONE * noise).astype(float), around) > 0.0
+    return np.where(edge, values, smooth), span
+
+
+def smoothing_span(values: Array, period_s: float, noise: float) -> int:
+    """Samples over which the smoothing of a signal (T,) foretells left-out ones best; 1 where it shall not be."""
+    spans = _spans(values, period_s)
+    return min(spans, key=lambda span: _left_out_error(values, span)) if spans and noise > 0.0 else 1
+
+
+def _spans(values: Array, period_s: float) -> list[int]:
+    """SMOOTHED_S in samples, odd numbers; those too short to smooth and too long for the signal are left out."""
+    spans = [2 * round(0.5 * seconds / period_s) + 1 for seconds in SMOOTHED_S]
+    return [span for span in spans if 5 <= span < len(values)]
+
+
+def _left_out_error(values: Array, span: int) -> float:
+    """Mean square by which the smoothing foretells a sample from its neighbours alone; a tenth at edges is left out."""
+    own = float(savgol_coeffs(span, 2)[span // 2])
+    error = np.abs(values - smoothed_over(values, span)) / (1.0 - own)
+    return float(np.mean(np.minimum(error, np.quantile(error, 0.9)) ** 2))

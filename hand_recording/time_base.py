@@ -1,0 +1,216 @@
+"""Every signal of a recording on one time base.
+
+Rules:
+- Times are header stamps. Measured signals (position, velocity, effort, pressure, force) are interpolated
+  linearly between the two samples around a time. They are NaN before the first sample, after the last, and
+  inside gaps longer than max_gap_s. A time that equals a stamp gets that very sample.
+- reference (controller_state) holds from its stamp until the next sample; NaN before the first, and once the
+  last one is older than max_gap_s.
+- valve_command holds from the moment it was published, not from its stamp: that is when the board can have
+  known it. Past its lifetime the board vents: 0 Pa until the next command. NaN before the first.
+- Under simulated time (/clock was recorded) publish times are moved onto that clock: a command published
+  between two ticks counts from the former.
+- Samples that share a stamp: the last one counts. Samples are put in order of their stamps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_recording.columns import TopicData
+from hand_recording.recording_files import RecordingError
+
+Floats = NDArray[np.float64]
+Times = NDArray[np.int64]
+NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class TimeBase:
+    """T times and J joints; NaN where a signal is not known. Every array is (T, J), force (T, sites).
+
+    time_ns: header clock. position, reference [rad]; velocity [rad/s]; effort [N.m]; pressure and
+    valve_command [Pa gauge]; force [N].
+    """
+
+    time_ns: Times
+    joints: tuple[str, ...]
+    sites: tuple[str, ...]
+    position: Floats
+    velocity: Floats
+    effort: Floats
+    pressure: Floats
+    force: Floats
+    valve_command: Floats
+    reference: Floats
+
+    @property
+    def time_s(self) -> Floats:
+        """Seconds since the first time."""
+        return (self.time_ns - self.time_ns[:1]) / NS
+
+
+def resample(
+    path: Path,
+    topics: Mapping[str, TopicData],
+    period_s: float | None,
+    stamps_ns: Times | None,
+    joints: Sequence[str] | None,
+    max_gap_s: float,
+) -> TimeBase:
+    """See Recording.on_time_base."""
+    states = topics.get("joint_states")
+    if joints is None and states is None:
+        raise RecordingError(f"{path} has no joint_states: name the joints")
+    columns = tuple(states.names if joints is None and states else joints or ())
+    known = {name for topic in topics.values() for name in topic.names}
+    if not known & set(columns):
+        raise RecordingError(f"{path} has none of the joints {', '.join(columns)}")
+    times = _times(path, topics, period_s, stamps_ns)
+    forces = topics.get("contact_forces")
+    sites = forces.names if forces else ()
+    gap_ns = round(max_gap_s * NS)
+
+    def measured(topic: str, field: str, names: Sequence[str] = columns) -> Floats:
+        data = topics.get(topic)
+        if data is None or not len(data):
+            return np.full((len(times), len(names)), np.nan)
+        stamps, rows = _in_order(data.stamp_ns)
+        return interpolate(times, stamps, _named(data, field, names)[rows], gap_ns)
+
+    return TimeBase(
+        times,
+        columns,
+        tuple(sites),
+        measured("joint_states", "position"),
+        measured("joint_states", "velocity"),
+        measured("joint_states", "effort"),
+        measured("pressures", "pressure"),
+        measured("contact_forces", "force", sites),
+        _valve_command(times, topics, columns),
+        _reference(times, topics, columns, gap_ns),
+    )
+
+
+def interpolate(times: Times, stamps: Times, values: Floats, max_gap_ns: int) -> Floats:
+    """Values (N, J) at rising `stamps` (N,), linearly onto `times` (T,): (T, J), by the rules above."""
+    after = np.clip(np.searchsorted(stamps, times), 1, max(len(stamps) - 1, 1))
+    after = np.minimum(after, len(stamps) - 1)
+    before = np.maximum(after - 1, 0)
+    span = stamps[after] - stamps[before]
+    share = ((times - stamps[before]) / np.maximum(span, 1))[:, np.newaxis]
+    result: Floats = values[before] + share * (values[after] - values[before])
+    unknown = (times < stamps[0]) | (times > stamps[-1]) | (span > max_gap_ns)
+    result[unknown] = np.nan
+    for ends in (before, after):  # the sample itself, also beside a NaN or a gap
+        hit = times == stamps[ends]
+        result[hit] = values[ends[hit]]
+    return result
+
+
+def nearest(times: Times, data: TopicData, field: str, names: Sequence[str], most_ns: float) -> tuple[Floats, Floats]:
+    """A field's sample nearest to each time (T, J), and by how much it is later (T,) [ns].
+
+    most_ns: how far from the median lateness a sample may be; NaN where it is farther.
+    """
+    stamps, rows = _in_order(data.stamp_ns)
+    at = np.clip(np.searchsorted(stamps, times), 1, len(stamps) - 1)
+    at -= times - stamps[at - 1] < stamps[at] - times
+    late = (stamps[at] - times).astype(np.float64)
+    values = _named(data, field, names)[rows[at]]
+    values[np.abs(late - np.median(late)) >= most_ns] = np.nan
+    return values, late
+
+
+def in_force(times: Times, starts: Times) -> NDArray[np.intp]:
+    """Row of `starts` (rising) that began last at each time; -1 before the first."""
+    rows: NDArray[np.intp] = np.searchsorted(starts, times, side="right") - 1
+    return rows
+
+
+def _held(
+    times: Times, data: TopicData | None, field: str, joints: Sequence[str], starts: Times | None
+) -> tuple[Floats, Times, NDArray[np.intp]]:
+    """A field held from `starts`, (T, J), its age at each time [ns] (-1 before the first), and its rows."""
+    if data is None or not len(data) or starts is None:
+        return np.full((len(times), len(joints)), np.nan), np.full(len(times), -1), np.zeros(0, np.intp)
+    starts, rows = _in_order(starts)
+    row = in_force(times, starts)
+    values = _named(data, field, joints)[rows[row]]
+    values[row < 0] = np.nan
+    return values, np.where(row < 0, -1, times - starts[row]), rows[row]
+
+
+def _valve_command(times: Times, topics: Mapping[str, TopicData], joints: Sequence[str]) -> Floats:
+    data = topics.get("valve_command")
+    starts = published_on_stamp_clock(topics) if data is not None else None
+    command, age, rows = _held(times, data, "pressure", joints, starts)
+    if data is not None and len(data):
+        command[age > data["lifetime_ns"][rows]] = 0.0
+    return command
+
+
+def _reference(times: Times, topics: Mapping[str, TopicData], joints: Sequence[str], max_gap_ns: int) -> Floats:
+    data = topics.get("controller_state")
+    starts = data.stamp_ns if data is not None else None
+    reference, age, _ = _held(times, data, "reference", joints, starts)
+    reference[age > max_gap_ns] = np.nan
+    return reference
+
+
+def published_on_stamp_clock(topics: Mapping[str, TopicData]) -> Times:
+    """When each valve command was published [ns], on the clock that the headers bear."""
+    return _on_stamp_clock(topics["valve_command"].publish_ns, topics.get("clock"))
+
+
+def _on_stamp_clock(publish_ns: Times, clock: TopicData | None) -> Times:
+    """Publish times as the clock of the stamps showed them."""
+    if clock is None or not len(clock):
+        return publish_ns
+    ticks, rows = _in_order(clock.publish_ns)
+    row = np.maximum(np.searchsorted(ticks, publish_ns, side="right") - 1, 0)
+    shown: Times = clock.stamp_ns[rows][row]
+    return shown
+
+
+def _in_order(stamps: Times) -> tuple[Times, NDArray[np.intp]]:
+    """Rising stamps without repetitions, and the rows they come from: of equal stamps the last."""
+    rows = np.argsort(stamps, kind="stable")
+    ordered = stamps[rows]
+    last = np.append(ordered[1:] != ordered[:-1], True)
+    return ordered[last], rows[last]
+
+
+def _named(data: TopicData, field: str, names: Sequence[str]) -> Floats:
+    """A field with a column for each name; NaN for names that the topic lacks."""
+    values = data[field]
+    if data.names == tuple(names):
+        return np.asarray(values, np.float64)
+    result = np.full((len(values), len(names)), np.nan)
+    for column, name in enumerate(names):
+        if name in data.names:
+            result[:, column] = values[:, data.names.index(name)]
+    return result
+
+
+def _times(path: Path, topics: Mapping[str, TopicData], period_s: float | None, stamps_ns: Times | None) -> Times:
+    """The time base asked for."""
+    if stamps_ns is not None:
+        times = np.asarray(stamps_ns, np.int64)
+        if times.ndim != 1 or (np.diff(times) <= 0).any():
+            raise RecordingError("stamps_ns must be one rising row of times")
+        return times
+    stamps = [topic.stamp_ns for name, topic in topics.items() if name != "clock" and len(topic)]
+    if period_s is None:
+        if "joint_states" not in topics:
+            raise RecordingError(f"{path} has no joint_states: give a period or the times")
+        return _in_order(topics["joint_states"].stamp_ns)[0]
+    if not (np.isfinite(period_s) and period_s > 0):
+        raise RecordingError(f"period_s = {period_s} is not a finite number above 0")
+    first, last = min(int(part.min()) for part in stamps), max(int(part.max()) for part in stamps)
+    return first + np.round(np.arange(int((last - first) / (period_s * NS)) + 1) * (period_s * NS)).astype(np.int64)

@@ -1,0 +1,200 @@
+"""The blind trial: an independent plant, a seal that holds, honest grading, and the commands as a user calls them."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hand_model.description import load_hand
+from hand_sim.plant import PHI, HandPlant, P
+from validation.trial.catalogue import BY_NAME, FOREIGN, KNOWN
+from validation.trial.document import failures_table, fill, scores_table
+from validation.trial.grade import grade
+from validation.trial.limits import REPEATABILITY, Projector, limit_size, rms, scene
+from validation.trial.make import draw_cases
+from validation.trial.motions import EXPERIMENTS, set_points
+from validation.trial.nominal import Nominal
+from validation.trial.plant import record
+from validation.trial.score import calibration_error
+from validation.trial.seal import SEALED, new_key, seal, unseal
+
+ROOT = Path(__file__).parents[3]
+CONFIG = ROOT / "config" / "hand.yaml"
+FRAME_S = 0.01
+
+
+def hand(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "hand_tool.cli", *arguments],
+        cwd=ROOT, env=os.environ | environment, capture_output=True, text=True, timeout=600, check=False,
+    )  # fmt: skip
+
+
+def test_both_plants_agree_where_nothing_is_concealed() -> None:
+    """Fails when one of two independent plants of the same hand is wrong: they must agree within 0.1 degree."""
+    nominal, rng = Nominal(CONFIG), np.random.default_rng(1)
+    u = set_points("mixed", 1500, FRAME_S, 11, rng)
+    ours = record(nominal.rows, u, FRAME_S, nominal.partner, nominal.neighbour, np.zeros(1500))
+    plant = HandPlant(load_hand(CONFIG), FRAME_S)
+    states = np.concatenate([plant.state[None], plant.advance(u[:-1])])
+    assert np.degrees(np.sqrt(np.mean((states[:, PHI] - ours[1]) ** 2, axis=0))).max() < 0.1
+    assert np.abs(states[:, P] - ours[0]).max() < 2e3
+
+
+def test_limits_are_what_they_say() -> None:
+    """Fails when an effect at its detection limit does more or less than the repeatability of its signal."""
+    nominal, rng = Nominal(CONFIG), np.random.default_rng(2)
+    u = set_points("mixed", 2000, FRAME_S, 11, rng)
+    where = scene(nominal.rows, u, nominal.partner, nominal.neighbour, 3, FRAME_S, np.zeros(2000))
+    for name in ("coulomb_friction", "valve_hysteresis", "gravity"):
+        concealed = BY_NAME[name]
+        size = limit_size(concealed, where)
+        projector = Projector(where, concealed.stage)
+        left = projector.rest(where.readings(concealed, size)[concealed.stage] - projector.plain)
+        assert rms(left) == pytest.approx(1.0, abs=0.25), name
+    assert len(REPEATABILITY) == 3
+
+
+def test_the_set_has_the_promised_shares() -> None:
+    """Fails when a kind of case, a multiple or an effect is short in the set."""
+    cases = draw_cases(404, 7)
+    kinds = [case.kind for case in cases]
+    assert kinds.count("null") >= 0.2 * 404
+    assert kinds.count("pair") >= 0.15 * 404
+    assert kinds.count("outside") >= 0.1 * 404
+    alone = {(case.effects[0]) for case in cases if case.kind == "single"}
+    assert alone == {(one.name, multiple) for one in KNOWN for multiple in (1.0, 2.0, 5.0)}
+    assert {case.motion for case in cases} == set(EXPERIMENTS)
+    assert not {one.name for one in FOREIGN} & {one.name for one in KNOWN}
+
+
+def test_the_seal_holds(tmp_path: Path) -> None:
+    """Fails when a wrong key opens the truth, or a truth that was exchanged is accepted."""
+    key = new_key()
+    commitment = seal({"cases": []}, tmp_path, key)
+    assert unseal(tmp_path, key)[1] == commitment
+    assert b"cases" not in (tmp_path / SEALED).read_bytes()
+    with pytest.raises(ValueError, match="the key does not open it"):
+        unseal(tmp_path, new_key())
+    other = tmp_path / "other"
+    other.mkdir()
+    seal({"cases": ["exchanged"]}, other, key)
+    (tmp_path / SEALED).write_bytes((other / SEALED).read_bytes())
+    with pytest.raises(ValueError, match="was promised"):
+        unseal(tmp_path, key)
+
+
+def truth(effect: str, joint: str | None, place: str, **more: Any) -> dict[str, Any]:
+    return {"effect": effect, "joint": joint, "place": place, "multiple": 2.0, "group": [effect], "number": None} | more
+
+
+def finding(effect: str, joint: str | None, place: str, probability: float = 0.9, **more: Any) -> dict[str, Any]:
+    base = {"effect": effect, "joint": joint, "place": place, "probability": probability}
+    return base | {"alternatives": [], "parameters": {}} | more
+
+
+def graded(kind: str, truths: list[Any], findings: list[Any], without: str = "") -> Any:
+    case = {"number": 1, "kind": kind, "motion": "steps", "without": without, "truth": truths}
+    return grade(case, {"findings": findings, "fit": []})
+
+
+def test_grading_is_strict() -> None:
+    """Fails when a wrong joint, place or effect counts as right, or a member of the group as wrong."""
+    friction = truth("coulomb_friction", "index_distal", "joint")
+    right = graded("single", [friction], [finding("coulomb_friction", "index_distal", "joint")])
+    assert right.first and right.joint and right.place and right.claims == [(0.9, True)]
+    elsewhere = graded("single", [friction], [finding("coulomb_friction", "ring_distal", "joint")])
+    assert not elsewhere.first and not elsewhere.joint and elsewhere.claims == [(0.9, False)]
+    rival = [{"effect": "coulomb_friction"}]
+    second = graded("single", [friction], [finding("backlash", "index_distal", "joint", alternatives=rival)])
+    assert not second.first and second.first_two
+    twins = truth("constant_load", "index_distal", "environment", group=["constant_load", "angle_offset"])
+    assert graded("single", [twins], [finding("angle_offset", "index_distal", "angle_sensor")]).first
+    assert graded("null", [], [finding("leak", "index_distal", "fluid")]).false_alarm
+    assert graded("null", [], []).false_alarm is False
+    assert not graded(
+        "deleted", [friction], [finding("backlash", "index_distal", "joint")], "coulomb_friction"
+    ).unknown_found
+    assert graded(
+        "deleted", [friction], [finding("unknown", "index_distal", "joint")], "coulomb_friction"
+    ).unknown_found
+    assert graded("single", [friction], [finding("unknown", "index_distal", "joint")]).unknown_wrong
+    number = {"key": "coulomb_friction.torque_nm", "value": 0.01}
+    told = {"coulomb_friction.torque_nm": {"value": 0.012}}
+    measured = graded(
+        "single",
+        [friction | {"number": number}],
+        [finding("coulomb_friction", "index_distal", "joint", parameters=told)],
+    )
+    assert measured.parameters[0][1] == pytest.approx(0.2)
+
+
+def test_calibration_error_is_that_of_the_claims() -> None:
+    """Fails when claims that are worth less than they say pass for calibrated."""
+    assert calibration_error([(0.9, True)] * 9 + [(0.9, False)]) == pytest.approx(0.0, abs=1e-12)
+    assert calibration_error([(0.9, False)] * 10) == pytest.approx(0.9)
+
+
+def test_the_page_is_filled_from_the_scores() -> None:
+    """Fails when a number of the page could be written by hand, or a part is missing."""
+    text = (ROOT / "docs" / "proof.md").read_text(encoding="utf-8")
+    for part in ("scores", "effects", "failures", "reality"):
+        assert "MARK" in fill(text, part, "MARK\n")
+    with pytest.raises(ValueError, match="no part"):
+        fill(text, "nothing", "")
+    share = {"value": 0.5, "low": 0.2, "high": 0.8, "count": 4}
+    result = {
+        "seed": 1, "commitment": "c", "recordings": 4, "graded": 4, "kinds": {"null": 4}, "unplaced": {},
+        "timing": {"seconds": 60.0, "jobs": 2}, "scores": {"place": share}, "at_the_limit": {"place": share},
+        "failures": [
+            {"kind": "null", "effect": "nothing", "called": "leak", "count": 1, "example": 3, "motion": "steps"}
+        ],
+    }  # fmt: skip
+    assert "**not reached**" in scores_table(result)
+    assert "case 3, steps" in failures_table(result)
+
+
+def test_a_small_trial_from_end_to_end(tmp_path: Path) -> None:
+    """Fails when make, run and score do not go together, or run would start with the key at hand."""
+    folder = tmp_path / "trial"
+    made = hand("trial", "make", str(folder), "--cases", "10", "--seed", "3")
+    assert made.returncode == 0, made.stderr
+    commitment, key = (line.split()[1] for line in made.stdout.splitlines())
+    plan = (folder / "plan.json").read_text(encoding="utf-8")
+    assert not any(one.name in plan.replace('"without"', "") for one in FOREIGN)
+    refused = hand("trial", "run", str(folder), HAND_TRIAL_KEY=key)
+    assert refused.returncode == 2 and "must not be able to open the seal" in refused.stderr
+    done = hand("trial", "run", str(folder))
+    assert done.returncode == 0, done.stderr
+    scored = hand("trial", "score", str(folder), "--key", key, "--json")
+    assert scored.returncode in {0, 1}, scored.stderr
+    result = json.loads(scored.stdout)
+    print(result["scores"])
+    assert result["commitment"] == commitment and result["recordings"] == 10
+    assert result["scores"]["joint"]["value"] >= 0.5
+    assert (folder / "confusion.png").stat().st_size > 5000
+    wrong = hand("trial", "score", str(folder), "--key", new_key().decode())
+    assert wrong.returncode == 2 and "does not open it" in wrong.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (("make", "nowhere", "--cases", "3"), "--cases is 3; the allowed range is 10 to 100000"),
+        (("make", "nowhere", "--jobs", "0"), "--jobs is 0; the allowed range is 1 to 256"),
+        (("run", "nowhere"), "nowhere holds no trial (plan.json is missing)"),
+        (("reality", "nowhere", "--out", "x"), "nowhere: neither pneumatic_cylinder nor servo_pendulum"),
+    ],
+)
+def test_bad_usage_is_one_line(arguments: tuple[str, ...], line: str) -> None:
+    """Fails when bad usage ends in a traceback, several lines, or another exit code than 2."""
+    done = hand("trial", *arguments)
+    assert done.returncode == 2
+    assert line in done.stderr and len(done.stderr.strip().splitlines()) == 1

@@ -1,0 +1,175 @@
+"""The control loop over DDS between processes: missed periods, latency, and the round trip beside plain rclpy.
+
+Latency is from the frame's acquisition stamp to the valve command's source timestamp, both on this host. A
+period is missed when its frame was answered by no command, or by one published after the next frame was due.
+The round trip is from the source timestamp of joint_states to that of the valve command that answers it: the plain
+pair stamps a frame after its timer has woken, the stack at the board's tick, so acquisition stamps do not compare.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+import rclpy
+from ament_index_python.packages import get_package_prefix, get_package_share_directory
+from hand_msgs.msg import ValveCommand
+from sensor_msgs.msg import JointState
+
+from validation.bench.result import figure
+
+WARM_UP_S = 3.0
+DEPTH = 1000
+TAKE_PERIOD_S = 0.05
+ROUND_TRIP_HZ = 200
+
+
+@dataclass
+class Run:
+    """One run: latencies and answer times [s] of all answers, share of missed periods, CPU of both [cores]."""
+
+    latency_s: np.ndarray[Any, np.dtype[np.float64]]
+    answer_s: np.ndarray[Any, np.dtype[np.float64]]
+    missed: float
+    cpu: float
+
+
+def run(quick: bool) -> list[dict[str, Any]]:
+    seconds, rounds = (3.0, 1) if quick else (10.0, 5)
+    rclpy.init()
+    try:
+        results = []
+        for rate_hz, goal in ((200, 0.01), (500, 0.03), (1000, 0.05)):
+            runs = [measure(stack(rate_hz), rate_hz, seconds) for _ in range(rounds)]
+            results += loop_results(rate_hz, goal, runs)
+        return results + round_trip(seconds, rounds)
+    finally:
+        rclpy.try_shutdown()
+
+
+def loop_results(rate_hz: int, goal: float, runs: list[Run]) -> list[dict[str, Any]]:
+    p50, p99 = (median(float(np.percentile(r.latency_s, q)) * 1e3 for r in runs) for q in (50, 99))
+    own = [
+        (f"loop {rate_hz} Hz missed periods", median(r.missed for r in runs), goal, "fraction"),
+        (f"loop {rate_hz} Hz latency p50", p50, 3.0 if rate_hz == ROUND_TRIP_HZ else None, "ms"),
+        (f"loop {rate_hz} Hz latency p99", p99, 10.0 if rate_hz == ROUND_TRIP_HZ else None, "ms"),
+        (f"loop {rate_hz} Hz CPU", median(r.cpu for r in runs), None, "cores"),
+    ]
+    return [figure(*one) for one in own]
+
+
+def round_trip(seconds: float, rounds: int) -> list[dict[str, Any]]:
+    """Ours and plain rclpy in turn, compared pair by pair."""
+    pairs = [
+        (measure(stack(ROUND_TRIP_HZ), ROUND_TRIP_HZ, seconds), measure(plain(ROUND_TRIP_HZ), ROUND_TRIP_HZ, seconds))
+        for _ in range(rounds)
+    ]
+    p50 = [(median(a.answer_s) * 1e3, median(b.answer_s) * 1e3) for a, b in pairs]
+    cpu = [(a.cpu, b.cpu) for a, b in pairs]
+    return [
+        {
+            "name": name,
+            "ours": median(a for a, _ in values),
+            "reference": median(b for _, b in values),
+            "ratio": median(a / b for a, b in values),
+            "goal": goal,
+            "unit": unit,
+        }
+        for name, values, goal, unit in (
+            ("round trip p50, stack / plain rclpy", p50, 0.7, "ms"),
+            ("round trip CPU, stack / plain rclpy", cpu, 0.5, "cores"),
+        )
+    ]
+
+
+def stack(rate_hz: int) -> list[list[str]]:
+    """Commands of the simulation and the controller at a frame rate."""
+    folder = Path(get_package_prefix("fluidic_hand")) / "lib" / "fluidic_hand"
+    config = Path(get_package_share_directory("fluidic_hand")) / "config"
+    hand = Path(tempfile.gettempdir()) / f"hand_bench_{os.getpid()}_{rate_hz}.yaml"
+    text = (config / "hand.yaml").read_text(encoding="utf-8")
+    hand.write_text(text.replace("rate_hz: 200", f"rate_hz: {rate_hz}"), encoding="utf-8")
+    use = ["-p", f"hand_description:={hand}"]
+    return [
+        [str(folder / "simulation"), "--ros-args", *use],
+        [str(folder / "controller"), "--ros-args", "--params-file", str(config / "controller.yaml"), *use],
+    ]
+
+
+def plain(rate_hz: int) -> list[list[str]]:
+    """Commands of the reference pair."""
+    module = [sys.executable, "-m", "validation.bench.loop_reference"]
+    return [[*module, "sensor", str(rate_hz)], [*module, "control"]]
+
+
+@contextmanager
+def processes(commands: list[list[str]]) -> Iterator[list[subprocess.Popen[bytes]]]:
+    started = [subprocess.Popen(command, stderr=subprocess.DEVNULL) for command in commands]
+    try:
+        yield started
+    finally:
+        for process in started:
+            process.send_signal(signal.SIGINT)
+        for process in started:
+            try:
+                process.wait(timeout=5)
+            except subprocess.TimeoutExpired:  # a plain spin now and then misses its signal
+                process.kill()
+                process.wait()
+
+
+def measure(commands: list[list[str]], rate_hz: float, seconds: float) -> Run:
+    """Run two processes for some seconds after they have found each other."""
+    node = rclpy.create_node("loop_probe", namespace="hand")
+    probe = node.create_subscription(ValveCommand, "valve_command", lambda _: None, DEPTH, raw=True)
+    asked = node.create_subscription(JointState, "joint_states", lambda _: None, DEPTH, raw=True)
+    try:
+        with processes(commands) as started:
+            _take([probe, asked], 30.0, enough=round(rate_hz * WARM_UP_S))
+            begun, cpu = time.monotonic(), sum(map(_cpu_s, started))
+            seen, frames = _take([probe, asked], seconds)
+            used = (sum(map(_cpu_s, started)) - cpu) / (time.monotonic() - begun)
+    finally:
+        node.destroy_node()
+    stamps, sent = np.array(seen).T
+    latency_s = (sent - stamps) * 1e-9
+    periods = round((stamps[-1] - stamps[0]) * 1e-9 * rate_hz) + 1
+    in_time = len(np.unique(stamps[latency_s <= 1.0 / rate_hz]))
+    published = dict(frames)
+    answer_s = np.array([(at - published[stamp]) * 1e-9 for stamp, at in seen if stamp in published])
+    return Run(latency_s, answer_s, max(0.0, 1.0 - in_time / periods), used)
+
+
+def _take(probes: list[Any], seconds: float, enough: int | None = None) -> list[list[tuple[int, int]]]:
+    """Acquisition stamp and source timestamp [ns] of each probe's messages: of some seconds, or enough of the first's.
+
+    Emptied in batches and without an executor, so that watching costs little of the two cores.
+    """
+    seen: list[list[tuple[int, int]]] = [[] for _ in probes]
+    end = time.monotonic() + seconds
+    while time.monotonic() < end and (enough is None or len(seen[0]) < enough):
+        time.sleep(TAKE_PERIOD_S)
+        for probe, into in zip(probes, seen, strict=True):
+            with probe.handle:
+                while (taken := probe.handle.take_message(probe.msg_type, True)) is not None:
+                    sec, nanosec = np.frombuffer(taken[0], "<u4", 2, 4).tolist()
+                    into.append((sec * 1_000_000_000 + nanosec, taken[1]["source_timestamp"]))
+    if len(seen[0]) < (enough or 2):
+        raise TimeoutError("the two processes exchanged no valve commands: are the packages built and sourced?")
+    return seen
+
+
+def _cpu_s(process: subprocess.Popen[bytes]) -> float:
+    fields = Path(f"/proc/{process.pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

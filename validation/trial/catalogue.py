@@ -1,0 +1,117 @@
+"""What can be concealed: every effect, its place, how it enters the plant, what the tool's numbers should be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from validation.trial.rows import ROW
+
+Array = NDArray[np.float64]
+DEGREE = math.pi / 180.0
+
+
+@dataclass(frozen=True, slots=True)
+class Concealed:
+    """name, place as in the tool's vocabulary; rows and their sizes at size 1; what else the case needs.
+
+    fixed: rows set whatever the size, where the effect is on.  everywhere: on all joints.
+    truth: the tool's parameter and its value at size 1, where it exists in both forms.
+    most: largest size that still is this effect.
+    """
+
+    name: str
+    place: str
+    sizes: dict[str, float]
+    fixed: dict[str, float]
+    stage: int = 1
+    everywhere: bool = False
+    needs: str = ""
+    truth: tuple[str, float] | None = None
+    most: float = 1e6
+    signed: bool = False
+
+    def apply(self, q: Array, joint: int, size: float) -> None:
+        """Switch it on in q (rows, joints)."""
+        where = slice(None) if self.everywhere else joint
+        for name, unit in self.sizes.items():
+            q[ROW[name], where] += unit * size
+        for name, value in self.fixed.items():
+            q[ROW[name], where] = value
+
+
+def _one(name: str, place: str, row: str, unit: float, **options: object) -> Concealed:
+    return Concealed(name, place, {row: unit}, options.pop("fixed", {}), **options)  # type: ignore[arg-type]
+
+
+KNOWN: tuple[Concealed, ...] = (
+    _one("supply_droop", "supply", "droop", 0.02, fixed={"droop_share": 0.5}, stage=0, everywhere=True, most=1e3),
+    _one("valve_lag", "valve", "lag_more", 0.01, stage=0, most=15.0, truth=("valve.time_constant_s", 0.0105)),
+    _one("valve_delay", "valve", "delay_more", 0.01, stage=0, most=4.5, truth=("valve.dead_time_s", 0.01)),
+    _one("valve_deadband", "valve", "band", 2e3, stage=0),
+    Concealed("valve_flow_limit", "valve", {}, {}, stage=0, needs="inverse:choke:4.0", most=40.0),
+    _one("valve_hysteresis", "valve", "bouc_valve", 2e3, stage=0, truth=("valve_hysteresis.width_pa", 2e3)),
+    _one("leak", "fluid", "leak", 0.1, stage=0),
+    _one("tube_lag", "fluid", "tube", 0.02, most=15.0, truth=("tube_lag.time_constant_s", 0.02)),
+    _one("gas_compression", "fluid", "volume", 0.3, stage=0, most=4.0),
+    Concealed("creep", "material", {"mode_1": 0.2, "mode_2": 0.4}, {}, needs="no_creep"),
+    _one(
+        "hysteresis",
+        "material",
+        "loop",
+        0.005,
+        fixed={"loop_scale": 0.12},
+        most=10.0,
+        truth=("hysteresis.torque_nm", 0.005),
+    ),
+    _one("stiffening", "material", "expo", 0.005, most=20.0),
+    _one("ageing", "material", "age", 1e-3, most=15.0),
+    _one("thermal_drift", "material", "warm", 0.005, fixed={"warm_tau": 12.0}, signed=True),
+    _one("coulomb_friction", "joint", "lugre", 0.003, truth=("coulomb_friction.torque_nm", 0.003)),
+    _one("viscous_friction", "joint", "square_drag", 1e-3, truth=("viscous_friction.quadratic_nm_s2_per_rad2", 1e-3)),
+    _one("backlash", "joint", "gap", 0.5 * DEGREE, truth=("backlash.gap_deg", 0.5 * DEGREE)),
+    Concealed("end_stop", "joint", {}, {"stop_soft": 2.0}, needs="nearer:stop_at", most=20.0),
+    _one("gravity", "joint", "weight", 0.01, fixed={"weight_phase": 0.4}, most=15.0),
+    _one("added_inertia", "joint", "mass", 5e-5),
+    _one("joint_coupling", "joint", "tendon", 0.005, most=5.0),
+    Concealed("contact", "environment", {}, {"wall_k": 0.8}, needs="nearer:wall_at", most=20.0),
+    _one("constant_load", "environment", "load", 0.01, most=10.0, truth=("constant_load.torque_nm", 0.01), signed=True),
+    _one(
+        "angle_offset",
+        "angle_sensor",
+        "offset",
+        DEGREE,
+        signed=True,
+        most=15.0,
+        truth=("angle_offset.offset_deg", DEGREE),
+    ),
+    _one("angle_gain", "angle_sensor", "gain", 0.02, signed=True, most=10.0),
+    _one("hall_misalignment", "angle_sensor", "eccentric", 0.5 * DEGREE, fixed={"eccentric_phase": 0.8}, most=20.0),
+    _one("angle_lag", "angle_sensor", "late", 0.01, most=15.0, truth=("angle_lag.time_constant_s", 0.01)),
+    _one(
+        "pressure_offset",
+        "pressure_sensor",
+        "p_offset",
+        2e3,
+        stage=0,
+        signed=True,
+        truth=("pressure_offset.offset_pa", 2e3),
+    ),
+    _one("pressure_gain", "pressure_sensor", "p_gain", 0.02, stage=0, signed=True, most=10.0),
+    _one("fsr_gain", "force_sensor", "force_gain", 0.05, stage=2, needs="known_wall", most=10.0),
+    _one("fsr_drift", "force_sensor", "force_creep", 0.05, stage=2, needs="known_wall", most=10.0),
+    _one("fsr_hysteresis", "force_sensor", "force_loop", 0.02, stage=2, needs="known_wall", most=15.0),
+    Concealed("clock_offset", "timing", {}, {}, needs="clock", most=15.0, truth=("clock_offset.offset_s", 0.01)),
+    Concealed("dropped_frames", "timing", {}, {}, needs="drop"),
+)
+FOREIGN: tuple[Concealed, ...] = (
+    _one("shaking_base", "unknown", "shake", 0.005, fixed={"shake_hz": 2.3}),
+    _one("cogging", "unknown", "ripple", 0.005),
+    _one("wandering_load", "unknown", "wander", 0.01),
+    _one("valve_chatter", "unknown", "chatter", 1e3, stage=0),
+    _one("snapping_elasticity", "unknown", "switch", 0.1),
+)
+BY_NAME = {one.name: one for one in (*KNOWN, *FOREIGN)}

@@ -1,0 +1,236 @@
+"""Draw cases, simulate and record them, seal what was concealed."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from validation.trial.bag import write_bag
+from validation.trial.catalogue import BY_NAME, FOREIGN, KNOWN, Concealed
+from validation.trial.limits import CLOCK_S, KNOWN_WALL, OFF, inseparable, limit_size, scene, switch_on
+from validation.trial.motions import EXPERIMENTS, set_points
+from validation.trial.nominal import UNCERTAIN, Nominal
+from validation.trial.plant import record
+from validation.trial.rows import ROW
+from validation.trial.seal import seal
+
+Array = NDArray[np.float64]
+FRAME_S, DURATION_S = 0.01, 30.0
+MULTIPLES = (1.0, 2.0, 5.0)
+NULL, PAIR, OUTSIDE, DELETED = 0.20, 0.15, 0.10, 0.06
+WALL = {
+    "angle_deg": math.degrees(KNOWN_WALL[0]),
+    "stiffness_nm_per_rad": KNOWN_WALL[1],
+    "damping_nm_s_per_rad": 0.0,
+    "engagement_deg": 1.0,
+}
+"""The known obstacle as the description says it."""
+TRIES = 6
+MOVING = (4, 7)
+"""Of the eleven joints, how many move in a recording; the others rest vented."""
+
+
+@dataclass(slots=True)
+class Case:
+    """One recording. kind: null, single, pair, outside, deleted.  effects: (name, multiple) to conceal.
+
+    The rest is filled in when it is made: joints, sizes, groups that cannot be told apart, the truth's numbers.
+    """
+
+    number: int
+    seed: int
+    kind: str
+    effects: list[tuple[str, float]]
+    motion: str
+    model: str = "model.yaml"
+    without: str = ""
+    truth: list[dict[str, Any]] = field(default_factory=list)
+    unplaced: list[str] = field(default_factory=list)
+
+
+def draw_cases(count: int, seed: int) -> list[Case]:
+    """The set: shares as above, known effects in turn at every multiple, motions drawn."""
+    rng = np.random.default_rng(seed)
+    kinds = ["null"] * math.ceil(NULL * count) + ["pair"] * math.ceil(PAIR * count)
+    kinds += ["outside"] * math.ceil(OUTSIDE * count) + ["deleted"] * math.ceil(DELETED * count)
+    kinds += ["single"] * max(count - len(kinds), 0)
+    grid = [(one.name, multiple) for multiple in MULTIPLES for one in KNOWN]
+    singles = _dealt(grid, kinds.count("single"), rng)
+    cases = []
+    for number, kind in enumerate(kinds):
+        case = Case(number, int(rng.integers(2**31)), kind, [], str(rng.choice(EXPERIMENTS)))
+        if kind == "single":
+            case.effects = [singles.pop()]
+        elif kind == "outside":
+            case.effects = [(str(rng.choice([one.name for one in FOREIGN])), float(rng.choice(MULTIPLES[1:])))]
+        elif kind in {"pair", "deleted"}:
+            pool = [one.name for one in KNOWN if not one.needs and not one.everywhere]
+            names = rng.choice(pool, 2 if kind == "pair" else 1, replace=False)
+            case.effects = [(str(name), float(rng.choice(MULTIPLES[1:]))) for name in names]
+        if kind == "deleted":
+            case.without = case.effects[0][0]
+        cases.append(case)
+    order = rng.permutation(len(cases))
+    return [replace(cases[k], number=at) for at, k in enumerate(order)]
+
+
+def _dealt(grid: list[tuple[str, float]], count: int, rng: np.random.Generator) -> list[tuple[str, float]]:
+    dealt: list[tuple[str, float]] = []
+    while len(dealt) < count:
+        dealt += [grid[k] for k in rng.permutation(len(grid))]
+    return dealt[:count]
+
+
+def make(
+    out: Path, model: Path, count: int, seed: int, key: bytes, jobs: int, progress: Callable[[float], None]
+) -> str:
+    """Write the trial's folder; returns the commitment, the SHA-256 of the truth."""
+    out.mkdir(parents=True, exist_ok=True)
+    nominal = Nominal(model)
+    write_models(nominal, out)
+    cases = draw_cases(count, seed)
+    work = [(case, str(model), str(out)) for case in cases]
+    made: list[Case] = []
+    for done in _mapped(work, jobs):
+        made.append(done)
+        progress(len(made) / len(cases))
+    plan = [{"number": c.number, "model": c.model, "without": c.without} for c in made]
+    (out / "plan.json").write_text(json.dumps(plan, indent=1), encoding="utf-8")
+    truth = {"seed": seed, "cases": [asdict(case) for case in made]}
+    return seal(truth, out, key)
+
+
+def _mapped(work: list[tuple[Case, str, str]], jobs: int) -> Iterator[Case]:
+    if jobs <= 1:
+        yield from map(make_case, work)
+        return
+    with ProcessPoolExecutor(jobs) as pool:
+        yield from pool.map(make_case, work)
+
+
+def write_models(nominal: Nominal, out: Path) -> None:
+    """What the diagnosis is given: the nominal hand; one without creep; one with a known obstacle on each joint."""
+    rate = 1.0 / FRAME_S
+    nominal.write(nominal.rows, out / "model.yaml", rate, {})
+    rigid = nominal.rows.copy()
+    rigid[ROW["reach"]] = 0.0
+    nominal.write(rigid, out / "model_no_creep.yaml", rate, {})
+    walls = {j: {"contact": dict(WALL)} for j in range(len(nominal.joints))}
+    nominal.write(nominal.rows, out / "model_wall.yaml", rate, walls)
+
+
+def make_case(work: tuple[Case, str, str]) -> Case:
+    """Simulate and record one case; its truth is filled in."""
+    case, model, out = work
+    nominal = Nominal(Path(model))
+    rng = np.random.default_rng(case.seed)
+    frames, count = round(DURATION_S / FRAME_S), len(nominal.joints)
+    q = nominal.rows.copy()
+    for name in UNCERTAIN:
+        q[ROW[name]] *= 1.0 + OFF * np.clip(rng.standard_normal(count), -2.0, 2.0)
+    wander = _wander(frames, rng)
+    u = set_points(case.motion, frames, FRAME_S, count, rng)
+    still = rng.permutation(count)[rng.integers(MOVING[0], MOVING[1] + 1) :]
+    u[:, still] = 0.0
+    kept, late_s, site = np.ones(frames, dtype=np.bool_), 0.0, None
+    needs = {BY_NAME[name].needs for name, _ in case.effects}
+    if "known_wall" in needs:
+        case.model = "model_wall.yaml"
+        q[ROW["wall_at"]], q[ROW["wall_k"]], q[ROW["wall_plain"]] = KNOWN_WALL
+    if "no_creep" in needs:
+        case.model = "model_no_creep.yaml"
+        q[ROW["reach"]] = 0.0
+    joint = -1
+    for name, multiple in case.effects:
+        concealed = BY_NAME[name]
+        place = _place(concealed, multiple, case, q, u, nominal, wander, rng, joint)
+        if place is None:
+            case.unplaced.append(name)
+            continue
+        joint, size, group, u = place
+        if concealed.needs == "drop":
+            kept = rng.random(frames) >= size
+            kept[:5] = True
+        elif concealed.needs == "clock":
+            late_s = CLOCK_S * size
+        else:
+            near = scene(q, u, nominal.partner, nominal.neighbour, joint, FRAME_S, wander)
+            switch_on(concealed, q, joint, size, near)
+        whole = concealed.everywhere or concealed.needs in {"drop", "clock"}
+        case.truth.append(_truth(concealed, multiple, size, None if whole else nominal.joints[joint], group, q, joint))
+    noise = (rng.uniform(80.0, 250.0), math.radians(rng.uniform(0.01, 0.04)), 0.01, 0.02)
+    readings = record(q, u, FRAME_S, nominal.partner, nominal.neighbour, wander)
+    readings = readings + np.array(noise)[:, None, None] * rng.standard_normal(readings.shape)
+    if "known_wall" in needs and joint >= 0:
+        site = (joint, nominal.pads[joint])
+    folder = Path(out) / "recordings"
+    folder.mkdir(exist_ok=True)
+    write_bag(folder / f"case_{case.number:04d}.mcap", nominal.joints, readings, u, FRAME_S, site, kept, late_s)
+    return case
+
+
+def _place(
+    concealed: Concealed,
+    multiple: float,
+    case: Case,
+    q: Array,
+    u: Array,
+    nominal: Nominal,
+    wander: Array,
+    rng: np.random.Generator,
+    taken: int,
+) -> tuple[int, float, list[str], Array] | None:
+    """A joint on which the effect shows, its size, its group, set-points (another draw where needed).
+
+    None where it shows nowhere within what is usual.
+    """
+    for _ in range(TRIES):
+        felt = concealed.needs == "known_wall"
+        able = [j for j in range(q.shape[1]) if j != taken and u[:, j].any() and (nominal.pads[j] or not felt)]
+        joint = int(rng.choice(able))
+        near = scene(q, u, nominal.partner, nominal.neighbour, joint, FRAME_S, wander)
+        limit = limit_size(concealed, near)
+        if np.isfinite(limit) and limit * multiple < concealed.most:
+            sign = float(rng.choice([-1.0, 1.0])) if concealed.signed else 1.0
+            size = sign * limit * multiple
+            return joint, size, inseparable(concealed, size, near), u
+        if case.motion != "mixed":
+            case.motion = "mixed"
+            u = set_points("mixed", len(u), FRAME_S, q.shape[1], rng) * u.any(axis=0)
+    return None
+
+
+def _truth(
+    concealed: Concealed, multiple: float, size: float, joint: str | None, group: list[str], q: Array, column: int
+) -> dict[str, Any]:
+    number = None
+    if concealed.truth is not None:
+        key, unit = concealed.truth
+        base = {"valve.time_constant_s": "lag", "valve.dead_time_s": "delay"}.get(key)
+        number = {"key": key, "value": unit * size + (float(q[ROW[base], column]) if base else 0.0)}
+    return {
+        "effect": concealed.name,
+        "place": concealed.place,
+        "joint": joint,
+        "multiple": multiple,
+        "size": size,
+        "group": group,
+        "number": number,
+    }
+
+
+def _wander(frames: int, rng: np.random.Generator) -> Array:
+    """An Ornstein-Uhlenbeck process of unit size and a time constant of 1.5 s."""
+    keep = math.exp(-FRAME_S / 1.5)
+    out = np.zeros(frames)
+    for k in range(1, frames):
+        out[k] = keep * out[k - 1] + math.sqrt(1.0 - keep * keep) * rng.standard_normal()
+    return out

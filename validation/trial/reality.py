@@ -1,0 +1,167 @@
+"""Recordings of real machines that others made, diagnosed from a model without friction or gravity, beside baselines.
+
+The known effects are left out of the nominal model; the ordinary command has to find them.
+`validation/trial/baselines.py` says what else is fitted to the same recordings.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from validation.trial.baselines import Array, imposed_baselines, moved_baselines
+
+BAR_PA = 1e5
+GRAVITY_M_S2 = 9.80665
+TORQUE_NM_PER_V, BACK_EMF_V_S, ARMATURE_KG_M2 = 0.3867 / 4.017, 0.3867, 0.0018
+"""Of the servo's motor: what its authors publish (Rhoban/bam, bam/params/xl330/m1.json)."""
+DUTY_PER_RAD = 4096.0 / (2.0 * np.pi) / (256.0 * 885.0)
+"""Of the servo's controller, per unit of its gain (Rhoban/bam, bam/dynamixel/actuator.py)."""
+SWITCHED_OFF_S = 0.45
+"""Left out after the log says that the motor is off: the first half swing loses energy as no later one does."""
+DRIVEN_KP = 100
+"""Of the recordings whose motor is driven: at higher gains the controller's law is less certain, say its authors."""
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """name, effects known and not there, the machine file, columns of each recording: time, position, force, input.
+
+    published: value and source of numbers that others give.
+    """
+
+    name: str
+    known: tuple[str, ...]
+    decoys: tuple[str, ...]
+    description: dict[str, Any]
+    recordings: dict[str, dict[str, Array]]
+    published: dict[str, tuple[float, str]]
+    tolerance: float
+
+
+def machines(data: Path) -> list[Machine]:
+    """Those whose recordings lie in a folder. FileNotFoundError where there are none."""
+    found = []
+    cylinder, servo = data / "pneumatic_cylinder", data / "servo_pendulum"
+    if cylinder.is_dir():
+        found += [_seal(cylinder, "NAPN", 4.9087e-4), _seal(cylinder, "O-ring257", 5.1875e-4)]
+    if servo.is_dir():
+        found += _servo(servo)
+    if not found:
+        raise FileNotFoundError(f"{data}: neither pneumatic_cylinder nor servo_pendulum lies there")
+    return found
+
+
+def _seal(folder: Path, seal: str, area_m2: float) -> Machine:
+    recordings = {}
+    for path in sorted(folder.glob(f"friction__{seal}_*bar.npz")):
+        with np.load(path) as file:
+            recordings[path.stem] = {
+                "time": file["t_s"][15:],  # as the author does
+                "position": -1e-3 * file["x_mm"][15:],
+                "force": file["F_N"][15:],
+                "input": BAR_PA * file["p_bar"][15:],
+            }
+    description = _description(f"seal_{seal}", "linear", {"gain": area_m2, "inertia": 0.1}, has_input=True)
+    known = ("coulomb_friction", "hysteresis")
+    return Machine(f"seal {seal}", known, ("viscous_friction", "stiffening"), description, recordings, {}, 0.3)
+
+
+def _servo(folder: Path) -> list[Machine]:
+    """The pendulum on the servo: driven, where its weight is left out; and falling with the motor off, its friction."""
+    driven, falling, weight_nm = {}, {}, 0.0
+    for path in sorted(folder.glob("*.json")):
+        log = json.loads(path.read_text(encoding="utf-8"))
+        rows = log["entries"]
+        t, x, v, goal, on = (
+            np.array([row[key] for row in rows], dtype=np.float64)
+            for key in ("timestamp", "position", "speed", "goal_position", "torque_enable")
+        )
+        inertia, weight_nm = log["mass"] * log["length"] ** 2, log["mass"] * GRAVITY_M_S2 * log["length"]
+        volts = log["vin"] * np.clip(log["kp"] * DUTY_PER_RAD * (goal - x), -1.0, 1.0)
+        off = int(np.argmin(on)) if on.min() < 0.5 else len(t)
+        name = f"servo_{log['kp']}_{log['trajectory']}"
+        if log["kp"] == DRIVEN_KP:
+            force = -TORQUE_NM_PER_V * (volts - BACK_EMF_V_S * v)
+            driven[name] = {key: value[:off] for key, value in {"time": t, "position": x, "force": force}.items()}
+        if off < len(t):
+            part = slice(off + round(SWITCHED_OFF_S / log["dt"]), None)
+            falling[name] = {"time": t[part], "position": x[part], "input": np.zeros(len(t[part]))}
+    rest_rad = float(np.mean([columns["position"][-1] for columns in falling.values()]))
+    for columns in falling.values():
+        columns["position"] = columns["position"] - rest_rad  # it hangs down there, whatever the sensor's zero
+    by_mass = {"gravity.sine_nm": (weight_nm, "mass and length of the rig, without the arm")}
+    friction = {
+        "coulomb_friction.torque_nm": (0.0128, "Rhoban/bam, xl330, model m1"),
+        "dynamics.viscous_friction_nm_s_per_rad": (0.0037, "Rhoban/bam, xl330, model m1"),
+    }
+    rigid = _description("servo_driven", "rotary", {"inertia": inertia}, has_input=False)
+    hanging = {"inertia": inertia + ARMATURE_KG_M2, "weight": weight_nm, "gain": 1.0}
+    free = _description("servo_falling", "rotary", hanging, has_input=True, imposed=False)
+    dry_and_wet, decoys = ("coulomb_friction", "viscous_friction"), ("stiffening", "hysteresis", "contact")
+    return [
+        Machine("servo, driven", ("gravity",), ("stiffening", "contact"), rigid, driven, by_mass, 0.1),
+        Machine("servo, falling", dry_and_wet, decoys, free, falling, friction, 0.1),
+    ]
+
+
+def _description(
+    name: str, motion: str, numbers: dict[str, float], *, has_input: bool, imposed: bool = True
+) -> dict[str, Any]:
+    names = ("time", "position", *(("force",) if imposed else ()), *(("input",) if has_input else ()))
+    columns = {key: {"column": key} for key in names}
+    base = {"schema": 1, "name": name.replace("-", "_").lower(), "motion": motion, "imposed": imposed}
+    return base | {"stiffness": 0.0, "damping": 0.0, **numbers, "columns": columns}
+
+
+def examine(machine: Machine, out: Path, command: list[str]) -> dict[str, Any]:
+    """Diagnose one machine and fit the baselines; errors of the force (N, N m) or of the position (deg)."""
+    folder = out / machine.name.replace(",", "").replace(" ", "_")
+    folder.mkdir(parents=True, exist_ok=True)
+    description = folder / "machine.yaml"
+    description.write_text(yaml.safe_dump(machine.description, sort_keys=False), encoding="utf-8")
+    paths = []
+    for name, columns in machine.recordings.items():
+        paths.append(folder / f"{name}.npz")
+        np.savez(paths[-1], **columns)  # type: ignore[arg-type]
+    options = ["--machine", str(description), "--out", str(folder), "--tolerance", str(machine.tolerance), "--json"]
+    done = subprocess.run(
+        [*command, "diagnose", *map(str, paths), *options], capture_output=True, text=True, check=False
+    )
+    if done.returncode != 0:
+        raise RuntimeError(f"{machine.name}: {done.stderr.strip().splitlines()[-1]}")
+    report = json.loads(done.stdout)
+    imposed = machine.description["imposed"]
+    signal = "force" if imposed else "angle"
+    held = next(f for f in report["fit"] if f["split"] == "held_out" and f["signal"] == signal)
+    numbers = {key: number for finding in report["findings"] for key, number in finding["parameters"].items()}
+    told = [finding["effect"] for finding in report["findings"]]
+    # An `unknown` has the numbers of effects that explain a part of it.
+    parts = [name for name in (key.partition(".")[0] for key in numbers) if name not in told]
+    return {
+        "machine": machine.name,
+        "recordings": len(paths),
+        "verdict": report["verdict"],
+        "findings": [
+            {key: f[key] for key in ("effect", "probability", "parameters", "statement")} for f in report["findings"]
+        ],
+        "rivals": sorted({a["effect"] for f in report["findings"] for a in f["alternatives"]}),
+        "known": list(machine.known),
+        "found": [name for name in machine.known if name in told],
+        "found_in_part": [name for name in machine.known if name in parts],
+        "decoys_taken": [name for name in machine.decoys if name in (*told, *parts)],
+        "published": [
+            {"key": key, "published": value, "source": source, "ours": numbers.get(key)}
+            for key, (value, source) in machine.published.items()
+        ],
+        "unit": held["unit"],
+        "before": held["rmse_before"],
+        "after": held["rmse_after"],
+        "baselines": (imposed_baselines if imposed else moved_baselines)(machine.description, machine.recordings),
+    }

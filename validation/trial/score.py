@@ -1,0 +1,192 @@
+"""The scores of a trial: shares with confidence intervals, calibration, confusion; and the pictures of them."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+
+from validation.trial.grade import WITHIN, Grade, grade
+from validation.trial.seal import unseal
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+GOALS = {
+    "place": (">=", 0.97), "joint": (">=", 0.98), "first": (">=", 0.90), "first_two": (">=", 0.97),
+    "both": None, "false_alarm": ("<=", 0.02), "unknown_found": (">=", 0.80), "unknown_wrong": ("<=", 0.05),
+    "clean": (">=", 0.90), "parameters": (">=", 0.85), "ece": ("<=", 0.06),
+}  # fmt: skip
+SAYS = {
+    "place": "place correct",
+    "joint": "joint correct",
+    "first": "effect first (one concealed)",
+    "first_two": "effect among the first two",
+    "both": "both of two effects named",
+    "false_alarm": "false alarms on null cases",
+    "unknown_found": "unknown recognised (outside or deleted)",
+    "unknown_wrong": "known effects called unknown",
+    "clean": "held-out error at most 1.25 noise floors",
+    "parameters": "numbers of both forms within 15 %",
+}
+BINS = (0.0, 0.5, 0.7, 0.85, 0.95, 1.0001)
+GRADED_FROM = 2.0
+
+
+def score(folder: Path, key: bytes) -> dict[str, Any]:
+    """Open the seal, grade every case, write scores.json and pictures. ValueError: the seal, or a missing report."""
+    truth, commitment = unseal(folder, key)
+    grades = [_grade(folder, case) for case in truth["cases"]]
+    graded = [g for g in grades if g.kind == "null" or g.multiple >= GRADED_FROM]
+    scores = {name: _share(name, graded) for name in SAYS if name != "parameters"}
+    numbers = [error <= WITHIN for g in graded for _, error in g.parameters]
+    scores["parameters"] = _interval(numbers)
+    claims = [claim for g in graded for claim in g.claims]
+    scores["ece"] = {"value": calibration_error(claims), "count": len(claims)}
+    result = {
+        "commitment": commitment,
+        "seed": truth["seed"],
+        "recordings": len(grades),
+        "graded": len(graded),
+        "kinds": dict(Counter(g.kind for g in grades)),
+        "unplaced": dict(Counter(name for case in truth["cases"] for name in case["unplaced"])),
+        "timing": json.loads((folder / "timing.json").read_text(encoding="utf-8")),
+        "scores": scores,
+        "at_the_limit": {
+            name: _share(name, [g for g in grades if g.kind == "single" and g.multiple < GRADED_FROM])
+            for name in ("place", "joint", "first", "first_two")
+        },
+        "reliability": reliability(claims),
+        "by_effect": by_effect(graded),
+        "failures": failures(graded),
+    }
+    (folder / "scores.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    (folder / "grades.json").write_text(json.dumps([asdict(g) for g in grades], indent=1) + "\n", encoding="utf-8")
+    draw_confusion(graded, folder / "confusion.png")
+    draw_reliability(result["reliability"], folder / "reliability.png")
+    return result
+
+
+def _grade(folder: Path, case: dict[str, Any]) -> Grade:
+    found = sorted(folder.glob(f"reports/*/*_case_{case['number']:04d}/report.json"))
+    if not found:
+        raise ValueError(f"{folder}: case {case['number']} has no report; run the trial first")
+    return grade(case, json.loads(found[0].read_text(encoding="utf-8")))
+
+
+def _share(name: str, grades: Iterable[Grade]) -> dict[str, Any]:
+    return _interval([bool(getattr(g, name)) for g in grades if getattr(g, name) is not None])
+
+
+def _interval(hits: list[bool]) -> dict[str, Any]:
+    """A share with its 95 % interval by Wilson's score."""
+    n = len(hits)
+    if n == 0:
+        return {"value": None, "low": None, "high": None, "count": 0}
+    p, z = sum(hits) / n, 1.96
+    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
+    half = z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n)) / (1 + z * z / n)
+    return {"value": p, "low": max(middle - half, 0.0), "high": min(middle + half, 1.0), "count": n}
+
+
+def reliability(claims: list[tuple[float, bool]]) -> list[dict[str, float]]:
+    """Bins of claimed probability with the share that was right."""
+    out = []
+    for low, high in itertools.pairwise(BINS):
+        part = [(p, right) for p, right in claims if low <= p < high]
+        if part:
+            claimed, right = np.mean([p for p, _ in part]), np.mean([r for _, r in part])
+            out.append({"claimed": float(claimed), "right": float(right), "count": len(part)})
+    return out
+
+
+def calibration_error(claims: list[tuple[float, bool]]) -> float | None:
+    """Expected calibration error (Naeini, Cooper, Hauskrecht 2015)."""
+    if not claims:
+        return None
+    return sum(one["count"] * abs(one["claimed"] - one["right"]) for one in reliability(claims)) / len(claims)
+
+
+def by_effect(grades: list[Grade]) -> dict[str, dict[str, int]]:
+    """For each effect concealed alone: cases, and how often it stood first."""
+    out: dict[str, dict[str, int]] = {}
+    for g in grades:
+        if g.kind == "single":
+            row = out.setdefault(g.effect, {"cases": 0, "first": 0})
+            row["cases"] += 1
+            row["first"] += int(bool(g.first))
+    return dict(sorted(out.items()))
+
+
+def failures(grades: list[Grade]) -> list[dict[str, Any]]:
+    """Classes of failure, the most frequent first, each with an example."""
+    classes: dict[tuple[str, str, str], list[Grade]] = {}
+    for g in grades:
+        wrong = g.false_alarm or g.first is False or g.both is False or g.unknown_found is False
+        if wrong:
+            classes.setdefault((g.kind, g.effect, g.called), []).append(g)
+    ordered = sorted(classes.items(), key=lambda item: -len(item[1]))
+    return [
+        {"kind": k, "effect": e, "called": c, "count": len(gs), "example": gs[0].number, "motion": gs[0].motion}
+        for (k, e, c), gs in ordered
+    ]
+
+
+def draw_confusion(grades: list[Grade], path: Path) -> None:
+    """Concealed effects against what stood first."""
+    singles = [g for g in grades if g.kind in {"single", "outside", "null"}]
+    rows = sorted({g.effect for g in singles})
+    columns = sorted({g.called for g in singles})
+    counts = np.array([[sum(g.effect == r and g.called == c for g in singles) for c in columns] for r in rows])
+    figure, axis = plt.subplots(figsize=(0.3 * len(columns) + 3.2, 0.26 * len(rows) + 2.4))
+    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    axis.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
+    for r in range(len(rows)):
+        for c in range(len(columns)):
+            if counts[r, c]:
+                dark = shares[r, c] > 0.5
+                axis.text(c, r, str(counts[r, c]), ha="center", va="center", fontsize=7, color="w" if dark else "k")
+    axis.set_xticks(range(len(columns)), columns, rotation=90, fontsize=7)
+    axis.set_yticks(range(len(rows)), rows, fontsize=7)
+    axis.set_xlabel("called first")
+    axis.set_ylabel("concealed (alone, at 2 and 5 times its limit)")
+    _save(figure, path)
+
+
+def draw_reliability(bins: list[dict[str, float]], path: Path) -> None:
+    """Claimed probability against the share that was right."""
+    figure, axis = plt.subplots(figsize=(4.2, 3.6))
+    axis.plot([0, 1], [0, 1], color="0.7", lw=1)
+    axis.plot([b["claimed"] for b in bins], [b["right"] for b in bins], "o-", color="#1f6aa5")
+    for b in bins:
+        axis.annotate(
+            f"{b['count']:.0f}", (b["claimed"], b["right"]), xytext=(4, -10), textcoords="offset points", fontsize=8
+        )
+    axis.set_xlabel("claimed probability")
+    axis.set_ylabel("share that was right")
+    axis.set_xlim(0.0, 1.02)
+    axis.set_ylim(0.0, 1.02)
+    _save(figure, path)
+
+
+def _save(figure: Any, path: Path) -> None:
+    figure.tight_layout()
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def met(name: str, value: float | None) -> bool | None:
+    """Whether a goal is reached; None where there is none."""
+    goal = GOALS.get(name)
+    if goal is None or value is None:
+        return None
+    compare: Callable[[float], bool] = (lambda v: v >= goal[1]) if goal[0] == ">=" else (lambda v: v <= goal[1])
+    return compare(value)
