@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_model.arrays import Array
 from hand_model.description import Hand
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Points = Sequence[tuple[float, Sequence[float], Sequence[float]]]
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_control.command_check import JointCommand, check_joint_command, check_trajectory
 from hand_control.grasping import Approach, Grasping, Outcome
@@ -23,9 +22,9 @@ from hand_control.tolerance import Tolerance
 from hand_control.touch import Event, Touch
 from hand_control.tuning import gains
 from hand_messages.health import Health, Level
+from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 
-Array = NDArray[np.float64]
 REFUSAL_S = 5.0
 """A refused command is shown on diagnostics this long."""
 FUTURE_S = 0.1
@@ -48,8 +47,8 @@ class Tick:
     pressure_command: Array
     torque_estimate: Array
     torque_limit: Array
-    saturated: NDArray[np.bool_]
-    contact: NDArray[np.bool_]
+    saturated: Flags
+    contact: Flags
 
 
 class Controller:
@@ -73,7 +72,7 @@ class Controller:
         self._starved = ""
         self._grasp: Grasping | None = None
         self.grasp_end = ""
-        self.grasp_contact: NDArray[np.bool_] = self._nothing
+        self.grasp_contact: Flags = self._nothing
         self._limit = hand.limits.max_torque_nm.copy()
         self.configure(settings)
 

@@ -12,13 +12,10 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_control.grasps import Grasp
+from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
-
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 PRESS_RAD = math.radians(25.0)
 """How far into a thing the target of a joint moves, so that the torque limit is what holds it."""

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.yaml_loader import load_yaml
 from hand_model.yaml_reader import Section
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from hand_messages.cdr import Layout
 from hand_messages.layouts import MessageSpec
-
-Array = NDArray[np.float64]
+from hand_model.arrays import Array
 
 
 class JointInput:

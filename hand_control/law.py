@@ -35,15 +35,13 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from hand_control.adapt import adapt, doubt, forget, map_variance
 from hand_control.contact import detect, refuted
 from hand_control.law_rows import CONTACT, CONTACT_AGE, CONTACT_TORQUE, OUTPUT, PRESSURE, SATURATED, STATE, TORQUE, G, S
+from hand_model.arrays import Array
 from hand_model.material import creep_rate
 from hand_model.statics import pressure_for_torque, torque
-
-Array = NDArray[np.float64]
 
 _A0, _A1, _A2, _A3, _PHI_MAX = G["a0"], G["a1"], G["a2"], G["a3"], G["phi_max"]
 _P_MIN, _B1, _T_EXT, _B0, _T_REC = G["p_min"], G["b1"], G["extension_rate"], G["b0"], G["recovery_rate"]

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from hand_msgs.action import Grasp
 from hand_msgs.msg import Contact, ContactForces, ControllerState, JointPressures, ValveCommand
-from numpy.typing import NDArray
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
@@ -28,6 +27,7 @@ from hand_control.supervisor import FREEZE_S
 from hand_messages.cdr import Layout
 from hand_messages.health import Health, Level
 from hand_messages.layouts import CONTACT_FORCES, CONTROLLER_STATE, JOINT_PRESSURES, JOINT_STATE, VALVE_COMMAND
+from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_ros.node import COMMAND_QOS, QUEUED_QOS, SENSOR_QOS, STATE_QOS, HandNode, default_config, run
 
@@ -106,7 +106,7 @@ class ControllerNode(HandNode):
 
     def start(self) -> None:
         """Begin to control, from the pose the hand has."""
-        self._pressure: NDArray[np.float64] = np.full(len(self._hand.joints), np.nan)
+        self._pressure: Array = np.full(len(self._hand.joints), np.nan)
         self._pressure_ns = 0
         if self._enabled_at_start:
             self._controller.enable(True)

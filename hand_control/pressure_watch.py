@@ -12,11 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hand_model.arrays import Array
 from hand_model.description import Hand
-
-Array = NDArray[np.float64]
 
 OVER = 0.1
 OVER_S = 0.05

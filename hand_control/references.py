@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from hand_control.command_check import JointCommand, Trajectory
+from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
-
-Array = NDArray[np.float64]
 
 SLEW_NS = 100_000_000
 """Clocks are slewed back by less than this; further back is another clock."""
@@ -59,11 +58,11 @@ class References:
         self._at_goal = np.zeros(len(hand.joints), dtype=np.bool_)
 
     @property
-    def motion(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def motion(self) -> tuple[Flags, Flags]:
         """(n,) each: joints on the way of a trajectory, and joints past the end of the last one."""
         return self._on_path, self._at_goal
 
-    def hold(self, position_rad: Array, joints: NDArray[np.bool_]) -> None:
+    def hold(self, position_rad: Array, joints: Flags) -> None:
         """Some joints (n,) stand still at position_rad (n,) or the nearest limit, their trajectories ended."""
         index = np.flatnonzero(joints)
         self._take(index)
@@ -160,7 +159,7 @@ class References:
         self._motions = [motion for motion in motions if len(motion.joints)]
 
 
-def _columns(trajectory: Trajectory, keep: NDArray[np.bool_]) -> Trajectory:
+def _columns(trajectory: Trajectory, keep: Flags) -> Trajectory:
     """A trajectory of some of its joints only, keep (k,)."""
     velocity = None if trajectory.velocity_rad_s is None else trajectory.velocity_rad_s[:, keep]
     position = trajectory.position_rad[:, keep]

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_ros.parameters import NodeParameter, ParameterError
-
-Array = NDArray[np.float64]
 
 _EACH = "one value, or one a joint"
 PARAMETERS = (

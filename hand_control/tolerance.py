@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_control.settings import Settings
+from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 PATIENCE_S = 0.1
 """A joint may stray this long: one noisy sample or a push of its partner aborts nothing."""
 

@@ -6,12 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 FORCE_AGE_S = 0.1
 """Older readings of the force sensors tell nothing of now."""
 

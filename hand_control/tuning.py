@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_control.contact import threshold
 from hand_control.law_rows import GAINS, G
 from hand_control.settings import Settings
+from hand_model.arrays import Array
 from hand_model.description import Hand
 
-Array = NDArray[np.float64]
 _MODEL = {
     "a0": "statics.a0_nm",
     "a1": "statics.a1_nm_per_rad",

@@ -9,13 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_identification.joint_problem import SHOWN, UNITS, JointProblem
 from hand_identification.map_fit import MapFit
+from hand_model.arrays import Array
 from hand_model.effects.effect import SPEED
 
-Array = NDArray[np.float64]
 THRESHOLD = 0.05
 """Of the residual's RMS: smaller terms are dropped."""
 SLOW_RAD_S = 0.05

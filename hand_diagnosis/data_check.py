@@ -10,14 +10,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 from hand_model.parameters import ROW
 from hand_model.statics import equilibrium_angle
 from hand_recording.signals import Signals, bridge, white_noise
 
-Array = NDArray[np.float64]
 FARTHEST_RAD, HIGHEST_PA = 2.0 * np.pi, 2e6
 """No joint is there, no actuator survives it."""
 SPIKES = 0.05
@@ -158,7 +157,7 @@ def _without_rails(signals: Signals, unusable: set[str]) -> tuple[Signals, list[
     return replace(signals, known=known), lines
 
 
-def _runs(flags: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+def _runs(flags: Flags) -> Iterator[tuple[int, int]]:
     """Start and end of each stretch of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_diagnosis.correction import sparse_correction
 from hand_diagnosis.data_check import Checked, check
@@ -21,6 +20,7 @@ from hand_identification.free_parameters import FARTHEST, WIDE, Move, nominal_mo
 from hand_identification.joint_data import joint_problem
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import map_fit
+from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.effects import CATALOGUE, EFFECTS
 from hand_model.effects.effect import Effect
@@ -28,7 +28,6 @@ from hand_model.plant_parameters import PLANT_PARAMETERS
 from hand_recording.hand_signals import without_sensor_curve
 from hand_recording.signals import Signals
 
-Array = NDArray[np.float64]
 MOVES_RAD = np.radians(2.0)
 """A joint that moves less tells nothing."""
 PUSHED_RAD = np.radians(10.0)

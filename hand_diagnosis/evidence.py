@@ -11,15 +11,13 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit
+from hand_model.arrays import Array, Flags
 
-Array = NDArray[np.float64]
 
-
-def log_likelihood(problem: JointProblem, squares: Array, blocks: NDArray[np.bool_]) -> float:
+def log_likelihood(problem: JointProblem, squares: Array, blocks: Flags) -> float:
     """Of chosen blocks (blocks,), from squares (OUTPUTS, blocks)."""
     counts = np.maximum(problem.effective_counts(blocks), 1.0)
     chi2 = problem.weight * squares[:, blocks].sum(axis=1)

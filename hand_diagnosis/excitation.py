@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.parameters import ROW
 
-Array = NDArray[np.float64]
 Shape = Callable[[Array, np.random.Generator], Array]
 """Time (T,) [s] to a level (T,) in 0 ... 1 of the allowed pressure."""
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_diagnosis.correction import Correction
 from hand_diagnosis.search import Hypothesis, JointSearch
@@ -16,7 +15,6 @@ from hand_identification.map_fit import MapFit
 from hand_model.effects.effect import Effect
 from hand_model.parameters import JOINT_PARAMETERS, ROW
 
-Array = NDArray[np.float64]
 TEMPERATURE = 1.25
 """Log evidences are divided by it: equations that are only nearly right make differences look larger than they are."""
 OUTSIDE = 0.04

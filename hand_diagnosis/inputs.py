@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.yaml_reader import Section, read_yaml
 from hand_recording.hand_signals import SHORTEST_S, hand_signals
@@ -27,7 +27,6 @@ from hand_recording.recording_files import RecordingError
 from hand_recording.rig_file import UNITS
 from hand_recording.signals import Signals, bridge, samples_on_grid
 
-Array = NDArray[np.float64]
 TABLES = {".csv", ".parquet", ".pq", ".npz"}
 QUANTITIES = {"set_point": "pa", "pressure": "pa", "angle": "deg", "force": "n"}
 

@@ -11,15 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_diagnosis.screen import AT_ONCE
 from hand_identification.free_parameters import probe_values
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit
+from hand_model.arrays import Array
 from hand_model.effects.effect import Effect
 
-Array = NDArray[np.float64]
 ALIKE = 0.95
 """Cosine from which two effects are reported as a group."""
 ENOUGH = 20_000

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from hand_diagnosis.verdict import StageResult, states_of
 from hand_identification.joint_problem import STAGES, JointProblem
 from hand_identification.map_fit import MapFit
+from hand_model.arrays import Array, Flags
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 SIGNIFICANT = 3.5
 """Standard errors; some thirty regions are looked at."""
 STANDING_RAD_S = 0.05

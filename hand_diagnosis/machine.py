@@ -30,12 +30,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from hand_diagnosis.findings import Finding, unit_of, unknown_statement
 from hand_diagnosis.inputs import table_columns
 from hand_diagnosis.report import small_statement
+from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_model.effects import EFFECTS
 from hand_model.parameters import ROW
@@ -45,7 +45,6 @@ from hand_recording.installed import default_model
 from hand_recording.recording_files import RecordingError
 from hand_recording.signals import Signals, bridge, samples_on_grid
 
-Array = NDArray[np.float64]
 AXIS = "axis"
 TORQUE, TRAVEL, INPUT, FORCE = 0.5, 1.5, 4e5, 10.0
 """Sizes in a finger: torque [N m], travel [rad], input [Pa], force at the pad [N]."""

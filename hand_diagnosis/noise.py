@@ -9,15 +9,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_identification.joint_problem import JointProblem, Piece
 from hand_identification.map_fit import MapFit
+from hand_model.arrays import Array
 from hand_model.chain import OUTPUTS
 from hand_model.effects.effect import ACCELERATION, ANGLE, SPEED
 from hand_recording.signals import derivatives, smoothed_over, white_noise
 
-Array = NDArray[np.float64]
 SEED = 20
 PARTS = (1, 2, 5, 10, 20)
 """The fastest half, fifth, tenth and twentieth of the samples are looked at apart."""

@@ -15,14 +15,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from hand_diagnosis.diagnose import Diagnosis, JointDiagnosis
 from hand_diagnosis.isolability import ALIKE
 from hand_diagnosis.verdict import describe, states_of
 from hand_identification.joint_problem import SHOWN, STAGES, UNITS
+from hand_model.arrays import Array
 
-Array = NDArray[np.float64]
 VERDICTS = {
     "agrees": "Model and recording agree.",
     "explained": "What the model left out is found and explains the difference.",

@@ -9,18 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from hand_diagnosis.evidence import log_likelihood
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, map_fit
+from hand_model.arrays import Array
 from hand_model.effects import CATALOGUE
 from hand_model.effects.effect import PARTNER
 from hand_model.parameters import JOINT_PARAMETERS, ROW
 from hand_recording.signals import derivatives
 
-Array = NDArray[np.float64]
 WORTH = 4.0
 """Log likelihood that the model's acceleration must bring to replace the measured one."""
 _SENSOR = [ROW[key] for effect in CATALOGUE if effect.place == "angle_sensor" for key in effect.keys]

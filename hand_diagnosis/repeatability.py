@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_identification.joint_problem import FLOOR, SETTLING_S
+from hand_model.arrays import Array
 from hand_model.chain import OUTPUTS
 from hand_recording.signals import Signals, white_noise
 
-Array = NDArray[np.float64]
 SAME_COMMANDS = 0.02
 """RMS difference of the set-points of two runs, relative to their own standard deviation, up to which they are one."""
 LATEST_S = 2.0

@@ -10,15 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_identification.free_parameters import probe_values
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit
+from hand_model.arrays import Array
 from hand_model.effects.effect import Effect
 from hand_model.parameters import ROW
 
-Array = NDArray[np.float64]
 AT_ONCE = 32
 """Probes simulated together: enough for any number of cores."""
 LONG, FEWER = 60_000, 16

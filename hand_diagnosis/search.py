@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_diagnosis.evidence import block_bootstrap, held_out_rmse, log_evidence
 from hand_diagnosis.polish import coloured, polished
@@ -20,12 +19,12 @@ from hand_identification.driving import shape_driving
 from hand_identification.free_parameters import START_CREEP, Move, effect_moves, merged, probe_values
 from hand_identification.joint_problem import STAGES, JointProblem
 from hand_identification.map_fit import MapFit, costs_at, map_fit
+from hand_model.arrays import Array
 from hand_model.effects import EFFECTS
 from hand_model.effects.effect import Effect
 from hand_model.parameters import ROW
 from hand_model.plant_parameters import PLANT_PARAMETERS
 
-Array = NDArray[np.float64]
 MOST = 4
 
 

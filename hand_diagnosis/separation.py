@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_diagnosis.excitation import EXPERIMENTS
 from hand_diagnosis.search import Hypothesis
 from hand_identification.joint_problem import CORRELATION_S, JointProblem
 from hand_identification.map_fit import MapFit
+from hand_model.arrays import Array
 from hand_model.closed_chain import ClosedChain
 from hand_model.parameters import ROW
 from hand_model.statics import equilibrium_angle
 from hand_sim.plant import PHI, STATES, P
 
-Array = NDArray[np.float64]
 DURATION_S = 40.0
 BY_HAND = {"closed_valve_push"}
 """Experiments whose outcome depends on what a person does; they cannot be predicted."""

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_diagnosis.partners import put_partner
 from hand_identification.driving import accelerations, inflow, shape_driving
@@ -14,11 +13,11 @@ from hand_identification.free_parameters import Move, nominal_moves, speed_moves
 from hand_identification.joint_data import driving_pressure, joint_problem
 from hand_identification.joint_problem import FLOOR, JointProblem, Piece
 from hand_identification.map_fit import MapFit, map_fit
+from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.effects.effect import INFLOW, NEIGHBOUR, Effect
 from hand_recording.signals import Signals
 
-Array = NDArray[np.float64]
 RESTED_PA = 5e3
 ROUGHLY = 3
 """Iterations of a first fit of the nominal numbers."""

@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_diagnosis.evidence import held_out_rmse
 from hand_diagnosis.noise import noise_of_inputs, noise_of_reading
 from hand_identification.joint_problem import STAGES, JointProblem, Piece
 from hand_identification.map_fit import MapFit
+from hand_model.arrays import Array, Flags
 from hand_model.effects.effect import SPEED
 
-Array = NDArray[np.float64]
 UNEXPLAINED, PART = 1.3, 0.55
 """Held-out error beyond the noise, in practical floors, from which something is left to explain; and from which it is
 where effects took a part of it away: there was something, and this is more of it."""
@@ -125,7 +124,7 @@ def describe(problem: JointProblem, fit: MapFit, stage: int) -> Structure:
     return Structure(STAGES[stage], state, shares[state], direction, memory, centroid, float(np.sqrt(np.mean(r**2))))
 
 
-def states_of(piece: Piece, use: NDArray[np.bool_]) -> dict[str, Array]:
+def states_of(piece: Piece, use: Flags) -> dict[str, Array]:
     """What a residual may depend on, at the samples that count."""
     time = np.asarray(np.arange(len(use)) * piece.period_s, dtype=np.float64)
     speed = piece.exogenous[:, SPEED]
@@ -138,7 +137,7 @@ def states_of(piece: Piece, use: NDArray[np.bool_]) -> dict[str, Array]:
     }
 
 
-def _explained(residual: Array, values: Array, flexing: NDArray[np.bool_], bins: int = 20) -> float:
+def _explained(residual: Array, values: Array, flexing: Flags, bins: int = 20) -> float:
     """Share of the residual's variance that its mean over bins of a state, and over direction, takes away."""
     edges = np.unique(np.quantile(values, np.linspace(0, 1, bins + 1)))
     if len(edges) < 3:

@@ -13,8 +13,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_model.arrays import Array
+
 Counts = NDArray[np.uint16]
-Pressures = NDArray[np.float64]
+Pressures = Array
 
 
 class BoardError(Exception):

@@ -10,11 +10,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hand_driver.board import Counts, Frame, Status
+from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.sensors import fsr_force, line_angle
 from hand_model.statics import torque
-
-Array = NDArray[np.float64]
 
 RAIL_MARGIN = 0.002
 """A count within this share of full scale from either end sits at the rail."""

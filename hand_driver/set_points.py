@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hand_messages.cdr import Layout, LayoutError
 from hand_messages.layouts import VALVE_COMMAND
+from hand_model.arrays import Array
 from hand_model.description import Hand
 
 FUTURE_S = 0.1
@@ -26,7 +27,7 @@ class RefusedError(ValueError):
 class SetPoints:
     """Checked set-points: pressure_pa (valves,) [Pa gauge] in the hand's order, lifetime_s [s], stamp_ns [ns]."""
 
-    pressure_pa: NDArray[np.float64]
+    pressure_pa: Array
     lifetime_s: float
     stamp_ns: int
 
@@ -81,7 +82,7 @@ class CommandReader:
                 f"valve_command refused: stamp is {-age_s:.3f} s in the future; at most {FUTURE_S:g} s is allowed"
             )
 
-    def _check_pressure(self, pressure_pa: NDArray[np.float64]) -> None:
+    def _check_pressure(self, pressure_pa: Array) -> None:
         limit = self._hand.limits.max_pressure_pa
         bad = ~((pressure_pa >= 0.0) & (pressure_pa <= limit))  # NaN fails both comparisons
         if bad.any():

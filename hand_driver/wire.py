@@ -15,6 +15,7 @@ from cobs import cobs
 from numpy.typing import NDArray
 
 from hand_driver.board import Counts, ProtocolMismatch, Status
+from hand_model.arrays import Array
 
 VERSION = 1
 SAMPLE = 1
@@ -46,7 +47,7 @@ class SetPointPayload:
 
     sequence: int
     lifetime_s: float
-    pressure_pa: NDArray[np.float64]
+    pressure_pa: Array
 
 
 Payload = SamplePayload | SetPointPayload
@@ -73,7 +74,7 @@ def encode_set_points(order: SetPointPayload) -> bytes:
     return _packet(head + pressure_codes(order.pressure_pa).astype("<u2").tobytes())
 
 
-def pressure_codes(pressure_pa: NDArray[np.float64]) -> NDArray[np.uint16]:
+def pressure_codes(pressure_pa: Array) -> NDArray[np.uint16]:
     """Pressures [Pa] in units of 10 Pa. ValueError for what is no number: a board must never get it."""
     if not np.isfinite(pressure_pa).all():
         raise ValueError("a set-point is not a finite number")

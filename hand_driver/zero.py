@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_driver.board import Frame, Status
+from hand_model.arrays import Array
 from hand_model.description import Hand
 
 SETTLE_FRAMES = 200
@@ -38,12 +38,12 @@ class PressureZero:
             self._sum += volts / max(frame.supply_voltage_v, 1e-3)
             self._count += 1
 
-    def result(self) -> tuple[NDArray[np.float64], str]:
+    def result(self) -> tuple[Array, str]:
         """New ratio at zero pressure (joints,) and a line about it. ValueError where it cannot be told."""
         if self._count < AVERAGE_FRAMES:
             missing = SETTLE_FRAMES + AVERAGE_FRAMES - self._vented
             raise ValueError(f"the hand must be vented for another {missing} frames; vent it and try again")
-        ratio: NDArray[np.float64] = self._sum / self._count
+        ratio: Array = self._sum / self._count
         offset_pa = self._hand.sensors.pressure.pressure_pa(ratio)
         worst = int(np.argmax(np.abs(offset_pa)))
         if abs(offset_pa[worst]) > MAX_OFFSET_PA:

@@ -15,10 +15,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-Array = NDArray[np.float64]
+from hand_model.arrays import Array
+
 FOLDS = 5
 MARGIN = 1.1
 MARGIN_DEG = 0.03

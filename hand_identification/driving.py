@@ -12,13 +12,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_identification.free_parameters import Move
 from hand_identification.joint_problem import JointProblem, Piece
+from hand_model.arrays import Array
 from hand_recording.signals import slopes_over, smoothing_span, white_noise, without_noise
-
-Array = NDArray[np.float64]
 
 
 def shape_driving(problem: JointProblem, moves: Sequence[Move], z: Array) -> None:

@@ -11,18 +11,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_identification.free_parameters import START_CREEP, Move
 from hand_identification.joint_data import joint_problem
 from hand_identification.joint_problem import STAGES, JointProblem
 from hand_identification.map_fit import MapFit, multi_start
 from hand_identification.static_map import correlation_time
+from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.parameters import JOINT_PARAMETERS, ROW
 from hand_recording.signals import Signals
 
-Array = NDArray[np.float64]
 DYNAMIC_KEYS = (
     "valve.dead_time_s",
     "valve.time_constant_s",

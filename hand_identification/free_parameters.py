@@ -12,13 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hand_model.arrays import Array
 from hand_model.effects.effect import Effect, Times
 from hand_model.parameters import JOINT_PARAMETERS, ROW
 from hand_model.plant_parameters import PLANT_PARAMETERS
 
-Array = NDArray[np.float64]
 START_CREEP = len(JOINT_PARAMETERS)
 """Row of the creeping ratio at the start, behind the parameters; behind it those of the recordings' first speeds."""
 EFFECT_SPREAD = 3.0

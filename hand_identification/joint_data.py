@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.polynomial.polynomial import polyfit
-from numpy.typing import NDArray
 
 from hand_identification.joint_problem import (
     FLOOR,
@@ -16,6 +15,7 @@ from hand_identification.joint_problem import (
     block_numbers,
     initial_weights,
 )
+from hand_model.arrays import Array, Flags
 from hand_model.chain import OMEGA, OUTPUTS, PHI, STATES, P
 from hand_model.description import Hand
 from hand_model.effects.effect import ACCELERATION, ANGLE, EXOGENOUS, NEIGHBOUR, PARTNER, SPEED, TIME
@@ -29,7 +29,6 @@ from hand_recording.signals import (
     without_noise,
 )
 
-Array = NDArray[np.float64]
 TOUCHING_N = 0.3
 """A force below this may be noise; the force stage is judged only while something is touched."""
 
@@ -131,7 +130,7 @@ def _quiet_acceleration(angle_rad: Array, period_s: float) -> Array:
     return derivatives(angle_rad[:, None], period_s)[1][:, 0]
 
 
-def _use(signals: Signals, j: int, force: Array) -> NDArray[np.bool_]:
+def _use(signals: Signals, j: int, force: Array) -> Flags:
     """Samples of each stage that count, (OUTPUTS, T)."""
     settled = np.arange(signals.samples) >= round(SETTLING_S / signals.period_s)
     known = signals.known[:, j] & settled

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_identification.free_parameters import START_CREEP, Move
+from hand_model.arrays import Array, Flags
 from hand_model.chain import CREEP, OMEGA, OUTPUTS, open_chain
 
-Array = NDArray[np.float64]
 STAGES = ("pressure", "angle", "force")
 """What each stage predicts, in the order of the chain's outputs."""
 UNITS = ("Pa", "deg", "N")
@@ -46,12 +46,12 @@ class Piece:
     pressure_pa: Array
     driving_pa: Array
     span: int
-    smoothed: NDArray[np.bool_]
+    smoothed: Flags
     angle_rad: Array
     force_n: Array
     exogenous: Array
-    known: NDArray[np.bool_]
-    use: NDArray[np.bool_]
+    known: Flags
+    use: Flags
     block: NDArray[np.int64]
     start: Array
     late_s: float = 0.0
@@ -90,7 +90,7 @@ class JointProblem:
         return int(self.pieces[-1].block[-1]) + 1
 
     @property
-    def held_out(self) -> NDArray[np.bool_]:
+    def held_out(self) -> Flags:
         """(blocks,) which are not fitted, see `held_out_blocks`."""
         return held_out_blocks(self.blocks)
 
@@ -150,7 +150,7 @@ class JointProblem:
             counts[:, first : last + 1] += np.add.reduceat(piece.use.astype(float), starts, axis=1)
         return counts
 
-    def effective_counts(self, blocks: NDArray[np.bool_]) -> Array:
+    def effective_counts(self, blocks: Flags) -> Array:
         """Independent samples of each stage (OUTPUTS,) in chosen blocks (blocks,): correlation makes many of one."""
         per_sample = self.pieces[0].period_s / CORRELATION_S
         counts: Array = self.block_counts[:, blocks].sum(axis=1) * min(per_sample, 1.0)
@@ -158,7 +158,7 @@ class JointProblem:
 
 
 @cache
-def held_out_blocks(blocks: int) -> NDArray[np.bool_]:
+def held_out_blocks(blocks: int) -> Flags:
     """(blocks,): one of every three, so that each stretch is judged; which one is drawn, always alike.
 
     At regular distances a periodic motion could show the same part of itself in every block that is fitted.

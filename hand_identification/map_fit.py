@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_identification.free_parameters import Move
 from hand_identification.joint_problem import JointProblem
+from hand_model.arrays import Array
 
-Array = NDArray[np.float64]
 DIFFERENCE = 0.002
 """Step of the finite differences, in standard deviations of the prior."""
 DAMPING = (0.0, 1e-2, 0.1, 1.0, 30.0)

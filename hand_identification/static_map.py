@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hand_model.arrays import Array
+
 TERMS = ("a0_nm", "a1_nm_per_rad", "a2_nm_per_pa", "a3_nm_per_pa_rad")
 WEAK = 0.05
 """A term counts as not excited where its own regressor is explained by the others to all but this share (its norm)."""

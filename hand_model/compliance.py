@@ -9,12 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from hand_model.arrays import Array
 from hand_model.statics import chamber_volume, torque
 
-Array = NDArray[np.float64]
 ATMOSPHERE_PA = 101325.0
 HIGHEST_PA = 5e7
 """Far beyond any pressure of interest; a bracket for the search of the gas law's root."""

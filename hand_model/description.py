@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_model.arrays import Array
 from hand_model.parameters import JOINT_PARAMETERS, ROW, STEP_S
 from hand_model.sensor_description import SensorSet, read_adc, read_names, read_sensors
 from hand_model.yaml_reader import DescriptionError, Section, read_yaml
 
-Array = NDArray[np.float64]
 _HAND_WIDE = "supply"
 _GROUPS: dict[str, list[str]] = {}
 for _parameter in JOINT_PARAMETERS:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_model.arrays import Array
 from hand_model.parameters import JOINT_PARAMETERS, ROW
 
 LANES = 16
@@ -40,14 +41,14 @@ class LaneMap:
     lane: NDArray[np.int64]
     blocks: int
 
-    def scatter(self, values: NDArray[np.float64], fill: NDArray[np.float64]) -> NDArray[np.float64]:
+    def scatter(self, values: Array, fill: Array) -> Array:
         """Put (rows, joints) into (blocks, rows, LANES); fill (rows,) goes to unused lanes."""
         lanes = np.empty((self.blocks, values.shape[0], LANES))
         lanes[:] = fill[None, :, None]
         lanes[self.block, :, self.lane] = values.T
         return lanes
 
-    def gather(self, lanes: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gather(self, lanes: Array) -> Array:
         """Take (blocks, rows, LANES) back to (rows, joints)."""
         return np.ascontiguousarray(lanes[self.block, :, self.lane].T)
 
@@ -70,7 +71,7 @@ def map_lanes(partner: NDArray[np.int64]) -> LaneMap:
     return LaneMap(block, lane, int(block.max(initial=0)) + 1)
 
 
-def idle_parameters() -> NDArray[np.float64]:
+def idle_parameters() -> Array:
     """Parameters (rows,) of an unused lane: a slow, damped joint that stays at rest."""
     values = np.array([(parameter.neutral or 0.0) * parameter.scale for parameter in JOINT_PARAMETERS])
     for key, value in _IDLE.items():

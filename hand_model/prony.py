@@ -9,11 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.signal import lfilter
 
-Array = NDArray[np.float64]
+from hand_model.arrays import Array, Flags
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +44,7 @@ def lagged(driver: Array, times_s: Array, period_s: float) -> Array:
     return np.array(columns).T
 
 
-def fit_prony(driver: Array, response: Array, times_s: Array, period_s: float, use: NDArray[np.bool_]) -> Prony:
+def fit_prony(driver: Array, response: Array, times_s: Array, period_s: float, use: Flags) -> Prony:
     """Strengths of Eq. 10 by non-negative least squares over the samples in use (T,)."""
     table = np.column_stack([driver, lagged(driver, times_s, period_s)])
     weights, _ = nnls(table[use], response[use])

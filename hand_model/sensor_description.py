@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_model.arrays import Array
 from hand_model.sensors import Adc, AngleLine, ForcePolynomial, ForceSensors, HallSensors, PressureSensors
 from hand_model.yaml_reader import Section
 
-Array = NDArray[np.float64]
 MAX_CHANNELS = 255
 """Most ADC channels a board may have: a frame counts them in one byte."""
 _HALL = ("channel", "field_t", "field_max_t", "zero_deg", "third_harmonic", "noise_v", "calibration")

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hand_model.arrays import Array
 
 
 @njit(cache=True, forceinline=True)

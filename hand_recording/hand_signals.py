@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 from hand_recording.loader import Recording, RecordingError
 from hand_recording.signals import Signals, bridge, samples_on_grid
 from hand_recording.time_base import TimeBase, nearest, published_on_stamp_clock
 from hand_sim.offline import Commands, Ticks, rebuild_ticks, set_points_in_force
 
-Array = NDArray[np.float64]
 SHORTEST_S = 2.0
 LONGEST_GAP_S = 0.1
 FOREIGN_CLOCK_NS = 1e9
@@ -87,7 +87,7 @@ def _rate_hz(stamps: NDArray[np.int64], nominal_hz: float) -> float:
     return nominal_hz if 0.8 < seen / nominal_hz < 1.25 else seen
 
 
-def _set_points(recording: Recording, joints: tuple[str, ...], ticks: Ticks) -> tuple[Array, NDArray[np.bool_]]:
+def _set_points(recording: Recording, joints: tuple[str, ...], ticks: Ticks) -> tuple[Array, Flags]:
     """Set-points in force at each tick (T, J), and which joints were commanded."""
     empty = np.zeros((len(ticks.stamp_ns), len(joints)))
     if "valve_command" not in recording or not len(recording["valve_command"]):

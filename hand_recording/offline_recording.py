@@ -6,14 +6,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_recording.replay import Replay, write_replay
 from hand_sim.offline import Commands, Ticks
 from hand_sim.plant import HandPlant
 
-Array = NDArray[np.float64]
 START_NS = 1_700_000_000_000_000_000
 LIFETIME_S = 0.1
 

@@ -14,6 +14,7 @@ from hand_driver.measurement import Converter
 from hand_driver.topics import TOPICS, FrameTopics
 from hand_messages.cdr import Layout
 from hand_messages.layouts import VALVE_COMMAND
+from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_recording.bag_writer import Topic, open_bag
 from hand_recording.loader import Recording, RecordingError
@@ -21,7 +22,6 @@ from hand_recording.time_base import published_on_stamp_clock
 from hand_sim.offline import Commands, Measured, Ticks, replay, without_noise
 from hand_sim.plant import SimulatedPlant
 
-Array = NDArray[np.float64]
 VELOCITY_TIME_CONSTANT_S = 0.01
 """The driver's default, so that the replayed velocities are comparable."""
 

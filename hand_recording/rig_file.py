@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hand_model.arrays import Array
+
 UNITS: dict[str, dict[str, float]] = {
     "pa": {"pa": 1.0, "kpa": 1e3, "mbar": 1e2, "bar": 1e5, "mpa": 1e6},
     "deg": {"deg": 1.0, "rad": 180.0 / np.pi},

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_coeffs, savgol_filter
 
+from hand_model.arrays import Array, Flags
 from hand_recording.recording_files import RecordingError
 
-Array = NDArray[np.float64]
 SMOOTHING_S = 0.045
 """Window over which speed and acceleration are taken from measured angles; short against any motion of a finger."""
 
@@ -50,9 +49,9 @@ class Signals:
     pressure_pa: Array
     angle_rad: Array
     force_n: Array
-    known: NDArray[np.bool_]
-    has_set_point: NDArray[np.bool_]
-    has_pressure: NDArray[np.bool_]
+    known: Flags
+    has_set_point: Flags
+    has_pressure: Flags
     notes: tuple[str, ...] = field(default=())
     dropped: float = 0.0
     driven: bool = False
@@ -70,7 +69,7 @@ class Signals:
         return np.asarray(np.arange(self.samples) * self.period_s, dtype=np.float64)
 
 
-def bridge(values: Array) -> tuple[Array, NDArray[np.bool_]]:
+def bridge(values: Array) -> tuple[Array, Flags]:
     """Columns (T, J) with NaN replaced by linear interpolation, and where they were known; an empty column is 0."""
     known = np.isfinite(values)
     filled = np.zeros_like(values)
@@ -92,7 +91,7 @@ def derivatives(angle_rad: Array, period_s: float) -> tuple[Array, Array]:
     return speed, acceleration
 
 
-def white_noise(values: Array, known: NDArray[np.bool_] | None = None) -> float:
+def white_noise(values: Array, known: Flags | None = None) -> float:
     """Standard deviation of the white part of a signal (T,), from its third differences (robust against motion)."""
     difference = np.diff(values, 3)
     if known is not None:

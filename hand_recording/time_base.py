@@ -22,10 +22,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_model.arrays import Array
 from hand_recording.columns import TopicData
 from hand_recording.recording_files import RecordingError
 
-Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
 NS = 1_000_000_000
 
@@ -41,16 +41,16 @@ class TimeBase:
     time_ns: Times
     joints: tuple[str, ...]
     sites: tuple[str, ...]
-    position: Floats
-    velocity: Floats
-    effort: Floats
-    pressure: Floats
-    force: Floats
-    valve_command: Floats
-    reference: Floats
+    position: Array
+    velocity: Array
+    effort: Array
+    pressure: Array
+    force: Array
+    valve_command: Array
+    reference: Array
 
     @property
-    def time_s(self) -> Floats:
+    def time_s(self) -> Array:
         """Seconds since the first time."""
         return (self.time_ns - self.time_ns[:1]) / NS
 
@@ -76,7 +76,7 @@ def resample(
     sites = forces.names if forces else ()
     gap_ns = round(max_gap_s * NS)
 
-    def measured(topic: str, field: str, names: Sequence[str] = columns) -> Floats:
+    def measured(topic: str, field: str, names: Sequence[str] = columns) -> Array:
         data = topics.get(topic)
         if data is None or not len(data):
             return np.full((len(times), len(names)), np.nan)
@@ -97,14 +97,14 @@ def resample(
     )
 
 
-def interpolate(times: Times, stamps: Times, values: Floats, max_gap_ns: int) -> Floats:
+def interpolate(times: Times, stamps: Times, values: Array, max_gap_ns: int) -> Array:
     """Values (N, J) at rising `stamps` (N,), linearly onto `times` (T,): (T, J), by the rules above."""
     after = np.clip(np.searchsorted(stamps, times), 1, max(len(stamps) - 1, 1))
     after = np.minimum(after, len(stamps) - 1)
     before = np.maximum(after - 1, 0)
     span = stamps[after] - stamps[before]
     share = ((times - stamps[before]) / np.maximum(span, 1))[:, np.newaxis]
-    result: Floats = values[before] + share * (values[after] - values[before])
+    result: Array = values[before] + share * (values[after] - values[before])
     unknown = (times < stamps[0]) | (times > stamps[-1]) | (span > max_gap_ns)
     result[unknown] = np.nan
     for ends in (before, after):  # the sample itself, also beside a NaN or a gap
@@ -113,7 +113,7 @@ def interpolate(times: Times, stamps: Times, values: Floats, max_gap_ns: int) ->
     return result
 
 
-def nearest(times: Times, data: TopicData, field: str, names: Sequence[str], most_ns: float) -> tuple[Floats, Floats]:
+def nearest(times: Times, data: TopicData, field: str, names: Sequence[str], most_ns: float) -> tuple[Array, Array]:
     """A field's sample nearest to each time (T, J), and by how much it is later (T,) [ns].
 
     most_ns: how far from the median lateness a sample may be; NaN where it is farther.
@@ -135,7 +135,7 @@ def in_force(times: Times, starts: Times) -> NDArray[np.intp]:
 
 def _held(
     times: Times, data: TopicData | None, field: str, joints: Sequence[str], starts: Times | None
-) -> tuple[Floats, Times, NDArray[np.intp]]:
+) -> tuple[Array, Times, NDArray[np.intp]]:
     """A field held from `starts`, (T, J), its age at each time [ns] (-1 before the first), and its rows."""
     if data is None or not len(data) or starts is None:
         return np.full((len(times), len(joints)), np.nan), np.full(len(times), -1), np.zeros(0, np.intp)
@@ -146,7 +146,7 @@ def _held(
     return values, np.where(row < 0, -1, times - starts[row]), rows[row]
 
 
-def _valve_command(times: Times, topics: Mapping[str, TopicData], joints: Sequence[str]) -> Floats:
+def _valve_command(times: Times, topics: Mapping[str, TopicData], joints: Sequence[str]) -> Array:
     data = topics.get("valve_command")
     starts = published_on_stamp_clock(topics) if data is not None else None
     command, age, rows = _held(times, data, "pressure", joints, starts)
@@ -155,7 +155,7 @@ def _valve_command(times: Times, topics: Mapping[str, TopicData], joints: Sequen
     return command
 
 
-def _reference(times: Times, topics: Mapping[str, TopicData], joints: Sequence[str], max_gap_ns: int) -> Floats:
+def _reference(times: Times, topics: Mapping[str, TopicData], joints: Sequence[str], max_gap_ns: int) -> Array:
     data = topics.get("controller_state")
     starts = data.stamp_ns if data is not None else None
     reference, age, _ = _held(times, data, "reference", joints, starts)
@@ -186,7 +186,7 @@ def _in_order(stamps: Times) -> tuple[Times, NDArray[np.intp]]:
     return ordered[last], rows[last]
 
 
-def _named(data: TopicData, field: str, names: Sequence[str]) -> Floats:
+def _named(data: TopicData, field: str, names: Sequence[str]) -> Array:
     """A field with a column for each name; NaN for names that the topic lacks."""
     values = data[field]
     if data.names == tuple(names):

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from hand_driver.board import Counts
+from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.joint import one_sided
 from hand_model.plant import OMEGA, PHI, P
 from hand_model.sensors import adc_code, fsr_ratio, hall_ratio
-
-Array = NDArray[np.float64]
 
 
 @njit(cache=True, forceinline=True)

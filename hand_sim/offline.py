@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.parameters import ROW
 from hand_sim.plant import CREEP, OMEGA, PHI, STATES, HandPlant, HandPlants, P, resting_state
 
-Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 REST_S = 0.25

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_driver.board import Counts, Status
+from hand_model.arrays import Array
 from hand_model.closed_chain import ClosedChain, has_effects
 from hand_model.description import Hand
 from hand_model.lanes import LANES, LaneMap, idle_parameters, map_lanes
@@ -13,8 +13,6 @@ from hand_model.parameters import ROW
 from hand_model.plant import CREEP, OMEGA, PHI, STATES, P, Plant
 from hand_model.statics import equilibrium_angle
 from hand_sim.channels import Channels
-
-Array = NDArray[np.float64]
 
 
 def resting_state(hand: Hand) -> Array:

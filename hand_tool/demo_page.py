@@ -12,7 +12,6 @@ from string import Template
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from hand_recording.loader import Recording
 from hand_recording.replay import Replay
@@ -21,7 +20,6 @@ from hand_tool.replay_difference import replayed_angle_rad
 
 COLUMNS = 3
 REFERENCE, MEASURED, REPLAYED = "#b0b0b0", "#0b5394", "#cc4125"
-Array = NDArray[np.float64]
 mpl.use("Agg")
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_model.arrays import Array
 from hand_recording.loader import Recording
 from hand_recording.replay import Replay
 from hand_recording.time_base import published_on_stamp_clock
@@ -89,9 +90,7 @@ def loop_summary(recording: Recording, rate_hz: float) -> LoopSummary:
     return LoopSummary(*_timing(stamps, latency_s, rate_hz))
 
 
-def _timing(
-    stamps: NDArray[np.int64], latency_s: NDArray[np.float64], rate_hz: float
-) -> tuple[float, float, float, float]:
+def _timing(stamps: NDArray[np.int64], latency_s: Array, rate_hz: float) -> tuple[float, float, float, float]:
     if len(stamps) < 2:
         return math.nan, 1.0, math.nan, math.nan
     span_s = (int(stamps.max()) - int(stamps.min())) * 1e-9

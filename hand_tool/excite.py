@@ -9,12 +9,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated
 
-import numpy as np
 import typer
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import Progress
 
+from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_recording.installed import default_model
 from hand_recording.offline_recording import record_offline
@@ -67,7 +66,7 @@ def excite(
         print(f"{name}: {len(commands)} samples of {len(wanted)} joints written to {out}")
 
 
-def _live(hand: Hand, commands: NDArray[np.float64], out: Path, namespace: str) -> Iterator[float]:
+def _live(hand: Hand, commands: Array, out: Path, namespace: str) -> Iterator[float]:
     """Drive a running hand with a recorder beside us."""
     from hand_tool.live_node import run_experiment  # noqa: PLC0415 - needs ROS
 

@@ -10,15 +10,15 @@ from typing import Annotated
 import matplotlib
 import numpy as np
 import typer
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
 from hand_identification.static_map import TERMS, StaticMap, VolumeMap, identify_statics, identify_volume, residual_map
+from hand_model.arrays import Array
 from hand_recording.loader import load_recording
 from hand_recording.rig_file import RigError, read_rig
 
-Columns = dict[str, NDArray[np.float64]]
+Columns = dict[str, Array]
 BAGS = {".mcap", ".db3"}
 
 
@@ -108,9 +108,7 @@ def _print(found: StaticMap, volume: VolumeMap | None) -> None:
         print(f"virtual work: dV/dphi is {ratios} (1 agrees)")
 
 
-def _figure(
-    found: StaticMap, pressure: NDArray[np.float64], angle: NDArray[np.float64], torque: NDArray[np.float64], path: Path
-) -> None:
+def _figure(found: StaticMap, pressure: Array, angle: Array, torque: Array, path: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt  # noqa: PLC0415 - after the backend is chosen
 

@@ -11,7 +11,6 @@ import numpy as np
 import rclpy
 from builtin_interfaces.msg import Duration
 from hand_msgs.msg import ControllerState, ValveCommand
-from numpy.typing import NDArray
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -19,6 +18,7 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_ros.node import DEFAULT_NAMESPACE, QUEUED_QOS, SENSOR_QOS
 
@@ -44,7 +44,7 @@ class Pose:
     """A pose to reach: label, angles [rad] in the joints' order, time to move [s], time to stay [s]."""
 
     label: str
-    angle_rad: NDArray[np.float64]
+    angle_rad: Array
     move_s: float
     stay_s: float
 
@@ -114,9 +114,7 @@ def _trajectory(joints: Sequence[str], pose: Pose) -> JointTrajectory:
     return JointTrajectory(joint_names=list(joints), points=[point])
 
 
-def run_experiment(
-    hand: Hand, commands: NDArray[np.float64], namespace: str, healthy: Callable[[], None]
-) -> Iterator[float]:
+def run_experiment(hand: Hand, commands: Array, namespace: str, healthy: Callable[[], None]) -> Iterator[float]:
     """Send set-points (T, joints) [Pa] at the board's rate; yields the share done, vents at the end and on any error.
 
     Raises NotReadyError where no hand answers, somebody else commands the valves, or an angle leaves its limits.
@@ -171,7 +169,7 @@ def _check_alone(node: Node) -> None:
         raise NotReadyError("another node commands the valves; stop the controller first")
 
 
-def _valve_command(node: Node, hand: Hand, pressure_pa: NDArray[np.float64]) -> ValveCommand:
+def _valve_command(node: Node, hand: Hand, pressure_pa: Array) -> ValveCommand:
     message = ValveCommand(name=list(hand.joints), pressure=pressure_pa.tolist())
     message.header.stamp = node.get_clock().now().to_msg()
     message.lifetime = Duration(sec=0, nanosec=LIFETIME_NS)

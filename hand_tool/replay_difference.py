@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hand_model.arrays import Array
 from hand_recording.loader import Recording
 from hand_recording.replay import Replay
 from hand_sim.plant import PHI
 
 
-def replayed_angle_rad(result: Replay) -> NDArray[np.float64]:
+def replayed_angle_rad(result: Replay) -> Array:
     """Angles (N, joints) [rad] as the driver would have measured them in the replay, without noise."""
     sensors = result.hand.sensors
-    angles: NDArray[np.float64] = sensors.angle_line.angle_rad(sensors.hall.ratio(result.states[:, PHI]))
+    angles: Array = sensors.angle_line.angle_rad(sensors.hall.ratio(result.states[:, PHI]))
     return angles
 
 

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from hand_control.law import CONTACT_TORQUE, PRESSURE, TORQUE, Law
 from hand_control.law_rows import GAINS, OUTPUT, STATE
 from hand_control.settings import Settings
 from hand_control.tuning import gains
+from hand_model.arrays import Array
 from hand_model.description import load_hand
 from hand_sim.plant import PHI, HandPlants, P
 from validation.bench import bench_firmware
@@ -25,7 +25,6 @@ from validation.paper.step_rig import draw, reference
 ROOT = Path(__file__).parents[2]
 HAND = load_hand(ROOT / "config" / "hand.yaml")
 DT_S = 0.005
-Array = NDArray[np.float64]
 Inputs = tuple[Array, Array, Array, Array, Array, Array]
 
 

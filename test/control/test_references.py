@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from hand_control.command_check import CommandError, check_joint_command, check_trajectory
 from hand_control.references import References
 from hand_control.shaping import Shaper
+from hand_model.arrays import Array
 from hand_model.description import load_hand
 
-Array = NDArray[np.float64]
 HAND = load_hand(Path(__file__).resolve().parents[2] / "config" / "hand.yaml")
 COUNT = len(HAND.joints)
 START = 7_000_000_000

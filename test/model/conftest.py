@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_model.lanes import LANES, idle_parameters, map_lanes
 from hand_model.parameters import ROW
 from hand_model.plant import STATES, Plant
-
-Array = NDArray[np.float64]
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "hand.yaml"
 Variant = Callable[..., Path]

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_diagnosis.correction import sparse_correction
 from hand_diagnosis.diagnose import JointDiagnosis, diagnose
@@ -21,6 +20,7 @@ from hand_diagnosis.evidence import held_out_rmse
 from hand_diagnosis.search import search_joint
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit
+from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_model.effects import EFFECTS
 from hand_model.parameters import JOINT_PARAMETERS, ROW
@@ -42,7 +42,6 @@ HIDDEN = {
     "hall_misalignment": {"hall_misalignment.sine_2_deg": 1.5},
     "stiffening": {"stiffening.cubic_nm_per_rad3": 0.02},
 }
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

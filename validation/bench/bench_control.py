@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from simple_pid import PID
 
 from hand_control.settings import Settings
+from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from validation.bench.result import figure
 from validation.paper.obstacle_rig import Trial, close_on_obstacles
@@ -22,7 +22,6 @@ from validation.paper.step_rig import RATE_HZ, Run, closed_loop, draw, reference
 
 ERROR, IDENTIFIED = 0.3, 0.02
 SEED = 20261121
-Array = NDArray[np.float64]
 
 
 def run(quick: bool) -> list[dict[str, Any]]:

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_control.law_rows import GAINS, OUTPUT, STATE
 from hand_control.settings import Settings
 from hand_control.tuning import gains
+from hand_model.arrays import Array
 from hand_model.description import load_hand
 from validation.bench.result import figure
 from validation.paper.step_rig import reference
@@ -105,7 +105,7 @@ def data_header() -> str:
     )
 
 
-def _numbers(values: NDArray[np.float64]) -> str:
+def _numbers(values: Array) -> str:
     return ", ".join(f"{value:.9e}f" for value in values)
 
 

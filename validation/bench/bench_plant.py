@@ -16,15 +16,14 @@ from statistics import median
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_model.lanes import LANES, idle_parameters, map_lanes
 from hand_model.parameters import JOINT_PARAMETERS
 from hand_model.plant import STATES, Plant
 from hand_sim.plant import resting_state
 
-Array = NDArray[np.float64]
 Advance = Callable[[Plant, Array], tuple[float, Array]]
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_control.controller import Controller
 from hand_control.settings import Settings
 from hand_driver.board import Frame
 from hand_driver.measurement import Converter
+from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_sim.plant import SimulatedPlant
 from validation.bench.result import figure
@@ -39,7 +39,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     return results
 
 
-def step_response(hand: Hand, rate_hz: float, seed: int, plant: SimulatedPlant | None = None) -> NDArray[np.float64]:
+def step_response(hand: Hand, rate_hz: float, seed: int, plant: SimulatedPlant | None = None) -> Array:
     """Measured angles (samples, joints) [degree] from the step on; every joint steps at once."""
     plant = plant or SimulatedPlant(hand, rate_hz, seed)
     controller = Controller(hand, Settings.of(hand, {}))
@@ -62,7 +62,7 @@ def step_response(hand: Hand, rate_hz: float, seed: int, plant: SimulatedPlant |
     return np.array(angles[round(BEFORE_S * rate_hz) :])
 
 
-def figures(angles: NDArray[np.float64], rate_hz: float) -> tuple[float, float]:
+def figures(angles: Array, rate_hz: float) -> tuple[float, float]:
     """Settling time [s] into the band for good, and overshoot [% of the step], of the worst joint."""
     outside = np.abs(angles - HIGH_DEG) > BAND_DEG
     last = np.where(outside.any(axis=0), len(angles) - np.argmax(outside[::-1], axis=0), 0)

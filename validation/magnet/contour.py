@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import cma
 import numpy as np
 from deap import base, creator, tools
-from numpy.typing import NDArray
 
+from hand_model.arrays import Array
 from validation.magnet.field import Magnet, radial_field
 from validation.magnet.linearity import position_error_deg
 
-Array = NDArray[np.float64]
 Progress = Callable[[int], None]
 
 GENES = 19

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from skfem import Basis, BilinearForm, ElementQuad2, FacetBasis, LinearForm, MeshQuad, MeshQuad2, condense, solve
 from skfem.helpers import dot, grad
 
-Array = NDArray[np.float64]
+from hand_model.arrays import Array
+
 MU_0 = 4e-7 * np.pi
 LAYERS = (4, 8, 5, 10)
 """Elements across hole, magnet, gap and the air beyond the sensor."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hand_model.arrays import Array
+
 AMPLITUDE_V = 1.35
 """Output amplitude of an ideal sine that gives Table 1's ring exactly; Eq. 2 as a mean square has a scale."""
 

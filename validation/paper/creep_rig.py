@@ -5,17 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_identification.joint_data import joint_problem
 from hand_identification.joint_problem import JointProblem
+from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_model.parameters import ROW
 from hand_recording.installed import default_model
 from hand_recording.signals import Signals
 from hand_sim.plant import PHI, HandPlant, P
 
-Array = NDArray[np.float64]
 JOINT = "thumb_opposition"
 PERIOD_S, DURATION_S = 0.01, 200.0
 HIGHEST_PA = 3.5e5

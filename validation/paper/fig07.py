@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_identification.force_calibration import ForceCalibration, calibrate_force
+from hand_model.arrays import Array
 from hand_model.sensors import fsr_ratio
 from validation.paper.drawing import BLUE, GREY, RED, panels
 from validation.paper.result import Progress, Quantity, Reproduction
 
-Array = NDArray[np.float64]
 SUPPLY_V, DIVIDER_OHM = 5.0, 2.7e4
 C0, C1 = 5.0, 0.67
 BEND = 0.02

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_identification.static_map import TERMS, StaticMap, identify_statics, identify_volume
+from hand_model.arrays import Array
 from hand_model.compliance import Actuator
 from validation.paper.drawing import panels
 from validation.paper.result import Progress, Quantity, Reproduction
 
-Array = NDArray[np.float64]
 TRUTH = Actuator(-0.010, -0.0573, 1.12e-6, -5.6e-7)
 """A set that agrees with what Figs. 9, 10 and 13 show; the paper prints no coefficients."""
 TORQUE_NOISE_NM, PRESSURE_NOISE_PA, VOLUME_NOISE_M3 = 3e-3, 500.0, 2e-9

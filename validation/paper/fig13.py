@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_identification.dynamics import MATERIAL_KEYS, STATIC_KEYS
 from hand_identification.free_parameters import START_CREEP, Move
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, map_fit, multi_start
+from hand_model.arrays import Array
 from hand_model.parameters import JOINT_PARAMETERS, ROW
 from validation.paper.creep_rig import description, problem, without_material
 from validation.paper.drawing import BLUE, GREY, RED, panels
 from validation.paper.result import Progress, Quantity, Reproduction
 
-Array = NDArray[np.float64]
 STARTS, START_SPREAD = 8, 0.4
 FREE = (*STATIC_KEYS, "dynamics.viscous_friction_nm_s_per_rad")
 

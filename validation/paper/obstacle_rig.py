@@ -8,20 +8,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_control.law import CONTACT, PRESSURE, Law
 from hand_control.law_rows import G
 from hand_control.settings import Settings
 from hand_control.shaping import Shaper
+from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 from hand_model.parameters import ROW
 from hand_model.statics import torque
 from hand_sim.plant import CREEP, PHI, HandPlants, P
 from validation.paper.step_rig import DRAWN, NOISE_PA, NOISE_RAD, RATE_HZ, draw, many_gains
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 STIFFNESS_NM_PER_RAD = 20.0
 FROM_RAD, TO_RAD = 0.1, 1.6
 PERIOD_S = 1.0 / RATE_HZ

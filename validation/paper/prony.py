@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hand_model.arrays import Array, Flags
 from hand_model.parameters import ROW
 from hand_model.prony import Prony, fit_prony
 from validation.paper.creep_rig import PERIOD_S, description, problem
 from validation.paper.drawing import BLUE, GREY, RED, panels
 from validation.paper.result import Progress, Quantity, Reproduction
 
-Array = NDArray[np.float64]
 TERMS = (1, 2, 3, 4, 6, 8)
 SHORTEST_S, LONGEST_S = 8.0, 100.0
 TRAIN_SHARE = 0.65
@@ -67,7 +66,7 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
     )
 
 
-def _fit(pressure_pa: Array, shift: Array, terms: int, train: NDArray[np.bool_]) -> Prony:
+def _fit(pressure_pa: Array, shift: Array, terms: int, train: Flags) -> Prony:
     times = np.geomspace(SHORTEST_S, LONGEST_S, terms) if terms > 1 else np.array([30.0])
     return fit_prony(pressure_pa, shift, times, PERIOD_S, train)
 
@@ -79,13 +78,13 @@ def _shift_rad(nominal: Array, pressure_pa: Array, angle_rad: Array) -> Array:
     return shift
 
 
-def _settled(held: Array) -> NDArray[np.bool_]:
+def _settled(held: Array) -> Flags:
     """Samples a second or more after a step, where the joint rests."""
     last = np.zeros(len(held), dtype=int)
     changes = np.flatnonzero(np.diff(held, prepend=held[0] + 1.0) != 0.0)
     last[changes] = changes
     last = np.maximum.accumulate(last)
-    settled: NDArray[np.bool_] = (np.arange(len(held)) - last) * PERIOD_S > 1.0
+    settled: Flags = (np.arange(len(held)) - last) * PERIOD_S > 1.0
     return settled
 
 
@@ -102,5 +101,5 @@ def _three_zones(nominal: Array, pressure_pa: Array) -> Array:
     return creep
 
 
-def _rms_deg(error_rad: Array, use: NDArray[np.bool_]) -> float:
+def _rms_deg(error_rad: Array, use: Flags) -> float:
     return float(np.degrees(np.sqrt(np.mean(error_rad[use] ** 2))))

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 
 from hand_control.law import PRESSURE, Law
@@ -20,11 +19,11 @@ from hand_control.law_rows import G
 from hand_control.settings import Settings
 from hand_control.shaping import Shaper
 from hand_control.tuning import gains
+from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.parameters import ROW
 from hand_sim.plant import PHI, HandPlants, P
 
-Array = NDArray[np.float64]
 RATE_HZ, DURATION_S, HOLD_S, SETTLE_S = 200.0, 30.0, 3.0, 3.0
 LOW_RAD, HIGH_RAD = float(np.radians(30.0)), float(np.radians(80.0))
 NOISE_RAD, NOISE_PA = float(np.radians(0.02)), 100.0

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-Array = NDArray[np.float64]
+from validation.trial.arrays import Array, Flags
+
 LIFETIME_NS = 100_000_000
 START_NS = 1_760_000_000_000_000_000
 _TYPES = ("JointPressures", "ContactForces", "ValveCommand")
@@ -43,7 +43,7 @@ def write_bag(
     u: Array,
     frame_s: float,
     site: tuple[int, str] | None,
-    kept: NDArray[np.bool_],
+    kept: Flags,
     pressure_late_s: float,
 ) -> None:
     """readings (4, frames, joints), u (frames, joints) [Pa]; frames that are not kept are lost; one .mcap file."""

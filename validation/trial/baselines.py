@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
 
-Array = NDArray[np.float64]
+from validation.trial.arrays import Array, Flags
+
 Recordings = Mapping[str, dict[str, Array]]
 Errors = dict[str, dict[str, float]]
 BLOCK_S, HELD_OUT_EVERY = 1.25, 3
@@ -57,7 +57,7 @@ def imposed_baselines(description: Mapping[str, Any], recordings: Recordings) ->
     return errors
 
 
-def _errors(left: Array, keep: NDArray[np.bool_]) -> dict[str, float]:
+def _errors(left: Array, keep: Flags) -> dict[str, float]:
     train, held = (float(np.sqrt(np.mean(left[part] ** 2))) for part in (keep, ~keep))
     return {"train": train, "held_out": held}
 
@@ -74,14 +74,14 @@ def _features(description: Mapping[str, Any], columns: dict[str, Array]) -> tupl
     return columns.get("force", 0.0) - modelled, v, given / BAR_PA, x, _train(t).astype(float)
 
 
-def _train(t: Array) -> NDArray[np.bool_]:
+def _train(t: Array) -> Flags:
     """The tool's own choice of blocks: one of every three is held out, drawn alike."""
     block = ((t - t[0]) / BLOCK_S).astype(int)
     drawn = np.random.default_rng(HELD_OUT_EVERY).integers(HELD_OUT_EVERY, size=block[-1] // HELD_OUT_EVERY + 1)
     return np.asarray(block % HELD_OUT_EVERY != drawn[block // HELD_OUT_EVERY])
 
 
-def _sparse(states: Array, rest: Array, keep: NDArray[np.bool_]) -> Callable[[Array], Array]:
+def _sparse(states: Array, rest: Array, keep: Flags) -> Callable[[Array], Array]:
     """The discrepancy by the states (samples, k): a sparse regression over their cubic monomials."""
     import pysindy  # noqa: PLC0415 - slow to load, and only here
 

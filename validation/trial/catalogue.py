@@ -5,12 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from validation.trial.arrays import Array
 from validation.trial.rows import ROW
 
-Array = NDArray[np.float64]
 DEGREE = math.pi / 180.0
 
 

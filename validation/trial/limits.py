@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from validation.trial.arrays import Array
 from validation.trial.catalogue import KNOWN, Concealed
 from validation.trial.nominal import UNCERTAIN
 from validation.trial.plant import record
 from validation.trial.rows import ROW
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 REPEATABILITY = (300.0, math.radians(0.05), 0.05)
 """Of pressure [Pa], angle [rad] and force [N]."""

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from validation.trial.arrays import Array
 from validation.trial.bag import write_bag
 from validation.trial.catalogue import BY_NAME, FOREIGN, KNOWN, Concealed
 from validation.trial.limits import CLOCK_S, KNOWN_WALL, OFF, inseparable, limit_size, scene, switch_on
@@ -22,7 +22,6 @@ from validation.trial.plant import record
 from validation.trial.rows import ROW
 from validation.trial.seal import seal
 
-Array = NDArray[np.float64]
 FRAME_S, DURATION_S = 0.01, 30.0
 MULTIPLES = (1.0, 2.0, 5.0)
 NULL, PAIR, OUTSIDE, DELETED = 0.20, 0.15, 0.10, 0.06

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from validation.trial.arrays import Array
+
 EXPERIMENTS = ("staircase", "triangle", "steps", "multisine", "mixed", "grasps")
 HIGHEST_PA = 2.2e5
 

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
+from validation.trial.arrays import Array
 from validation.trial.rows import NAMES, ROW
 
-Array = NDArray[np.float64]
 DEGREE = np.pi / 180.0
 KEYS: dict[str, tuple[str, str, float]] = {
     "delay": ("valve", "dead_time_s", 1.0),

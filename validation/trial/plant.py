@@ -14,9 +14,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from validation.trial.arrays import Array
 from validation.trial.rows import NAMES, ROW
 
-Array = NDArray[np.float64]
 STEP_S = 1e-4
 ROOM_PA = 101325.0
 MEMORY = 4096

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from validation.trial.baselines import Array, imposed_baselines, moved_baselines
+from validation.trial.arrays import Array
+from validation.trial.baselines import imposed_baselines, moved_baselines
 
 BAR_PA = 1e5
 GRAVITY_M_S2 = 9.80665
