@@ -53,11 +53,11 @@ def sparse_correction(problem: JointProblem, fit: MapFit, stage: int) -> Correct
     from pysindy import STLSQ  # noqa: PLC0415 - large, and of use here alone
 
     rows, targets, held = [], [], []
-    for piece, residual in zip(problem.pieces, fit.residuals, strict=True):
-        use = piece.use[stage]
-        rows.append(_library(piece.angle_rad[use], 1e-5 * piece.pressure_pa[use], piece.exogenous[use, SPEED]))
+    for segment, residual in zip(problem.segments, fit.residuals, strict=True):
+        use = segment.use[stage]
+        rows.append(_library(segment.angle_rad[use], 1e-5 * segment.pressure_pa[use], segment.exogenous[use, SPEED]))
         targets.append(SHOWN[stage] * residual[stage][use])
-        held.append(problem.held_out[piece.block[use]])
+        held.append(problem.held_out[segment.block[use]])
     names = [name for name, _ in rows[0]]
     table = np.concatenate([np.column_stack([values for _, values in part]) for part in rows])
     target, out = np.concatenate(targets), np.concatenate(held)

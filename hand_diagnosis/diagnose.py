@@ -16,7 +16,7 @@ from hand_diagnosis.repeatability import floors
 from hand_diagnosis.search import JointSearch, rough_evidence, search_joint
 from hand_diagnosis.task import Task, rested
 from hand_diagnosis.verdict import StageResult, describe, stage_results
-from hand_identification.free_parameters import FARTHEST, WIDE, Move, nominal_moves
+from hand_identification.free_parameters import FARTHEST, WIDE, FreeParameter, nominal_free_parameters
 from hand_identification.joint_data import joint_problem
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import map_fit
@@ -158,36 +158,38 @@ def _reads_through_curve(
     for joint in chosen:
         costs = []
         for candidate in (signals, straight):
-            problem, moves = _plain(candidate, hand, joint, tolerance)
-            costs.append(map_fit(problem, moves, np.zeros(len(moves)), 3).cost)
+            problem, free = _plain(candidate, hand, joint, tolerance)
+            costs.append(map_fit(problem, free, np.zeros(len(free)), 3).cost)
         gains.append(float(np.log(max(costs[0], 1e-12) / max(costs[1], 1e-12))))  # no usable sample costs nothing
     if abs(np.median(gains)) > CURVE_UNSURE:
         return bool(np.median(gains) > 0.0)
     gained = 0.0
     for candidate, sign in ((signals, -1.0), (straight, 1.0)):
         for joint in chosen:
-            problem, moves = _plain(candidate, hand, joint, tolerance)
-            gained += sign * rough_evidence(problem, effects, moves, np.random.default_rng(0))
+            problem, free = _plain(candidate, hand, joint, tolerance)
+            gained += sign * rough_evidence(problem, effects, free, np.random.default_rng(0))
     return gained > 0.0
 
 
-def _plain(signals: Sequence[Signals], hand: Hand, joint: str, tolerance: float) -> tuple[JointProblem, list[Move]]:
-    """A joint by itself, and the moves of its nominal numbers."""
+def _plain(
+    signals: Sequence[Signals], hand: Hand, joint: str, tolerance: float
+) -> tuple[JointProblem, list[FreeParameter]]:
+    """A joint by itself, and the free parameters of its nominal numbers."""
     problem = joint_problem(signals, hand, joint)
-    return problem, nominal_moves(problem.nominal, tolerance, rested(signals, joint))
+    return problem, nominal_free_parameters(problem.nominal, tolerance, rested(signals, joint))
 
 
 def _diagnose_joint(
     task: Task, joint: str, *seed: int, without: str = "", accelerations: Sequence[Array] = ()
 ) -> JointDiagnosis:
-    """One joint. accelerations: of its coupled partner in every piece, where its model knows them better."""
+    """One joint. accelerations: of its coupled partner in every segment, where its model knows them better."""
     ready = task.prepare(joint)
     problem = ready.problem
     if accelerations:
         put_partner(problem, accelerations)
     effects = [effect for effect in task.effects if effect.name != without]
     rng = np.random.default_rng([task.seed, *seed])
-    search = search_joint(problem, effects, ready.moves, rng, ready.start)
+    search = search_joint(problem, effects, ready.free, rng, ready.start)
     results = tuple(stage_results(problem, search.nominal, search.final, len(search.accepted)))
     judged = [effect for effect in effects if effect.place != "force_sensor"]
     told = isolability(problem, search.nominal, judged) if search.accepted else None
@@ -199,9 +201,9 @@ def _at_bounds(one: JointDiagnosis) -> list[str]:
     """Nominal numbers that would go farther than they may: a model this far off needs another tolerance."""
     fit, own = one.search.final, one.search.effect_keys.union(WIDE)
     far = [
-        move.key
-        for move, z in zip(fit.moves, fit.z, strict=True)
-        if move.row < len(PLANT_PARAMETERS) and move.key not in own and abs(z) > FARTHEST - 1e-6
+        parameter.key
+        for parameter, z in zip(fit.free, fit.z, strict=True)
+        if parameter.row < len(PLANT_PARAMETERS) and parameter.key not in own and abs(z) > FARTHEST - 1e-6
     ]
     reason = f"ends {FARTHEST:g} tolerances from its nominal value; expect more with --tolerance?"
     return [f"{one.joint}: {', '.join(far)} {reason}"] if far else []
@@ -223,7 +225,7 @@ def _beside_models(task: Task, done: Sequence[JointDiagnosis]) -> list[JointDiag
         other = at.get(task.partner(one.joint))
         if other is None or not (one.search.accepted or any(result.unexplained for result in one.results)):
             continue
-        if [p.name for p in other.search.problem.pieces] != [p.name for p in one.search.problem.pieces]:
+        if [p.name for p in other.search.problem.segments] != [p.name for p in one.search.problem.segments]:
             continue
         accelerations = model_accelerations(other.search.problem, other.search.final)
         if fits_better(one.search.problem, one.search.nominal, accelerations):

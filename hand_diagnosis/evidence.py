@@ -28,9 +28,9 @@ def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[Sequence
     """Laplace: log likelihood and prior at the best point, and the volume that the data leave of the prior's.
 
     What held-out blocks say of the point that was fitted without them comes on top: p(all) = p(train) p(held | train).
-    optional: for each effect, moves of which each may be needed or not, at least one of them is. The evidence is the
-    mean over these models, each from the full one by the ratio of posterior to prior density at its neutral values
-    (Dickey 1971), effects taken one by one: a number that the data do not ask for costs nothing.
+    optional: for each effect, free parameters of which each may be needed or not, at least one of them is. The
+    evidence is the mean over these models, each from the full one by the ratio of posterior to prior density at its
+    neutral values (Dickey 1971), effects taken one by one: a number that the data do not ask for costs nothing.
     """
     train = ~problem.held_out
     counts = np.maximum(problem.effective_counts(train), 1.0)
@@ -46,7 +46,7 @@ def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[Sequence
 
 
 def _sparing(z: Array, covariance: Array, optional: Sequence[int]) -> float:
-    """Log of the mean evidence of the models without some of the optional moves, over that of the full one."""
+    """Log of the mean evidence of the models without some optional free parameters, over that of the full one."""
     off = [list(chosen) for k in range(len(optional)) for chosen in combinations(optional, k)]
     ratios = np.array([_density_ratio(z[chosen], covariance[np.ix_(chosen, chosen)]) for chosen in off])
     return float(np.logaddexp.reduce(ratios) - np.log(len(ratios)))

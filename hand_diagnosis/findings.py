@@ -157,7 +157,7 @@ def _finding(joint: str, search: JointSearch, accepted: Hypothesis, noise: float
     others = [(e, p) for e, p in rivals if e.name != effect.name and p > MENTIONED]
     alternatives = tuple((e.name, p, _separating(effect, e)) for e, p in sorted(others, key=lambda pair: -pair[1]))
     numbers = tuple(parameter_numbers(search, effect))
-    stage, bare = accepted.stage, search.bare(effect.name)
+    stage, bare = accepted.stage, search.with_effects_off(effect.name)
     before = search.nominal if index == 0 else search.accepted[index - 1].fit
     fall = _fall(search, before, accepted.fit, stage)
     says = effect.says.format(**spoken(numbers))
@@ -191,16 +191,16 @@ def _separating(one: Effect, other: Effect) -> str:
 def parameter_numbers(search: JointSearch, effect: Effect) -> list[Number]:
     """The effect's parameters in the final fit with standard errors, in the units of their keys."""
     fit = search.final
-    columns, _ = search.problem.columns(fit.moves, fit.z[None])
+    columns, _ = search.problem.columns(fit.free, fit.z[None])
     deviation = np.sqrt(np.diag(fit.covariance))
     numbers = []
     for key in effect.keys:
         row, scale = ROW[key], JOINT_PARAMETERS[ROW[key]].scale
-        index = next((k for k, move in enumerate(fit.moves) if move.row == row), None)
+        index = next((k for k, parameter in enumerate(fit.free) if parameter.row == row), None)
         if index is None:
             continue
-        move, value = fit.moves[index], float(columns[0, row])
-        std = (abs(value) * move.scale if move.log else move.scale) * float(deviation[index])
+        parameter, value = fit.free[index], float(columns[0, row])
+        std = (abs(value) * parameter.scale if parameter.log else parameter.scale) * float(deviation[index])
         numbers.append(Number(key, value / scale, std / scale, unit_of(key), bool(deviation[index] < 0.5)))
     return numbers
 
@@ -214,15 +214,15 @@ def _fall(search: JointSearch, before: MapFit, after: MapFit, stage: int) -> str
 
 def _when(search: JointSearch, bare: MapFit, stage: int) -> tuple[tuple[float, float], ...]:
     """Stretches of the first recording in which the model without the effect misses clearly, [s]."""
-    piece = search.problem.pieces[0]
+    segment = search.problem.segments[0]
     count = search.problem.block_counts[stage]
     rms = np.sqrt(bare.squares[stage] / np.maximum(count, 1))
-    blocks = np.unique(piece.block)
+    blocks = np.unique(segment.block)
     level = max(0.5 * float(rms[blocks].max(initial=0.0)), 1e-300)
     spans: list[tuple[float, float]] = []
     for block in blocks[rms[blocks] > level]:
-        inside = np.flatnonzero(piece.block == block)
-        start, end = inside[0] * piece.period_s, (inside[-1] + 1) * piece.period_s
+        inside = np.flatnonzero(segment.block == block)
+        start, end = inside[0] * segment.period_s, (inside[-1] + 1) * segment.period_s
         if spans and start - spans[-1][1] < 0.5 * BLOCK_S:
             spans[-1] = (spans[-1][0], float(end))
         else:

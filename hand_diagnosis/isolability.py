@@ -47,31 +47,31 @@ class Isolability:
 
 def isolability(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> Isolability:
     """At a fit, from the sensitivities of the very recording."""
-    base, starts = problem.columns(fit.moves, fit.z[None])
+    base, starts = problem.columns(fit.free, fit.z[None])
     probes = [(k, values) for k, effect in enumerate(effects) for values in probe_values(effect, base[0])]
     columns = np.repeat(base, len(probes), axis=0)
     for column, (_, values) in zip(columns, probes, strict=True):
         for row, value in values.items():
             column[row] = value
-    moves = len(fit.z)
-    gram, cross = np.zeros((len(probes), len(probes))), np.zeros((len(probes), moves))
-    normal = np.zeros((moves, moves))
-    stride = max(1, sum(len(piece.angle_rad) for piece in problem.pieces) // ENOUGH)
+    coordinates = len(fit.z)
+    gram, cross = np.zeros((len(probes), len(probes))), np.zeros((len(probes), coordinates))
+    normal = np.zeros((coordinates, coordinates))
+    stride = max(1, sum(len(segment.angle_rad) for segment in problem.segments) // ENOUGH)
     parts = [columns[begin : begin + AT_ONCE] for begin in range(0, len(probes), AT_ONCE)]
     thinned = [_thinned_change(problem, fit, part, starts, stride) for part in parts]
     for index, slopes in enumerate(fit.sensitivity):
         root = np.sqrt(problem.weight * stride)[:, None]
         s = (np.concatenate([part[index] for part in thinned]) * root).reshape(len(probes), -1)
-        j = (slopes[:, :, ::stride] * root).reshape(moves, -1)
+        j = (slopes[:, :, ::stride] * root).reshape(coordinates, -1)
         gram += s @ s.T
         cross += s @ j.T
         normal += j @ j.T
-    left = gram - cross @ np.linalg.inv(normal + np.eye(moves)) @ cross.T
+    left = gram - cross @ np.linalg.inv(normal + np.eye(coordinates)) @ cross.T
     return _summary([effect.name for effect in effects], [k for k, _ in probes], gram, left)
 
 
 def _thinned_change(problem: JointProblem, fit: MapFit, columns: Array, starts: Array, stride: int) -> list[Array]:
-    """Changes of the residuals (k, OUTPUTS, T / stride) by piece."""
+    """Changes of the residuals (k, OUTPUTS, T / stride) by segment."""
     changed = problem.residuals(columns, np.repeat(starts, len(columns), axis=0))
     pairs = zip(fit.residuals, changed, strict=True)
     return [np.nan_to_num((other - residual)[:, :, ::stride]) for residual, other in pairs]

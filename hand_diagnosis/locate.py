@@ -66,10 +66,10 @@ def _stage(problem: JointProblem, fit: MapFit, result: StageResult) -> Iterator[
 
 
 def _together(problem: JointProblem, fit: MapFit, stage: int) -> tuple[Array, NDArray[np.int64], dict[str, Array]]:
-    """Residuals, blocks and states of all pieces, at the samples that count."""
+    """Residuals, blocks and states of all segments, at the samples that count."""
     parts = [
         (r[stage][p.use[stage]], p.block[p.use[stage]], states_of(p, p.use[stage]))
-        for p, r in zip(problem.pieces, fit.residuals, strict=True)
+        for p, r in zip(problem.segments, fit.residuals, strict=True)
     ]
     states = {name: np.concatenate([part[2][name] for part in parts]) for name in parts[0][2]}
     return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts]), states
@@ -90,11 +90,11 @@ def _parts(states: dict[str, Array]) -> Iterator[tuple[str, str, Flags]]:
 
 
 def _bands(problem: JointProblem, fit: MapFit, stage: int) -> Iterator[tuple[str, Array]]:
-    """The residuals of all pieces within each band of frequencies, at the samples that count."""
+    """The residuals of all segments within each band of frequencies, at the samples that count."""
     for low, high in BANDS_HZ:
         filtered = [
             _band(p.use[stage] * r[stage], p.period_s, low, high)[p.use[stage]]
-            for p, r in zip(problem.pieces, fit.residuals, strict=True)
+            for p, r in zip(problem.segments, fit.residuals, strict=True)
         ]
         yield f"above {low:g} Hz" if np.isinf(high) else f"{low:g} to {high:g} Hz", np.concatenate(filtered)
 

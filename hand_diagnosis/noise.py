@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hand_identification.joint_problem import JointProblem, Piece
+from hand_identification.joint_problem import JointProblem, Segment
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array
 from hand_model.chain import OUTPUTS
@@ -25,12 +25,12 @@ PARTS = (1, 2, 5, 10, 20)
 def noise_of_inputs(problem: JointProblem, fit: MapFit) -> Array:
     """RMS (OUTPUTS,), SI, by which input noise moves the predictions of a fit on held-out blocks."""
     rng = np.random.default_rng(SEED)
-    columns, starts = problem.columns(fit.moves, fit.z[None])
+    columns, starts = problem.columns(fit.free, fit.z[None])
     plain = problem.predict(columns, starts)
-    noisy = replace(problem, pieces=[_disturbed(piece, rng, problem.driven) for piece in problem.pieces])
+    noisy = replace(problem, segments=[_disturbed(segment, rng, problem.driven) for segment in problem.segments])
     squares, count = np.zeros(OUTPUTS), np.zeros(OUTPUTS)
-    for piece, one, other in zip(problem.pieces, plain, noisy.predict(columns, starts), strict=True):
-        counts = piece.use & problem.held_out[piece.block]
+    for segment, one, other in zip(problem.segments, plain, noisy.predict(columns, starts), strict=True):
+        counts = segment.use & problem.held_out[segment.block]
         squares += (((other[0] - one[0]) * counts) ** 2).sum(axis=1)
         count += counts.sum(axis=1)
     return np.asarray(np.sqrt(squares / np.maximum(count, 1.0)), dtype=np.float64)
@@ -55,16 +55,16 @@ def noise_of_reading(residual: Array, predicted: Array) -> float:
     return max(float(np.sqrt(square / rest)), white_noise(residual))
 
 
-def _disturbed(piece: Piece, rng: np.random.Generator, driven: bool) -> Piece:
-    """The piece with a second draw of the noise on its inputs, treated as the first one was."""
-    white = white_noise(piece.pressure_pa) * rng.standard_normal(len(piece.pressure_pa))
-    kept = white if driven else np.where(piece.smoothed, smoothed_over(white, piece.span), white)
+def _disturbed(segment: Segment, rng: np.random.Generator, driven: bool) -> Segment:
+    """The segment with a second draw of the noise on its inputs, treated as the first one was."""
+    white = white_noise(segment.pressure_pa) * rng.standard_normal(len(segment.pressure_pa))
+    kept = white if driven else np.where(segment.smoothed, smoothed_over(white, segment.span), white)
     samples = np.arange(len(kept))
-    kept = np.interp(np.linspace(0.0, samples[-1], len(piece.driving_pa)), samples, kept)
-    angle = white_noise(piece.angle_rad) * rng.standard_normal(len(white))
-    speed, acceleration = derivatives(angle[:, None], piece.period_s)
-    exogenous = piece.exogenous.copy()
+    kept = np.interp(np.linspace(0.0, samples[-1], len(segment.driving_pa)), samples, kept)
+    angle = white_noise(segment.angle_rad) * rng.standard_normal(len(white))
+    speed, acceleration = derivatives(angle[:, None], segment.period_s)
+    exogenous = segment.exogenous.copy()
     exogenous[:, ANGLE] += angle
     exogenous[:, SPEED] += speed[:, 0]
     exogenous[:, ACCELERATION] += acceleration[:, 0]
-    return replace(piece, driving_pa=piece.driving_pa + kept, exogenous=exogenous)
+    return replace(segment, driving_pa=segment.driving_pa + kept, exogenous=exogenous)

@@ -207,16 +207,16 @@ def _png(figure: Figure) -> bytes:
 def _figure(one: JointDiagnosis, units: Units) -> Figure:
     """Measured, before and after on the stage that gained most; residuals over time and over the telling state."""
     stage = max(one.results, key=lambda r: r.excess_before / (r.noise + 1e-12)).stage if one.results else 1
-    piece = one.search.problem.pieces[0]
+    segment = one.search.problem.segments[0]
     scale, unit = units[STAGES[stage]]
-    time_s = np.arange(len(piece.angle_rad)) * piece.period_s
-    use = piece.use[stage]
-    measured = scale * piece.measured[stage]
+    time_s = np.arange(len(segment.angle_rad)) * segment.period_s
+    use = segment.use[stage]
+    measured = scale * segment.measured[stage]
     figure = Figure(figsize=(9.5, 6.4), layout="constrained")
     FigureCanvasAgg(figure)
     grid = figure.add_gridspec(2, 3, height_ratios=(3, 2))
     top, left, right = (figure.add_subplot(grid[where]) for where in (np.s_[0, :], np.s_[1, :2], np.s_[1, 2]))
-    shade = one.search.problem.held_out[piece.block]
+    shade = one.search.problem.held_out[segment.block]
     for axis in (top, left):
         axis.fill_between(time_s, 0, 1, where=shade, transform=axis.get_xaxis_transform(), color="#f0f0f0", lw=0)
     for axis in (top, left, right):
@@ -240,12 +240,12 @@ def _figure(one: JointDiagnosis, units: Units) -> Figure:
 def _over_state(axis: Axes, one: JointDiagnosis, stage: int, units: Units) -> None:
     """Mean residuals over the state that tells most, by direction of motion: effects switched off, and on."""
     problem = one.search.problem
-    piece = problem.pieces[0]
-    use = piece.use[stage]
+    segment = problem.segments[0]
+    use = segment.use[stage]
     if use.sum() <= BINS:
         return
-    states = states_of(piece, use)
-    bare = one.search.bare()
+    states = states_of(segment, use)
+    bare = one.search.with_effects_off()
     name = describe(problem, bare, stage).state
     values, speed = states[name], states["speed"]
     scale, (per_state, unit) = units[STAGES[stage]][0], _state_unit(name, units)

@@ -24,28 +24,28 @@ _SENSOR = [ROW[key] for effect in CATALOGUE if effect.place == "angle_sensor" fo
 
 
 def model_accelerations(problem: JointProblem, fit: MapFit) -> list[Array]:
-    """Acceleration (T,) [rad/s^2] of the joint itself in every piece, by its fitted model."""
-    columns, starts = problem.columns(fit.moves, fit.z[None])
+    """Acceleration (T,) [rad/s^2] of the joint itself in every segment, by its fitted model."""
+    columns, starts = problem.columns(fit.free, fit.z[None])
     for row in _SENSOR:
         columns[:, row] = (JOINT_PARAMETERS[row].neutral or 0.0) * JOINT_PARAMETERS[row].scale
     predicted = problem.predict(columns, starts)
     return [
-        derivatives(one[0, 1][:, None], piece.period_s)[1][:, 0]
-        for one, piece in zip(predicted, problem.pieces, strict=True)
+        derivatives(one[0, 1][:, None], segment.period_s)[1][:, 0]
+        for one, segment in zip(predicted, problem.segments, strict=True)
     ]
 
 
 def put_partner(problem: JointProblem, accelerations: Sequence[Array]) -> None:
-    """Set the partner's acceleration in every piece."""
-    for piece, acceleration in zip(problem.pieces, accelerations, strict=True):
-        piece.exogenous[:, PARTNER] = acceleration
+    """Set the partner's acceleration in every segment."""
+    for segment, acceleration in zip(problem.segments, accelerations, strict=True):
+        segment.exogenous[:, PARTNER] = acceleration
 
 
 def fits_better(problem: JointProblem, fit: MapFit, accelerations: Sequence[Array]) -> bool:
     """Whether the nominal model of a joint, fitted as fit, would fit clearly better with these of its partner."""
-    measured = [piece.exogenous[:, PARTNER].copy() for piece in problem.pieces]
+    measured = [segment.exogenous[:, PARTNER].copy() for segment in problem.segments]
     put_partner(problem, accelerations)
-    beside = map_fit(problem, fit.moves, fit.z, 3)
+    beside = map_fit(problem, fit.free, fit.z, 3)
     put_partner(problem, measured)
     before, after = (log_likelihood(problem, one.squares, ~problem.held_out) for one in (fit, beside))
     return after > before + WORTH

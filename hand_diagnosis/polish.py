@@ -23,7 +23,7 @@ COLOURED = 1.05
 def polished(problem: JointProblem, fit: MapFit) -> MapFit:
     """The fit, gone on with sharper weights; its cost and the errors of its numbers stay those of the floor."""
     sharp = replace(problem, weight=SHARPER * problem.weight)
-    done = map_fit(sharp, fit.moves, fit.z, ITERATIONS)
+    done = map_fit(sharp, fit.free, fit.z, ITERATIONS)
     train = ~problem.held_out
     cost = float((problem.weight[:, None] * done.squares[:, train]).sum() + done.z @ done.z)
     return replace(done, cost=cost, normal=done.normal / SHARPER)
@@ -31,9 +31,9 @@ def polished(problem: JointProblem, fit: MapFit) -> MapFit:
 
 def coloured(problem: JointProblem, fit: MapFit) -> bool:
     """Whether any residual is clearly more than white noise."""
-    for piece, residual in zip(problem.pieces, fit.residuals, strict=True):
-        for stage in np.flatnonzero(piece.use.any(axis=1)):
-            left = residual[stage][piece.use[stage]]
+    for segment, residual in zip(problem.segments, fit.residuals, strict=True):
+        for stage in np.flatnonzero(segment.use.any(axis=1)):
+            left = residual[stage][segment.use[stage]]
             if float(np.sqrt(np.mean(left**2))) > COLOURED * white_noise(left):
                 return True
     return False

@@ -105,7 +105,7 @@ def _fit(one: JointDiagnosis) -> list[dict[str, Any]]:
 
 def _located(one: JointDiagnosis) -> list[dict[str, Any]]:
     """Where the model misses without the findings; of a stage that it misses nowhere as a whole, only that."""
-    regions = locate(one.search.problem, one.search.bare(), one.results)
+    regions = locate(one.search.problem, one.search.with_effects_off(), one.results)
     missed = {region.signal for region in regions if region.missed}
     return [
         {
@@ -132,7 +132,7 @@ def _correlations(one: JointDiagnosis) -> dict[str, Any]:
     matrix = covariance / np.outer(deviation, deviation)
     return {
         "joint": one.joint,
-        "parameters": [move.key for move in fit.moves],
+        "parameters": [parameter.key for parameter in fit.free],
         "matrix": [[round(float(value), 3) for value in row] for row in matrix],
     }
 
@@ -166,21 +166,21 @@ def _changes(one: JointDiagnosis) -> list[dict[str, Any]]:
     """Nominal numbers that moved by more than two standard errors and a tenth of their tolerance."""
     fit, problem = one.search.final, one.search.problem
     deviation = np.sqrt(np.diag(fit.covariance))
-    columns, _ = problem.columns(fit.moves, fit.z[None])
+    columns, _ = problem.columns(fit.free, fit.z[None])
     own = one.search.effect_keys
     rows = []
-    for move, z, std in zip(fit.moves, fit.z, deviation, strict=True):
-        if move.row >= START_CREEP or move.key in own or abs(z) < max(2.0 * std, 0.1):
+    for parameter, z, std in zip(fit.free, fit.z, deviation, strict=True):
+        if parameter.row >= START_CREEP or parameter.key in own or abs(z) < max(2.0 * std, 0.1):
             continue
-        nominal, value = float(problem.nominal[move.row]), float(columns[0, move.row])
+        nominal, value = float(problem.nominal[parameter.row]), float(columns[0, parameter.row])
         change = (value - nominal) / nominal if nominal else None
         rows.append(
             {
                 "joint": one.joint,
-                "parameter": move.key,
+                "parameter": parameter.key,
                 "nominal": nominal,
                 "value": value,
-                "std": float(move.scale * std),
+                "std": float(parameter.scale * std),
                 "relative_change": change,
             }
         )
@@ -253,6 +253,6 @@ def _values(one: JointDiagnosis) -> dict[str, float]:
     if any(result.unexplained for result in one.results):
         return {}
     fit, problem = one.search.final, one.search.problem
-    columns, _ = problem.columns(fit.moves, fit.z[None])
-    moved = {m.key for m, z in zip(fit.moves, fit.z, strict=True) if m.row < START_CREEP and abs(z) > 1e-6}
-    return {key: float(columns[0, move.row]) for move in fit.moves for key in [move.key] if key in moved}
+    columns, _ = problem.columns(fit.free, fit.z[None])
+    moved = {m.key for m, z in zip(fit.free, fit.z, strict=True) if m.row < START_CREEP and abs(z) > 1e-6}
+    return {key: float(columns[0, parameter.row]) for parameter in fit.free for key in [parameter.key] if key in moved}

@@ -38,7 +38,7 @@ class Screened:
 
 def screen(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> list[Screened]:
     """Every effect by its best probe, the most promising first."""
-    base, starts = problem.columns(fit.moves, fit.z[None])
+    base, starts = problem.columns(fit.free, fit.z[None])
     probes = [(effect, values) for effect in effects for values in probe_values(effect, base[0])]
     if not probes:
         return []
@@ -47,7 +47,7 @@ def screen(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> lis
         for row, value in values.items():
             column[row] = value
     gains, shares = np.zeros(len(probes)), np.zeros(len(probes))
-    at_once = AT_ONCE if sum(len(piece.angle_rad) for piece in problem.pieces) < LONG else FEWER
+    at_once = AT_ONCE if sum(len(segment.angle_rad) for segment in problem.segments) < LONG else FEWER
     for begin in range(0, len(probes), at_once):
         part = slice(begin, begin + at_once)
         changed = problem.residuals(columns[part], np.repeat(starts, len(columns[part]), axis=0))
@@ -66,19 +66,19 @@ def screen(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> lis
 def _relief(fit: MapFit, effect: Effect) -> float:
     """What the nominal numbers that an effect sets free have paid already for leaving their tolerance."""
     rows = {ROW[key] for key in effect.keys}
-    return float(sum(z * z for move, z in zip(fit.moves, fit.z, strict=True) if move.row in rows))
+    return float(sum(z * z for parameter, z in zip(fit.free, fit.z, strict=True) if parameter.row in rows))
 
 
 def _gains(problem: JointProblem, fit: MapFit, changed: Sequence[Array]) -> tuple[Array, Array]:
     """Cost saved by each probe and the share of it that saves most, (probes,) each."""
     train = (~problem.held_out).astype(float)
-    count, moves = len(changed[0]), len(fit.z)
+    count, coordinates = len(changed[0]), len(fit.z)
     ss, sr = np.zeros(count), np.zeros(count)
-    cross, slope = np.zeros((count, moves)), np.zeros(moves)
-    for piece, residual, slopes, other in zip(problem.pieces, fit.residuals, fit.sensitivity, changed, strict=True):
-        root = np.sqrt(problem.weight)[:, None] * train[piece.block][None]
+    cross, slope = np.zeros((count, coordinates)), np.zeros(coordinates)
+    for segment, residual, slopes, other in zip(problem.segments, fit.residuals, fit.sensitivity, changed, strict=True):
+        root = np.sqrt(problem.weight)[:, None] * train[segment.block][None]
         r = (residual * root).ravel()
-        j = (slopes * root).reshape(moves, -1)
+        j = (slopes * root).reshape(coordinates, -1)
         other -= residual  # in place: of ten minutes these arrays are large
         other *= root
         s = np.nan_to_num(other, copy=False, posinf=0.0, neginf=0.0).reshape(count, -1)
@@ -86,7 +86,7 @@ def _gains(problem: JointProblem, fit: MapFit, changed: Sequence[Array]) -> tupl
         sr += s @ r
         cross += s @ j.T
         slope += j @ r
-    free = np.linalg.inv(fit.normal + np.eye(moves))
+    free = np.linalg.inv(fit.normal + np.eye(coordinates))
     own = np.maximum(ss - np.einsum("pm,mn,pn->p", cross, free, cross), 1e-9 * ss + 1e-12)
     toward = -(sr - cross @ free @ (slope + fit.z))
     share = np.clip(toward / own, 0.0, LARGEST_SHARE)

@@ -16,7 +16,7 @@ from hand_diagnosis.evidence import block_bootstrap, held_out_rmse, log_evidence
 from hand_diagnosis.polish import coloured, polished
 from hand_diagnosis.screen import Screened, screen
 from hand_identification.driving import shape_driving
-from hand_identification.free_parameters import START_CREEP, Move, effect_moves, merged, probe_values
+from hand_identification.free_parameters import START_CREEP, FreeParameter, effect_free_parameters, merged, probe_values
 from hand_identification.joint_problem import STAGES, JointProblem
 from hand_identification.map_fit import MapFit, costs_at, map_fit
 from hand_model.arrays import Array
@@ -29,8 +29,8 @@ MOST = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Heat:
-    """Fits of the `most` best hypotheses of the heat before. step_s: largest step of integration, longer is cheaper.
+class FitPass:
+    """Fits of the `most` best hypotheses of the pass before. step_s: largest step of integration, longer is cheaper.
 
     tolerance: fall of the cost below which a fit ends.
     """
@@ -57,7 +57,7 @@ PROBES, SHARES = 6, (0.1, 0.3, 1.0, 2.5, 6.0)
 """Starts of a fit: probes of the effect, and shares of the way to them."""
 LISTED, WORTH_LISTING = 3, 0.2
 """Improvements too small to be claimed that are listed, and what they must take away, in floors."""
-HEATS = (Heat(8, 7, 2.0, 5.2e-3), Heat(5, 10, 0.5, 5.2e-3), Heat(3, 20, 0.02, 2.6e-3))
+FIT_PASSES = (FitPass(8, 7, 2.0, 5.2e-3), FitPass(5, 10, 0.5, 5.2e-3), FitPass(3, 20, 0.02, 2.6e-3))
 """Of every round: the first ones are rough, to see what is worth the last."""
 
 
@@ -108,7 +108,7 @@ class JointSearch:
         """Numbers of the effects found; what else moved is a nominal number."""
         return frozenset(key for one in self.accepted for key in one.effect.keys)
 
-    def bare(self, *names: str) -> MapFit:
+    def with_effects_off(self, *names: str) -> MapFit:
         """The best model with effects switched off (all, where none is named): what is left shows where they act.
 
         The nominal model, fitted without them, has spread over everything what they do at one place.
@@ -116,7 +116,7 @@ class JointSearch:
         off = [one.effect for one in self.accepted if not names or one.effect.name in names]
         if not off:
             return self.final
-        columns, starts = self.problem.columns(self.final.moves, self.final.z[None])
+        columns, starts = self.problem.columns(self.final.free, self.final.z[None])
         rows = [ROW[key] for effect in off for key in effect.keys]
         columns[:, rows] = self.problem.nominal[rows]
         residuals = self.problem.residuals(columns, starts)
@@ -127,11 +127,11 @@ class JointSearch:
 def search_joint(
     problem: JointProblem,
     effects: Sequence[Effect],
-    base: Sequence[Move],
+    base: Sequence[FreeParameter],
     rng: np.random.Generator,
     start: Array,
 ) -> JointSearch:
-    """Explain one joint by the effects given. base: moves of its nominal numbers; their fit begins at start."""
+    """Explain one joint by the effects given. base: free parameters of its nominal numbers; the fit begins at start."""
     nominal = map_fit(problem, base, start, 8)
     found = JointSearch(problem, nominal, log_evidence(problem, nominal))
     current, evidence = nominal, found.nominal_evidence
@@ -142,7 +142,7 @@ def search_joint(
         found.evidences.append(evidence)
         best = next((one for one in hypotheses if _confirmed(problem, current, one)), None)
         if best is not None and not best.fit.residuals:  # only fitted roughly so far
-            best = _refine(problem, current, best, HEATS[-1], rng)
+            best = _refine(problem, current, best, FIT_PASSES[-1], rng)
         if best is None or best.log_evidence < evidence + ACCEPTED:
             found.not_claimable += _too_small(problem, current, hypotheses)
             break
@@ -159,17 +159,17 @@ def search_joint(
         left = [effect for effect in left if effect.name != best.effect.name]
     _prune(found)
     _polish(found)
-    found.rounds = [[replace(one, fit=one.fit.lean()) for one in hypotheses] for hypotheses in found.rounds]
-    found.accepted[:-1] = [replace(one, fit=one.fit.lean()) for one in found.accepted[:-1]]
+    found.rounds = [[replace(one, fit=one.fit.without_arrays()) for one in hypotheses] for hypotheses in found.rounds]
+    found.accepted[:-1] = [replace(one, fit=one.fit.without_arrays()) for one in found.accepted[:-1]]
     return found
 
 
 def rough_evidence(
-    problem: JointProblem, effects: Sequence[Effect], base: Sequence[Move], rng: np.random.Generator
+    problem: JointProblem, effects: Sequence[Effect], base: Sequence[FreeParameter], rng: np.random.Generator
 ) -> float:
     """Log evidence of the best model with one effect at most, fitted roughly."""
     nominal = map_fit(problem, base, np.zeros(len(base)), 8)
-    fits = [_fit(problem, nominal, one, HEATS[0], rng) for one in _promising(problem, nominal, effects)]
+    fits = [_fit(problem, nominal, one, FIT_PASSES[0], rng) for one in _promising(problem, nominal, effects)]
     return max([log_evidence(problem, nominal), *(one.log_evidence for one in fits)])
 
 
@@ -179,9 +179,9 @@ def _driven_anew(found: JointSearch, current: MapFit) -> tuple[MapFit, float]:
     What the first model left of the readings had steps, and could not be smoothed for long.
     """
     problem = found.problem
-    shape_driving(problem, current.moves, current.z)
-    found.nominal = map_fit(problem, found.nominal.moves, found.nominal.z, 8)
-    current = map_fit(problem, current.moves, current.z, 8)
+    shape_driving(problem, current.free, current.z)
+    found.nominal = map_fit(problem, found.nominal.free, found.nominal.z, 8)
+    current = map_fit(problem, current.free, current.z, 8)
     found.accepted[-1] = replace(found.accepted[-1], fit=current)
     return current, log_evidence(problem, current, _amounts(current))
 
@@ -189,29 +189,29 @@ def _driven_anew(found: JointSearch, current: MapFit) -> tuple[MapFit, float]:
 def _round(
     problem: JointProblem, current: MapFit, effects: Sequence[Effect], rng: np.random.Generator
 ) -> list[Hypothesis]:
-    first, *further = HEATS
+    first, *further = FIT_PASSES
     ranked = _ranked([_fit(problem, current, one, first, rng) for one in _promising(problem, current, effects)])
-    for heat in further:
-        ranked = [replace(one, fit=one.fit.lean()) for one in ranked]
-        near = ranked[: heat.most]
-        if heat is HEATS[-1]:
+    for fit_pass in further:
+        ranked = [replace(one, fit=one.fit.without_arrays()) for one in ranked]
+        near = ranked[: fit_pass.most]
+        if fit_pass is FIT_PASSES[-1]:
             near = [one for one in near if one.log_evidence > ranked[0].log_evidence - BEHIND]
-        refined = [_refine(problem, current, one, heat, rng) for one in near]
+        refined = [_refine(problem, current, one, fit_pass, rng) for one in near]
         ranked = _ranked(refined + ranked[len(near) :])
     return ranked
 
 
 def _promising(problem: JointProblem, current: MapFit, effects: Sequence[Effect]) -> list[Screened]:
     """Effects worth a fit, by what probes promise; where all promise little of much, also by their cheapest starts."""
-    heat = HEATS[0]
+    fit_pass = FIT_PASSES[0]
     screened = screen(problem, current, effects)
     worth = [one for one in screened if one.gain > WORTH_A_FIT]
     if not worth or worth[0].gain > FORETOLD * current.cost:
-        return worth[: heat.most]
-    rest = screened[len(worth[: heat.most]) :]
-    others = [(float(_begin(problem, current, one, heat)[2].min()), one) for one in rest]
+        return worth[: fit_pass.most]
+    rest = screened[len(worth[: fit_pass.most]) :]
+    others = [(float(_begin(problem, current, one, fit_pass)[2].min()), one) for one in rest]
     others = sorted((pair for pair in others if pair[0] < current.cost - WORTH_A_FIT), key=lambda pair: pair[0])
-    return worth[: heat.most] + [one for _, one in others[: heat.most]]
+    return worth[: fit_pass.most] + [one for _, one in others[: fit_pass.most]]
 
 
 def _ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
@@ -219,22 +219,22 @@ def _ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
 
 
 def _fit(
-    problem: JointProblem, current: MapFit, screened: Screened, heat: Heat, rng: np.random.Generator
+    problem: JointProblem, current: MapFit, screened: Screened, fit_pass: FitPass, rng: np.random.Generator
 ) -> Hypothesis:
-    rough = replace(problem, step_s=heat.step_s)
-    moves, starts, costs = _begin(problem, current, screened, heat)
+    rough = replace(problem, step_s=fit_pass.step_s)
+    free, starts, costs = _begin(problem, current, screened, fit_pass)
     cheapest = starts[1 + int(np.argmin(costs[1:]))]
-    tried = [map_fit(rough, moves, start, heat.iterations, heat.tolerance) for start in (starts[0], cheapest)]
+    tried = [map_fit(rough, free, start, fit_pass.iterations, fit_pass.tolerance) for start in (starts[0], cheapest)]
     best = min(tried, key=lambda fit: fit.cost)
-    return _judge(problem, current, screened.effect, best.lean(), rng)
+    return _judge(problem, current, screened.effect, best.without_arrays(), rng)
 
 
 def _refine(
-    problem: JointProblem, current: MapFit, rough: Hypothesis, heat: Heat, rng: np.random.Generator
+    problem: JointProblem, current: MapFit, rough: Hypothesis, fit_pass: FitPass, rng: np.random.Generator
 ) -> Hypothesis:
     """A hypothesis fitted further."""
-    stepped = replace(problem, step_s=heat.step_s)
-    fit = map_fit(stepped, rough.fit.moves, rough.fit.z, heat.iterations, heat.tolerance)
+    stepped = replace(problem, step_s=fit_pass.step_s)
+    fit = map_fit(stepped, rough.fit.free, rough.fit.z, fit_pass.iterations, fit_pass.tolerance)
     return _judge(problem, current, rough.effect, fit, rng)
 
 
@@ -248,60 +248,70 @@ def _judge(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, 
 
 
 def _amounts(fit: MapFit) -> list[list[int]]:
-    """Moves of each effect's own numbers that say how much; each may be neutral while others of its effect act."""
+    """Numbers of each effect that say how much; each may be neutral while others of its effect act."""
     amounts: dict[str, list[int]] = {}
-    for k, move in enumerate(fit.moves):
-        name = move.key.partition(".")[0]
-        own = len(PLANT_PARAMETERS) <= move.row < START_CREEP and not move.log
-        if own and move.key not in EFFECTS[name].shape:
+    for k, parameter in enumerate(fit.free):
+        name = parameter.key.partition(".")[0]
+        own = len(PLANT_PARAMETERS) <= parameter.row < START_CREEP and not parameter.log
+        if own and parameter.key not in EFFECTS[name].shape:
             amounts.setdefault(name, []).append(k)
     return list(amounts.values())
 
 
-def _begin(problem: JointProblem, current: MapFit, screened: Screened, heat: Heat) -> tuple[list[Move], Array, Array]:
-    """Moves of the model with an effect, points to start from (k, moves), the screen's first, and their costs (k,)."""
-    moves = merged(current.moves, effect_moves(screened.effect, problem.nominal))
-    starts = np.array(_starts(problem, current, screened, moves))
-    return moves, starts, costs_at(replace(problem, step_s=heat.step_s), moves, starts)
+def _begin(
+    problem: JointProblem, current: MapFit, screened: Screened, fit_pass: FitPass
+) -> tuple[list[FreeParameter], Array, Array]:
+    """Free parameters of the model with an effect, points to start from (k, free), the screen's first, costs (k,)."""
+    free = merged(current.free, effect_free_parameters(screened.effect, problem.nominal))
+    starts = np.array(_starts(problem, current, screened, free))
+    return free, starts, costs_at(replace(problem, step_s=fit_pass.step_s), free, starts)
 
 
-def _starts(problem: JointProblem, current: MapFit, screened: Screened, moves: Sequence[Move]) -> list[list[float]]:
+def _starts(
+    problem: JointProblem, current: MapFit, screened: Screened, free: Sequence[FreeParameter]
+) -> list[list[float]]:
     """Coordinates to start from: the screen's own first, then probes at several shares of them, the nominal numbers
     as they are, and released.
 
     A large effect has dragged the nominal numbers along; from where they are expected the way is shorter.
     """
-    columns, _ = problem.columns(current.moves, current.z[None])
-    here = {move.row: float(z) for move, z in zip(current.moves, current.z, strict=True)}
+    columns, _ = problem.columns(current.free, current.z[None])
+    here = {parameter.row: float(z) for parameter, z in zip(current.free, current.z, strict=True)}
     own = {ROW[key] for key in screened.effect.keys}
     others = [probe for probe in probe_values(screened.effect, columns[0]) if probe != screened.start]
     liked, shape = min(max(screened.share, 0.1), 2.0), screened.effect.shape
-    starts = [[_coordinate(move, screened.start, liked, columns[0], here, shape) for move in moves]]
+    starts = [[_coordinate(parameter, screened.start, liked, columns[0], here, shape) for parameter in free]]
     for probe in [screened.start, *others][:PROBES]:
         for share in SHARES:
-            start = [_coordinate(move, probe, share, columns[0], here, shape) for move in moves]
+            start = [_coordinate(parameter, probe, share, columns[0], here, shape) for parameter in free]
             released = [
-                0.0 if move.row not in own and _expected(move) else z for move, z in zip(moves, start, strict=True)
+                0.0 if parameter.row not in own and _expected(parameter) else z
+                for parameter, z in zip(free, start, strict=True)
             ]
             starts += [start, released]
     return starts
 
 
-def _expected(move: Move) -> bool:
+def _expected(parameter: FreeParameter) -> bool:
     """Whether it has an expected value to be released to: nominal numbers and first speeds."""
-    return not move.log and (move.row < len(PLANT_PARAMETERS) or move.row > START_CREEP)
+    return not parameter.log and (parameter.row < len(PLANT_PARAMETERS) or parameter.row > START_CREEP)
 
 
 def _coordinate(
-    move: Move, probe: dict[int, float], share: float, values: Array, here: dict[int, float], shape: Sequence[str]
+    parameter: FreeParameter,
+    probe: dict[int, float],
+    share: float,
+    values: Array,
+    here: dict[int, float],
+    shape: Sequence[str],
 ) -> float:
     """A probe's value, a share of the way to it but for its shape; other coordinates as they are."""
-    if move.row in probe:
-        now, there = float(values[move.row]), probe[move.row]
-        return move.coordinate(there if move.key in shape else now + share * (there - now))
-    if move.row in here:
-        return here[move.row]
-    return move.coordinate(float(values[move.row])) if move.row < len(values) else 0.0
+    if parameter.row in probe:
+        now, there = float(values[parameter.row]), probe[parameter.row]
+        return parameter.coordinate(there if parameter.key in shape else now + share * (there - now))
+    if parameter.row in here:
+        return here[parameter.row]
+    return parameter.coordinate(float(values[parameter.row])) if parameter.row < len(values) else 0.0
 
 
 def _confirmed(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -> bool:
@@ -339,7 +349,7 @@ def _from_other_starts(
     fits = [best.fit]
     for _ in range(STARTS):
         start = best.fit.z + JITTER * rng.standard_normal(len(best.fit.z))
-        fits.append(map_fit(problem, best.fit.moves, start, ITERATIONS))
+        fits.append(map_fit(problem, best.fit.free, start, ITERATIONS))
     fits.sort(key=lambda fit: fit.cost)
     alike = [fit for fit in fits if fit.cost < fits[0].cost + ACCEPTED]
     errors = [held_out_rmse(problem, fit.squares)[best.stage] for fit in alike]
@@ -374,12 +384,12 @@ def _prune(found: JointSearch) -> None:
         trials = []
         for index in range(len(names) - 1):
             kept = [one.effect for k, one in enumerate(found.accepted) if k != index]
-            moves = list(found.nominal.moves)
+            free = list(found.nominal.free)
             for effect in kept:
-                moves = merged(moves, effect_moves(effect, found.problem.nominal))
+                free = merged(free, effect_free_parameters(effect, found.problem.nominal))
             final = found.final
-            start = {move.row: z for move, z in zip(final.moves, final.z, strict=True)}
-            fit = map_fit(found.problem, moves, np.array([start.get(move.row, 0.0) for move in moves]), 8)
+            start = {parameter.row: z for parameter, z in zip(final.free, final.z, strict=True)}
+            fit = map_fit(found.problem, free, np.array([start.get(parameter.row, 0.0) for parameter in free]), 8)
             trials.append((log_evidence(found.problem, fit, _amounts(fit)), index, fit))
         best = max(trials, key=lambda trial: trial[0])
         if best[0] < evidence - ACCEPTED / 2.0:

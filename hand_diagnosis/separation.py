@@ -21,9 +21,9 @@ BY_HAND = {"closed_valve_push"}
 
 def separation_sigma(problem: JointProblem, one: MapFit, other: MapFit, name: str) -> float:
     """How many sigma apart two fitted models are on an experiment, with practical noise correlated over a while."""
-    period = problem.pieces[0].period_s
+    period = problem.segments[0].period_s
     time_s = np.asarray(np.arange(round(DURATION_S / period)) * period, dtype=np.float64)
-    top = max(float(problem.pieces[0].pressure_pa.max()), 5e4)
+    top = max(float(problem.segments[0].pressure_pa.max()), 5e4)
     commands = top * np.clip(EXPERIMENTS[name](time_s, np.random.default_rng(0)), 0.0, 1.0)
     first, second = (_simulate(problem, fit, commands, period) for fit in (one, other))
     scale = problem.floor[:2, None]
@@ -40,7 +40,7 @@ def best_experiment(problem: JointProblem, one: Hypothesis, other: Hypothesis) -
 
 def _simulate(problem: JointProblem, fit: MapFit, commands: Array, period_s: float) -> Array:
     """Pressure and angle readings (2, T) of the joint alone."""
-    columns, _ = problem.columns(fit.moves, fit.z[None])
+    columns, _ = problem.columns(fit.free, fit.z[None])
     parameters = columns[0][:, None]
     a0, a1, a2, a3 = columns[0][ROW["statics.a0_nm"] : ROW["statics.a3_nm_per_pa_rad"] + 1]
     load = columns[0][ROW["constant_load.torque_nm"]]

@@ -9,9 +9,9 @@ import numpy as np
 
 from hand_diagnosis.partners import put_partner
 from hand_identification.driving import accelerations, inflow, shape_driving
-from hand_identification.free_parameters import Move, nominal_moves, speed_moves
+from hand_identification.free_parameters import FreeParameter, nominal_free_parameters, speed_free_parameters
 from hand_identification.joint_data import driving_pressure, joint_problem
-from hand_identification.joint_problem import FLOOR, JointProblem, Piece
+from hand_identification.joint_problem import FLOOR, JointProblem, Segment
 from hand_identification.map_fit import MapFit, map_fit
 from hand_model.arrays import Array
 from hand_model.description import Hand
@@ -25,10 +25,10 @@ ROUGHLY = 3
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """A joint's problem, the moves of its nominal numbers, and coordinates (moves,) near their best ones."""
+    """A joint's problem, the free parameters of its nominal numbers, and coordinates (free,) near their best ones."""
 
     problem: JointProblem
-    moves: list[Move]
+    free: list[FreeParameter]
     start: Array
 
 
@@ -57,11 +57,11 @@ class Task:
         if other and self._holding(joint) == self._holding(other):
             beside = self._roughly(other)
             # The partner's model is shaken by the noise of this joint's acceleration; that of its model has none.
-            quiet = replace(beside.problem, pieces=[_copied(piece) for piece in beside.problem.pieces])
-            put_partner(quiet, accelerations(rough.problem, rough.moves, rough.start))
-            put_partner(rough.problem, accelerations(quiet, beside.moves, beside.start))
-        for number, piece in zip(self._holding(joint), rough.problem.pieces, strict=True):
-            piece.exogenous[:, INFLOW] = self._inflow(number)
+            quiet = replace(beside.problem, segments=[_copied(segment) for segment in beside.problem.segments])
+            put_partner(quiet, accelerations(rough.problem, rough.free, rough.start))
+            put_partner(rough.problem, accelerations(quiet, beside.free, beside.start))
+        for number, segment in zip(self._holding(joint), rough.problem.segments, strict=True):
+            segment.exogenous[:, INFLOW] = self._inflow(number)
         return rough
 
     def partner(self, joint: str) -> str:
@@ -72,13 +72,13 @@ class Task:
     def _roughly(self, joint: str) -> Prepared:
         if joint not in self._rough:
             problem = joint_problem(self.signals, self.hand, joint, self.floors.get(joint, np.array(FLOOR)))
-            moves = nominal_moves(problem.nominal, self.tolerance, rested(self.signals, joint))
+            free = nominal_free_parameters(problem.nominal, self.tolerance, rested(self.signals, joint))
             if not problem.driven:
-                moves += speed_moves(problem.starts(1)[0, 1:].tolist())
-            fit = map_fit(problem, moves, np.zeros(len(moves)), ROUGHLY)
+                free += speed_free_parameters(problem.starts(1)[0, 1:].tolist())
+            fit = map_fit(problem, free, np.zeros(len(free)), ROUGHLY)
             _choose_neighbour([self.signals[number] for number in self._holding(joint)], joint, problem, fit)
-            shape_driving(problem, moves, fit.z)
-            self._rough[joint] = Prepared(problem, moves, fit.z)
+            shape_driving(problem, free, fit.z)
+            self._rough[joint] = Prepared(problem, free, fit.z)
         return self._rough[joint]
 
     def _inflow(self, number: int) -> Array:
@@ -94,15 +94,15 @@ class Task:
         if joint not in self.joints:
             one = self.signals[number]
             return driving_pressure(one, one.joints.index(joint))[0]
-        return self._roughly(joint).problem.pieces[self._holding(joint).index(number)].driving_pa
+        return self._roughly(joint).problem.segments[self._holding(joint).index(number)].driving_pa
 
     def _holding(self, joint: str) -> list[int]:
         """Numbers of the recordings that hold a joint; their names need not differ."""
         return [number for number, one in enumerate(self.signals) if joint in one.joints]
 
 
-def _copied(piece: Piece) -> Piece:
-    return replace(piece, exogenous=piece.exogenous.copy())
+def _copied(segment: Segment) -> Segment:
+    return replace(segment, exogenous=segment.exogenous.copy())
 
 
 def rested(signals: Sequence[Signals], joint: str) -> bool:
@@ -110,21 +110,21 @@ def rested(signals: Sequence[Signals], joint: str) -> bool:
     return all(one.pressure_pa[0, one.joints.index(joint)] < RESTED_PA for one in signals if joint in one.joints)
 
 
-def _choose_neighbour(pieces: Sequence[Signals], joint: str, problem: JointProblem, fit: MapFit) -> None:
+def _choose_neighbour(segments: Sequence[Signals], joint: str, problem: JointProblem, fit: MapFit) -> None:
     """Put the angle into e that best explains what the nominal model leaves: what pulls, pulls with its motion."""
-    names = [name for name in pieces[0].joints if name != joint and all(name in one.joints for one in pieces)]
+    names = [name for name in segments[0].joints if name != joint and all(name in one.joints for one in segments)]
     best, chosen = 0.0, None
     for name in names:
         together = []
-        for one, piece, residual in zip(pieces, problem.pieces, fit.residuals, strict=True):
-            use = piece.use[1]
+        for one, segment, residual in zip(segments, problem.segments, fit.residuals, strict=True):
+            use = segment.use[1]
             other = one.angle_rad[use, one.joints.index(name)]
-            own = np.column_stack([piece.angle_rad[use], piece.pressure_pa[use] * 1e-5, np.ones(use.sum())])
+            own = np.column_stack([segment.angle_rad[use], segment.pressure_pa[use] * 1e-5, np.ones(use.sum())])
             rest = other - own @ np.linalg.lstsq(own, other, rcond=None)[0]
             norm = float(np.linalg.norm(rest)) * float(np.linalg.norm(residual[1][use]))
             together.append(abs(float(rest @ residual[1][use])) / max(norm, 1e-300))
         if float(np.mean(together)) > best:
             best, chosen = float(np.mean(together)), name
     if chosen is not None:
-        for one, piece in zip(pieces, problem.pieces, strict=True):
-            piece.exogenous[:, NEIGHBOUR] = one.angle_rad[:, one.joints.index(chosen)]
+        for one, segment in zip(segments, problem.segments, strict=True):
+            segment.exogenous[:, NEIGHBOUR] = one.angle_rad[:, one.joints.index(chosen)]

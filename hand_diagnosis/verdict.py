@@ -8,7 +8,7 @@ import numpy as np
 
 from hand_diagnosis.evidence import held_out_rmse
 from hand_diagnosis.noise import noise_of_inputs, noise_of_reading
-from hand_identification.joint_problem import STAGES, JointProblem, Piece
+from hand_identification.joint_problem import STAGES, JointProblem, Segment
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array, Flags
 from hand_model.effects.effect import SPEED
@@ -82,7 +82,7 @@ def stage_results(problem: JointProblem, nominal: MapFit, final: MapFit, effects
 
 
 def _pairs(problem: JointProblem, fit: MapFit, stage: int):  # type: ignore[no-untyped-def]
-    return [(p, r) for p, r in zip(problem.pieces, fit.residuals, strict=True) if p.use[stage].sum() > 10]
+    return [(p, r) for p, r in zip(problem.segments, fit.residuals, strict=True) if p.use[stage].sum() > 10]
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,10 +103,10 @@ class Structure:
 
 def describe(problem: JointProblem, fit: MapFit, stage: int) -> Structure:
     """Where in state space a residual lives, by binned means over each candidate state."""
-    piece, residual = max(_pairs(problem, fit, stage), key=lambda pair: pair[0].use[stage].sum())
-    use = piece.use[stage]
+    segment, residual = max(_pairs(problem, fit, stage), key=lambda pair: pair[0].use[stage].sum())
+    use = segment.use[stage]
     r = residual[stage][use]
-    states = states_of(piece, use)
+    states = states_of(segment, use)
     flexing = states["speed"] > 0.0
     both = {"angle", "pressure", "set-point"}  # of these a residual may depend in one way or the other by direction
     shares = {name: _explained(r, values, flexing & (name in both)) for name, values in states.items()}
@@ -118,21 +118,21 @@ def describe(problem: JointProblem, fit: MapFit, stage: int) -> Structure:
     if (moving & (speed > 0)).any() and (moving & (speed < 0)).any():
         direction = float(r[moving & (speed > 0)].mean() - r[moving & (speed < 0)].mean())
     spectrum = np.abs(np.fft.rfft(r - r.mean())) ** 2
-    frequency = np.fft.rfftfreq(len(r), piece.period_s)
+    frequency = np.fft.rfftfreq(len(r), segment.period_s)
     centroid = float((spectrum * frequency).sum() / max(float(spectrum.sum()), 1e-300))
     memory = 0.5 / max(centroid, 1e-3)
     return Structure(STAGES[stage], state, shares[state], direction, memory, centroid, float(np.sqrt(np.mean(r**2))))
 
 
-def states_of(piece: Piece, use: Flags) -> dict[str, Array]:
+def states_of(segment: Segment, use: Flags) -> dict[str, Array]:
     """What a residual may depend on, at the samples that count."""
-    time = np.asarray(np.arange(len(use)) * piece.period_s, dtype=np.float64)
-    speed = piece.exogenous[:, SPEED]
+    time = np.asarray(np.arange(len(use)) * segment.period_s, dtype=np.float64)
+    speed = segment.exogenous[:, SPEED]
     return {
-        "angle": piece.angle_rad[use],
-        "pressure": piece.pressure_pa[use],
+        "angle": segment.angle_rad[use],
+        "pressure": segment.pressure_pa[use],
         "speed": speed[use],
-        "set-point": piece.set_point_pa[use],
+        "set-point": segment.set_point_pa[use],
         "time": time[use],
     }
 

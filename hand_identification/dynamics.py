@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hand_identification.free_parameters import START_CREEP, Move
+from hand_identification.free_parameters import START_CREEP, FreeParameter
 from hand_identification.joint_data import joint_problem
 from hand_identification.joint_problem import STAGES, JointProblem
 from hand_identification.map_fit import MapFit, multi_start
@@ -89,13 +89,13 @@ def identify_joint(
 ) -> JointDynamics:
     """Fit the keys of one joint from several starts; the best one counts. ValueError where nothing can be judged."""
     problem = joint_problem(signals, hand, joint)
-    if not any(piece.use.any() for piece in problem.pieces):
+    if not any(segment.use.any() for segment in problem.segments):
         raise ValueError(f"{joint}: the recording has neither set-points nor pressures for it")
-    moves = [*(_move(problem, key) for key in keys), Move(START_CREEP, 0.0, 0.3, False, 0.0, 1.0)]
-    zero = np.zeros(len(moves))
+    free = [*(_free_parameter(problem, key) for key in keys), FreeParameter(START_CREEP, 0.0, 0.3, False, 0.0, 1.0)]
+    zero = np.zeros(len(free))
     nominal = problem.residuals(problem.nominal[None], problem.starts(1))
-    starts = [zero, *(START_SPREAD * rng.standard_normal((STARTS - 1, len(moves))))]
-    best = multi_start(problem, moves, starts)
+    starts = [zero, *(START_SPREAD * rng.standard_normal((STARTS - 1, len(free))))]
+    best = multi_start(problem, free, starts)
     return JointDynamics(
         joint,
         tuple(_estimates(problem, best)),
@@ -123,32 +123,32 @@ def identify(
     return found
 
 
-def _move(problem: JointProblem, key: str) -> Move:
+def _free_parameter(problem: JointProblem, key: str) -> FreeParameter:
     row = ROW[key]
     bound = JOINT_PARAMETERS[row]
     low, high, nominal = bound.low * bound.scale, bound.high * bound.scale, float(problem.nominal[row])
     if key in STATIC_KEYS:
         size = max(abs(nominal), 0.01 if key == "statics.a0_nm" else 0.0)
-        return Move(row, nominal, 0.2 * size, False, low, min(high, 0.0) if nominal < 0.0 else high)
+        return FreeParameter(row, nominal, 0.2 * size, False, low, min(high, 0.0) if nominal < 0.0 else high)
     centre = nominal if nominal > 0.0 else (bound.typical or bound.neutral or 1.0) * bound.scale
-    return Move(row, max(centre, 1e-3 if key == "valve.dead_time_s" else 0.0), SPREAD, True, low, high)
+    return FreeParameter(row, max(centre, 1e-3 if key == "valve.dead_time_s" else 0.0), SPREAD, True, low, high)
 
 
 def _estimates(problem: JointProblem, fit: MapFit) -> list[Estimate]:
     """Values with errors that the data alone give, residual correlation counted."""
     covariance = _data_covariance(problem, fit)
-    columns, _ = problem.columns(fit.moves, fit.z[None])
+    columns, _ = problem.columns(fit.free, fit.z[None])
     estimates = []
-    for index, move in enumerate(fit.moves):
-        if move.row == START_CREEP:
+    for index, parameter in enumerate(fit.free):
+        if parameter.row == START_CREEP:
             continue
-        value = float(columns[0, move.row])
+        value = float(columns[0, parameter.row])
         deviation = float(np.sqrt(covariance[index, index]))
-        std = abs(value) * move.scale * deviation if move.log else move.scale * deviation
+        std = abs(value) * parameter.scale * deviation if parameter.log else parameter.scale * deviation
         share = std / max(abs(value), 1e-300)
         verdict = "determined" if share < DETERMINED else "weakly" if share < WEAK else "not determined"
-        hint = "" if verdict == "determined" else SHOWS.get(move.key, "a staircase over pressure")
-        estimates.append(Estimate(move.key, value, std, verdict, hint))
+        hint = "" if verdict == "determined" else SHOWS.get(parameter.key, "a staircase over pressure")
+        estimates.append(Estimate(parameter.key, value, std, verdict, hint))
     return estimates
 
 
@@ -157,10 +157,10 @@ def _data_covariance(problem: JointProblem, fit: MapFit) -> Array:
     train = ~problem.held_out
     count = len(fit.z)
     information = np.zeros((count, count))
-    for piece, residual, slopes in zip(problem.pieces, fit.residuals, fit.sensitivity, strict=True):
-        inside = train[piece.block]
+    for segment, residual, slopes in zip(problem.segments, fit.residuals, fit.sensitivity, strict=True):
+        inside = train[segment.block]
         for stage in range(len(STAGES)):
-            use = piece.use[stage] & inside
+            use = segment.use[stage] & inside
             if use.sum() < 10 or not np.any(slopes[:, stage]):
                 continue
             noise = residual[stage, use]

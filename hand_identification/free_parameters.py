@@ -55,7 +55,7 @@ guessed in any model."""
 
 
 @dataclass(frozen=True, slots=True)
-class Move:
+class FreeParameter:
     """One coordinate of a fit. row: of the parameter array.  low, high: bounds of the value, SI."""
 
     row: int
@@ -85,12 +85,12 @@ class Move:
         return JOINT_PARAMETERS[self.row].key
 
 
-def nominal_moves(nominal: Array, tolerance: float, rested: bool) -> list[Move]:
-    """Moves of the plain plant around its nominal parameters (rows,), each by a relative tolerance.
+def nominal_free_parameters(nominal: Array, tolerance: float, rested: bool) -> list[FreeParameter]:
+    """Free parameters of the plain plant around its nominal parameters (rows,), each by a relative tolerance.
 
     None goes farther than FARTHEST tolerances: what needs more is no wrong number but another thing.
     """
-    moves = []
+    free = []
     for key in NOMINAL_KEYS:
         row = ROW[key]
         size = max(abs(nominal[row]), _FLOOR.get(key, 0.0))
@@ -101,25 +101,25 @@ def nominal_moves(nominal: Array, tolerance: float, rested: bool) -> list[Move]:
         scale = size * max(tolerance, WIDE.get(key, 0.0))
         low = max(bound.low * bound.scale, nominal[row] - FARTHEST * scale)
         high = min(bound.high * bound.scale, nominal[row] + FARTHEST * scale)
-        moves.append(Move(row, nominal[row], scale, False, low, high))
+        free.append(FreeParameter(row, nominal[row], scale, False, low, high))
     if nominal[ROW["material.phi_max_deg"]] != 0.0:
-        moves.append(Move(START_CREEP, 0.0, 0.1 if rested else 0.3, False, 0.0, 1.0))
-    return moves
+        free.append(FreeParameter(START_CREEP, 0.0, 0.1 if rested else 0.3, False, 0.0, 1.0))
+    return free
 
 
-def speed_moves(speeds: Sequence[float]) -> list[Move]:
+def speed_free_parameters(speeds: Sequence[float]) -> list[FreeParameter]:
     """Of the first speeds [rad/s] of recordings that begin in motion: estimates, 0 where there is none."""
-    moves = []
+    free = []
     for row, speed in enumerate(speeds, START_CREEP + 1):
         if speed != 0.0:
             scale = 0.05 + 0.01 * abs(speed)
-            moves.append(Move(row, speed, scale, False, speed - FARTHEST * scale, speed + FARTHEST * scale))
-    return moves
+            free.append(FreeParameter(row, speed, scale, False, speed - FARTHEST * scale, speed + FARTHEST * scale))
+    return free
 
 
-def effect_moves(effect: Effect, nominal: Array) -> list[Move]:
-    """Moves of an effect's own parameters and of the plain numbers that it sets free."""
-    moves = []
+def effect_free_parameters(effect: Effect, nominal: Array) -> list[FreeParameter]:
+    """Free parameters of an effect's own parameters and of the plain numbers that it sets free."""
+    free = []
     for key in effect.keys:
         row = ROW[key]
         bound = JOINT_PARAMETERS[row]
@@ -130,11 +130,13 @@ def effect_moves(effect: Effect, nominal: Array) -> list[Move]:
             centre = effect.expected[key] * bound.scale
         if bound.typical > 0.0 and key not in effect.spread:
             scale = bound.typical * bound.scale * (EFFECT_SPREAD if own else 1.0)
-            moves.append(Move(row, centre, scale, False, low, high))
+            free.append(FreeParameter(row, centre, scale, False, low, high))
         else:
             spread = effect.spread.get(key, LOG_SPREAD)
-            moves.append(Move(row, centre if centre > 0.0 else bound.typical * bound.scale, spread, True, low, high))
-    return moves
+            free.append(
+                FreeParameter(row, centre if centre > 0.0 else bound.typical * bound.scale, spread, True, low, high)
+            )
+    return free
 
 
 def probe_values(effect: Effect, nominal: Array) -> list[dict[int, float]]:
@@ -152,7 +154,7 @@ def probe_values(effect: Effect, nominal: Array) -> list[dict[int, float]]:
     return probes
 
 
-def merged(base: Sequence[Move], added: Sequence[Move]) -> list[Move]:
-    """Base moves, with those replaced that an effect sets free."""
-    rows = {move.row for move in added}
-    return [move for move in base if move.row not in rows] + list(added)
+def merged(base: Sequence[FreeParameter], added: Sequence[FreeParameter]) -> list[FreeParameter]:
+    """Base free parameters, with those replaced that an effect sets free."""
+    rows = {parameter.row for parameter in added}
+    return [parameter for parameter in base if parameter.row not in rows] + list(added)

@@ -11,7 +11,7 @@ from hand_identification.joint_problem import (
     FLOOR,
     SETTLING_S,
     JointProblem,
-    Piece,
+    Segment,
     block_numbers,
     initial_weights,
 )
@@ -44,32 +44,32 @@ def joint_problem(
     floor: (OUTPUTS,) SI, repeatability of each signal.
     """
     index = hand.joints.index(joint)
-    pieces: list[Piece] = []
+    segments: list[Segment] = []
     first = 0
     for one in signals:
         if joint in one.joints:
-            pieces.append(_piece(one, hand, joint, first))
-            first = int(pieces[-1].block[-1]) + 1
-    noise = np.max([_noise(piece) for piece in pieces], axis=0)
+            segments.append(_piece(one, hand, joint, first))
+            first = int(segments[-1].block[-1]) + 1
+    noise = np.max([_noise(segment) for segment in segments], axis=0)
     return JointProblem(
         joint,
-        pieces,
+        segments,
         hand.parameters[:, index].copy(),
-        initial_weights(pieces[0].period_s, noise),
+        initial_weights(segments[0].period_s, noise),
         _lever_m(hand, index),
         driven=signals[0].driven,
         floor=np.asarray(floor),
     )
 
 
-def _piece(signals: Signals, hand: Hand, joint: str, first_block: int) -> Piece:
+def _piece(signals: Signals, hand: Hand, joint: str, first_block: int) -> Segment:
     j = signals.joints.index(joint)
     force = signals.force_n[:, j]
     driving, span = driving_pressure(signals, j)
     start = np.zeros(STATES)
     start[P], start[PHI] = signals.pressure_pa[0, j], signals.angle_rad[0, j]
     start[OMEGA] = speed_at_start(signals.angle_rad[:, j], signals.period_s)
-    return Piece(
+    return Segment(
         signals.name,
         signals.period_s,
         signals.set_point_pa[:, j],
@@ -144,9 +144,9 @@ def _use(signals: Signals, j: int, force: Array) -> Flags:
     return use
 
 
-def _noise(piece: Piece) -> Array:
+def _noise(segment: Segment) -> Array:
     """White noise of each measured signal (OUTPUTS,), from the data."""
-    return np.array([white_noise(signal) for signal in piece.measured])
+    return np.array([white_noise(signal) for signal in segment.measured])
 
 
 def _lever_m(hand: Hand, joint: int) -> float:

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_identification.free_parameters import START_CREEP, Move
+from hand_identification.free_parameters import START_CREEP, FreeParameter
 from hand_model.arrays import Array, Flags
 from hand_model.chain import CREEP, OMEGA, OUTPUTS, open_chain
 
@@ -31,7 +31,7 @@ HELD_OUT_EVERY = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class Segment:
     """One recording of the joint. Signals (T,), exogenous (T, EXOGENOUS).
 
     driving_pa: the measured pressure as the joint's input, its noise reduced, (finer (T - 1) + 1,) evenly over the
@@ -70,7 +70,7 @@ class JointProblem:
     """
 
     joint: str
-    pieces: list[Piece]
+    segments: list[Segment]
     nominal: Array
     weight: Array
     lever_m: float = 1.0
@@ -87,55 +87,55 @@ class JointProblem:
     @property
     def blocks(self) -> int:
         """Number of blocks."""
-        return int(self.pieces[-1].block[-1]) + 1
+        return int(self.segments[-1].block[-1]) + 1
 
     @property
     def held_out(self) -> Flags:
         """(blocks,) which are not fitted, see `held_out_blocks`."""
         return held_out_blocks(self.blocks)
 
-    def columns(self, moves: Sequence[Move], z: Array) -> tuple[Array, Array]:
-        """Parameter sets (k, rows) and starts (k, 1 + pieces) of coordinates z (k, moves)."""
+    def columns(self, free: Sequence[FreeParameter], z: Array) -> tuple[Array, Array]:
+        """Parameter sets (k, rows) and starts (k, 1 + pieces) of coordinates z (k, free)."""
         columns, starts = np.repeat(self.nominal[None], len(z), axis=0), self.starts(len(z))
-        for index, move in enumerate(moves):
-            if move.row >= START_CREEP:
-                starts[:, move.row - START_CREEP] = move.value(z[:, index])
+        for index, parameter in enumerate(free):
+            if parameter.row >= START_CREEP:
+                starts[:, parameter.row - START_CREEP] = parameter.value(z[:, index])
             else:
-                columns[:, move.row] = move.value(z[:, index])
+                columns[:, parameter.row] = parameter.value(z[:, index])
         return columns, starts
 
     def starts(self, count: int) -> Array:
-        """(count, 1 + pieces): creeping ratio at the start, 0, and each piece's first speed, as estimated."""
-        return np.tile([0.0, *(piece.start[OMEGA] for piece in self.pieces)], (count, 1))
+        """(count, 1 + pieces): creeping ratio at the start, 0, and each segment's first speed, as estimated."""
+        return np.tile([0.0, *(segment.start[OMEGA] for segment in self.segments)], (count, 1))
 
     def predict(self, columns: Array, starts: Array) -> list[Array]:
-        """Readings (k, OUTPUTS, T) of every piece."""
+        """Readings (k, OUTPUTS, T) of every segment."""
         out = []
-        for index, piece in enumerate(self.pieces):
-            start = np.tile(piece.start, (len(columns), 1))
+        for index, segment in enumerate(self.segments):
+            start = np.tile(segment.start, (len(columns), 1))
             start[:, CREEP], start[:, OMEGA] = starts[:, 0], starts[:, 1 + index]
             out.append(
                 open_chain(
-                    columns, start, piece.set_point_pa, piece.driving_pa, piece.exogenous, piece.period_s,
-                    self.lever_m, self.step_s, self.driven, piece.late_s,
+                    columns, start, segment.set_point_pa, segment.driving_pa, segment.exogenous, segment.period_s,
+                    self.lever_m, self.step_s, self.driven, segment.late_s,
                 )
             )  # fmt: skip
         return out
 
     def residuals(self, columns: Array, starts: Array) -> list[Array]:
-        """Measured minus predicted (k, OUTPUTS, T) of every piece; 0 where it does not count."""
+        """Measured minus predicted (k, OUTPUTS, T) of every segment; 0 where it does not count."""
         residuals = self.predict(columns, starts)
-        for piece, predicted in zip(self.pieces, residuals, strict=True):
-            np.subtract(piece.measured, predicted, out=predicted)
-            predicted[:, ~piece.use] = 0.0
+        for segment, predicted in zip(self.segments, residuals, strict=True):
+            np.subtract(segment.measured, predicted, out=predicted)
+            predicted[:, ~segment.use] = 0.0
         return residuals
 
     def block_squares(self, residuals: Sequence[Array]) -> Array:
         """Sums of squares (k, OUTPUTS, blocks)."""
         total = np.zeros((len(residuals[0]), OUTPUTS, self.blocks))
-        for piece, residual in zip(self.pieces, residuals, strict=True):
-            first, last = piece.block[0], piece.block[-1]
-            starts = np.searchsorted(piece.block, np.arange(first, last + 1))
+        for segment, residual in zip(self.segments, residuals, strict=True):
+            first, last = segment.block[0], segment.block[-1]
+            starts = np.searchsorted(segment.block, np.arange(first, last + 1))
             for column, one in zip(total, residual, strict=True):
                 column[:, first : last + 1] += np.add.reduceat(one * one, starts, axis=1)
         return total
@@ -144,15 +144,15 @@ class JointProblem:
     def block_counts(self) -> Array:
         """Samples that count, (OUTPUTS, blocks)."""
         counts = np.zeros((OUTPUTS, self.blocks))
-        for piece in self.pieces:
-            first, last = piece.block[0], piece.block[-1]
-            starts = np.searchsorted(piece.block, np.arange(first, last + 1))
-            counts[:, first : last + 1] += np.add.reduceat(piece.use.astype(float), starts, axis=1)
+        for segment in self.segments:
+            first, last = segment.block[0], segment.block[-1]
+            starts = np.searchsorted(segment.block, np.arange(first, last + 1))
+            counts[:, first : last + 1] += np.add.reduceat(segment.use.astype(float), starts, axis=1)
         return counts
 
     def effective_counts(self, blocks: Flags) -> Array:
         """Independent samples of each stage (OUTPUTS,) in chosen blocks (blocks,): correlation makes many of one."""
-        per_sample = self.pieces[0].period_s / CORRELATION_S
+        per_sample = self.segments[0].period_s / CORRELATION_S
         counts: Array = self.block_counts[:, blocks].sum(axis=1) * min(per_sample, 1.0)
         return counts
 

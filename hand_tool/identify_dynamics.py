@@ -115,10 +115,10 @@ def _write(found: list[JointDynamics], out: Path) -> None:
 
     for one in found:
         figure, axes = plt.subplots(2, 1, sharex=True, figsize=(9, 5), layout="constrained")
-        piece, residual = one.problem.pieces[0], one.fit.residuals[0]
-        time_s = piece.period_s * np.arange(len(piece.angle_rad))
-        axes[0].plot(time_s, np.degrees(piece.angle_rad), label="measured", lw=1.0)
-        predicted = np.where(piece.use[1], piece.angle_rad - residual[1], np.nan)
+        segment, residual = one.problem.segments[0], one.fit.residuals[0]
+        time_s = segment.period_s * np.arange(len(segment.angle_rad))
+        axes[0].plot(time_s, np.degrees(segment.angle_rad), label="measured", lw=1.0)
+        predicted = np.where(segment.use[1], segment.angle_rad - residual[1], np.nan)
         axes[0].plot(time_s, np.degrees(predicted), "--", label="identified model", lw=1.0)
         axes[0].set_ylabel("angle [deg]")
         axes[0].legend()

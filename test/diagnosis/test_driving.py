@@ -9,7 +9,7 @@ import pytest
 
 from hand_diagnosis.task import Task
 from hand_identification.driving import inflow, shape_driving
-from hand_identification.free_parameters import Move, nominal_moves
+from hand_identification.free_parameters import FreeParameter, nominal_free_parameters
 from hand_identification.joint_data import joint_problem
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import map_fit
@@ -47,10 +47,10 @@ def read(hand: Hand, truth: tuple[np.ndarray, np.ndarray], *, known: np.ndarray 
     )  # fmt: skip
 
 
-def fitted(signals: Signals, hand: Hand) -> tuple[JointProblem, list[Move], np.ndarray]:
+def fitted(signals: Signals, hand: Hand) -> tuple[JointProblem, list[FreeParameter], np.ndarray]:
     problem = joint_problem([signals], hand, JOINT)
-    moves = nominal_moves(problem.nominal, 0.05, True)
-    return problem, moves, map_fit(problem, moves, np.zeros(len(moves)), 3).z
+    free = nominal_free_parameters(problem.nominal, 0.05, True)
+    return problem, free, map_fit(problem, free, np.zeros(len(free)), 3).z
 
 
 def rms(values: np.ndarray) -> float:
@@ -59,12 +59,12 @@ def rms(values: np.ndarray) -> float:
 
 def test_pressure_follows_the_valve_between_the_samples(hand: Hand, truth: tuple[np.ndarray, np.ndarray]) -> None:
     """Fails when the driving pressure is as far from the true one between the samples as a line through readings."""
-    problem, moves, z = fitted(read(hand, truth), hand)
-    piece = problem.pieces[0]
+    problem, free, z = fitted(read(hand, truth), hand)
+    segment = problem.segments[0]
     true = truth[1][: -FINE + 1, P, hand.joints.index(JOINT)]
-    line = np.interp(np.arange(len(true)) / FINE, np.arange(len(piece.pressure_pa)), piece.pressure_pa)
-    shape_driving(problem, moves, z)
-    shaped = problem.pieces[0].driving_pa
+    line = np.interp(np.arange(len(true)) / FINE, np.arange(len(segment.pressure_pa)), segment.pressure_pa)
+    shape_driving(problem, free, z)
+    shaped = problem.segments[0].driving_pa
     assert len(shaped) == len(true)
     settled = FINE * 50  # before, the set-point that was in force is not known
     assert rms((shaped - true)[settled:]) < 0.25 * rms((line - true)[settled:])
@@ -72,13 +72,16 @@ def test_pressure_follows_the_valve_between_the_samples(hand: Hand, truth: tuple
 
 def test_a_model_that_is_wrong_does_no_harm(hand: Hand, truth: tuple[np.ndarray, np.ndarray]) -> None:
     """Fails when a valve's model that misses the readings altogether still shapes the pressure."""
-    problem, moves, _ = fitted(read(hand, truth), hand)
-    slow = [replace(move, low=0.0, high=1.0) if move.key == "valve.time_constant_s" else move for move in moves]
-    z = np.array([move.coordinate(0.6) if move.key == "valve.time_constant_s" else 0.0 for move in slow])
-    before = problem.pieces[0].driving_pa
+    problem, free, _ = fitted(read(hand, truth), hand)
+    slow = [
+        replace(parameter, low=0.0, high=1.0) if parameter.key == "valve.time_constant_s" else parameter
+        for parameter in free
+    ]
+    z = np.array([parameter.coordinate(0.6) if parameter.key == "valve.time_constant_s" else 0.0 for parameter in slow])
+    before = problem.segments[0].driving_pa
     true = truth[1][::FINE, P, hand.joints.index(JOINT)]
     shape_driving(problem, slow, z)
-    shaped = problem.pieces[0].driving_pa
+    shaped = problem.segments[0].driving_pa
     finer = (len(shaped) - 1) // (len(true) - 1)
     assert rms(shaped[::finer] - true) < 1.2 * rms(before - true) + NOISE_PA
 
@@ -91,10 +94,10 @@ def test_gaps_are_bridged_beside_the_model(hand: Hand, truth: tuple[np.ndarray, 
     j = hand.joints.index(JOINT)
     bridged = signals.pressure_pa.copy()
     bridged[84:96, j] = np.linspace(bridged[83, j], bridged[96, j], 14)[1:-1]
-    problem, moves, z = fitted(replace(signals, pressure_pa=bridged), hand)
-    shape_driving(problem, moves, z)
+    problem, free, z = fitted(replace(signals, pressure_pa=bridged), hand)
+    shape_driving(problem, free, z)
     true = truth[1][::FINE, P, j]
-    shaped = problem.pieces[0].driving_pa[::FINE]
+    shaped = problem.segments[0].driving_pa[::FINE]
     assert rms((shaped - true)[84:96]) < 0.2 * rms((bridged[:, j] - true)[84:96])
 
 
@@ -106,7 +109,7 @@ def test_acceleration_has_less_noise_beside_the_model(hand: Hand, truth: tuple[n
     angle = truth[1][::FINE, PHI, partner]
     true = np.zeros(len(angle))
     true[1:-1] = np.diff(angle, 2) / PERIOD_S**2
-    beside = problem.pieces[0].exogenous[:, PARTNER]
+    beside = problem.segments[0].exogenous[:, PARTNER]
     alone = derivatives(signals.angle_rad, PERIOD_S)[1][:, partner]
     noise = [float(np.median(np.abs(one - true))) for one in (beside, alone)]  # most of the time nothing moves fast
     assert noise[0] < 0.3 * noise[1]
@@ -115,10 +118,10 @@ def test_acceleration_has_less_noise_beside_the_model(hand: Hand, truth: tuple[n
 
 def test_noise_of_a_pressure_at_rest_is_no_inflow(hand: Hand, truth: tuple[np.ndarray, np.ndarray]) -> None:
     """Fails when rises of the noise are taken for air that flows."""
-    problem, moves, z = fitted(read(hand, truth), hand)
-    shape_driving(problem, moves, z)
-    piece = problem.pieces[0]
-    flow = inflow(piece.driving_pa, len(piece.pressure_pa), piece.period_s)
+    problem, free, z = fitted(read(hand, truth), hand)
+    shape_driving(problem, free, z)
+    segment = problem.segments[0]
+    flow = inflow(segment.driving_pa, len(segment.pressure_pa), segment.period_s)
     true = np.maximum(np.diff(truth[1][:, P, hand.joints.index(JOINT)]), 0.0).sum()
     assert flow.sum() * PERIOD_S == pytest.approx(true, rel=0.1)
 
@@ -129,9 +132,9 @@ def test_recordings_of_one_name_and_another_length_are_kept_apart(
     """Fails when two recordings are taken for one because their files have the same name."""
     long = read(hand, truth)
     short = read(hand, (truth[0][:600], truth[1][: 600 * FINE]))
-    pieces = Task([long, short], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem.pieces
-    assert [len(piece.exogenous) for piece in pieces] == [len(truth[0]), 600]
-    assert pieces[0].exogenous[:590, INFLOW] == pytest.approx(pieces[1].exogenous[:590, INFLOW], rel=0.2, abs=5e5)
+    segments = Task([long, short], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem.segments
+    assert [len(segment.exogenous) for segment in segments] == [len(truth[0]), 600]
+    assert segments[0].exogenous[:590, INFLOW] == pytest.approx(segments[1].exogenous[:590, INFLOW], rel=0.2, abs=5e5)
 
 
 def test_smoothing_takes_the_span_that_foretells_best() -> None:

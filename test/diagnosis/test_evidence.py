@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from hand_diagnosis.evidence import log_evidence
-from hand_diagnosis.search import HEATS, search_joint
+from hand_diagnosis.search import FIT_PASSES, search_joint
 from hand_diagnosis.task import Task
-from hand_identification.free_parameters import effect_moves, merged
+from hand_identification.free_parameters import effect_free_parameters, merged
 from hand_identification.map_fit import MapFit, map_fit
 from hand_model.description import Hand
 from hand_model.effects import EFFECTS
@@ -25,13 +25,13 @@ def _fit(hand: Hand, *, extra: bool) -> tuple[MapFit, Task, list[int]]:
     task = Task([signals], hand, [JOINT], [], 0.05, 0, {})
     ready = task.prepare(JOINT)
     keys = EFFECTS["coulomb_friction"].keys if extra else ("coulomb_friction.torque_nm",)
-    added = [m for m in effect_moves(EFFECTS["coulomb_friction"], ready.problem.nominal) if m.key in keys]
-    moves = merged(ready.moves, [m for m in added if m.key != "coulomb_friction.presliding_deg"])
-    start = np.zeros(len(moves))
-    rows = [move.row for move in moves]
+    added = [m for m in effect_free_parameters(EFFECTS["coulomb_friction"], ready.problem.nominal) if m.key in keys]
+    free = merged(ready.free, [m for m in added if m.key != "coulomb_friction.presliding_deg"])
+    start = np.zeros(len(free))
+    rows = [parameter.row for parameter in free]
     start[rows.index(ROW["coulomb_friction.torque_nm"])] = 0.4
-    fit = map_fit(ready.problem, moves, start, 12)
-    return fit, task, [k for k, move in enumerate(moves) if move.key.startswith("coulomb_friction")]
+    fit = map_fit(ready.problem, free, start, 12)
+    return fit, task, [k for k, parameter in enumerate(free) if parameter.key.startswith("coulomb_friction")]
 
 
 def test_numbers_that_data_do_not_ask_for_cost_little(hand: Hand) -> None:
@@ -59,7 +59,7 @@ def test_nominal_numbers_stay_within_three_tolerances(hand: Hand) -> None:
     task = Task([signals], hand, [JOINT], list(EFFECTS.values()), 0.05, 0, {})
     ready = task.prepare(JOINT)
     effects = [EFFECTS["valve_delay"], EFFECTS["valve_lag"]]
-    found = search_joint(ready.problem, effects, ready.moves, np.random.default_rng(0), ready.start)
+    found = search_joint(ready.problem, effects, ready.free, np.random.default_rng(0), ready.start)
     assert np.abs(found.nominal.z).max() <= 3.0 + 1e-9
     assert [one.effect.name for one in found.accepted] == ["valve_delay"]
-    assert HEATS[0].step_s > HEATS[-1].step_s
+    assert FIT_PASSES[0].step_s > FIT_PASSES[-1].step_s

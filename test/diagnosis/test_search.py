@@ -24,7 +24,7 @@ def test_the_last_fit_goes_below_the_practical_floor(hand: Hand, monkeypatch: py
     rng = np.random.default_rng(90)
     nominal = off_by_a_little(hand, rng, 0.06)
     ready = Task([record(hand, rng, 16.0)], nominal, [JOINT], [], 0.05, 0, {}).prepare(JOINT)
-    fit = map_fit(ready.problem, ready.moves, ready.start, 12, 1e-4)
+    fit = map_fit(ready.problem, ready.free, ready.start, 12, 1e-4)
     last = polished(ready.problem, fit)
     train = ~ready.problem.held_out
     print(last.squares[1, train].sum() / fit.squares[1, train].sum(), last.cost - fit.cost)
@@ -41,9 +41,9 @@ def test_a_better_valve_drives_the_joint_better(hand: Hand, monkeypatch: pytest.
     signals = record(leaking, np.random.default_rng(91))
     monkeypatch.setattr(conftest, "PRESSURE_NOISE_PA", 0.0)
     truth = record(leaking, np.random.default_rng(91)).pressure_pa[:, hand.joints.index(JOINT)]
-    first = Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem.pieces[0].driving_pa
+    first = Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem.segments[0].driving_pa
     result = diagnose([signals], hand, tolerance=0.05, seed=0, joints=[JOINT], sensor_curve=False)
-    last = result.joints[0].search.problem.pieces[0].driving_pa
+    last = result.joints[0].search.problem.segments[0].driving_pa
     errors = [_error(driving, truth, signals) for driving in (first, last)]
     print(errors)
     assert errors[1] < 0.7 * errors[0]

@@ -99,7 +99,7 @@ def compare(hand: Hand, hidden: str) -> Row:
 
 def _friction(problem: JointProblem, judged: JointDiagnosis, name: str) -> float:
     nominal = judged.search.nominal
-    search = search_joint(problem, [EFFECTS[name]], nominal.moves, np.random.default_rng(0), nominal.z)
+    search = search_joint(problem, [EFFECTS[name]], nominal.free, np.random.default_rng(0), nominal.z)
     return beyond_noise(problem, search.final)
 
 
@@ -115,7 +115,7 @@ def _untouched(problem: JointProblem) -> float:
 
 
 def _beyond(problem: JointProblem, rmse: float) -> float:
-    noise = white_noise(problem.pieces[0].angle_rad)
+    noise = white_noise(problem.segments[0].angle_rad)
     return float(np.degrees(np.sqrt(max(rmse**2 - noise**2, 0.0))))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hand_identification.dynamics import MATERIAL_KEYS, STATIC_KEYS
-from hand_identification.free_parameters import START_CREEP, Move
+from hand_identification.free_parameters import START_CREEP, FreeParameter
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, map_fit, multi_start
 from hand_model.arrays import Array
@@ -22,18 +22,18 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
     """Both models identified on the same recording; creep from random starts, none of them the truth."""
     hand = description()
     left, right = problem(without_material(hand), seed), problem(hand, seed)
-    without = map_fit(left, _moves(left, FREE), np.zeros(len(FREE)))
+    without = map_fit(left, _free_parameters(left, FREE), np.zeros(len(FREE)))
     progress(0.4)
     keys = (*FREE, *MATERIAL_KEYS)
-    moves = [*_moves(right, keys), Move(START_CREEP, 0.0, 0.1, False, 0.0, 1.0)]
+    free = [*_free_parameters(right, keys), FreeParameter(START_CREEP, 0.0, 0.1, False, 0.0, 1.0)]
     rng = np.random.default_rng(seed)
-    starts = [START_SPREAD * rng.standard_normal(len(moves)) for _ in range(STARTS)]
-    within = multi_start(right, moves, starts)
+    starts = [START_SPREAD * rng.standard_normal(len(free)) for _ in range(STARTS)]
+    within = multi_start(right, free, starts)
     progress(1.0)
     errors = [_nrmse(p, fit) for p, fit in ((left, without), (right, within))]
-    columns, _ = right.columns(moves, within.z[None])
+    columns, _ = right.columns(free, within.z[None])
     found = {key: columns[0, ROW[key]] for key in MATERIAL_KEYS}
-    loops = [_hysteresis_deg(right, right.pieces[0].angle_rad), _hysteresis_deg(left, _simulated(left, without))]
+    loops = [_hysteresis_deg(right, right.segments[0].angle_rad), _hysteresis_deg(left, _simulated(left, without))]
     quantities = [
         Quantity("fig13_without", "NRMSE without the material law", "%", None, 100 * errors[0]),
         Quantity("fig13_with", "NRMSE with the material law", "%", None, 100 * errors[1]),
@@ -67,33 +67,33 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
     )
 
 
-def _moves(problem: JointProblem, keys: tuple[str, ...]) -> list[Move]:
-    moves = []
+def _free_parameters(problem: JointProblem, keys: tuple[str, ...]) -> list[FreeParameter]:
+    free = []
     for key in keys:
         row, bound = ROW[key], JOINT_PARAMETERS[ROW[key]]
         nominal, low, high = float(problem.nominal[row]), bound.low * bound.scale, bound.high * bound.scale
         if key in STATIC_KEYS:
             size = max(abs(nominal), 0.01 if key == "statics.a0_nm" else 0.0)
-            moves.append(Move(row, nominal, 0.1 * size, False, low, min(high, 0.0) if nominal < 0.0 else high))
+            free.append(FreeParameter(row, nominal, 0.1 * size, False, low, min(high, 0.0) if nominal < 0.0 else high))
         else:
-            moves.append(Move(row, nominal, 1.0, True, low, high))
-    return moves
+            free.append(FreeParameter(row, nominal, 1.0, True, low, high))
+    return free
 
 
 def _simulated(problem: JointProblem, fit: MapFit) -> Array:
-    columns, starts = problem.columns(fit.moves, fit.z[None])
+    columns, starts = problem.columns(fit.free, fit.z[None])
     simulated: Array = problem.predict(columns, starts)[0][0, 1]
     return simulated
 
 
 def _nrmse(problem: JointProblem, fit: MapFit) -> float:
-    measured = problem.pieces[0].angle_rad
+    measured = problem.segments[0].angle_rad
     return float(np.sqrt(np.mean((_simulated(problem, fit) - measured) ** 2)) / np.ptp(measured))
 
 
 def _hysteresis_deg(problem: JointProblem, angle_rad: Array) -> float:
     """Angle on the way down minus on the way up, at the end of the staircase's steps at equal pressure."""
-    held = problem.pieces[0].set_point_pa
+    held = problem.segments[0].set_point_pa
     ends = np.flatnonzero(np.diff(held) != 0.0)[:10]
     up, down = ends[2], ends[8]
     return float(np.degrees(np.mean(angle_rad[down - 20 : down]) - np.mean(angle_rad[up - 20 : up])))
@@ -103,14 +103,14 @@ def _draw(*models: tuple[JointProblem, MapFit]):  # type: ignore[no-untyped-def]
     figure, axes = panels(2, 2, 9.5, 5.2, sharex=True, height_ratios=(2, 1))
     titles = ("without the material model", "with the material model")
     for column, ((task, fit), title, colour) in enumerate(zip(models, titles, (RED, BLUE), strict=True)):
-        piece = task.pieces[0]
-        time_s = np.arange(len(piece.angle_rad)) * piece.period_s
+        segment = task.segments[0]
+        time_s = np.arange(len(segment.angle_rad)) * segment.period_s
         top, bottom = axes[0, column], axes[1, column]
-        top.plot(time_s, np.degrees(piece.angle_rad), color=GREY, lw=1.6, label="recording")
+        top.plot(time_s, np.degrees(segment.angle_rad), color=GREY, lw=1.6, label="recording")
         top.plot(time_s, np.degrees(_simulated(task, fit)), color=colour, lw=0.9, label="simulation")
         top.set_title(title)
         top.legend(frameon=False)
-        bottom.plot(time_s, np.degrees(piece.angle_rad - _simulated(task, fit)), color=colour, lw=0.7)
+        bottom.plot(time_s, np.degrees(segment.angle_rad - _simulated(task, fit)), color=colour, lw=0.7)
         bottom.set(xlabel="time [s]", ylim=(-16, 16))
     axes[0, 0].set_ylabel("angle [deg]")
     axes[1, 0].set_ylabel("difference [deg]")

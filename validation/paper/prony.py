@@ -19,17 +19,17 @@ TRAIN_SHARE = 0.65
 def reproduce(seed: int, progress: Progress) -> Reproduction:
     """The rest-angle shift that the recording implies by Eq. 6, as a sum of lags of the pressure and as three zones."""
     task = problem(description(), seed)
-    piece, nominal = task.pieces[0], task.nominal
-    shift = _shift_rad(nominal, piece.pressure_pa, piece.angle_rad)
-    quiet = _settled(piece.set_point_pa)
+    segment, nominal = task.segments[0], task.nominal
+    shift = _shift_rad(nominal, segment.pressure_pa, segment.angle_rad)
+    quiet = _settled(segment.set_point_pa)
     split = round(TRAIN_SHARE * len(shift))
     train, test = quiet.copy(), quiet.copy()
     train[split:], test[:split] = False, False
-    zones = nominal[ROW["material.phi_max_deg"]] * _three_zones(nominal, piece.pressure_pa)
+    zones = nominal[ROW["material.phi_max_deg"]] * _three_zones(nominal, segment.pressure_pa)
     errors, fits = [], []
     for index, terms in enumerate(TERMS):
-        fits.append(_fit(piece.pressure_pa, shift, terms, train))
-        errors.append(_rms_deg(fits[-1].response(piece.pressure_pa, PERIOD_S) - shift, test))
+        fits.append(_fit(segment.pressure_pa, shift, terms, train))
+        errors.append(_rms_deg(fits[-1].response(segment.pressure_pa, PERIOD_S) - shift, test))
         progress((index + 1) / len(TERMS))
     zone_error = _rms_deg(zones - shift, test)
     best = int(np.argmin(errors))
@@ -38,7 +38,7 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
     shown = np.where(quiet, shift, np.nan)
     left.plot(time_s, np.degrees(shown), ".", ms=1, color=GREY, label="from the recording")
     left.plot(time_s, np.degrees(zones), color=BLUE, lw=1.0, label="three zones, Eq. 12")
-    prony = np.degrees(fits[best].response(piece.pressure_pa, PERIOD_S))
+    prony = np.degrees(fits[best].response(segment.pressure_pa, PERIOD_S))
     left.plot(time_s, prony, color=RED, lw=1.0, label=f"spectrum, {TERMS[best]} terms")
     left.axvline(split * PERIOD_S, color=GREY, lw=0.8, ls="--")
     left.set(xlabel="time [s]", ylabel="shift of the rest angle [deg]")
