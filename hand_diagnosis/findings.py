@@ -14,6 +14,7 @@ from hand_identification.joint_problem import BLOCK_S, SHOWN, STAGES, UNITS
 from hand_identification.map_fit import MapFit
 from hand_model.effects.effect import Effect
 from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_model.quantities import HAND
 
 TEMPERATURE = 1.25
 """Log evidences are divided by it: equations that are only nearly right make differences look larger than they are."""
@@ -25,13 +26,6 @@ UNKNOWN = 0.94
 """Probability of an `unknown`: how often it was right in trials with concealed effects, like OUTSIDE."""
 MENTIONED = 0.02
 """Alternatives less probable than this are left out."""
-UNITS_OF_KEYS = (
-    ("_nm_per_pa_rad2", "N m/(Pa rad^2)"), ("_nm_per_rad3", "N m/rad^3"), ("_nm_per_rad2", "N m/rad^2"),
-    ("_nm_per_pa2", "N m/Pa^2"),
-    ("_nm_s2_per_rad2", "N m s^2/rad^2"), ("_nm_s_per_rad", "N m s/rad"), ("_nm_per_rad", "N m/rad"),
-    ("_nm_per_pa", "N m/Pa"), ("_rad_per_s", "rad/s"), ("_pa_per_s", "Pa/s"), ("_per_pa", "1/Pa"), ("_per_s", "1/s"),
-    ("_per_h", "1/h"), ("_kg_m2", "kg m^2"), ("_nm", "N m"), ("_deg", "deg"), ("_pa", "Pa"), ("_s", "s"),
-)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +72,7 @@ class Finding:
 
 def unit_of(key: str) -> str:
     """The unit that a key's name ends in."""
-    return next((unit for ending, unit in UNITS_OF_KEYS if key.endswith(ending)), "1")
+    return HAND.units.quantity(key).unit
 
 
 def joint_findings(joint: str, search: JointSearch, results: Sequence[StageResult]) -> list[Finding]:
@@ -105,7 +99,7 @@ def unknown_finding(
     names = [(e.name, (1.0 - UNKNOWN) * (2 - k) / 3.0, e.experiments[0]) for k, e in enumerate(near)]
     place = "valve" if result.stage == 0 else "force_sensor" if result.stage == 2 else "joint"
     errors = f"{scale * result.before:.3g} to {scale * result.after:.3g} {UNITS[result.stage]}"
-    parts = [effect.says.format(**spoken(numbers)) for effect, numbers in zip(held, own, strict=True)]
+    parts = [said(effect, numbers) for effect, numbers in zip(held, own, strict=True)]
     statement = unknown_statement(joint, rest, parts, errors)
     return Finding(
         joint, place, "unknown", UNKNOWN, tuple(names), _when(search, search.nominal, result.stage), structure.signal,
@@ -113,9 +107,9 @@ def unknown_finding(
     )  # fmt: skip
 
 
-def spoken(numbers: Sequence[Number]) -> dict[str, str]:
-    """What a sentence of the catalogue says of numbers: by their short names."""
-    return {n.key.rsplit(".", 1)[1]: f"{n.value:.3g} ± {n.std:.1g}" for n in numbers}
+def said(effect: Effect, numbers: Sequence[Number]) -> str:
+    """The catalogue's sentence about an effect, with its numbers and their units."""
+    return HAND.sentence(effect.says, [(n.key, n.value, n.std) for n in numbers])
 
 
 def unknown_statement(joint: str, rest: Unexplained, parts: Sequence[str], errors: str) -> str:
@@ -160,7 +154,7 @@ def _finding(joint: str, search: JointSearch, accepted: Hypothesis, noise: float
     stage, bare = accepted.stage, search.with_effects_off(effect.name)
     before = search.nominal if index == 0 else search.accepted[index - 1].fit
     fall = _fall(search, before, accepted.fit, stage)
-    says = effect.says.format(**spoken(numbers))
+    says = said(effect, numbers)
     floor = f"{SHOWN[stage] * noise:.3g} {UNITS[stage]}"
     statement = f"{joint}: {says}. The held-out error of the {STAGES[stage]} falls from {fall}; the noise is {floor}."
     if alternatives:

@@ -39,6 +39,7 @@ from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_model.effects import EFFECTS
 from hand_model.parameters import ROW
+from hand_model.quantities import UnitMap, Wording
 from hand_model.yaml_reader import Section, read_yaml
 from hand_recording.hand_signals import SHORTEST_S
 from hand_recording.installed import default_model
@@ -257,7 +258,7 @@ def _statement(finding: dict[str, Any], own: Finding, content: dict[str, Any], m
     if row is None:
         return str(finding["statement"])
     errors = f"{row['rmse_before']:.3g} to {row['rmse_after']:.3g} {row['unit']}"
-    parts = [_says(name, finding, machine.linear) for name in _effects_of(finding)]
+    parts = [_says(name, finding, machine) for name in _effects_of(finding)]
     if own.unexplained is None:
         return f"{AXIS}: {parts[0]}. With all findings the held-out error of the {signal} falls from {errors}."
     rest = own.unexplained
@@ -273,13 +274,16 @@ def _effects_of(finding: dict[str, Any]) -> list[str]:
     return [name for name in EFFECTS if name == finding["effect"] or (finding["effect"] == "unknown" and name in names)]
 
 
-def _says(name: str, finding: dict[str, Any], linear: bool) -> str:
+def _says(name: str, finding: dict[str, Any], machine: Machine) -> str:
     effect = EFFECTS[name]
     numbers = {key: finding["parameters"][key] for key in effect.keys if key in finding["parameters"]}
-    said = effect.says.format(
-        **{key.rsplit(".", 1)[1]: f"{n['value']:.3g} ± {n['std']:.1g}" for key, n in numbers.items()}
-    )
-    if linear:
-        for word, its in (("N m", "N"), ("degrees", "mm"), ("rad", "m"), ("/Pa", "/input"), (" Pa", " input")):
-            said = said.replace(word, its)
-    return said
+    values = [(key, number["value"], number["std"]) for key, number in numbers.items()]
+    return _wording(machine).sentence(effect.says, values)
+
+
+def _wording(machine: Machine) -> Wording:
+    units = UnitMap(pressure="input")
+    if machine.linear:
+        units = UnitMap(torque="N", angle="m", pressure="input", shown_angle="mm", inertia="kg")
+    words = {"angle": "position" if machine.linear else "angle", "pressure": "input", "flexion": "motion forward"}
+    return Wording(units=units, words=words | {"torque": "force" if machine.linear else "torque"})

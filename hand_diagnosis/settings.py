@@ -40,277 +40,279 @@ def _setting(value: Any, unit: str, meaning: str, source: str, halved: str, doub
 class Settings:
     """The settings of a diagnosis; `about` of a field is its documentation. SI units."""
 
+    # fmt: off
     # Data check
     max_plausible_angle_rad: float = _setting(
         2.0 * math.pi, "rad", "Larger angles are not readings of a joint.", LIMIT,
-        "Angles beyond half a turn are left out.", "Readings in degrees may pass as angles.")  # fmt: skip
+        "Angles beyond half a turn are left out.", "Readings in degrees may pass as angles.")
     max_plausible_pressure_pa: float = _setting(
         2e6, "Pa", "Larger pressures are not readings of an actuator.", LIMIT,
-        "Recordings of strong supplies lose samples.", "Spikes of the ADC enter the fit.")  # fmt: skip
+        "Recordings of strong supplies lose samples.", "Spikes of the ADC enter the fit.")
     max_spike_share: float = _setting(
         0.05, "-", "Up to this share of implausible samples they count as single errors, not as another unit.", CHOICE,
-        "More joints are reported as recorded in another unit.", "A wrong unit may pass as spikes.")  # fmt: skip
+        "More joints are reported as recorded in another unit.", "A wrong unit may pass as spikes.")
     max_missing_share: float = _setting(
         0.5, "-", "A joint with a larger share of missing readings is not judged.", CHOICE,
-        "Joints with a quarter of gaps are not judged.", "No joint is excluded for gaps.")  # fmt: skip
+        "Joints with a quarter of gaps are not judged.", "No joint is excluded for gaps.")
     min_rail_s: float = _setting(
         0.1, "s", "A noisy signal that keeps its extreme value exactly for this long is saturated.", CHOICE,
-        "Coarse quantisation may count as saturation.", "Short saturation enters the fit.")  # fmt: skip
+        "Coarse quantisation may count as saturation.", "Short saturation enters the fit.")
     max_unit_ratio: float = _setting(
         5.0, "-", "Measured over expected size above which another unit is suspected.", CHOICE,
-        "Joints with strongly wrong nominal models are refused.", "A wrong unit enters the fit.")  # fmt: skip
+        "Joints with strongly wrong nominal models are refused.", "A wrong unit enters the fit.")
     min_unit_ratio: float = _setting(
         3e-3, "-", "Measured over commanded pressure below which another unit is suspected.", CHOICE,
-        "bar read as Pa still shows (1e-5); kPa read as Pa (1e-3) passes.", "Valves that hardly open are refused.")  # fmt: skip
+        "kPa read as Pa (1e-3) still shows.", "Valves that hardly open are refused.")
     unit_check_pressure_pa: float = _setting(
         2e4, "Pa", "Range of pressure or set-points from which units and channels can be compared.", CHOICE,
-        "Noise may look like swapped channels.", "Weakly driven joints are not checked.")  # fmt: skip
+        "Noise may look like swapped channels.", "Weakly driven joints are not checked.")
     unit_check_travel_rad: float = _setting(
         math.radians(10.0), "rad", "Expected travel from which the measured travel can be compared.", CHOICE,
-        "Small loads look like another unit.", "Slightly moved joints are not checked.")  # fmt: skip
+        "Small loads look like another unit.", "Slightly moved joints are not checked.")
     travel_quantile: float = _setting(
         0.02, "-", "Share of samples left out at each end of a range before it is compared.", CHOICE,
-        "Single spikes widen the range.", "Short excursions are ignored.")  # fmt: skip
+        "Single spikes widen the range.", "Short excursions are ignored.")
     level_quantile: float = _setting(
         0.95, "-", "Quantile of a signal that stands for its level.", CHOICE,
-        "Meaningless: the median would stand for the level.", "Not possible above 1.")  # fmt: skip
+        "Meaningless: the median would stand for the level.", "Not possible above 1.")
     swapped_correlation: float = _setting(
         0.9, "-", "Correlation with another joint's channel from which channels count as swapped.", CHOICE,
-        "Joints that move alike are refused.", "Not possible above 1.")  # fmt: skip
+        "Joints that move alike are refused.", "Not possible above 1.")
     swapped_margin: float = _setting(
         0.1, "-", "By how much that correlation must exceed the one with the joint's own channel.", CHOICE,
-        "Joints that move alike are refused.", "Swapped channels of similar motion are not seen.")  # fmt: skip
+        "Joints that move alike are refused.", "Swapped channels of similar motion are not seen.")
     rerun_max_difference: float = _setting(
         0.02, "-", "RMS difference of two runs' set-points, relative to their standard deviation, up to which they are"
-        " the same commands.", CHOICE, "Re-runs with lost commands are refused.", "Other commands pass as a re-run.")  # fmt: skip
+        " the same commands.", CHOICE, "Re-runs with lost commands are refused.", "Other commands pass as a re-run.")
     rerun_max_lag_s: float = _setting(
         2.0, "s", "A re-run may begin this much earlier or later.", CHOICE,
-        "Late re-runs are refused.", "The alignment takes twice as long.")  # fmt: skip
+        "Late re-runs are refused.", "The alignment takes twice as long.")
     rerun_period_tolerance: float = _setting(
         0.01, "-", "Relative difference of two sampling periods up to which they are the same.", CHOICE,
-        "Re-runs of another clock are refused.", "Misaligned ends count as scatter.")  # fmt: skip
+        "Re-runs of another clock are refused.", "Misaligned ends count as scatter.")
 
     # Which joints are judged, and how their readings are taken
     min_travel_rad: float = _setting(
         math.radians(2.0), "rad", "A joint that moves less is not judged.", CHOICE,
-        "Joints at the level of their noise are judged.", "Stiff joints are not judged.")  # fmt: skip
+        "Joints at the level of their noise are judged.", "Stiff joints are not judged.")
     min_pushed_travel_rad: float = _setting(
         math.radians(10.0), "rad", "A joint without pressure is judged only above this travel.", CHOICE,
-        "Vented joints that are shaken are judged.", "Joints moved by hand are not judged.")  # fmt: skip
+        "Vented joints that are shaken are judged.", "Joints moved by hand are not judged.")
     min_excited_pressure_pa: float = _setting(
         1e4, "Pa", "Range of pressure from which a joint counts as excited by it.", CHOICE,
-        "Valve noise counts as excitation.", "Gently driven joints are not judged.")  # fmt: skip
+        "Valve noise counts as excitation.", "Gently driven joints are not judged.")
     curve_vote_joints: int = _setting(
         5, "joints", "Number of joints that decide whether angles are readings of the described Hall sensors.", CHOICE,
-        "One faulty joint can decide.", "The decision takes twice as long.")  # fmt: skip
+        "One faulty joint can decide.", "The decision takes twice as long.")
     curve_vote_margin: float = _setting(
         0.1, "-", "Logarithm of the ratio of costs above which the nominal model alone decides.", CHOICE,
-        "Effects may decide instead of the sensors' curve.", "More recordings need the slower comparison.")  # fmt: skip
+        "Effects may decide instead of the sensors' curve.", "More recordings need the slower comparison.")
     vented_pressure_pa: float = _setting(
         5e3, "Pa", "A joint that begins below this pressure begins at its rest angle.", CHOICE,
-        "Noise makes the initial creep free.", "Creep at the start is underestimated.")  # fmt: skip
+        "Noise makes the initial creep free.", "Creep at the start is underestimated.")
     rough_iterations: int = _setting(
         3, "iterations", "Iterations of fits that prepare inputs or compare two variants.", CHOICE,
-        "Inputs keep the error of the nominal model.", "Preparation takes twice as long.")  # fmt: skip
+        "Inputs keep the error of the nominal model.", "Preparation takes twice as long.")
     min_partner_gain: float = _setting(
         4.0, "log", "Log likelihood by which the partner's modelled acceleration must beat its measured one.", CHOICE,
-        "Noise decides.", "A faulty sensor on one phalanx shows on the other.")  # fmt: skip
+        "Noise decides.", "A faulty sensor on one phalanx shows on the other.")
     max_dropped_share: float = _setting(
         2e-3, "-", "Share of missing frames from which they are a finding.", CHOICE,
-        "Single lost frames are findings.", "Losses of a radio link go unreported.")  # fmt: skip
+        "Single lost frames are findings.", "Losses of a radio link go unreported.")
     dropped_frames_probability: float = _setting(
         0.99, "-", "Probability of that finding; the stamps show it directly.", CHOICE,
-        "Understates what is counted.", "Not possible above 1.")  # fmt: skip
+        "Understates what is counted.", "Not possible above 1.")
 
     # Screening and fitting of hypotheses
     probes_at_once: int = _setting(
-        32, "probes", "Probes simulated together.", CHOICE, "Slower on many cores.", "More memory.")  # fmt: skip
+        32, "probes", "Probes simulated together.", CHOICE, "Slower on many cores.", "More memory.")
     probes_at_once_long: int = _setting(
-        16, "probes", "The same for long recordings.", CHOICE, "Slower.", "More memory.")  # fmt: skip
+        16, "probes", "The same for long recordings.", CHOICE, "Slower.", "More memory.")
     long_recording_samples: int = _setting(
-        60_000, "samples", "Samples from which a recording is long.", CHOICE, "Slower.", "More memory.")  # fmt: skip
+        60_000, "samples", "Samples from which a recording is long.", CHOICE, "Slower.", "More memory.")
     max_probe_share: float = _setting(
         3.0, "-", "Multiple of a probe up to which its linear extrapolation is used.", CHOICE,
-        "Large effects are underrated.", "Nonlinear effects are overrated.")  # fmt: skip
+        "Large effects are underrated.", "Nonlinear effects are overrated.")
     min_promised_gain: float = _setting(
         8.0, "cost", "Fall of the cost that a probe must promise for a fit.", CHOICE,
-        "More fits of no use.", "Small effects are not fitted.")  # fmt: skip
+        "More fits of no use.", "Small effects are not fitted.")
     min_promised_share: float = _setting(
         0.1, "-", "Share of the cost that the best probe must promise; else starting points are simulated too.", CHOICE,
-        "Large nonlinear effects may be missed.", "The search takes longer.")  # fmt: skip
+        "Large nonlinear effects may be missed.", "The search takes longer.")
     start_share_low: float = _setting(
         0.1, "-", "Least share of the way to a probe at which a fit starts.", CHOICE,
-        "Fits start too close to the neutral value.", "Small effects start too large.")  # fmt: skip
+        "Fits start too close to the neutral value.", "Small effects start too large.")
     start_share_high: float = _setting(
-        2.0, "-", "Largest such share.", CHOICE, "Large effects need more iterations.", "Some fits diverge.")  # fmt: skip
+        2.0, "-", "Largest such share.", CHOICE, "Large effects need more iterations.", "Some fits diverge.")
     probes_tried: int = _setting(
         6, "probes", "Probes of an effect from which its fit may start.", CHOICE,
-        "Local minima of effects with several shapes.", "The search takes longer.")  # fmt: skip
+        "Local minima of effects with several shapes.", "The search takes longer.")
     probe_shares: tuple[float, ...] = _setting(
         (0.1, 0.3, 1.0, 2.5, 6.0), "-", "Shares of the way to each probe at which starts are simulated.", CHOICE,
-        "Large effects start too far away.", "Small effects start too far away.")  # fmt: skip
+        "Large effects start too far away.", "Small effects start too far away.")
     nominal_iterations: int = _setting(
         8, "iterations", "Iterations of a fit of the nominal numbers, or of a known set of effects.", CHOICE,
-        "The nominal model keeps avoidable error.", "Slower, no other result.")  # fmt: skip
+        "The nominal model keeps avoidable error.", "Slower, no other result.")
     passes: tuple[FitPass, ...] = _setting(
         (FitPass(8, 7, 2.0, 5.2e-3), FitPass(5, 10, 0.5, 5.2e-3), FitPass(3, 20, 0.02, 2.6e-3)),
         "hypotheses, iterations, cost, s", "Passes of fits in each round; the first ones are coarse.", CHOICE,
-        "With half the hypotheses the right one is sometimes left out.", "Twice the time, no other result.")  # fmt: skip
+        "With half the hypotheses the right one is sometimes left out.", "Twice the time, no other result.")
     max_evidence_gap: float = _setting(
         60.0, "log", "Log evidence behind the best hypothesis from which another is not fitted to the end.", CHOICE,
-        "Slowly converging effects lose.", "More fits of no use.")  # fmt: skip
+        "Slowly converging effects lose.", "More fits of no use.")
 
     # Acceptance of an effect
     max_effects: int = _setting(
         4, "effects", "Effects that are accepted on one joint at most.", CHOICE,
-        "Joints with three effects stay unknown.", "More parameters imitate what no effect explains.")  # fmt: skip
+        "Joints with three effects stay unknown.", "More parameters imitate what no effect explains.")
     min_log_evidence: float = _setting(
         6.0, "log", "Log evidence by which an effect must beat the model without it.", CHOICE,
-        "False findings.", "Small effects are missed.")  # fmt: skip
+        "False findings.", "Small effects are missed.")
     min_relative_improvement: float = _setting(
         0.03, "-", "Fall of the validation error, relative to itself, that an effect must bring.", CHOICE,
-        "Effects of no practical size are claimed.", "Effects beside larger ones are missed.")  # fmt: skip
+        "Effects of no practical size are claimed.", "Effects beside larger ones are missed.")
     further_starts: int = _setting(
         1, "fits", "Further starts of the fit of an accepted effect.", CHOICE,
-        "Local minima go unnoticed.", "Slower.")  # fmt: skip
+        "Local minima go unnoticed.", "Slower.")
     start_jitter: float = _setting(
         0.5, "prior standard deviations", "How far the further starts are off.", CHOICE,
-        "They end in the same local minimum.", "They end in others more often.")  # fmt: skip
+        "They end in the same local minimum.", "They end in others more often.")
     restart_iterations: int = _setting(
         12, "iterations", "Iterations of the fits from further starts.", CHOICE,
-        "They end too early to compare.", "Slower.")  # fmt: skip
+        "They end too early to compare.", "Slower.")
     min_listed_floors: float = _setting(
         0.2, "floors", "Error, in repeatability floors, that an improvement must remove to be listed as too small to"
-        " claim.", CHOICE, "Longer lists.", "Shorter lists.")  # fmt: skip
+        " claim.", CHOICE, "Longer lists.", "Shorter lists.")
     listed_improvements: int = _setting(
-        3, "improvements", "Length of that list.", CHOICE, "Shorter lists.", "Longer lists.")  # fmt: skip
+        3, "improvements", "Length of that list.", CHOICE, "Shorter lists.", "Longer lists.")
     refit_weight: float = _setting(
         25.0, "-", "Weight of the data in the last fit, relative to that of the practical floor.", CHOICE,
-        "Priors keep structure that the numbers explain.", "Noise moves the numbers.")  # fmt: skip
+        "Priors keep structure that the numbers explain.", "Noise moves the numbers.")
     refit_iterations: int = _setting(
-        6, "iterations", "Iterations of the last fit.", CHOICE, "It ends early.", "Slower.")  # fmt: skip
+        6, "iterations", "Iterations of the last fit.", CHOICE, "It ends early.", "Slower.")
     min_correlated_ratio: float = _setting(
         1.05, "-", "RMS of a residual over its white noise from which it is correlated and the last fit worth while.",
-        CHOICE, "Every joint is fitted again.", "Correlated residuals are left.")  # fmt: skip
+        CHOICE, "Every joint is fitted again.", "Correlated residuals are left.")
     bootstrap_draws: int = _setting(
         400, "draws", "Draws of the paired block bootstrap of the validation error.", CHOICE,
-        "Less exact intervals.", "Slower.")  # fmt: skip
+        "Less exact intervals.", "Slower.")
     bootstrap_tail: float = _setting(
         0.025, "-", "Probability outside the interval, at each end.", "95 % interval",
-        "Small effects are missed.", "False findings.")  # fmt: skip
+        "Small effects are missed.", "False findings.")
     min_sharing_joints: float = _setting(
         0.5, "-", "Share of the judged joints that must show an effect of the whole hand.", CHOICE,
-        "An effect of few joints is put on the hand.", "Not possible above 1.")  # fmt: skip
+        "An effect of few joints is put on the hand.", "Not possible above 1.")
 
     # What the data can separate
     alike_cosine: float = _setting(
         0.95, "-", "Cosine between two effects' sensitivities from which the data do not separate them.", CHOICE,
-        "All effects count as alike.", "Not possible above 1.")  # fmt: skip
+        "All effects count as alike.", "Not possible above 1.")
     isolability_samples: int = _setting(
         20_000, "samples", "Samples from which a longer recording is thinned out for it.", CHOICE,
-        "Less exact cosines.", "More memory.")  # fmt: skip
+        "Less exact cosines.", "More memory.")
     min_visible_sigma: float = _setting(
         0.5, "sigma", "A probe below it is too small to be compared.", CHOICE,
-        "Noise is compared.", "Small effects look like nothing.")  # fmt: skip
+        "Noise is compared.", "Small effects look like nothing.")
 
     # What remains, and where
     unexplained_floors: float = _setting(
         1.3, "floors", "Validation error beyond the noise, in repeatability floors, from which a joint without effects"
-        " is not explained.", TRIALS, "False `unknown` findings.", "Small unknown physics is missed.")  # fmt: skip
+        " is not explained.", TRIALS, "False `unknown` findings.", "Small unknown physics is missed.")
     unexplained_part_floors: float = _setting(
         0.55, "floors", "The same where effects removed a part of the error.", TRIALS,
-        "False `unknown` findings.", "A wrong effect passes as the explanation.")  # fmt: skip
+        "False `unknown` findings.", "A wrong effect passes as the explanation.")
     max_remaining_share: float = _setting(
         0.15, "-", "Share of the nominal excess error that one effect may leave where much is left.", TRIALS,
-        "Right effects are called a part of an unknown.", "A wrong effect passes.")  # fmt: skip
+        "Right effects are called a part of an unknown.", "A wrong effect passes.")
     max_remaining_share_small: float = _setting(
         0.3, "-", "The same where little is left.", TRIALS,
-        "Right effects are called a part of an unknown.", "A wrong effect passes.")  # fmt: skip
+        "Right effects are called a part of an unknown.", "A wrong effect passes.")
     untouched_share: float = _setting(
         0.9, "-", "Share from which the effects have no part in a signal's error.", TRIALS,
-        "Strict limits apply to signals that no effect concerns.", "Not possible above 1.")  # fmt: skip
+        "Strict limits apply to signals that no effect concerns.", "Not possible above 1.")
     time_margin: float = _setting(
         0.25, "-", "Share of variance by which time must explain more than any state.", CHOICE,
-        "Drifts are reported where a state matters.", "Drifts are put on a state.")  # fmt: skip
+        "Drifts are reported where a state matters.", "Drifts are put on a state.")
     state_bins: int = _setting(
         20, "bins", "Bins of a state over which a residual is averaged.", CHOICE,
-        "Narrow structure is averaged out.", "Noise counts as structure.")  # fmt: skip
+        "Narrow structure is averaged out.", "Noise counts as structure.")
     moving_rad_s: float = _setting(
         0.1, "rad/s", "Speed from which a joint moves in one direction.", CHOICE,
-        "Noise of the speed mixes the directions.", "Slow motion is left out.")  # fmt: skip
+        "Noise of the speed mixes the directions.", "Slow motion is left out.")
     standing_rad_s: float = _setting(
         0.05, "rad/s", "Speed below which a joint stands.", CHOICE,
-        "Noise counts as motion.", "Slow motion counts as rest.")  # fmt: skip
+        "Noise counts as motion.", "Slow motion counts as rest.")
     min_stage_samples: int = _setting(
         10, "samples", "Samples that a recording must have of a signal to be described.", CHOICE,
-        "Descriptions of a few samples.", "Short recordings are left out.")  # fmt: skip
+        "Descriptions of a few samples.", "Short recordings are left out.")
     min_missed_sigma: float = _setting(
         3.5, "standard errors", "Excess over the noise from which a region is missed; some thirty are tested.",
-        "Bonferroni over 30 regions at 1.5 %", "False regions.", "Weak regions go unreported.")  # fmt: skip
+        "Bonferroni over 30 regions at 1.5 %", "False regions.", "Weak regions go unreported.")
     min_region_samples: int = _setting(
         5, "samples, blocks", "Samples of a block in a region, and blocks, that a test needs.", CHOICE,
-        "Unstable tests.", "Rare regions are not tested.")  # fmt: skip
+        "Unstable tests.", "Rare regions are not tested.")
     band_edges_hz: tuple[float, ...] = _setting(
         (0.0, 0.2, 2.0, math.inf), "Hz", "Edges of the frequency bands: creep and drift, motion, transients.", CHOICE,
-        "Slow motion counts as transient.", "Transients count as motion.")  # fmt: skip
+        "Slow motion counts as transient.", "Transients count as motion.")
     slow_hz: float = _setting(
         0.2, "Hz", "Centroid of a residual's spectrum below which it is called slow.", CHOICE,
-        "Creep is described by a frequency.", "Slow motion is called slow drift.")  # fmt: skip
+        "Creep is described by a frequency.", "Slow motion is called slow drift.")
     noise_seed: int = _setting(
-        20, "-", "Seed of the second draw of input noise.", CHOICE, "Another draw.", "Another draw.")  # fmt: skip
+        20, "-", "Seed of the second draw of input noise.", CHOICE, "Another draw.", "Another draw.")
     noise_parts: tuple[int, ...] = _setting(
         (1, 2, 5, 10, 20), "-", "The fastest 1/n of the samples, whose noise is estimated apart.", CHOICE,
-        "Jitter of fast samples is averaged out.", "Parts too small to estimate.")  # fmt: skip
+        "Jitter of fast samples is averaged out.", "Parts too small to estimate.")
     median_of_noise: float = _setting(
-        0.6745, "-", "Median of |x| for a unit normal x.", "definition", "Meaningless.", "Meaningless.")  # fmt: skip
+        0.6745, "-", "Median of |x| for a unit normal x.", "definition", "Meaningless.", "Meaningless.")
     third_difference_variance: float = _setting(
         20.0, "-", "Variance of third differences of unit white noise, 1 + 9 + 9 + 1.", "definition",
-        "Meaningless.", "Meaningless.")  # fmt: skip
+        "Meaningless.", "Meaningless.")
 
     # Findings
     evidence_temperature: float = _setting(
         1.25, "-", "Log evidences are divided by it before probabilities are formed: equations that are only nearly"
-        " right exaggerate differences.", TRIALS, "Overconfident findings.", "Timid findings.")  # fmt: skip
+        " right exaggerate differences.", TRIALS, "Overconfident findings.", "Timid findings.")
     outside_catalogue: float = _setting(
         0.04, "-", "Probability reserved for effects outside the catalogue.", TRIALS,
-        "Overconfident findings.", "Timid findings.")  # fmt: skip
+        "Overconfident findings.", "Timid findings.")
     several_effects_factor: float = _setting(
         0.85, "-", "Factor on the probability of each of several effects of one joint: two can imitate a third.",
-        TRIALS, "Timid findings.", "Not possible above 1.")  # fmt: skip
+        TRIALS, "Timid findings.", "Not possible above 1.")
     unknown_probability: float = _setting(
         0.94, "-", "Probability of an `unknown` finding: how often it was right.", TRIALS,
-        "Timid findings.", "Not possible above 1.")  # fmt: skip
+        "Timid findings.", "Not possible above 1.")
     sole_probability: float = _setting(
         0.9, "-", "Probability of an effect without a comparison in its round.", CHOICE,
-        "Timid findings.", "Not possible above 1.")  # fmt: skip
+        "Timid findings.", "Not possible above 1.")
     min_probability: float = _setting(
         0.01, "-", "Probabilities of effects stay between it and one minus it.", CHOICE,
-        "No visible change.", "No visible change.")  # fmt: skip
+        "No visible change.", "No visible change.")
     min_alternative: float = _setting(
         0.02, "-", "Alternatives of a smaller probability are left out.", CHOICE,
-        "Longer lists.", "Shorter lists.")  # fmt: skip
+        "Longer lists.", "Shorter lists.")
     determined_deviation: float = _setting(
         0.5, "prior standard deviations", "Posterior deviation below which the data determine a parameter.", CHOICE,
-        "More parameters are marked.", "Parameters of the prior pass as measured.")  # fmt: skip
+        "More parameters are marked.", "Parameters of the prior pass as measured.")
     min_change_sigma: float = _setting(
         2.0, "standard errors", "Change of a nominal number from which it is listed.", CHOICE,
-        "Longer lists.", "Shorter lists.")  # fmt: skip
+        "Longer lists.", "Shorter lists.")
     min_change_tolerances: float = _setting(
         0.1, "tolerances", "Least change of a nominal number that is listed.", CHOICE,
-        "Longer lists.", "Shorter lists.")  # fmt: skip
+        "Longer lists.", "Shorter lists.")
     correction_threshold: float = _setting(
         0.05, "-", "Terms of the data-driven correction below this share of the residual's RMS are dropped.", CHOICE,
-        "Longer formulas.", "Shorter formulas.")  # fmt: skip
+        "Longer formulas.", "Shorter formulas.")
     correction_ridge: float = _setting(
         1e-3, "-", "Weight of the ridge penalty of that regression.", "PySINDy's STLSQ",
-        "No visible change.", "No visible change.")  # fmt: skip
+        "No visible change.", "No visible change.")
     correction_iterations: int = _setting(
-        10, "iterations", "Iterations of its thresholding.", "PySINDy's STLSQ", "Ends early.", "No change.")  # fmt: skip
+        10, "iterations", "Iterations of its thresholding.", "PySINDy's STLSQ", "Ends early.", "No change.")
     experiment_s: float = _setting(
-        40.0, "s", "Length of a simulated experiment.", CHOICE, "Creep is not excited.", "Slower.")  # fmt: skip
+        40.0, "s", "Length of a simulated experiment.", CHOICE, "Creep is not excited.", "Slower.")
     min_experiment_pressure_pa: float = _setting(
         5e4, "Pa", "Least amplitude of a simulated experiment.", CHOICE,
-        "Weak experiments are simulated.", "Stronger than some recordings.")  # fmt: skip
+        "Weak experiments are simulated.", "Stronger than some recordings.")
+    # fmt: on
 
 
 SETTINGS = Settings()

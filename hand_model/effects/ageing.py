@@ -28,7 +28,7 @@ EFFECT = Effect(
     "material",
     ("ageing.stiffness_per_h", "ageing.strength_per_h"),
     ((6.0, 0.0), (-6.0, 0.0), (0.0, -3.0), (0.0, 3.0)),
-    "the stiffness changes by {stiffness_per_h} (relative) an hour, the strength by {strength_per_h}",
+    "the stiffness changes by {stiffness_per_h} and the strength by {strength_per_h}, both relative",
     ("staircase", "hold"),
     "Softening or hardening of the silicone in use.",
     "Mullins, Softening of Rubber by Deformation, 1969, far from its beginning",

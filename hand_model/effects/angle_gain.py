@@ -19,7 +19,7 @@ EFFECT = Effect(
     "angle_sensor",
     ("angle_gain.error",),
     ((0.05,), (-0.05,)),
-    "the angle sensor reads {error} (relative) too much",
+    "the {angle} sensor reads {error} (relative) too much",
     ("stops", "staircase"),
     "Span error of the two-point calibration.",
     "Eq. 3, Martin et al. 2004",

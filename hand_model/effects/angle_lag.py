@@ -23,7 +23,7 @@ EFFECT = Effect(
     "angle_sensor",
     ("angle_lag.time_constant_s", "angle_lag.second"),
     ((0.01, 0.25), (0.04, 0.25)),
-    "the angle reading lags by {time_constant_s} s",
+    "the {angle} reading lags by {time_constant_s}",
     ("steps", "multisine"),
     "Low-pass filter between the joint and its reading, of first or second order.",
     "first-order filters in series",

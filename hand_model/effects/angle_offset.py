@@ -19,7 +19,7 @@ EFFECT = Effect(
     "angle_sensor",
     ("angle_offset.offset_deg",),
     ((2.0,), (-2.0,)),
-    "the angle sensor reads {offset_deg} degrees too much",
+    "the {angle} sensor reads {offset_deg} too much",
     ("stops", "staircase"),
     "Zero error of the Hall sensor.",
     "Eq. 1, phi_0, Martin et al. 2004",

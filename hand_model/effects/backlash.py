@@ -31,7 +31,7 @@ EFFECT = Effect(
     "joint",
     ("backlash.gap_deg", "backlash.contact_time_s"),
     ((0.6, 0.0), (2.5, 0.0)),
-    "there is a backlash of {gap_deg} degrees between actuator and sensor",
+    "there is a backlash of {gap_deg} between actuator and sensor",
     ("slow_triangle", "reversals"),
     "Play: after each reversal the reading stands still until the gap is crossed.",
     "play operator and damped contact, Nordin and Gutman, Automatica 38(10), 2002",

@@ -23,7 +23,8 @@ EFFECT = Effect(
     "timing",
     ("clock_offset.offset_s", "clock_offset.share"),
     ((0.01, 1.0), (-0.01, 1.0), (0.03, 1.0), (-0.03, 1.0), (0.03, 0.0), (-0.03, 0.0)),
-    "the pressure stamps are {offset_s} s late against those of the angles, and {share} of it against the set-points",
+    "the time stamps of the {pressure} are {offset_s} late against those of the {angle}, and {share} of that against"
+    " those of the set-points",
     ("steps", "multisine"),
     "A constant difference between the clocks of two topics, the same at every joint.",
     "definition",

@@ -9,7 +9,7 @@ EFFECT = Effect(
     "environment",
     ("constant_load.torque_nm",),
     ((0.01,), (-0.01,)),
-    "a constant load of {torque_nm} N m resists flexion",
+    "a constant load of {torque_nm} resists {flexion}",
     ("second_attitude", "staircase"),
     "The disturbance torque of Eq. 8 as a constant.",
     "Eq. 8, Martin et al. 2004",

@@ -9,7 +9,7 @@ EFFECT = Effect(
     "environment",
     ("contact.angle_deg", "contact.stiffness_nm_per_rad"),
     tuple((float(angle), 0.4) for angle in range(5, 100, 10)),
-    "an obstacle stands at {angle_deg} degrees with {stiffness_nm_per_rad} N m/rad",
+    "an obstacle begins at {angle_deg} with a stiffness of {stiffness_nm_per_rad}",
     ("slow_triangle", "staircase"),
     "A one-sided elastic obstacle in the direction of flexion.",
     "one-sided spring and damper, Hunt and Crossley, J. Appl. Mech. 42, 1975",

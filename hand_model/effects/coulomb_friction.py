@@ -70,8 +70,8 @@ EFFECT = Effect(
         (0.003, 0.006, 0.0, 0.05),
         (0.0, 0.0, 3e-8, 0.01),
     ),
-    "Coulomb friction of {torque_nm} N m is missing (with {breakaway_nm} N m more to break away and"
-    " {torque_nm_per_pa} N m/Pa more under pressure, built up over {presliding_deg} degrees)",
+    "Coulomb friction of {torque_nm} is missing (plus {breakaway_nm} at breakaway and"
+    " {torque_nm_per_pa} times the {pressure}, built up over {presliding_deg})",
     ("slow_triangle", "reversals"),
     "Dry friction lets the joint stick and lag after reversals by the same torque at any speed. Before it slides, its"
     " contacts give.",

@@ -17,8 +17,8 @@ EFFECT = Effect(
         (Times(1.5), Times(1.0), Times(1.0), Times(1.0), Times(1.0), Times(1.0)),
         (Times(0.5), Times(1.0), Times(1.0), Times(1.0), Times(1.0), Times(1.0)),
     ),
-    "the material creeps by up to {phi_max_deg} degrees, within {extension_time_s} s under pressure"
-    " and {recovery_time_s} s back",
+    "the material creeps by up to {phi_max_deg}, with time constants of {extension_time_s} under"
+    " {pressure} and {recovery_time_s} in recovery",
     ("staircase", "hold"),
     "Viscoelastic shift of the rest angle in three zones: extension, hold, recovery.",
     "Eqs. 11-13, Martin et al. 2004",

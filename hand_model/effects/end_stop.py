@@ -17,7 +17,7 @@ EFFECT = Effect(
         (Times(1.0), 0.0, 1.0),
         (Times(1.0), 10.0, 1.0),
     ),
-    "the stops stand at {low_deg} and {high_deg} degrees with {stiffness_nm_per_rad} N m/rad",
+    "the end stops begin at {low_deg} and {high_deg} with a stiffness of {stiffness_nm_per_rad}",
     ("staircase", "slow_triangle"),
     "Range of motion of the joint, with an elastic stop at both ends.",
     "one-sided spring and damper, Hunt and Crossley, J. Appl. Mech. 42, 1975",

@@ -24,7 +24,7 @@ EFFECT = Effect(
     "force_sensor",
     ("fsr_drift.share", "fsr_drift.time_constant_s"),
     ((0.2, 3.0), (0.2, 20.0), (-0.2, 10.0)),
-    "under lasting load the force reading creeps by {share} of it within {time_constant_s} s",
+    "under constant load the force reading creeps by {share} of itself with a time constant of {time_constant_s}",
     ("hold", "taps"),
     "Creep of the polymer of a force sensing resistor.",
     "one retardation term, Eq. 9, Martin et al. 2004",

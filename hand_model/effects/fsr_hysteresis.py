@@ -26,7 +26,7 @@ EFFECT = Effect(
     "force_sensor",
     ("fsr_hysteresis.share", "fsr_hysteresis.turn_n"),
     ((0.1, 0.5), (0.3, 0.5), (0.1, 3.0)),
-    "the force reading has a loop of {share} of the force on either side, turned by {turn_n} N",
+    "the force reading has a loop of {share} of the force on either side, crossed within {turn_n}",
     ("taps", "slow_triangle"),
     "Loading and unloading curves of a force sensing resistor differ.",
     "stop operator, Visintin, Differential Models of Hysteresis, 1994",

@@ -29,7 +29,7 @@ EFFECT = Effect(
     "fluid",
     ("gas_compression.exponent",),
     ((1.0,), (0.3,)),
-    "motion compresses the gas (exponent {exponent}): pressure rises when the joint is opened",
+    "motion compresses the gas (exponent {exponent}): the pressure rises when the joint is pushed open",
     ("closed_valve_push", "steps"),
     "A change of angle changes the chamber volume; the valve needs time to restore the pressure.",
     "Eq. 7, Martin et al. 2004, with absolute pressure and the volume map tied to Eq. 6 by virtual work",

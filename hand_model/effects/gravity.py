@@ -23,7 +23,7 @@ EFFECT = Effect(
     "joint",
     ("gravity.sine_nm", "gravity.cosine_nm"),
     ((0.01, 0.0), (-0.01, 0.0), (0.0, 0.01), (0.0, -0.01)),
-    "gravity acts with {sine_nm} N m sin + {cosine_nm} N m cos of the angle",
+    "gravity acts with {sine_nm} times the sine and {cosine_nm} times the cosine of the {angle}",
     ("staircase", "second_attitude"),
     "Weight of the phalanx at a fixed attitude of the hand.",
     "rigid pendulum",

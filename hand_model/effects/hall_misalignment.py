@@ -26,8 +26,8 @@ EFFECT = Effect(
     "angle_sensor",
     tuple(f"hall_misalignment.{key}_deg" for key in ("sine", "cosine", "sine_2", "cosine_2")),
     ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0)),
-    "the angle reading has harmonic errors: {sine_deg} sin + {cosine_deg} cos of the angle,"
-    " {sine_2_deg} sin + {cosine_2_deg} cos of twice the angle, degrees",
+    "the {angle} reading has harmonic errors: {sine_deg} sin + {cosine_deg} cos of the {angle},"
+    " {sine_2_deg} sin + {cosine_2_deg} cos of twice the {angle}",
     ("stops", "staircase"),
     "Eccentric or tilted magnet: harmonics of the angle in its reading.",
     "Eq. 1 with harmonics; harmonic error of magnetic encoders",

@@ -32,7 +32,7 @@ EFFECT = Effect(
     "material",
     ("hysteresis.torque_nm", "hysteresis.scale_deg", "hysteresis.sharpness"),
     ((0.01, 4.0, 0.0), (0.01, 12.0, 0.0), (0.01, 30.0, 0.0), (0.01, 8.0, 1.0)),
-    "the static curve has a loop of {torque_nm} N m on either side, built up over {scale_deg} degrees",
+    "the static curve has a hysteresis loop of {torque_nm} on either side, built up over {scale_deg}",
     ("slow_triangle", "reversals"),
     "Rate-independent hysteresis of elastomer and fabric.",
     "Dahl, A Solid Friction Model, 1968; Wen, J. Eng. Mech. 102(2), 1976, of the second power where sharp",

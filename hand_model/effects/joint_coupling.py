@@ -25,7 +25,7 @@ EFFECT = Effect(
     "joint",
     ("joint_coupling.stiffness_nm_per_rad", "joint_coupling.ratio", "joint_coupling.softening"),
     ((0.01, 0.0, 0.0), (-0.01, 0.0, 0.0)),
-    "a neighbouring joint pulls with {stiffness_nm_per_rad} N m/rad",
+    "a neighbouring joint pulls with a stiffness of {stiffness_nm_per_rad}",
     ("neighbour_moves",),
     "Skin, tubes or tendons that span two joints.",
     "spring between two joints, the next term of its arm's series",

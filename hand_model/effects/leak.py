@@ -26,7 +26,7 @@ EFFECT = Effect(
     "fluid",
     ("leak.rate_per_s", "leak.turbulent"),
     ((0.2, 0.0), (1.0, 0.0), (0.2, 1.0), (1.0, 1.0)),
-    "the actuator loses {rate_per_s} of its pressure a second at 1 bar (turbulent share {turbulent})",
+    "the actuator leaks with a rate of {rate_per_s} at 1 bar (turbulent share {turbulent})",
     ("closed_valve_push", "hold"),
     "Leakage to the room: through a gap proportional to gauge pressure, through a hole to its root.",
     "ideal gas at constant temperature through a laminar gap or an orifice, Beater, Pneumatic Drives, 2007",

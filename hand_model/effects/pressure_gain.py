@@ -25,7 +25,7 @@ EFFECT = Effect(
     "pressure_sensor",
     ("pressure_gain.error",),
     ((0.04,), (-0.04,)),
-    "the pressure sensor reads {error} (relative) too much",
+    "the {pressure} sensor reads {error} (relative) too much",
     ("staircase",),
     "Span error of a piezoresistive sensor.",
     "IEC 61298-2, span error",

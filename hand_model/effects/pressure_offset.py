@@ -25,7 +25,7 @@ EFFECT = Effect(
     "pressure_sensor",
     ("pressure_offset.offset_pa",),
     ((5e3,), (-5e3,)),
-    "the pressure sensor reads {offset_pa} Pa too much",
+    "the {pressure} sensor reads {offset_pa} too much",
     ("staircase", "hold"),
     "Zero error of a piezoresistive sensor.",
     "IEC 61298-2, zero error",

@@ -38,8 +38,8 @@ EFFECT = Effect(
         (0.0, 0.0, 0.0, -3e-13),
         (0.0, 0.0, 0.0, 3e-13),
     ),
-    "the static curve bends: {quadratic_nm_per_rad2} N m/rad^2, {cubic_nm_per_rad3} N m/rad^3,"
-    " {mixed_nm_per_pa_rad2} N m/(Pa rad^2), {square_nm_per_pa2} N m/Pa^2",
+    "the static curve has higher-order terms: {quadratic_nm_per_rad2}, {cubic_nm_per_rad3},"
+    " {mixed_nm_per_pa_rad2}, {square_nm_per_pa2}",
     ("staircase", "slow_triangle"),
     "Higher terms of the torque map in angle and pressure.",
     "series beyond Eq. 6, Martin et al. 2004",

@@ -43,7 +43,7 @@ EFFECT = Effect(
         (0.0, 0.05, 0.05, 0.7, 0.0),
         (0.0, 0.05, 0.3, 0.0, 0.7),
     ),
-    "the supply lacks {deficit_pa} Pa at rest and sags by {resistance_s} Pa per Pa/s that the joints fill",
+    "the supply pressure is {deficit_pa} too low at rest and falls by {resistance_s} times the total rate of filling",
     ("steps", "staircase"),
     "Supply pressure falls with the flow drawn; no set-point above it is reached.",
     "resistance and capacity of a supply line, Beater, Pneumatic Drives, 2007",

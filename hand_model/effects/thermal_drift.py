@@ -33,7 +33,8 @@ EFFECT = Effect(
     "material",
     ("thermal_drift.torque_nm", "thermal_drift.softening", "thermal_drift.time_constant_s"),
     ((0.01, 0.0, 20.0), (-0.01, 0.0, 20.0), (0.0, 0.1, 20.0), (0.01, 0.0, 150.0), (0.0, -0.1, 60.0)),
-    "warming moves the rest torque by {torque_nm} N m and softens by {softening} within {time_constant_s} s",
+    "warming shifts the {torque} at rest by {torque_nm} and reduces the stiffness by {softening} (relative), with a"
+    " time constant of {time_constant_s}",
     ("hold", "staircase"),
     "First-order warming that shifts the static map.",
     "lumped thermal model of one capacity",

@@ -23,7 +23,7 @@ EFFECT = Effect(
     "fluid",
     ("tube_lag.time_constant_s", "tube_lag.second"),
     ((0.02, 0.25), (0.08, 0.25)),
-    "the actuator follows the measured pressure with a lag of {time_constant_s} s",
+    "the {pressure} in the actuator lags the measured {pressure} by {time_constant_s}",
     ("steps", "multisine"),
     "Laminar resistance of the tube with the capacity of the actuator, as one volume or two.",
     "Beater, Pneumatic Drives, 2007, tubes",

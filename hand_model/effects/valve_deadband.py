@@ -27,7 +27,7 @@ EFFECT = Effect(
     "valve",
     ("valve_deadband.width_pa", "valve_deadband.softness"),
     ((3e3, 0.0), (1.5e4, 0.0), (3e3, 1.0), (1.5e4, 1.0)),
-    "the valve does not react to pressure errors below {width_pa} Pa (softness of the edge {softness})",
+    "the valve does not react to pressure errors below {width_pa} (softness of the edge {softness})",
     ("slow_triangle", "staircase"),
     "Overlap of a spool or a regulator's tolerance: little or no flow while the error is small.",
     "ISO 6358 valves with overlap, Beater, Pneumatic Drives, 2007",

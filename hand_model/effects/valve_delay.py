@@ -9,7 +9,7 @@ EFFECT = Effect(
     "valve",
     ("valve.dead_time_s",),
     ((0.015,), (0.03,), (0.0,)),
-    "the valve reacts after {dead_time_s} s",
+    "the valve reacts after a dead time of {dead_time_s}",
     ("steps", "multisine"),
     "Dead time between a set-point and the first change of pressure.",
     "Martin et al. 2004, Sec. 3.3",

@@ -38,7 +38,7 @@ EFFECT = Effect(
         (Times(0.04), Times(0.04), 0.0),
         (Times(0.06), Times(0.06), 1.0),
     ),
-    "the valve fills at most {fill_rate_pa_per_s} Pa/s and vents at most {vent_rate_pa_per_s} Pa/s",
+    "the valve fills at most {fill_rate_pa_per_s} and vents at most {vent_rate_pa_per_s}",
     ("steps", "chirp"),
     "Sonic conductance bounds the flow; filling from the supply and venting to the room differ.",
     "ISO 6358-1:2013, flow characteristics of pneumatic components",

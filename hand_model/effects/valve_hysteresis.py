@@ -29,7 +29,7 @@ EFFECT = Effect(
     "valve",
     ("valve_hysteresis.width_pa", "valve_hysteresis.softness"),
     ((3e3, 0.0), (1.5e4, 0.0), (3e3, 1.0), (1.5e4, 1.0)),
-    "after each reversal of the set-point the valve stays behind by {width_pa} Pa on either side",
+    "after each reversal of the set-point the valve stays behind by {width_pa} on either side",
     ("slow_triangle", "reversals"),
     "Magnetic or frictional hysteresis of a proportional pressure valve on its set-point.",
     "play operator, Visintin, Differential Models of Hysteresis, 1994; rounded as Dahl, Aerospace Corp. TOR-158, 1968",

@@ -32,7 +32,7 @@ EFFECT = Effect(
     "valve",
     ("valve_lag.time_constant_s", "valve.time_constant_s", "valve_lag.venting_ratio"),
     ((0.02, Times(1.0), 1.0), (0.08, Times(1.0), 1.0), (0.0, Times(1.6), 1.0), (0.0, Times(0.5), 1.0)),
-    "the valve is slower than modelled: lags of {time_constant_s} s ({venting_ratio} times that while venting)",
+    "the valve is slower than modelled: lags of {time_constant_s} ({venting_ratio} times that while venting)",
     ("steps", "multisine"),
     "A valve of second order, or of another time constant than the nominal one, or one while venting.",
     "Eq. 8's separately identified valve, Martin et al. 2004",

@@ -21,8 +21,7 @@ EFFECT = Effect(
     "joint",
     ("dynamics.viscous_friction_nm_s_per_rad", "viscous_friction.quadratic_nm_s2_per_rad2"),
     ((Times(1.5), 0.0), (Times(0.6), 0.0), (Times(3.0), 0.0), (Times(1.0), 1e-3)),
-    "viscous friction is {viscous_friction_nm_s_per_rad} N m s/rad, with"
-    " {quadratic_nm_s2_per_rad2} N m s^2/rad^2 more at speed",
+    "viscous friction is {viscous_friction_nm_s_per_rad}, with {quadratic_nm_s2_per_rad2} more at speed",
     ("steps", "multisine"),
     "Linear damping that differs from the nominal one, and drag.",
     "Eq. 8, Martin et al. 2004; quadratic drag",

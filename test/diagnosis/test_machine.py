@@ -204,7 +204,7 @@ def test_two_effects_on_one_joint(hand: Hand, monkeypatch: pytest.MonkeyPatch) -
     structure = describe(one.search.problem, one.search.final, stage)
     told = findings.unknown_finding(one.joint, one.search, rest, structure, Correction("deg", (), 0.0))
     assert "Coulomb friction of 1 ± 0.1 N m" in told.statement
-    assert "a loop of 2 ± 0.1 N m" in told.statement
+    assert "a hysteresis loop of 2 ± 0.1 N m" in told.statement
 
 
 @pytest.mark.parametrize(
