@@ -7,6 +7,7 @@ PACKAGES = [
     "hand_model",
     "hand_model.effects",
     "hand_messages",
+    "hand_model.kernel",
     "hand_ros",
     "hand_driver",
     "hand_control",

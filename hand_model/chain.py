@@ -16,35 +16,20 @@ sets of one joint: the inputs are common, which is what a fit by finite differen
 
 from __future__ import annotations
 
-import hashlib
 import math
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numba import carray, njit, prange
 from numpy.typing import NDArray
 
-from hand_model.effects import CATALOGUE, MEMORY
-from hand_model.effects.effect import ACCELERATION, ANGLE, CREPT, FAST, MEMORY_ROW, PARTNER, SPEED, inline
-from hand_model.hooks import (
-    added_damping,
-    added_torque,
-    at_actuator,
-    changed_rate,
-    dry_friction,
-    felt_error,
-    keep_motion,
-    read_angle,
-    read_force,
-    read_pressure,
-    shaped_set_point,
-    true_pressure,
-)
+from hand_model.effects import CATALOGUE
+from hand_model.effects.effect import ACCELERATION, ANGLE, PARTNER, SPEED
 from hand_model.joint import one_sided
+from hand_model.kernel.hooks import compose, equations_key
+from hand_model.kernel.inline import FAST, inline, inlined
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STARTS, STATE_ROW, WORK_ROWS
 from hand_model.material import creep_rate
-from hand_model.parameters import JOINT_PARAMETERS, ROW
 from hand_model.stack_rows import stack_doubles
 from hand_model.statics import torque as static_torque
 
@@ -59,7 +44,27 @@ STATES = 4
 P, PHI, OMEGA, CREEP = range(STATES)
 _ROWS = len(JOINT_PARAMETERS)
 
-_torque, _one_sided, _creep_rate = (inline(f.py_func) for f in (static_torque, one_sided, creep_rate))
+_torque, _one_sided, _creep_rate = inlined(static_torque), inlined(one_sided), inlined(creep_rate)
+(
+    _prepare,
+    _set_point,
+    _valve_error,
+    _pressure_rate,
+    read_pressure,
+    _true_pressure,
+    at_actuator,
+    _added_torque,
+    _added_damping,
+    _dry_friction,
+    _keep_motion,
+    angle_sensor,
+    read_angle,
+    _force_sensor,
+    _read_force,
+    valve_replaced,
+    replacing_valve,
+) = compose(CATALOGUE)
+prepare = _prepare
 _DEAD, _TAU = ROW["valve.dead_time_s"], ROW["valve.time_constant_s"]
 _FILL, _VENT = ROW["valve.fill_rate_pa_per_s"], ROW["valve.vent_rate_pa_per_s"]
 _A0, _A1, _A2, _A3 = (ROW[f"statics.{key}"] for key in ("a0_nm", "a1_nm_per_rad", "a2_nm_per_pa", "a3_nm_per_pa_rad"))
@@ -80,15 +85,15 @@ _SUPPLY, _CLOCK, _SHARE = ROW["supply.pressure_pa"], ROW["clock_offset.offset_s"
 @inline
 def _filling(w, i, p, u, e):  # type: ignore[no-untyped-def]
     """Pressure rate [Pa/s] at p under the set-point u."""
-    rate = felt_error(w, i, u - p) / w[_TAU, i]
+    rate = _valve_error(w, i, u - p) / w[_TAU, i]
     rate = min(max(rate, -w[_VENT, i]), w[_FILL, i])
-    return changed_rate(w, i, rate, p, u, e)
+    return _pressure_rate(w, i, rate, p, u, e)
 
 
 @inline
 def valve_step(w, i, p, u, e, h):  # type: ignore[no-untyped-def]
     """Pressure [Pa] after h [s] under the delayed set-point u (Eq. 8's valve); Heun's method."""
-    u = shaped_set_point(w, i, min(max(u, 0.0), w[_SUPPLY, i]), p, e, h)
+    u = _set_point(w, i, min(max(u, 0.0), w[_SUPPLY, i]), p, e, h)
     first = _filling(w, i, p, u, e)
     second = _filling(w, i, p + h * first, u, e)
     return p + 0.5 * h * (first + second)
@@ -103,8 +108,7 @@ def _engaged(depth, width):  # type: ignore[no-untyped-def]
 @inline
 def _acting_torque(w, i, phi, omega, p, creep, e):  # type: ignore[no-untyped-def]
     """Torque on the joint but for damping and dry friction [N m], its stiffness [N m/rad], and damping in it."""
-    w[CREPT, i] = creep * w[_PHI_MAX, i]
-    added, stiffness = added_torque(w, i, phi, omega, p, e)
+    added, stiffness = _added_torque(w, i, phi, omega, p, creep * w[_PHI_MAX, i], e)
     width, contact_width = w[_W_STOP, i], w[_W_CONTACT, i]
     high, low, contact = phi - w[_HIGH, i], w[_LOW, i] - phi, phi - w[_CONTACT, i]
     total = (
@@ -134,15 +138,15 @@ def creep_step(w, i, p, creep, h):  # type: ignore[no-untyped-def]
 def joint_step(w, i, phi, omega, p, creep, e, h):  # type: ignore[no-untyped-def]
     """Angle [rad] and speed [rad/s] after h [s] at the actuator pressure p, Eq. 8."""
     total, stiffness, included = _acting_torque(w, i, phi, omega, p, creep, e)
-    damping = w[_D, i] + added_damping(w, i, omega)
+    damping = w[_D, i] + _added_damping(w, i, omega)
     implicit = 0.5 * h * damping + 0.25 * h * h * stiffness
     mass = w[_J, i] + implicit + 0.5 * h * included  # whose torque at omega is part of the total
     free = ((w[_J, i] - implicit) * omega + h * total) / mass
-    stopping = h * dry_friction(w, i, omega, p) / mass
+    stopping = h * _dry_friction(w, i, omega, p) / mass
     after = max(abs(free) - stopping, 0.0)
     after = after if free > 0.0 else -after
     moved = phi + 0.5 * h * (omega + after)
-    keep_motion(w, i, phi, moved, h)
+    _keep_motion(w, i, phi, moved, h)
     return moved, after
 
 
@@ -150,9 +154,8 @@ def joint_step(w, i, phi, omega, p, creep, e, h):  # type: ignore[no-untyped-def
 def _outside_torque(w, i, p, creep, e):  # type: ignore[no-untyped-def]
     """Torque [N m] that the surroundings must exert for the measured motion, stops left out; Eq. 8 for M_d."""
     phi, omega = e[ANGLE], e[SPEED]
-    w[CREPT, i] = creep * w[_PHI_MAX, i]
-    added, _ = added_torque(w, i, phi, omega, p, e)
-    damping = w[_D, i] + added_damping(w, i, omega)
+    added, _ = _added_torque(w, i, phi, omega, p, creep * w[_PHI_MAX, i], e)
+    damping = w[_D, i] + _added_damping(w, i, omega)
     actuator = _torque(p, phi, creep, w[_A0, i], w[_A1, i], w[_A2, i], w[_A3, i], w[_PHI_MAX, i])
     inertial = w[_J, i] * e[ACCELERATION] + w[_JC, i] * e[PARTNER]
     return actuator + added - w[_LOAD, i] - damping * omega - inertial
@@ -177,22 +180,11 @@ def _between(signal, x):  # type: ignore[no-untyped-def]
     return signal[a] + (x - a) * (signal[a + 1] - signal[a])
 
 
-@cache
-def equations() -> str:
-    """Numba's cache looks at changes of one file alone; this key makes it look at every equation."""
-    here = Path(__file__).parent
-    files = [
-        here / f"{name}.py" for name in ("hooks", "joint", "material", "statics", "plant_parameters", "pressure_loop")
-    ]
-    files += sorted((here / "effects").glob("*.py"))
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
-
-
-X = MEMORY_ROW + MEMORY
+X = STATE_ROW
 """First state row of the working array."""
 # Above it, what is the input of a step.
-_COMMAND, _INPUT, _ACTUATOR = range(X + STATES, X + STATES + 3)
-WORK = X + STATES + 3
+_COMMAND, _INPUT, _ACTUATOR = range(WORK_ROWS, WORK_ROWS + 3)
+WORK = WORK_ROWS + 3
 _SIZE = WORK * LANES
 
 
@@ -213,12 +205,13 @@ def _open_step(w, e, h):  # type: ignore[no-untyped-def]
     """One step of the valve stage on the set-points and of the joint stage on the measured pressures."""
     for i in range(LANES):
         w[X + P, i] = valve_step(w, i, w[X + P, i], w[_COMMAND, i], e, h)
-        p = at_actuator(w, i, true_pressure(w, i, w[_INPUT, i]), h)
+        p = at_actuator(w, i, _true_pressure(w, i, w[_INPUT, i]), h)
         w[_ACTUATOR, i] = p
         creep = w[X + CREEP, i]
         phi, omega = joint_step(w, i, w[X + PHI, i], w[X + OMEGA, i], p, creep, e, h)
         w[X + PHI, i], w[X + OMEGA, i] = phi, omega
         w[X + CREEP, i] = creep_step(w, i, p, creep, h)
+        angle_sensor(w, i, phi, h)
 
 
 @inline
@@ -226,11 +219,12 @@ def _driven_step(w, e, phi, h):  # type: ignore[no-untyped-def]
     """One step of a machine whose motion is imposed: the joint goes to phi, where it was measured."""
     for i in range(LANES):
         w[X + P, i] = valve_step(w, i, w[X + P, i], w[_COMMAND, i], e, h)
-        p = at_actuator(w, i, true_pressure(w, i, w[_INPUT, i]), h)
+        p = at_actuator(w, i, _true_pressure(w, i, w[_INPUT, i]), h)
         w[_ACTUATOR, i] = p
-        keep_motion(w, i, w[X + PHI, i], phi, h)
+        _keep_motion(w, i, w[X + PHI, i], phi, h)
         w[X + PHI, i], w[X + OMEGA, i] = phi, e[SPEED]
         w[X + CREEP, i] = creep_step(w, i, p, w[X + CREEP, i], h)
+        angle_sensor(w, i, phi, h)
 
 
 @inline
@@ -238,11 +232,13 @@ def _read_driven(w, e, dt, lever, out, k):  # type: ignore[no-untyped-def]
     """Readings of such a machine: the force it gives outward, dry friction against the motion included."""
     for i in range(LANES):
         out[i, 0, k] = read_pressure(w, i, w[X + P, i])
-        out[i, 1, k] = read_angle(w, i, w[X + PHI, i], dt)
+        out[i, 1, k] = read_angle(w, i, w[X + PHI, i])
         outside = _outside_torque(w, i, w[_ACTUATOR, i], w[X + CREEP, i], e)
         direction = min(max(e[SPEED] / STANDSTILL_RAD_S, -1.0), 1.0)
-        friction = direction * dry_friction(w, i, e[SPEED], w[_ACTUATOR, i])
-        out[i, 2, k] = read_force(w, i, (outside - friction) / lever, dt)
+        friction = direction * _dry_friction(w, i, e[SPEED], w[_ACTUATOR, i])
+        force = (outside - friction) / lever
+        _force_sensor(w, i, force, dt)
+        out[i, 2, k] = _read_force(w, i, force)
 
 
 @inline
@@ -250,9 +246,10 @@ def _read(w, e, dt, lever, out, k):  # type: ignore[no-untyped-def]
     """Readings at the end of a sample."""
     for i in range(LANES):
         out[i, 0, k] = read_pressure(w, i, w[X + P, i])
-        out[i, 1, k] = read_angle(w, i, w[X + PHI, i], dt)
-        force = _outside_torque(w, i, w[_ACTUATOR, i], w[X + CREEP, i], e) / lever
-        out[i, 2, k] = read_force(w, i, max(force, 0.0), dt)
+        out[i, 1, k] = read_angle(w, i, w[X + PHI, i])
+        force = max(_outside_torque(w, i, w[_ACTUATOR, i], w[X + CREEP, i], e) / lever, 0.0)
+        _force_sensor(w, i, force, dt)
+        out[i, 2, k] = _read_force(w, i, force)
 
 
 @inline
@@ -272,7 +269,7 @@ def _around_between(e, k, x):  # type: ignore[no-untyped-def]
 
 def _block_kernel() -> Any:
     """One block through all samples, compiled alone: a parallel region would keep it from being vectorised."""
-    key = equations()
+    key = equations_key()
 
     def open_block(work, u, reading, e, dt, steps, lever, driven, late, out):  # type: ignore[no-untyped-def]
         _ = key
@@ -281,6 +278,8 @@ def _block_kernel() -> Any:
             for i in range(LANES):
                 w[row, i] = work[row, i]
         h = dt / steps
+        for i in range(LANES):
+            prepare(w, i, h)
         finer = (reading.shape[0] - 1) / max(e.shape[0] - 1, 1)
         for k in range(e.shape[0] - 1):
             for n in range(steps):
@@ -303,7 +302,7 @@ _open_block = _block_kernel()
 
 
 def _kernel() -> Any:
-    key = equations()
+    key = equations_key()
 
     def open_lanes(w, u, reading, e, dt, steps, lever, driven, late, out):  # type: ignore[no-untyped-def]
         _ = key
@@ -344,9 +343,8 @@ def open_chain(
     w = np.zeros((blocks * LANES, WORK))
     w[:count, :_ROWS], w[count:, :_ROWS] = columns, columns[-1]
     w[:count, X : X + STATES], w[count:, X : X + STATES] = start, start[-1]
-    for effect in CATALOGUE:
-        for row, kind in effect.starts:
-            w[:, row] = w[:, X + PHI] if kind == "angle" else pressure_pa[0]
+    for row, kind in STARTS:
+        w[:, row] = w[:, X + PHI] if kind == "angle" else pressure_pa[0]
     work = np.ascontiguousarray(w.reshape(blocks, LANES, WORK).transpose(0, 2, 1))
     out = np.empty((blocks * LANES, OUTPUTS, samples))
     out[:, 0, 0], out[:, 1, 0], out[:, 2, 0] = w[:, X + P], w[:, X + PHI], 0.0

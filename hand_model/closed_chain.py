@@ -21,23 +21,26 @@ from hand_model.chain import (
     WORK,
     P,
     X,
+    angle_sensor,
+    at_actuator,
     creep_step,
-    equations,
     joint_step,
+    prepare,
+    read_angle,
+    read_pressure,
+    replacing_valve,
+    valve_replaced,
     valve_step,
 )
-from hand_model.effects import CATALOGUE, switching_valve
-from hand_model.effects.effect import inline
-from hand_model.hooks import at_actuator, read_angle, read_pressure
-from hand_model.parameters import JOINT_PARAMETERS, ROW
-from hand_model.plant_parameters import PLANT_PARAMETERS, STEP_S
+from hand_model.kernel.hooks import active_effects, equations_key
+from hand_model.kernel.inline import FAST, inline
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STARTS, STEP_S
 from hand_model.stack_rows import stack_doubles
 
 Array = NDArray[np.float64]
 MAX_JOINTS = 16
 _DEAD = ROW["valve.dead_time_s"]
-_SUPPLY, _SWITCHING = ROW["supply.pressure_pa"], switching_valve.ON
-_switching_step = switching_valve.step
+_SUPPLY = ROW["supply.pressure_pa"]
 _HISTORY = 64
 _COMMAND, _ACCELERATION, _RISE = WORK, WORK + 1, WORK + 2
 _ALL = WORK + 3
@@ -54,7 +57,7 @@ def _delivered(history, head, i, x, y):  # type: ignore[no-untyped-def]
 
 
 def _kernel() -> Any:
-    key = equations()
+    key = equations_key()
 
     def advance(work, history, head, commands, partner, neighbour, clock, dt, steps, out):  # type: ignore[no-untyped-def]
         _ = key
@@ -63,6 +66,8 @@ def _kernel() -> Any:
             for i in range(MAX_JOINTS):
                 w[row, i] = work[row, i]
         joints, h = commands.shape[1], dt / steps
+        for i in range(MAX_JOINTS):
+            prepare(w, i, h)
         for k in range(commands.shape[0]):
             head = (head + 1) % _HISTORY
             for i in range(joints):
@@ -78,9 +83,9 @@ def _kernel() -> Any:
                     shared = w[_ACCELERATION, partner[i]] if partner[i] >= 0 else 0.0
                     phi, omega, p = w[X + PHI, i], w[X + OMEGA, i], w[X + P, i]
                     e = (clock, w[X + PHI, neighbour[i]], inflow, shared, phi, omega, w[_ACCELERATION, i])
-                    if w[_SWITCHING, i] != 0.0:
+                    if valve_replaced(w, i):
                         command = min(max(w[_COMMAND, i], 0.0), w[_SUPPLY, i])
-                        w[X + P, i] = _switching_step(w, i, p, command, e, h)
+                        w[X + P, i] = replacing_valve(w, i, p, command, e, h)
                     else:
                         w[X + P, i] = valve_step(w, i, p, w[_COMMAND, i], e, h)
                     w[_RISE, i] = (w[X + P, i] - p) / h
@@ -88,11 +93,12 @@ def _kernel() -> Any:
                     creep = w[X + CREEP, i]
                     w[X + PHI, i], w[X + OMEGA, i] = joint_step(w, i, phi, omega, middle, creep, e, h)
                     w[X + CREEP, i] = creep_step(w, i, middle, creep, h)
+                    angle_sensor(w, i, w[X + PHI, i], h)
                     w[_ACCELERATION, i] += 0.5 * ((w[X + OMEGA, i] - omega) / h - w[_ACCELERATION, i])
                 clock += h
             for i in range(joints):
                 out[k, P, i] = read_pressure(w, i, w[X + P, i])
-                out[k, PHI, i] = read_angle(w, i, w[X + PHI, i], dt)
+                out[k, PHI, i] = read_angle(w, i, w[X + PHI, i])
                 out[k, OMEGA, i] = w[X + OMEGA, i]
                 out[k, CREEP, i] = w[X + CREEP, i]
         for row in range(_ALL):
@@ -100,7 +106,7 @@ def _kernel() -> Any:
                 work[row, i] = w[row, i]
         return head, clock
 
-    return njit(cache=True, fastmath={"contract", "nnan", "nsz"}, error_model="numpy")(advance)
+    return njit(cache=True, fastmath=FAST, error_model="numpy")(advance)
 
 
 _advance = _kernel()
@@ -121,9 +127,8 @@ class ClosedChain:
         self._work[: len(JOINT_PARAMETERS), :joints] = parameters
         self._work[: len(JOINT_PARAMETERS), joints:] = parameters[:, -1:]
         self._work[X : X + STATES, :joints] = state
-        for effect in CATALOGUE:
-            for row, kind in effect.starts:
-                self._work[row, :joints] = state[PHI] if kind == "angle" else state[P]
+        for row, kind in STARTS:
+            self._work[row, :joints] = state[PHI] if kind == "angle" else state[P]
         before = np.maximum(np.arange(joints) - 1, 0)
         self._partner = np.asarray(partner, dtype=np.int64)
         self._neighbour = np.where(self._partner >= 0, self._partner, before)
@@ -159,6 +164,4 @@ class ClosedChain:
 
 def has_effects(parameters: Array) -> bool:
     """Whether any parameter (rows, joints) of an effect is switched on."""
-    rows = range(len(PLANT_PARAMETERS), len(JOINT_PARAMETERS))
-    neutral = [(row, JOINT_PARAMETERS[row]) for row in rows if JOINT_PARAMETERS[row].typical > 0.0]
-    return any(np.any(parameters[row] != (one.neutral or 0.0) * one.scale) for row, one in neutral)
+    return bool(active_effects(parameters))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_model.arrays import Array
-from hand_model.parameters import JOINT_PARAMETERS, ROW, STEP_S
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STEP_S
 from hand_model.sensor_description import SensorSet, read_adc, read_names, read_sensors
 from hand_model.yaml_reader import DescriptionError, Section, read_yaml
 

@@ -33,8 +33,8 @@ from numpy.typing import NDArray
 from hand_model.joint import one_sided
 from hand_model.lanes import HALF, LANES
 from hand_model.material import creep_rate
-from hand_model.plant_parameters import PLANT_PARAMETERS, STEP_S
-from hand_model.plant_parameters import PLANT_ROW as ROW
+from hand_model.kernel.plant_rows import PLANT_PARAMETERS, STEP_S
+from hand_model.kernel.plant_rows import PLANT_ROW as ROW
 from hand_model.stack_rows import stack_doubles
 from hand_model.statics import torque
 
@@ -222,8 +222,8 @@ _BLOCK_SIGNATURE = "int64(f8[:,::1], f8[:,::1], f8[:,::1], int64, f8[:,::1], int
 
 def _equations() -> str:
     """Numba's cache looks at changes of one file alone; this key makes it look at every equation."""
-    names = ("joint", "lanes", "material", "plant_parameters", "stack_rows", "statics")
-    sources = [Path(__file__).with_name(f"{name}.py").read_bytes() for name in names]
+    names = ("joint", "lanes", "material", "kernel/plant_rows", "stack_rows", "statics")
+    sources = [(Path(__file__).parent / f"{name}.py").read_bytes() for name in names]
     return hashlib.sha256(b"".join(sources)).hexdigest()
 
 

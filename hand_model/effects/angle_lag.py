@@ -1,33 +1,47 @@
-"""The angle reading is late."""
+"""The angle reading lags behind the joint."""
 
 from __future__ import annotations
 
-from hand_model.effects.effect import Effect, declare, followed_twice, inline, remember
-from hand_model.plant_parameters import Parameter
-
-TAU, SECOND = declare(
-    Parameter("angle_lag.time_constant_s", 0.0, 0.5, "of the filters together", 1.0, 0.0, 0.01),
-    Parameter("angle_lag.second", 0.0, 0.5, "share of a second filter in it", 1.0, 0.0, 0.1),
-)
-ROWS = (remember(), remember(), remember())
+from hand_model.effects.effect import Effect
+from hand_model.effects.operators import lagged_twice, two_lag_constants
+from hand_model.kernel.inline import inline
+from hand_model.kernel.plant_rows import Parameter
 
 
 @inline
-def angle_reading(w, i, phi, h):  # type: ignore[no-untyped-def]
-    """One first-order filter or two; their memory begins at the first angle (chain.py)."""
-    return followed_twice(w, i, ROWS, phi, w[TAU, i], w[SECOND, i], h)
+def prepare(q, h):  # type: ignore[no-untyped-def]
+    """Constants of both filters."""
+    tau, second = q
+    return two_lag_constants(tau, second, h)
+
+
+@inline
+def angle_sensor(q, m, phi, h):  # type: ignore[no-untyped-def]
+    """One first-order filter, or two in series."""
+    return lagged_twice(m, phi, (q[2], q[3], q[4], q[5]))
+
+
+@inline
+def angle_reading(q, m, phi):  # type: ignore[no-untyped-def]
+    """Output of the filters."""
+    return m[2]
 
 
 EFFECT = Effect(
-    "angle_lag",
-    "angle_sensor",
-    ("angle_lag.time_constant_s", "angle_lag.second"),
-    ((0.01, 0.25), (0.04, 0.25)),
-    "the {angle} reading lags by {time_constant_s}",
-    ("steps", "multisine"),
-    "Low-pass filter between the joint and its reading, of first or second order.",
-    "first-order filters in series",
-    {"angle_reading": angle_reading},
-    starts=tuple((row, "angle") for row in ROWS),
+    name="angle_lag",
+    place="angle_sensor",
+    parameters=(
+        Parameter("angle_lag.time_constant_s", 0.0, 0.5, "of the filters together", 1.0, 0.0, 0.01),
+        Parameter("angle_lag.second", 0.0, 0.5, "share of a second filter in it", 1.0, 0.0, 0.1),
+    ),
+    prepared=("kept_1", "slowness_1", "kept_2", "slowness_2"),
+    memory={"input": "angle", "first": "angle", "output": "angle"},
+    hooks={"prepare": prepare, "angle_sensor": angle_sensor, "angle_reading": angle_reading},
+    keys=("angle_lag.time_constant_s", "angle_lag.second"),
+    probes=((0.01, 0.25), (0.04, 0.25)),
     shape=("angle_lag.second",),
+    says="the {angle} reading lags by {time_constant_s}",
+    experiments=("steps", "multisine"),
+    doc="Low-pass filter between the joint and its reading, of first or second order.",
+    source="first-order filters in series",
 )

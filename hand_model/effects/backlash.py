@@ -2,40 +2,57 @@
 
 from __future__ import annotations
 
-from hand_model.effects.effect import Effect, declare, followed, inline, remember
-from hand_model.plant_parameters import DEGREE, Parameter
+from hand_model.effects.effect import Effect
+from hand_model.effects.operators import lag_constants, lagged
+from hand_model.kernel.inline import inline
+from hand_model.kernel.plant_rows import DEGREE, Parameter
 
-GAP, LAG = declare(
-    Parameter("backlash.gap_deg", 0.0, 30.0, "whole gap", DEGREE, 0.0, 1.0),
-    Parameter("backlash.contact_time_s", 0.0, 0.1, "in which the driven side follows at the gap's end", 1.0, 0.0, 2e-3),
-)
-PLAY, BEFORE = remember(), remember()
+
+@inline
+def prepare(q, h):  # type: ignore[no-untyped-def]
+    """Half of the gap, and constants of the contact at its ends."""
+    gap, contact_time = q
+    kept, slowness = lag_constants(contact_time, h)
+    return 0.5 * gap, kept, slowness
 
 
 @inline
 def _pushed(link, phi, half):  # type: ignore[no-untyped-def]
+    """Angle of the driven side, pushed by the driving side at phi wherever the gap has closed."""
     return min(max(link, phi - half), phi + half)
 
 
 @inline
-def angle_reading(w, i, phi, h):  # type: ignore[no-untyped-def]
-    """Play operator between the actuator's angle and the measured one; at its ends a soft contact."""
-    half, link = 0.5 * w[GAP, i], w[PLAY, i]
-    w[PLAY, i] = followed(link, _pushed(link, w[BEFORE, i], half), _pushed(link, phi, half), w[LAG, i], h)
-    w[BEFORE, i] = phi
-    return w[PLAY, i]
+def angle_sensor(q, m, phi, h):  # type: ignore[no-untyped-def]
+    """Play operator between the angle of the actuator and the measured one; at its ends a soft contact."""
+    half, kept, slowness = q[2], q[3], q[4]
+    link, before = m
+    return lagged(link, _pushed(link, before, half), _pushed(link, phi, half), kept, slowness), phi
+
+
+@inline
+def angle_reading(q, m, phi):  # type: ignore[no-untyped-def]
+    """Angle of the driven side, where the sensor sits."""
+    return m[0]
 
 
 EFFECT = Effect(
-    "backlash",
-    "joint",
-    ("backlash.gap_deg", "backlash.contact_time_s"),
-    ((0.6, 0.0), (2.5, 0.0)),
-    "there is a backlash of {gap_deg} between actuator and sensor",
-    ("slow_triangle", "reversals"),
-    "Play: after each reversal the reading stands still until the gap is crossed.",
-    "play operator and damped contact, Nordin and Gutman, Automatica 38(10), 2002",
-    {"angle_reading": angle_reading},
-    starts=((PLAY, "angle"), (BEFORE, "angle")),
+    name="backlash",
+    place="joint",
+    parameters=(
+        Parameter("backlash.gap_deg", 0.0, 30.0, "whole gap", DEGREE, 0.0, 1.0),
+        Parameter(
+            "backlash.contact_time_s", 0.0, 0.1, "in which the driven side follows at the gap's end", 1.0, 0.0, 2e-3
+        ),
+    ),
+    prepared=("half", "kept", "slowness"),
+    memory={"driven": "angle", "driving": "angle"},
+    hooks={"prepare": prepare, "angle_sensor": angle_sensor, "angle_reading": angle_reading},
+    keys=("backlash.gap_deg", "backlash.contact_time_s"),
+    probes=((0.6, 0.0), (2.5, 0.0)),
     shape=("backlash.contact_time_s",),
+    says="there is a backlash of {gap_deg} between actuator and sensor",
+    experiments=("slow_triangle", "reversals"),
+    doc="Play: after each reversal the reading stands still until the gap is crossed.",
+    source="play operator and damped contact, Nordin and Gutman, Automatica 38(10), 2002",
 )

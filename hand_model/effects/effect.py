@@ -1,185 +1,245 @@
-"""What an effect of the catalogue is: parameters, equations hooked into the chain, how to try it, how to say it.
+"""What an effect of the catalogue is: its parameters and memory, its equations at the hooks, how to try and state it.
 
-An effect is one file of this package. Its equations are functions of scalars, compiled into the chain (chain.py) at
-the hook they name; its parameters are rows of the parameter array whose neutral value switches it off. An effect
-that is a wrong number of the plain plant rather than a new term names that number among its keys instead.
+An effect is one file of this package. Each of its own parameters has a neutral value that switches it off. An effect
+that is a wrong number of the plain plant, and no further term, names that number among its keys and has no hooks.
 
-Hooks. w: parameters and, from row MEMORY_ROW on, memory, (rows, lanes); i: the lane; e: what is measured around the
-joint, a tuple; h: step [s].
+Equations are pure functions of scalars. They know neither rows nor lanes; kernel/hooks.py calls them with
 
-    set_point(w, i, u, p, e, h) -> u        [Pa], in the order of the files
-    valve_error(w, i, error) -> error          [Pa], set-point minus pressure as the valve feels it
-    pressure_rate(w, i, rate, p, u, e)      [Pa/s]
-    pressure_reading(w, i, p) -> reading       [Pa]; pressure_true is its inverse
-    actuator_pressure(w, i, p, h) -> p         [Pa], at the actuator, from that at the sensor
-    torque(w, i, phi, omega, p, e)          -> torque [N m] added, stiffness -d torque / d phi [N m/rad]
-    damping(w, i, omega) -> d                  [N m s/rad] added
-    dry(w, i, omega, p) -> torque              [N m], magnitude of dry friction added
-    moved(w, i, before, after, h) -> 0.0       keep memory of a motion from one angle to another [rad]
-    angle_reading(w, i, phi, h) -> reading     [rad]
-    force_reading(w, i, force, h) -> reading   [N]
+    q    tuple: own parameters in their order, then the numbers read, then the prepared constants; all in SI
+    m    tuple of the effect's memory in its order; only where the effect declares memory
+    h    step [s] since the last call;  e: what surrounds the joint, a tuple with the columns named below
+
+    hook                  arguments                              returns
+    prepare               q, h                                   the prepared constants, a tuple; once per call
+    set_point             q, [m,] u, p, e, h                     u [Pa]; with memory (u, m)
+    valve_error           q, error                               set-point minus pressure as the valve reacts to it [Pa]
+    pressure_rate         q, rate, p, u, e                       rate [Pa/s]
+    pressure_reading      q, p                                   reading [Pa]
+    pressure_true         q, reading                             p [Pa]; the inverse of pressure_reading
+    actuator_pressure     q, [m,] p, h                           p at the actuator [Pa]; with memory (p, m)
+    torque                q, [m,] phi, omega, p, creep_angle, e  torque added [N m], -d torque / d phi [N m/rad]
+    damping               q, omega                               damping added [N m s/rad]
+    dry                   q, [m,] omega, p                       magnitude of dry friction added [N m]
+    moved                 q, m, before, after, h                 m after a motion between two angles [rad]
+    angle_sensor          q, m, phi, h                           m after a step that ended at phi [rad]
+    angle_reading         q, [m,] phi                            reading [rad]
+    force_sensor          q, m, force, h                         m after a sample with the force [N]
+    force_reading         q, [m,] force                          reading [N]
+    valve                 q, m, p, u, e, h                       p [Pa] after h, and m; it replaces the linear valve
+
+set_point, actuator_pressure, moved, angle_sensor and valve run once per integration step; force_sensor runs once per
+sample, after which h is the sample period. u lies within 0 and the supply pressure; rate lies within the limits of the
+valve; creep_angle is A phi_max of Eq. 11 [rad]. In the catalogue's order, the result of one effect is the input of the
+next at set_point, valve_error, pressure_rate, the readings and the sensors; torques, damping and dry friction add up.
+Everything that divides by a parameter or takes an exponential of parameters alone belongs to `prepare`.
+
+With neutral parameters, and memory as it starts, each equation returns its input unchanged to the last bit, or 0.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from string import Formatter
 from typing import Any
 
-from numba import njit
-
-from hand_model.plant_parameters import PLANT_PARAMETERS, Parameter
+from hand_model.kernel.plant_rows import PLANT_ROW, Parameter
 
 TIME, NEIGHBOUR, INFLOW, PARTNER, ANGLE, SPEED, ACCELERATION = range(7)
 """Columns of e: time [s]; angle of a neighbouring joint [rad]; sum of all pressure rises of the hand [Pa/s];
-acceleration of the coupled phalanx [rad/s^2]; the joint's measured angle [rad], speed and acceleration."""
+acceleration of the coupled phalanx [rad/s^2]; angle [rad], speed [rad/s] and acceleration [rad/s^2] of the joint."""
 EXOGENOUS = 7
+"""Number of columns of e."""
 ATMOSPHERE_PA = 101325.0
-TINY_S = 1e-9
-MEMORY_ROW = 128
-"""Row of the working array at which the memory of the effects begins; above the number of parameters."""
+
+PLACES = (
+    "supply",
+    "valve",
+    "fluid",
+    "material",
+    "joint",
+    "environment",
+    "angle_sensor",
+    "pressure_sensor",
+    "force_sensor",
+    "timing",
+)
+EXPERIMENTS = (
+    "staircase",
+    "slow_triangle",
+    "steps",
+    "multisine",
+    "chirp",
+    "hold",
+    "free_decay",
+    "closed_valve_push",
+    "reversals",
+    "taps",
+    "second_attitude",
+    "stops",
+    "neighbour_moves",
+)
+"""Excitations that an effect may name: those of `hand excite`, and three that a person does by hand."""
+HOOKS: dict[str, tuple[str, ...]] = {
+    "prepare": ("h",),
+    "set_point": ("u", "p", "e", "h"),
+    "valve_error": ("error",),
+    "pressure_rate": ("rate", "p", "u", "e"),
+    "pressure_reading": ("p",),
+    "pressure_true": ("reading",),
+    "actuator_pressure": ("p", "h"),
+    "torque": ("phi", "omega", "p", "creep_angle", "e"),
+    "damping": ("omega",),
+    "dry": ("omega", "p"),
+    "moved": ("before", "after", "h"),
+    "angle_sensor": ("phi", "h"),
+    "angle_reading": ("phi",),
+    "force_sensor": ("force", "h"),
+    "force_reading": ("force",),
+    "valve": ("p", "u", "e", "h"),
+}
+"""Arguments of every hook after q and m."""
+WITHOUT_MEMORY = frozenset(
+    ("prepare", "valve_error", "pressure_rate", "pressure_reading", "pressure_true", "damping"),
+)
+"""Hooks that never take m."""
+ONLY_WITH_MEMORY = frozenset(("moved", "angle_sensor", "force_sensor", "valve"))
+STARTS = (0.0, "angle", "pressure")
+"""What a memory may start at: 0, the first angle [rad], the first pressure [Pa]."""
+
+
+WORDS = ("angle", "pressure", "torque", "flexion")
+"""Words of a sentence that a report replaces by those of the machine at hand (quantities.py)."""
 
 
 class Times(float):
     """A probe that is a factor on the nominal value."""
 
 
-HOOKS = (
-    "set_point",
-    "valve_error",
-    "pressure_rate",
-    "pressure_reading",
-    "pressure_true",
-    "actuator_pressure",
-    "torque",
-    "damping",
-    "dry",
-    "moved",
-    "angle_reading",
-    "force_reading",
-)
-
-FAST = {"contract", "nnan", "nsz", "arcp"}
-"""What the chain's arithmetic may do: contract, ignore NaN and signed zeros, multiply by a reciprocal."""
-inline = njit(forceinline=True, fastmath=FAST, error_model="numpy")
-"""Equations of effects are compiled into the chain."""
-
-
-@inline
-def sine_cosine(x):  # type: ignore[no-untyped-def]
-    """Sine and cosine of |x| <= 2.5 rad to 1e-4, as polynomials that a compiler can vectorise."""
-    q = x * x
-    s = x * (1.0 - q / 6.0 * (1.0 - q / 20.0 * (1.0 - q / 42.0 * (1.0 - q / 72.0 * (1.0 - q / 110.0)))))
-    c = 1.0 - q / 2.0 * (1.0 - q / 12.0 * (1.0 - q / 30.0 * (1.0 - q / 56.0 * (1.0 - q / 90.0 * (1.0 - q / 132.0)))))
-    return s, c
-
-
-@inline
-def decay(x):  # type: ignore[no-untyped-def]
-    """exp(-x) for x >= 0 to 5e-6, so that a compiler can vectorise it: by the series of an eighth."""
-    y = 0.125 * x
-    root = 1.0 / (1.0 + y * (1.0 + y * (0.5 + y * (1.0 / 6.0 + y * (1.0 / 24.0 + y / 120.0)))))
-    square = root * root
-    return (square * square) * (square * square)
-
-
-@inline
-def followed(y, before, now, tau, h):  # type: ignore[no-untyped-def]
-    """A first-order lag after h [s] in which its input went straight from before to now; exact."""
-    behind = tau * (now - before) / h
-    return now - behind + (y - before + behind) * decay(h / (tau + TINY_S))
-
-
-@inline
-def followed_twice(w, i, rows, now, tau, share, h):  # type: ignore[no-untyped-def]
-    """Two lags in series, of which the second has a share of tau; rows: of the last input, of the first, of both."""
-    before, between, last = rows
-    second = share * tau
-    first = followed(w[between, i], w[before, i], now, tau - second, h)
-    w[last, i] = followed(w[last, i], w[between, i], first, second, h)
-    w[before, i], w[between, i] = now, first
-    return w[last, i]
-
-
-@inline
-def loop_growth(z, toward, sharp):  # type: ignore[no-untyped-def]
-    """Growth of a loop z (-1 ... 1) per motion over its scale: Dahl's, or Bouc and Wen's with a knee (sharp 1)."""
-    a = z * toward
-    forward = max(a, 0.0)
-    return 1.0 - (1.0 - sharp) * a - sharp * forward * forward
-
-
-@inline
-def loop_torque(z, omega, scale, sharp):  # type: ignore[no-untyped-def]
-    """Share of its height by which a loop pushes, and its stiffness [1/rad]."""
-    toward = min(max(omega * 1e6, -1.0), 1.0)
-    return -z, loop_growth(z, toward, sharp) / scale
-
-
-@inline
-def loop_moved(z, before, after, scale, sharp):  # type: ignore[no-untyped-def]
-    """A loop after a motion [rad], its growth taken implicitly (linearised)."""
-    way = abs(after - before) / scale
-    toward = 1.0 if after > before else -1.0
-    a = z * toward
-    slower = (1.0 - sharp) + 2.0 * sharp * max(a, 0.0)
-    return toward * min(a + way * loop_growth(z, toward, sharp) / (1.0 + way * slower), 1.0)
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Effect:
     """One entry of the catalogue.
 
-    keys: the parameters that a fit may move, own ones and numbers of the plain plant.
+    name: that of its file, and the group of its parameters.  place: one of PLACES.
+    parameters: its own, whose order is that of their rows.  reads: keys of the plain plant that its equations use.
+    prepared: names of the constants that the hook `prepare` returns.
+    memory: names, or names with what each starts at (STARTS); 0 where nothing is given.
+    hooks: its equations by the name of the hook.
+    keys: parameters that a fit may move, own ones and numbers of the plain plant.
     probes: starting points of a search, each a value per key in the key's unit, or Times(factor) of the nominal one.
-    spread: for a number of the plain plant, the standard deviation of its logarithm that the effect may bring; 0.7
-    where none is given. A parameter with a typical size is spread by that.
-    expected: where a thing is expected whose neutral place is out of reach, in the key's unit.
-    shape: keys that say where, when or in which form something acts, not how much; a smaller effect has the same.
-    says: a sentence with the keys' last parts in braces, in the unit of the key.
-    experiments: excitations that show it, the best first.  source: where the equations come from.
-    starts: memory rows that begin at the first "angle" or "pressure" instead of 0.
-    everywhere: whether it is one cause for the whole hand rather than for a joint.
+    spread: prior standard deviation of the logarithm of a key; where none is given, 0.7 for a number of the plain
+    plant, and the typical size for a parameter that has one.
+    expected: prior mean, in the key's unit, of a key whose neutral value is out of reach.
+    shape: keys that set where, when or in which form the effect acts and not its size.
+    says: a sentence in whose braces stand the last parts of keys, which a report replaces by number and unit, or WORDS.
+    experiments: excitations that show it, the best first.  doc: what it is.  source: where the equations come from.
+    everywhere: whether one cause acts on the whole hand and not on one joint.
+
+    Raises ValueError, one line with the effect's name, for anything that does not fit together.
     """
 
     name: str
     place: str
-    keys: tuple[str, ...]
-    probes: tuple[tuple[float, ...], ...]
     says: str
-    experiments: tuple[str, ...]
     doc: str
     source: str
-    hooks: dict[str, Callable[..., Any]] = field(default_factory=dict)
-    spread: dict[str, float] = field(default_factory=dict)
-    expected: dict[str, float] = field(default_factory=dict)
+    parameters: tuple[Parameter, ...] = ()
+    reads: tuple[str, ...] = ()
+    prepared: tuple[str, ...] = ()
+    memory: Mapping[str, float | str] | tuple[str, ...] = ()
+    hooks: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
+    keys: tuple[str, ...] = ()
+    probes: tuple[tuple[float, ...], ...] = ()
+    spread: Mapping[str, float] = field(default_factory=dict)
+    expected: Mapping[str, float] = field(default_factory=dict)
     shape: tuple[str, ...] = ()
-    starts: tuple[tuple[int, str], ...] = ()
+    experiments: tuple[str, ...] = ()
     everywhere: bool = False
 
+    def __post_init__(self) -> None:
+        """Refuse what does not fit together."""
+        if self.place not in PLACES:
+            raise self._error("place", self.place, PLACES)
+        for text in ("says", "doc", "source"):
+            if not getattr(self, text):
+                raise ValueError(f"effect {self.name}: {text} is empty")
+        for experiment in self.experiments:
+            if experiment not in EXPERIMENTS:
+                raise self._error("experiment", experiment, EXPERIMENTS)
+        self._check_parameters()
+        self._check_keys()
+        self._check_hooks()
 
-_parameters: list[Parameter] = []
-_memory = 0
+    @property
+    def starts(self) -> dict[str, float | str]:
+        """Names of the memory in order, with what each starts at."""
+        return dict(self.memory) if isinstance(self.memory, Mapping) else dict.fromkeys(self.memory, 0.0)
+
+    def _error(self, what: str, given: str, allowed: Iterable[str]) -> ValueError:
+        return ValueError(f"effect {self.name}: {what} is '{given}'; it must be one of {', '.join(allowed)}")
+
+    def _check_parameters(self) -> None:
+        for parameter in self.parameters:
+            if not parameter.key.startswith(f"{self.name}."):
+                raise ValueError(f"effect {self.name}: parameter '{parameter.key}' must be in the group '{self.name}'")
+            if parameter.neutral is None or not parameter.low <= parameter.neutral <= parameter.high:
+                allowed = f"{parameter.low:g} to {parameter.high:g}"
+                raise ValueError(
+                    f"effect {self.name}: neutral value of '{parameter.key}' is {parameter.neutral};"
+                    f" the allowed range is {allowed}"
+                )
+        for key in self.reads:
+            if key not in PLANT_ROW:
+                raise self._error("reads", key, PLANT_ROW)
+        for memory, start in self.starts.items():
+            if start not in STARTS:
+                raise self._error(f"start of memory '{memory}'", str(start), map(str, STARTS))
+
+    def _check_keys(self) -> None:
+        known = {*PLANT_ROW, *(parameter.key for parameter in self.parameters)}
+        for key in self.keys:
+            if key not in known:
+                raise self._error("key", key, sorted(known))
+        for what, keys in (("spread", self.spread), ("expected", self.expected), ("shape", self.shape)):
+            for key in keys:
+                if key not in self.keys:
+                    raise self._error(f"key of {what}", key, self.keys)
+        for probe in self.probes:
+            if len(probe) != len(self.keys):
+                raise ValueError(
+                    f"effect {self.name}: a probe has {len(probe)} values; it must have {len(self.keys)}, one per key"
+                )
+        last = [*(key.rpartition(".")[2] for key in self.keys), *WORDS]
+        for _, named, _, _ in Formatter().parse(self.says):
+            if named is not None and named not in last:
+                raise self._error("key in 'says'", named, last)
+
+    def _check_hooks(self) -> None:
+        for hook, function in self.hooks.items():
+            if hook not in HOOKS:
+                raise self._error("hook", hook, HOOKS)
+            if hook in ONLY_WITH_MEMORY and not self.memory:
+                raise ValueError(f"effect {self.name}: hook '{hook}' needs memory, but the effect declares none")
+            code = getattr(function, "py_func", function).__code__
+            given, wanted = code.co_varnames[: code.co_argcount], hook_arguments(hook, bool(self.memory))
+            if given != wanted:
+                raise self._error(f"arguments of '{hook}'", ", ".join(given), [", ".join(wanted)])
+        if bool(self.prepared) != ("prepare" in self.hooks):
+            raise ValueError(f"effect {self.name}: 'prepared' and the hook 'prepare' must be given together")
 
 
-def declare(*parameters: Parameter) -> tuple[int, ...]:
-    """Take up parameters of an effect; returns their rows."""
-    first = len(PLANT_PARAMETERS) + len(_parameters)
-    _parameters.extend(parameters)
-    return tuple(range(first, first + len(parameters)))
+def hook_arguments(hook: str, remembers: bool) -> tuple[str, ...]:
+    """Names of all arguments of a hook; remembers: whether the effect declares memory."""
+    return ("q", *(("m",) if remembers and hook not in WITHOUT_MEMORY else ()), *HOOKS[hook])
 
 
-def remember(rows: int = 1) -> int:
-    """Take up memory of an effect; returns its first row."""
-    global _memory  # noqa: PLW0603 - the one counter of the catalogue, counted once at import
-    _memory += rows
-    return MEMORY_ROW + _memory - rows
-
-
-CREPT = remember()
-"""Row in which the chain puts the angle to which the material has crept, A phi_max of Eq. 11 [rad], before torques."""
-
-
-def declared() -> tuple[tuple[Parameter, ...], int]:
-    """All parameters taken up, and the number of memory rows."""
-    return tuple(_parameters), _memory
+def assemble(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """The catalogue: effects whose names and parameter keys are unique. Raises ValueError for a second use of either."""
+    catalogue = tuple(effects)
+    names = [effect.name for effect in catalogue]
+    keys = [parameter.key for effect in catalogue for parameter in effect.parameters]
+    for what, values in (("effect", names), ("parameter", keys)):
+        twice = sorted({value for value in values if values.count(value) > 1})
+        if twice:
+            raise ValueError(f"the catalogue of effects has the {what} '{twice[0]}' more than once")
+    return catalogue

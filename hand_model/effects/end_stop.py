@@ -4,23 +4,21 @@ from __future__ import annotations
 
 from hand_model.effects.effect import Effect, Times
 
-_KEYS = ("end_stop.high_deg", "end_stop.low_deg", "end_stop.stiffness_nm_per_rad")
-
 EFFECT = Effect(
-    "end_stop",
-    "joint",
-    _KEYS,
-    (
+    name="end_stop",
+    place="joint",
+    keys=("end_stop.high_deg", "end_stop.low_deg", "end_stop.stiffness_nm_per_rad"),
+    probes=(
         (85.0, Times(1.0), 1.0),
         (70.0, Times(1.0), 1.0),
         (55.0, Times(1.0), 1.0),
         (Times(1.0), 0.0, 1.0),
         (Times(1.0), 10.0, 1.0),
     ),
-    "the end stops begin at {low_deg} and {high_deg} with a stiffness of {stiffness_nm_per_rad}",
-    ("staircase", "slow_triangle"),
-    "Range of motion of the joint, with an elastic stop at both ends.",
-    "one-sided spring and damper, Hunt and Crossley, J. Appl. Mech. 42, 1975",
     spread={"end_stop.stiffness_nm_per_rad": 1.5},
     shape=("end_stop.high_deg", "end_stop.low_deg"),
+    says="the end stops begin at {low_deg} and {high_deg} with a stiffness of {stiffness_nm_per_rad}",
+    experiments=("staircase", "slow_triangle"),
+    doc="Range of motion of the joint, with an elastic stop at both ends.",
+    source="one-sided spring and damper, Hunt and Crossley, J. Appl. Mech. 42, 1975",
 )

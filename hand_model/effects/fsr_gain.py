@@ -1,27 +1,28 @@
-"""The force sensor reads a share too much or too little."""
+"""The force sensor has a span error."""
 
 from __future__ import annotations
 
-from hand_model.effects.effect import Effect, declare, inline
-from hand_model.plant_parameters import Parameter
-
-(GAIN,) = declare(Parameter("fsr_gain.error", -0.9, 5.0, "relative error of the reading", 1.0, 0.0, 0.2))
+from hand_model.effects.effect import Effect
+from hand_model.kernel.inline import inline
+from hand_model.kernel.plant_rows import Parameter
 
 
 @inline
-def force_reading(w, i, force, h):  # type: ignore[no-untyped-def]
-    """What the sensor says of a true force."""
-    return force * (1.0 + w[GAIN, i])
+def force_reading(q, force):  # type: ignore[no-untyped-def]
+    """Reading of the true force."""
+    (error,) = q
+    return force * (1.0 + error)
 
 
 EFFECT = Effect(
-    "fsr_gain",
-    "force_sensor",
-    ("fsr_gain.error",),
-    ((0.3,), (-0.3,)),
-    "the force sensor reads {error} (relative) too much",
-    ("taps", "closed_valve_push"),
-    "Span error of a force sensing resistor.",
-    "Eq. 5, Martin et al. 2004",
-    {"force_reading": force_reading},
+    name="fsr_gain",
+    place="force_sensor",
+    parameters=(Parameter("fsr_gain.error", -0.9, 5.0, "relative error of the reading", 1.0, 0.0, 0.2),),
+    hooks={"force_reading": force_reading},
+    keys=("fsr_gain.error",),
+    probes=((0.3,), (-0.3,)),
+    says="the force sensor reads {error} (relative) too much",
+    experiments=("taps", "closed_valve_push"),
+    doc="Span error of a force sensing resistor.",
+    source="Eq. 5, Martin et al. 2004",
 )

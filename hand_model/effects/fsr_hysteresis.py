@@ -2,35 +2,47 @@
 
 from __future__ import annotations
 
-from hand_model.effects.effect import Effect, declare, inline, remember
-from hand_model.plant_parameters import Parameter
-
-SHARE, TURN = declare(
-    Parameter("fsr_hysteresis.share", 0.0, 0.9, "half the loop over the force", 1.0, 0.0, 0.1),
-    Parameter("fsr_hysteresis.turn_n", 0.02, 50.0, "change of force that turns the loop half around", 1.0, 0.5),
-)
-TURNED = remember()
-LAST = remember()
+from hand_model.effects.effect import Effect
+from hand_model.kernel.inline import inline
+from hand_model.kernel.plant_rows import Parameter
 
 
 @inline
-def force_reading(w, i, force, h):  # type: ignore[no-untyped-def]
-    """The reading stays behind by a share of the force; a stop operator says on which side."""
-    turned = w[TURNED, i] + (force - w[LAST, i]) / w[TURN, i]
-    w[TURNED, i], w[LAST, i] = min(max(turned, -1.0), 1.0), force
-    return force * (1.0 - w[SHARE, i] * w[TURNED, i])
+def prepare(q, h):  # type: ignore[no-untyped-def]
+    """Reciprocal of the change of force that turns the loop half around."""
+    share, turn = q
+    return (1.0 / turn,)
+
+
+@inline
+def force_sensor(q, m, force, h):  # type: ignore[no-untyped-def]
+    """Stop operator: the side of the loop, -1 ... 1, follows the change of the force."""
+    turned, last = m
+    return min(max(turned + (force - last) * q[2], -1.0), 1.0), force
+
+
+@inline
+def force_reading(q, m, force):  # type: ignore[no-untyped-def]
+    """The reading stays behind the force by a share of it, on the side of the loop."""
+    return force * (1.0 - q[0] * m[0])
 
 
 EFFECT = Effect(
-    "fsr_hysteresis",
-    "force_sensor",
-    ("fsr_hysteresis.share", "fsr_hysteresis.turn_n"),
-    ((0.1, 0.5), (0.3, 0.5), (0.1, 3.0)),
-    "the force reading has a loop of {share} of the force on either side, crossed within {turn_n}",
-    ("taps", "slow_triangle"),
-    "Loading and unloading curves of a force sensing resistor differ.",
-    "stop operator, Visintin, Differential Models of Hysteresis, 1994",
-    {"force_reading": force_reading},
-    {"fsr_hysteresis.turn_n": 1.5},
+    name="fsr_hysteresis",
+    place="force_sensor",
+    parameters=(
+        Parameter("fsr_hysteresis.share", 0.0, 0.9, "half the loop over the force", 1.0, 0.0, 0.1),
+        Parameter("fsr_hysteresis.turn_n", 0.02, 50.0, "change of force that turns the loop half around", 1.0, 0.5),
+    ),
+    prepared=("per_turn",),
+    memory=("side", "last"),
+    hooks={"prepare": prepare, "force_sensor": force_sensor, "force_reading": force_reading},
+    keys=("fsr_hysteresis.share", "fsr_hysteresis.turn_n"),
+    probes=((0.1, 0.5), (0.3, 0.5), (0.1, 3.0)),
+    spread={"fsr_hysteresis.turn_n": 1.5},
     shape=("fsr_hysteresis.turn_n",),
+    says="the force reading has a loop of {share} of the force on either side, crossed within {turn_n}",
+    experiments=("taps", "slow_triangle"),
+    doc="Loading and unloading curves of a force sensing resistor differ.",
+    source="stop operator, Visintin, Differential Models of Hysteresis, 1994",
 )

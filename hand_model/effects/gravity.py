@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
-from hand_model.effects.effect import Effect, declare, inline, sine_cosine
-from hand_model.plant_parameters import Parameter
-
-SINE, COSINE = declare(
-    Parameter("gravity.sine_nm", -5.0, 5.0, "torque against flexion at 90 degrees", 1.0, 0.0, 0.01),
-    Parameter("gravity.cosine_nm", -5.0, 5.0, "torque against flexion at 0 degrees", 1.0, 0.0, 0.01),
-)
+from hand_model.effects.effect import Effect
+from hand_model.effects.operators import sine_cosine
+from hand_model.kernel.inline import inline
+from hand_model.kernel.plant_rows import Parameter
 
 
 @inline
-def torque(w, i, phi, omega, p, e):  # type: ignore[no-untyped-def]
-    """m g l sin(phi + attitude) in two parts."""
+def torque(q, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
+    """-m g l sin(phi + attitude), in a part with the sine and one with the cosine of phi."""
+    sine, cosine = q
     s, c = sine_cosine(phi)
-    return -(w[SINE, i] * s + w[COSINE, i] * c), w[SINE, i] * c - w[COSINE, i] * s
+    return -(sine * s + cosine * c), sine * c - cosine * s
 
 
 EFFECT = Effect(
-    "gravity",
-    "joint",
-    ("gravity.sine_nm", "gravity.cosine_nm"),
-    ((0.01, 0.0), (-0.01, 0.0), (0.0, 0.01), (0.0, -0.01)),
-    "gravity acts with {sine_nm} times the sine and {cosine_nm} times the cosine of the {angle}",
-    ("staircase", "second_attitude"),
-    "Weight of the phalanx at a fixed attitude of the hand.",
-    "rigid pendulum",
-    {"torque": torque},
+    name="gravity",
+    place="joint",
+    parameters=(
+        Parameter("gravity.sine_nm", -5.0, 5.0, "torque against flexion at 90 degrees", 1.0, 0.0, 0.01),
+        Parameter("gravity.cosine_nm", -5.0, 5.0, "torque against flexion at 0 degrees", 1.0, 0.0, 0.01),
+    ),
+    hooks={"torque": torque},
+    keys=("gravity.sine_nm", "gravity.cosine_nm"),
+    probes=((0.01, 0.0), (-0.01, 0.0), (0.0, 0.01), (0.0, -0.01)),
+    says="gravity acts with {sine_nm} times the sine and {cosine_nm} times the cosine of the {angle}",
+    experiments=("staircase", "second_attitude"),
+    doc="Weight of the phalanx at a fixed attitude of the hand.",
+    source="rigid pendulum",
 )

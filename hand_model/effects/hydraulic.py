@@ -1,35 +1,40 @@
-"""A hydraulic fluid instead of air: volume is what the valve feeds, whatever the pressure, Eq. 7's second case.
+"""A hydraulic fluid instead of air: the valve feeds volume, whatever the pressure; second case of Eq. 7.
 
-It is no mismatch to be searched for but the choice `fluid: hydraulic` of the description.
+A search does not try it. The description chooses it with `fluid: hydraulic`.
 """
 
 from __future__ import annotations
 
-from hand_model.effects.effect import ANGLE, SPEED, Effect, declare, inline
-from hand_model.plant_parameters import PLANT_ROW, Parameter
-
-ON, GROWTH = declare(
-    Parameter("hydraulic.share", 0.0, 1.0, "1: an incompressible fluid, Eq. 7; set by `fluid`", 1.0, 0.0, 1.0),
-    Parameter("hydraulic.volume_m3_per_pa", 1e-14, 1e-9, "growth of the chamber with pressure", 1.0, 1.2e-12),
-)
-_A2, _A3 = PLANT_ROW["statics.a2_nm_per_pa"], PLANT_ROW["statics.a3_nm_per_pa_rad"]
+from hand_model.effects.effect import ANGLE, SPEED, Effect
+from hand_model.kernel.inline import inline
+from hand_model.kernel.plant_rows import Parameter
 
 
 @inline
-def pressure_rate(w, i, rate, p, u, e):  # type: ignore[no-untyped-def]
-    """Volume c_V p + (a2 + a3 phi / 2) phi changes by what is fed alone: motion moves the pressure at once."""
-    displaced = (w[_A2, i] + w[_A3, i] * e[ANGLE]) * e[SPEED]
-    return rate - w[ON, i] * displaced / w[GROWTH, i]
+def prepare(q, h):  # type: ignore[no-untyped-def]
+    """Pressure per displaced volume [Pa/m^3]."""
+    share, growth = q[0], q[1]
+    return (share / growth,)
+
+
+@inline
+def pressure_rate(q, rate, p, u, e):  # type: ignore[no-untyped-def]
+    """Only the valve changes the volume c_V p + (a2 + a3 phi / 2) phi: motion changes the pressure at once."""
+    a2, a3, per_volume = q[2], q[3], q[4]
+    return rate - per_volume * (a2 + a3 * e[ANGLE]) * e[SPEED]
 
 
 EFFECT = Effect(
-    "hydraulic",
-    "fluid",
-    (),
-    (),
-    "the fluid is a liquid",
-    (),
-    "Constant volume of an incompressible fluid in an elastic chamber.",
-    "Eq. 7, Martin et al. 2004, with the volume map tied to Eq. 6 by virtual work",
-    {"pressure_rate": pressure_rate},
+    name="hydraulic",
+    place="fluid",
+    parameters=(
+        Parameter("hydraulic.share", 0.0, 1.0, "1: an incompressible fluid, Eq. 7; set by `fluid`", 1.0, 0.0, 1.0),
+        Parameter("hydraulic.volume_m3_per_pa", 1e-14, 1e-9, "growth of the chamber with pressure", 1.0, 1.2e-12),
+    ),
+    reads=("statics.a2_nm_per_pa", "statics.a3_nm_per_pa_rad"),
+    prepared=("pa_per_m3",),
+    hooks={"prepare": prepare, "pressure_rate": pressure_rate},
+    says="the fluid is a liquid",
+    doc="Constant volume of an incompressible fluid in an elastic chamber.",
+    source="Eq. 7, Martin et al. 2004, with the volume map tied to Eq. 6 by virtual work",
 )

@@ -2,33 +2,34 @@
 
 from __future__ import annotations
 
-from hand_model.effects.effect import NEIGHBOUR, Effect, declare, inline
-from hand_model.plant_parameters import Parameter
-
-STIFFNESS, RATIO, SOFTENING = declare(
-    Parameter("joint_coupling.stiffness_nm_per_rad", -5.0, 5.0, "torque per angle of the neighbour", 1.0, 0.0, 0.01),
-    Parameter("joint_coupling.ratio", 0.0, 3.0, "of its own angle that relieves it", 1.0, 0.0, 0.3),
-    Parameter("joint_coupling.softening", -1.0, 1.0, "share of the pull lost at 1 rad", 1.0, 0.0, 0.1),
-)
+from hand_model.effects.effect import NEIGHBOUR, Effect
+from hand_model.kernel.inline import inline
+from hand_model.kernel.plant_rows import Parameter
 
 
 @inline
-def torque(w, i, phi, omega, p, e):  # type: ignore[no-untyped-def]
+def torque(q, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     """A spring from the neighbour to this joint, whose arm may change with the angle."""
-    x = e[NEIGHBOUR] - w[RATIO, i] * phi
-    square = w[SOFTENING, i] * x * x
-    return w[STIFFNESS, i] * (1.0 - square) * x, w[STIFFNESS, i] * w[RATIO, i] * (1.0 - 3.0 * square)
+    stiffness, ratio, softening = q
+    x = e[NEIGHBOUR] - ratio * phi
+    square = softening * x * x
+    return stiffness * (1.0 - square) * x, stiffness * ratio * (1.0 - 3.0 * square)
 
 
 EFFECT = Effect(
-    "joint_coupling",
-    "joint",
-    ("joint_coupling.stiffness_nm_per_rad", "joint_coupling.ratio", "joint_coupling.softening"),
-    ((0.01, 0.0, 0.0), (-0.01, 0.0, 0.0)),
-    "a neighbouring joint pulls with a stiffness of {stiffness_nm_per_rad}",
-    ("neighbour_moves",),
-    "Skin, tubes or tendons that span two joints.",
-    "spring between two joints, the next term of its arm's series",
-    {"torque": torque},
+    name="joint_coupling",
+    place="joint",
+    parameters=(
+        Parameter("joint_coupling.stiffness_nm_per_rad", -5.0, 5.0, "torque per angle of the neighbour", 1.0, 0.0, 0.01),
+        Parameter("joint_coupling.ratio", 0.0, 3.0, "of its own angle that relieves it", 1.0, 0.0, 0.3),
+        Parameter("joint_coupling.softening", -1.0, 1.0, "share of the pull lost at 1 rad", 1.0, 0.0, 0.1),
+    ),
+    hooks={"torque": torque},
+    keys=("joint_coupling.stiffness_nm_per_rad", "joint_coupling.ratio", "joint_coupling.softening"),
+    probes=((0.01, 0.0, 0.0), (-0.01, 0.0, 0.0)),
     shape=("joint_coupling.ratio", "joint_coupling.softening"),
+    says="a neighbouring joint pulls with a stiffness of {stiffness_nm_per_rad}",
+    experiments=("neighbour_moves",),
+    doc="Skin, tubes or tendons that span two joints.",
+    source="spring between two joints, the next term of its arm's series",
 )

@@ -1,33 +1,41 @@
-"""The pressure sensor reads a share too much or too little."""
+"""The pressure sensor has a span error."""
 
 from __future__ import annotations
 
-from hand_model.effects.effect import Effect, declare, inline
-from hand_model.plant_parameters import Parameter
-
-(GAIN,) = declare(Parameter("pressure_gain.error", -0.5, 0.5, "relative error of the span", 1.0, 0.0, 0.005))
-
-
-@inline
-def pressure_reading(w, i, p):  # type: ignore[no-untyped-def]
-    """What the sensor says of a true pressure."""
-    return p * (1.0 + w[GAIN, i])
+from hand_model.effects.effect import Effect
+from hand_model.kernel.inline import inline
+from hand_model.kernel.plant_rows import Parameter
 
 
 @inline
-def pressure_true(w, i, reading):  # type: ignore[no-untyped-def]
+def prepare(q, h):  # type: ignore[no-untyped-def]
+    """True pressure per reading."""
+    (error,) = q
+    return (1.0 / (1.0 + error),)
+
+
+@inline
+def pressure_reading(q, p):  # type: ignore[no-untyped-def]
+    """Reading of the true pressure p."""
+    return p * (1.0 + q[0])
+
+
+@inline
+def pressure_true(q, reading):  # type: ignore[no-untyped-def]
     """The true pressure behind a reading."""
-    return reading / (1.0 + w[GAIN, i])
+    return reading * q[1]
 
 
 EFFECT = Effect(
-    "pressure_gain",
-    "pressure_sensor",
-    ("pressure_gain.error",),
-    ((0.04,), (-0.04,)),
-    "the {pressure} sensor reads {error} (relative) too much",
-    ("staircase",),
-    "Span error of a piezoresistive sensor.",
-    "IEC 61298-2, span error",
-    {"pressure_reading": pressure_reading, "pressure_true": pressure_true},
+    name="pressure_gain",
+    place="pressure_sensor",
+    parameters=(Parameter("pressure_gain.error", -0.5, 0.5, "relative error of the span", 1.0, 0.0, 0.005),),
+    prepared=("per_span",),
+    hooks={"prepare": prepare, "pressure_reading": pressure_reading, "pressure_true": pressure_true},
+    keys=("pressure_gain.error",),
+    probes=((0.04,), (-0.04,)),
+    says="the {pressure} sensor reads {error} (relative) too much",
+    experiments=("staircase",),
+    doc="Span error of a piezoresistive sensor.",
+    source="IEC 61298-2, span error",
 )

@@ -1,33 +1,35 @@
-"""The pressure sensor reads a constant too much or too little."""
+"""The pressure sensor has a zero error."""
 
 from __future__ import annotations
 
-from hand_model.effects.effect import Effect, declare, inline
-from hand_model.plant_parameters import Parameter
-
-(OFFSET,) = declare(Parameter("pressure_offset.offset_pa", -2e5, 2e5, "read minus true pressure", 1.0, 0.0, 5e3))
-
-
-@inline
-def pressure_reading(w, i, p):  # type: ignore[no-untyped-def]
-    """What the sensor says of a true pressure."""
-    return p + w[OFFSET, i]
+from hand_model.effects.effect import Effect
+from hand_model.kernel.inline import inline
+from hand_model.kernel.plant_rows import Parameter
 
 
 @inline
-def pressure_true(w, i, reading):  # type: ignore[no-untyped-def]
+def pressure_reading(q, p):  # type: ignore[no-untyped-def]
+    """Reading of the true pressure p."""
+    (offset,) = q
+    return p + offset
+
+
+@inline
+def pressure_true(q, reading):  # type: ignore[no-untyped-def]
     """The true pressure behind a reading."""
-    return reading - w[OFFSET, i]
+    (offset,) = q
+    return reading - offset
 
 
 EFFECT = Effect(
-    "pressure_offset",
-    "pressure_sensor",
-    ("pressure_offset.offset_pa",),
-    ((5e3,), (-5e3,)),
-    "the {pressure} sensor reads {offset_pa} too much",
-    ("staircase", "hold"),
-    "Zero error of a piezoresistive sensor.",
-    "IEC 61298-2, zero error",
-    {"pressure_reading": pressure_reading, "pressure_true": pressure_true},
+    name="pressure_offset",
+    place="pressure_sensor",
+    parameters=(Parameter("pressure_offset.offset_pa", -2e5, 2e5, "reading minus true pressure", 1.0, 0.0, 5e3),),
+    hooks={"pressure_reading": pressure_reading, "pressure_true": pressure_true},
+    keys=("pressure_offset.offset_pa",),
+    probes=((5e3,), (-5e3,)),
+    says="the {pressure} sensor reads {offset_pa} too much",
+    experiments=("staircase", "hold"),
+    doc="Zero error of a piezoresistive sensor.",
+    source="IEC 61298-2, zero error",
 )

@@ -2,43 +2,53 @@
 
 from __future__ import annotations
 
-from hand_model.effects.effect import CREPT, Effect, declare, inline, remember
-from hand_model.plant_parameters import PLANT_ROW, Parameter
-
-SHIFT, SOFTENING, TAU = declare(
-    Parameter("thermal_drift.torque_nm", -1.0, 1.0, "torque gained once warm", 1.0, 0.0, 0.01),
-    Parameter("thermal_drift.softening", -1.0, 1.0, "share of the elasticity lost once warm", 1.0, 0.0, 0.1),
-    Parameter("thermal_drift.time_constant_s", 5.0, 1e4, "of the warming", 1.0, 100.0),
-)
-_A1 = PLANT_ROW["statics.a1_nm_per_rad"]
-WARMTH = remember()
+from hand_model.effects.effect import Effect
+from hand_model.kernel.inline import inline
+from hand_model.kernel.plant_rows import Parameter
 
 
 @inline
-def torque(w, i, phi, omega, p, e):  # type: ignore[no-untyped-def]
-    """A rest torque and an elasticity that follow the warmth."""
-    elastic = w[SOFTENING, i] * w[WARMTH, i] * w[_A1, i]
-    return w[SHIFT, i] * w[WARMTH, i] - elastic * (phi - w[CREPT, i]), elastic
+def prepare(q, h):  # type: ignore[no-untyped-def]
+    """Share of the remaining warming that happens within a step; midpoint rule."""
+    tau = q[2]
+    return (h / (tau + 0.5 * h),)
 
 
 @inline
-def moved(w, i, before, after, h):  # type: ignore[no-untyped-def]
-    """Warmth goes from 0 to 1."""
-    w[WARMTH, i] += (1.0 - w[WARMTH, i]) * (h / (w[TAU, i] + 0.5 * h))
-    return 0.0
+def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
+    """A rest torque and a loss of elasticity in proportion to the warmth."""
+    shift, softening, a1 = q[0], q[1], q[3]
+    (warmth,) = m
+    elastic = softening * warmth * a1
+    return shift * warmth - elastic * (phi - creep_angle), elastic
+
+
+@inline
+def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
+    """Warmth goes from 0 to 1 as a first-order lag."""
+    (warmth,) = m
+    return (warmth + (1.0 - warmth) * q[4],)
 
 
 EFFECT = Effect(
-    "thermal_drift",
-    "material",
-    ("thermal_drift.torque_nm", "thermal_drift.softening", "thermal_drift.time_constant_s"),
-    ((0.01, 0.0, 20.0), (-0.01, 0.0, 20.0), (0.0, 0.1, 20.0), (0.01, 0.0, 150.0), (0.0, -0.1, 60.0)),
-    "warming shifts the {torque} at rest by {torque_nm} and reduces the stiffness by {softening} (relative), with a"
-    " time constant of {time_constant_s}",
-    ("hold", "staircase"),
-    "First-order warming that shifts the static map.",
-    "lumped thermal model of one capacity",
-    {"torque": torque, "moved": moved},
-    {"thermal_drift.time_constant_s": 1.0},
+    name="thermal_drift",
+    place="material",
+    parameters=(
+        Parameter("thermal_drift.torque_nm", -1.0, 1.0, "torque gained once warm", 1.0, 0.0, 0.01),
+        Parameter("thermal_drift.softening", -1.0, 1.0, "share of the elasticity lost once warm", 1.0, 0.0, 0.1),
+        Parameter("thermal_drift.time_constant_s", 5.0, 1e4, "of the warming", 1.0, 100.0),
+    ),
+    reads=("statics.a1_nm_per_rad",),
+    prepared=("approach",),
+    memory=("warmth",),
+    hooks={"prepare": prepare, "torque": torque, "moved": moved},
+    keys=("thermal_drift.torque_nm", "thermal_drift.softening", "thermal_drift.time_constant_s"),
+    probes=((0.01, 0.0, 20.0), (-0.01, 0.0, 20.0), (0.0, 0.1, 20.0), (0.01, 0.0, 150.0), (0.0, -0.1, 60.0)),
+    spread={"thermal_drift.time_constant_s": 1.0},
     shape=("thermal_drift.time_constant_s",),
+    says="warming shifts the {torque} at rest by {torque_nm} and reduces the stiffness by {softening}"
+    " (relative), with a time constant of {time_constant_s}",
+    experiments=("hold", "staircase"),
+    doc="First-order warming that shifts the static map.",
+    source="lumped thermal model of one capacity",
 )

@@ -4,33 +4,36 @@ from __future__ import annotations
 
 import math
 
-from hand_model.effects.effect import Effect, declare, inline
-from hand_model.plant_parameters import Parameter
+from hand_model.effects.effect import Effect
+from hand_model.kernel.inline import inline
+from hand_model.kernel.plant_rows import Parameter
 
-WIDTH, SOFTNESS = declare(
-    Parameter("valve_deadband.width_pa", 0.0, 2e5, "error that opens nothing", 1.0, 0.0, 5e3),
-    Parameter("valve_deadband.softness", 0.0, 1.0, "0 a sharp edge, 1 a gradual opening", 1.0, 0.0, 0.17),
-)
+LEAST_PA = 1e-3
+"""Keeps the root of the gradual edge away from 0."""
 
 
 @inline
-def valve_error(w, i, error):  # type: ignore[no-untyped-def]
-    """The valve feels the part of the error beyond the dead band, from a sharp edge or gradually."""
-    width, soft = w[WIDTH, i], w[SOFTNESS, i]
+def valve_error(q, error):  # type: ignore[no-untyped-def]
+    """The valve reacts to the part of the error beyond the dead band, with a sharp edge or a gradual one."""
+    width, soft = q
     sharp = min(max(error, -width), width)
-    gradual = width * error / math.sqrt(width * width + error * error + 1e-6)
+    gradual = width * error / math.sqrt(width * width + error * error + LEAST_PA * LEAST_PA)
     return error - sharp - soft * (gradual - sharp)
 
 
 EFFECT = Effect(
-    "valve_deadband",
-    "valve",
-    ("valve_deadband.width_pa", "valve_deadband.softness"),
-    ((3e3, 0.0), (1.5e4, 0.0), (3e3, 1.0), (1.5e4, 1.0)),
-    "the valve does not react to pressure errors below {width_pa} (softness of the edge {softness})",
-    ("slow_triangle", "staircase"),
-    "Overlap of a spool or a regulator's tolerance: little or no flow while the error is small.",
-    "ISO 6358 valves with overlap, Beater, Pneumatic Drives, 2007",
-    {"valve_error": valve_error},
+    name="valve_deadband",
+    place="valve",
+    parameters=(
+        Parameter("valve_deadband.width_pa", 0.0, 2e5, "error that opens nothing", 1.0, 0.0, 5e3),
+        Parameter("valve_deadband.softness", 0.0, 1.0, "0 a sharp edge, 1 a gradual opening", 1.0, 0.0, 0.17),
+    ),
+    hooks={"valve_error": valve_error},
+    keys=("valve_deadband.width_pa", "valve_deadband.softness"),
+    probes=((3e3, 0.0), (1.5e4, 0.0), (3e3, 1.0), (1.5e4, 1.0)),
     shape=("valve_deadband.softness",),
+    says="the valve does not react to pressure errors below {width_pa} (softness of the edge {softness})",
+    experiments=("slow_triangle", "staircase"),
+    doc="Overlap of a spool or a regulator's tolerance: little or no flow while the error is small.",
+    source="ISO 6358 valves with overlap, Beater, Pneumatic Drives, 2007",
 )

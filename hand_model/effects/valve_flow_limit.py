@@ -1,36 +1,47 @@
-"""The valve passes only so much: filling and venting have their own limits, choked or not."""
+"""The flow through the valve is limited: filling and venting have their own limits, choked or not."""
 
 from __future__ import annotations
 
-from hand_model.effects.effect import ATMOSPHERE_PA, Effect, Times, declare, inline
-from hand_model.plant_parameters import PLANT_ROW, Parameter
+from hand_model.effects.effect import ATMOSPHERE_PA, Effect, Times
+from hand_model.kernel.inline import inline, inlined
+from hand_model.kernel.plant_rows import Parameter
 from hand_model.pressure_loop import subsonic
 
-(CHOKING,) = declare(
-    Parameter("valve_flow_limit.choking", 0.0, 1.0, "0 a constant limit, 1 a choked one", 1.0, 0.0, 0.17)
-)
-_SUPPLY = PLANT_ROW["supply.pressure_pa"]
-_FILL = PLANT_ROW["valve.fill_rate_pa_per_s"]
-_VENT = PLANT_ROW["valve.vent_rate_pa_per_s"]
+_subsonic = inlined(subsonic)
 CRITICAL = 0.3
 """Critical pressure ratio of a small valve."""
 _PER_SPAN = 1.0 / (1.0 - CRITICAL)
 
 
 @inline
-def pressure_rate(w, i, rate, p, u, e):  # type: ignore[no-untyped-def]
+def prepare(q, h):  # type: ignore[no-untyped-def]
+    """Reciprocal of the absolute supply pressure."""
+    return (1.0 / (q[3] + ATMOSPHERE_PA),)
+
+
+@inline
+def pressure_rate(q, rate, p, u, e):  # type: ignore[no-untyped-def]
     """Limits that follow the pressures on both sides of the valve."""
-    full, here, c = w[_SUPPLY, i] + ATMOSPHERE_PA, p + ATMOSPHERE_PA, w[CHOKING, i]
-    fill = w[_FILL, i] * (1.0 - c + c * subsonic(here / full, CRITICAL, _PER_SPAN))
-    vent = w[_VENT, i] * (1.0 - c + c * subsonic(ATMOSPHERE_PA / max(here, 1.0), CRITICAL, _PER_SPAN) * here / full)
+    choking, fill_rate, vent_rate, _, per_full = q
+    here = p + ATMOSPHERE_PA
+    filling = _subsonic(here * per_full, CRITICAL, _PER_SPAN)
+    venting = _subsonic(ATMOSPHERE_PA / max(here, 1.0), CRITICAL, _PER_SPAN) * here * per_full
+    fill = fill_rate * (1.0 - choking + choking * filling)
+    vent = vent_rate * (1.0 - choking + choking * venting)
     return min(max(rate, -vent), fill)
 
 
 EFFECT = Effect(
-    "valve_flow_limit",
-    "valve",
-    ("valve.fill_rate_pa_per_s", "valve.vent_rate_pa_per_s", "valve_flow_limit.choking"),
-    (
+    name="valve_flow_limit",
+    place="valve",
+    parameters=(
+        Parameter("valve_flow_limit.choking", 0.0, 1.0, "0 a constant limit, 1 a choked one", 1.0, 0.0, 0.17),
+    ),
+    reads=("valve.fill_rate_pa_per_s", "valve.vent_rate_pa_per_s", "supply.pressure_pa"),
+    prepared=("per_full",),
+    hooks={"prepare": prepare, "pressure_rate": pressure_rate},
+    keys=("valve.fill_rate_pa_per_s", "valve.vent_rate_pa_per_s", "valve_flow_limit.choking"),
+    probes=(
         (Times(0.1), Times(0.1), 0.0),
         (Times(0.1), Times(0.4), 0.0),
         (Times(0.4), Times(0.1), 0.0),
@@ -38,11 +49,10 @@ EFFECT = Effect(
         (Times(0.04), Times(0.04), 0.0),
         (Times(0.06), Times(0.06), 1.0),
     ),
-    "the valve fills at most {fill_rate_pa_per_s} and vents at most {vent_rate_pa_per_s}",
-    ("steps", "chirp"),
-    "Sonic conductance bounds the flow; filling from the supply and venting to the room differ.",
-    "ISO 6358-1:2013, flow characteristics of pneumatic components",
-    {"pressure_rate": pressure_rate},
-    {"valve.fill_rate_pa_per_s": 2.0, "valve.vent_rate_pa_per_s": 2.0},
+    spread={"valve.fill_rate_pa_per_s": 2.0, "valve.vent_rate_pa_per_s": 2.0},
     shape=("valve.fill_rate_pa_per_s", "valve.vent_rate_pa_per_s"),
+    says="the valve fills at most {fill_rate_pa_per_s} and vents at most {vent_rate_pa_per_s}",
+    experiments=("steps", "chirp"),
+    doc="Sonic conductance bounds the flow; filling from the supply and venting to the room differ.",
+    source="ISO 6358-1:2013, flow characteristics of pneumatic components",
 )

@@ -1,0 +1,111 @@
+"""Operators that several effects share: sine and cosine, first-order lags, loops of friction and hysteresis.
+
+All are functions of scalars without branches, so that a compiler vectorises them over lanes.
+"""
+
+from __future__ import annotations
+
+import math
+
+from hand_model.kernel.inline import inline
+
+_TURNS_PER_RAD = 0.5 / math.pi
+_TURN_HIGH, _TURN_LOW = 6.28125, 2.0 * math.pi - 6.28125
+_ROUND = 6755399441055744.0  # 1.5 * 2**52: adding and subtracting it rounds to the nearest integer
+STEEP_PER_RAD_S = 1e6
+"""Slope at standstill of the direction of motion over the speed [s/rad]; it replaces the jump of the sign function."""
+
+
+@inline
+def sine_cosine(x):  # type: ignore[no-untyped-def]
+    """Sine and cosine of x [rad] to 1e-7 within 1e6 rad, finite for every finite x.
+
+    The angle is reduced to half a turn. The series of half that angle are doubled: sin 2y = 2 sin y cos y.
+    """
+    turns = (x * _TURNS_PER_RAD + _ROUND) - _ROUND
+    y = 0.5 * min(max((x - turns * _TURN_HIGH) - turns * _TURN_LOW, -4.0), 4.0)
+    q = y * y
+    s = y * (1.0 + q * (-1 / 6 + q * (1 / 120 + q * (-1 / 5040 + q * (1 / 362880 - q * (1 / 39916800))))))
+    c = 1.0 + q * (-1 / 2 + q * (1 / 24 + q * (-1 / 720 + q * (1 / 40320 - q * (1 / 3628800 - q * (1 / 479001600))))))
+    return 2.0 * s * c, 1.0 - 2.0 * s * s
+
+
+@inline
+def decay(x):  # type: ignore[no-untyped-def]
+    """exp(-x) for x >= 0 to 5e-6: the fifth-order series of an eighth of x, to the eighth power."""
+    y = 0.125 * x
+    root = 1.0 / (1.0 + y * (1.0 + y * (0.5 + y * (1 / 6 + y * (1 / 24 + y * (1 / 120))))))
+    square = root * root
+    return (square * square) * (square * square)
+
+
+@inline
+def lag_constants(tau, h):  # type: ignore[no-untyped-def]
+    """Constants (kept, slowness) of a first-order lag of time constant tau [s] over a step of h [s].
+
+    kept is exp(-h / tau), the share of a deviation that is left after the step: exactly 0 where tau is 0, and it tends
+    to 0 with tau. slowness is tau / h.
+    """
+    kept = 0.0 if tau <= 0.0 else decay(h / tau)
+    return kept, tau / h
+
+
+@inline
+def lagged(y, before, now, kept, slowness):  # type: ignore[no-untyped-def]
+    """Output of a first-order lag after a step in which its input went straight from before to now.
+
+    The exact solution of tau dy/dt = x - y for an input x linear in time. With tau = 0 it is `now`, bit for bit.
+    """
+    behind = slowness * (now - before)
+    return now - behind + (y - before + behind) * kept
+
+
+@inline
+def two_lag_constants(tau, share, h):  # type: ignore[no-untyped-def]
+    """Constants of two lags in series whose time constants sum to tau [s]; the second has the given share of it."""
+    second = share * tau
+    kept_1, slowness_1 = lag_constants(tau - second, h)
+    kept_2, slowness_2 = lag_constants(second, h)
+    return kept_1, slowness_1, kept_2, slowness_2
+
+
+@inline
+def lagged_twice(m, now, constants):  # type: ignore[no-untyped-def]
+    """Memory (last input, output of the first lag, output of both) of two lags in series after a step."""
+    before, between, last = m
+    kept_1, slowness_1, kept_2, slowness_2 = constants
+    first = lagged(between, before, now, kept_1, slowness_1)
+    return now, first, lagged(last, between, first, kept_2, slowness_2)
+
+
+@inline
+def direction(omega):  # type: ignore[no-untyped-def]
+    """Direction of motion, -1 ... 1, continuous in the speed [rad/s]."""
+    return min(max(omega * STEEP_PER_RAD_S, -1.0), 1.0)
+
+
+@inline
+def loop_growth(z, toward, sharp):  # type: ignore[no-untyped-def]
+    """Growth of a loop state z (-1 ... 1) per motion over its scale, dz/dx = scale^-1 loop_growth.
+
+    sharp 0: Dahl's, 1 - z sgn(dx). sharp 1: Bouc's and Wen's with exponent 2, 1 - z^2 while loading, 1 while unloading.
+    """
+    a = z * toward
+    forward = max(a, 0.0)
+    return 1.0 - (1.0 - sharp) * a - sharp * forward * forward
+
+
+@inline
+def loop_torque(z, omega, per_scale, sharp):  # type: ignore[no-untyped-def]
+    """Torque of a loop as a share of its height (against the motion so far), and its stiffness [1/rad]."""
+    return -z, loop_growth(z, direction(omega), sharp) * per_scale
+
+
+@inline
+def loop_moved(z, before, after, per_scale, sharp):  # type: ignore[no-untyped-def]
+    """Loop state after a motion [rad] from before to after; the growth is taken implicitly, linearised."""
+    way = abs(after - before) * per_scale
+    toward = 1.0 if after > before else -1.0
+    a = z * toward
+    slower = (1.0 - sharp) + 2.0 * sharp * max(a, 0.0)
+    return toward * min(a + way * loop_growth(z, toward, sharp) / (1.0 + way * slower), 1.0)

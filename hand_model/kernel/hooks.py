@@ -1,0 +1,228 @@
+"""The hooks of a set of effects, composed into one function per place in the equations.
+
+`compose` writes the source of every composed function, with row numbers as constants, and compiles it as an inline
+function. A function of an empty set is an identity or 0 and vanishes in compilation. w is a working array (rows, lanes)
+of rows.py, i the lane; the remaining arguments are those of effects/effect.py.
+
+Effects that share a signal act in the order of the catalogue; pressure_true inverts the readings in the opposite order.
+A sensor with memory gets the reading of the effects before it.
+
+A loop that calls these functions and is cached by numba must look them up among its globals and not in a closure, and
+must have `equations_key` in its closure: numba's cache does not see changes of functions that a loop calls.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_model.effects import CATALOGUE
+from hand_model.effects.effect import HOOKS, Effect, hook_arguments
+from hand_model.kernel.inline import inline
+from hand_model.kernel.rows import PREPARED_ROW, ROW, effect_rows, memory_rows
+
+
+class Hooks(NamedTuple):
+    """Composed functions of a set of effects; units as in effects/effect.py. All but `prepare` act on one lane i.
+
+    prepare and the hooks that change memory write rows of w; the others only read w.
+    """
+
+    prepare: Any
+    """(w, i, h): derive the prepared constants of all effects for the step h [s]."""
+    set_point: Any
+    """(w, i, u, p, e, h) -> u [Pa]; changes memory."""
+    valve_error: Any
+    """(w, i, error) -> error [Pa]."""
+    pressure_rate: Any
+    """(w, i, rate, p, u, e) -> rate [Pa/s]."""
+    pressure_reading: Any
+    """(w, i, p) -> reading [Pa]."""
+    pressure_true: Any
+    """(w, i, reading) -> p [Pa]."""
+    actuator_pressure: Any
+    """(w, i, p, h) -> p [Pa]; changes memory."""
+    torque: Any
+    """(w, i, phi, omega, p, creep_angle, e) -> torque [N m], stiffness [N m/rad]."""
+    damping: Any
+    """(w, i, omega) -> damping [N m s/rad]."""
+    dry: Any
+    """(w, i, omega, p) -> magnitude of dry friction [N m]."""
+    moved: Any
+    """(w, i, before, after, h): memory after a motion [rad]."""
+    angle_sensor: Any
+    """(w, i, phi, h): memory of the angle sensor after a step that ended at phi [rad]."""
+    angle_reading: Any
+    """(w, i, phi) -> reading [rad]."""
+    force_sensor: Any
+    """(w, i, force, h): memory of the force sensor after a sample with the force [N]."""
+    force_reading: Any
+    """(w, i, force) -> reading [N]."""
+    valve_replaced: Any
+    """(w, i) -> whether `valve` replaces the linear valve of the lane."""
+    valve: Any
+    """(w, i, p, u, e, h) -> p [Pa] after h; changes memory."""
+
+
+_SIGNAL = {
+    "set_point": "u",
+    "valve_error": "error",
+    "pressure_rate": "rate",
+    "pressure_reading": "p",
+    "pressure_true": "reading",
+    "actuator_pressure": "p",
+    "angle_reading": "phi",
+    "force_reading": "force",
+}
+"""Hooks through which a signal passes from effect to effect, and the argument that is the signal."""
+_SENSORS = {"angle_sensor": "angle_reading", "force_sensor": "force_reading"}
+_REMEMBERS = ("set_point", "actuator_pressure", "valve")
+"""Hooks that return a value and, where the effect has memory, the new memory."""
+
+
+def _cells(rows: Iterable[int]) -> str:
+    return "(" + "".join(f"w[{row}, i], " for row in rows) + ")"
+
+
+class _Writer:
+    """Source of composed functions and the equations that they call."""
+
+    def __init__(self) -> None:
+        self.equations: dict[str, Any] = {}
+        self.lines: list[str] = []
+
+    def call(self, effect: Effect, hook: str) -> str:
+        """Source that calls an effect's equation with its parameters, memory and the arguments of the hook."""
+        name = f"{effect.name}_{hook}"
+        self.equations[name] = effect.hooks[hook]
+        arguments = [_cells(effect_rows(effect, prepared=hook != "prepare"))]
+        names = hook_arguments(hook, bool(effect.memory))[1:]
+        arguments += [_cells(memory_rows(effect)) if argument == "m" else argument for argument in names]
+        return f"{name}({', '.join(arguments)})"
+
+    def function(self, hook: str, body: list[str], arguments: tuple[str, ...] | None = None) -> Any:
+        """Compile an inline function of a body."""
+        names = ("w", "i", *(HOOKS[hook] if arguments is None else arguments))
+        source = "\n    ".join([f"def {hook}({', '.join(names)}):", *body])
+        space: dict[str, Any] = dict(self.equations)
+        exec(compile(source, f"<hook {hook}>", "exec"), space)  # noqa: S102 - source written by this module alone
+        return inline(space[hook])
+
+
+def _signal_body(writer: _Writer, hook: str, effects: tuple[Effect, ...]) -> list[str]:
+    signal = _SIGNAL[hook]
+    body = []
+    for effect in reversed(effects) if hook == "pressure_true" else effects:
+        if hook in effect.hooks:
+            remembers = hook in _REMEMBERS and effect.memory
+            target = f"{signal}, {_cells(memory_rows(effect))}" if remembers else signal
+            body.append(f"{target} = {writer.call(effect, hook)}")
+    return [*body, f"return {signal}"]
+
+
+def _sum_body(writer: _Writer, hook: str, effects: tuple[Effect, ...]) -> list[str]:
+    calls = [writer.call(effect, hook) for effect in effects if hook in effect.hooks]
+    if hook != "torque":
+        return [f"return {' + '.join(calls) or '0.0'}"]
+    body = [f"torque_{number}, stiffness_{number} = {call}" for number, call in enumerate(calls)]
+    torque, stiffness = (
+        " + ".join(f"{what}_{number}" for number in range(len(calls))) for what in ("torque", "stiffness")
+    )
+    return [*body, f"return {torque or '0.0'}, {stiffness or '0.0'}"]
+
+
+def _memory_body(writer: _Writer, hook: str, effects: tuple[Effect, ...]) -> list[str]:
+    """Each effect's memory after a motion, independent of the others."""
+    changing = [effect for effect in effects if hook in effect.hooks]
+    return [*(f"{_cells(memory_rows(effect))} = {writer.call(effect, hook)}" for effect in changing), "return"]
+
+
+def _sensor_body(writer: _Writer, hook: str, effects: tuple[Effect, ...]) -> list[str]:
+    """Memory of the sensors in order, each with the reading of those before it."""
+    reading = _SENSORS[hook]
+    signal = _SIGNAL[reading]
+    body, needed = [], 0
+    for effect in effects:
+        if hook in effect.hooks:
+            body.append(f"{_cells(memory_rows(effect))} = {writer.call(effect, hook)}")
+            needed = len(body)
+        if reading in effect.hooks:
+            body.append(f"{signal} = {writer.call(effect, reading)}")
+    return [*body[:needed], "return"]
+
+
+def _prepare_body(writer: _Writer, effects: tuple[Effect, ...]) -> list[str]:
+    body = []
+    for effect in effects:
+        if effect.prepared:
+            rows = (PREPARED_ROW[f"{effect.name}.{name}"] for name in effect.prepared)
+            body.append(f"{_cells(rows)} = {writer.call(effect, 'prepare')}")
+    return [*body, "return"]
+
+
+def _valve_bodies(writer: _Writer, effects: tuple[Effect, ...]) -> tuple[list[str], list[str]]:
+    """Whether a valve replaces the linear one, by its first parameter, its share; and that valve's step."""
+    replacing = [effect for effect in effects if "valve" in effect.hooks]
+    if not replacing:
+        return ["return False"], ["return p"]
+    if len(replacing) > 1:
+        names = ", ".join(effect.name for effect in replacing)
+        raise ValueError(f"the effects {names} all replace the valve; only one effect may")
+    effect = replacing[0]
+    target = f"p, {_cells(memory_rows(effect))}"
+    return [f"return w[{effect_rows(effect)[0]}, i] != 0.0"], [f"{target} = {writer.call(effect, 'valve')}", "return p"]
+
+
+def _bodies(writer: _Writer, effects: tuple[Effect, ...]) -> dict[str, list[str]]:
+    bodies = {hook: _signal_body(writer, hook, effects) for hook in _SIGNAL}
+    bodies |= {hook: _sum_body(writer, hook, effects) for hook in ("torque", "damping", "dry")}
+    bodies |= {hook: _sensor_body(writer, hook, effects) for hook in _SENSORS}
+    bodies["moved"] = _memory_body(writer, "moved", effects)
+    bodies["prepare"] = _prepare_body(writer, effects)
+    bodies["valve_replaced"], bodies["valve"] = _valve_bodies(writer, effects)
+    return bodies
+
+
+@cache
+def compose(effects: tuple[Effect, ...]) -> Hooks:
+    """Hooks of a set of effects, whose order is that of the catalogue.
+
+    Raises ValueError for a second effect that replaces the valve, or an effect that is not part of the catalogue.
+    """
+    for effect in effects:
+        if effect not in CATALOGUE:
+            raise ValueError(f"effect {effect.name} is not part of the catalogue")
+    if list(effects) != [effect for effect in CATALOGUE if effect in effects]:
+        raise ValueError("the effects of a set must be different and in the order of the catalogue")
+    writer = _Writer()
+    bodies = _bodies(writer, effects)
+    arguments: dict[str, tuple[str, ...] | None] = {"valve_replaced": ()}
+    return Hooks(**{hook: writer.function(hook, bodies[hook], arguments.get(hook)) for hook in Hooks._fields})
+
+
+def active_effects(parameters: NDArray[np.float64]) -> tuple[Effect, ...]:
+    """Effects with an own parameter that differs from its neutral value at any joint, in the catalogue's order.
+
+    parameters: (rows of JOINT_PARAMETERS, ...) in SI. The other effects are identities and need not be compiled in.
+    """
+    return tuple(
+        effect
+        for effect in CATALOGUE
+        if any(np.any(parameters[ROW[own.key]] != own.neutral_si) for own in effect.parameters)
+    )
+
+
+@cache
+def equations_key(*effects: str) -> str:
+    """Hash of the sources of all equations, and the names of the effects compiled in: the key of a loop's cache."""
+    here = Path(__file__).resolve().parents[1]
+    files = sorted([*here.glob("*.py"), *here.glob("effects/*.py"), *here.glob("kernel/*.py")])
+    sources = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+    return f"{sources} {' '.join(effects)}"
+
