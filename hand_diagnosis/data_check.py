@@ -13,7 +13,7 @@ import numpy as np
 
 from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 from hand_model.statics import equilibrium_angle
 from hand_recording.signals import Signals, bridge, white_noise
 

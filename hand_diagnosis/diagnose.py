@@ -24,7 +24,7 @@ from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.effects import CATALOGUE, EFFECTS
 from hand_model.effects.effect import Effect
-from hand_model.plant_parameters import PLANT_PARAMETERS
+from hand_model.kernel.plant_rows import PLANT_PARAMETERS
 from hand_recording.hand_signals import without_sensor_curve
 from hand_recording.signals import Signals
 

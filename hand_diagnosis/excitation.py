@@ -13,7 +13,7 @@ import numpy as np
 
 from hand_model.arrays import Array
 from hand_model.description import Hand
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 
 Shape = Callable[[Array, np.random.Generator], Array]
 """Time (T,) [s] to a level (T,) in 0 ... 1 of the allowed pressure."""

@@ -13,7 +13,7 @@ from hand_diagnosis.verdict import StageResult, Structure
 from hand_identification.joint_problem import BLOCK_S, SHOWN, STAGES, UNITS
 from hand_identification.map_fit import MapFit
 from hand_model.effects.effect import Effect
-from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_model.quantities import HAND
 
 TEMPERATURE = 1.25

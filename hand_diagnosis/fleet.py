@@ -20,8 +20,8 @@ from hand_diagnosis.diagnose import diagnose
 from hand_diagnosis.inputs import read_signals
 from hand_diagnosis.page import write_page
 from hand_diagnosis.report import write_report
-from hand_model.chain import equations
 from hand_model.description import load_hand
+from hand_model.kernel.hooks import equations_key
 
 KEY = "made_from"
 COLUMNS = ("recording", "verdict", "rank", "joint", "place", "effect", "probability", "statement", "error")
@@ -49,7 +49,7 @@ class Job:
         sizes = [(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in files if file.is_file()]
         model = Path(self.model).read_bytes()
         options = (self.mapping, self.tolerance, self.seed, self.joints, self.without, self.sensor_curve)
-        return hashlib.sha256(repr((sizes, model, options, equations())).encode()).hexdigest()[:16]
+        return hashlib.sha256(repr((sizes, model, options, equations_key())).encode()).hexdigest()[:16]
 
 
 def run_job(job: Job) -> list[dict[str, Any]]:

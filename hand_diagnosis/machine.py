@@ -38,7 +38,7 @@ from hand_diagnosis.report import small_statement
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_model.effects import EFFECTS
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 from hand_model.quantities import UnitMap, Wording
 from hand_model.yaml_reader import Section, read_yaml
 from hand_recording.hand_signals import SHORTEST_S

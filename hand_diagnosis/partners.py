@@ -15,7 +15,7 @@ from hand_identification.map_fit import MapFit, map_fit
 from hand_model.arrays import Array
 from hand_model.effects import CATALOGUE
 from hand_model.effects.effect import PARTNER
-from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_recording.signals import derivatives
 
 WORTH = 4.0

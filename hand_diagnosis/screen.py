@@ -16,7 +16,7 @@ from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array
 from hand_model.effects.effect import Effect
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 
 AT_ONCE = 32
 """Probes simulated together: enough for any number of cores."""

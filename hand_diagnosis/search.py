@@ -22,8 +22,8 @@ from hand_identification.map_fit import MapFit, costs_at, map_fit
 from hand_model.arrays import Array
 from hand_model.effects import EFFECTS
 from hand_model.effects.effect import Effect
-from hand_model.parameters import ROW
-from hand_model.plant_parameters import PLANT_PARAMETERS
+from hand_model.kernel.plant_rows import PLANT_PARAMETERS
+from hand_model.kernel.rows import ROW
 
 MOST = 4
 

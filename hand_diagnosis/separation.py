@@ -10,7 +10,7 @@ from hand_identification.joint_problem import CORRELATION_S, JointProblem
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array
 from hand_model.closed_chain import ClosedChain
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 from hand_model.statics import equilibrium_angle
 from hand_sim.plant import PHI, STATES, P
 

@@ -19,7 +19,7 @@ from hand_identification.map_fit import MapFit, multi_start
 from hand_identification.static_map import correlation_time
 from hand_model.arrays import Array
 from hand_model.description import Hand
-from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_recording.signals import Signals
 
 DYNAMIC_KEYS = (

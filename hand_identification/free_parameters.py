@@ -15,8 +15,8 @@ import numpy as np
 
 from hand_model.arrays import Array
 from hand_model.effects.effect import Effect, Times
-from hand_model.parameters import JOINT_PARAMETERS, ROW
-from hand_model.plant_parameters import PLANT_PARAMETERS
+from hand_model.kernel.plant_rows import PLANT_PARAMETERS
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 
 START_CREEP = len(JOINT_PARAMETERS)
 """Row of the creeping ratio at the start, behind the parameters; behind it those of the recordings' first speeds."""

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from hand_model.description import Hand, load_hand
-from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 
 Changes = Mapping[str, Mapping[str, float]]
 """Values by joint (with its prefix) and key, SI."""

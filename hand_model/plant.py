@@ -31,10 +31,10 @@ from numba import carray, njit, prange
 from numpy.typing import NDArray
 
 from hand_model.joint import one_sided
-from hand_model.lanes import HALF, LANES
-from hand_model.material import creep_rate
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS, STEP_S
 from hand_model.kernel.plant_rows import PLANT_ROW as ROW
+from hand_model.lanes import HALF, LANES
+from hand_model.material import creep_rate
 from hand_model.stack_rows import stack_doubles
 from hand_model.statics import torque
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hand_model.arrays import Array
 from hand_model.description import Hand
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 from hand_sim.plant import CREEP, OMEGA, PHI, STATES, HandPlant, HandPlants, P, resting_state
 
 Stamps = NDArray[np.int64]

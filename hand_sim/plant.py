@@ -8,8 +8,8 @@ from hand_driver.board import Counts, Status
 from hand_model.arrays import Array
 from hand_model.closed_chain import ClosedChain, has_effects
 from hand_model.description import Hand
+from hand_model.kernel.rows import ROW
 from hand_model.lanes import LANES, LaneMap, idle_parameters, map_lanes
-from hand_model.parameters import ROW
 from hand_model.plant import CREEP, OMEGA, PHI, STATES, P, Plant
 from hand_model.statics import equilibrium_angle
 from hand_sim.channels import Channels

@@ -17,7 +17,7 @@ from rich.table import Table
 from hand_identification.dynamics import DYNAMIC_KEYS, MATERIAL_KEYS, STATIC_KEYS, JointDynamics, identify
 from hand_identification.model_file import write_model
 from hand_model.description import Hand, load_hand
-from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_recording.hand_signals import hand_signals, without_sensor_curve
 from hand_recording.installed import default_model
 from hand_recording.loader import load_recording

@@ -20,9 +20,9 @@ EFFECT = Effect(
     name="ageing",
     place="material",
     parameters=(
-        Parameter("ageing.stiffness_per_h", -60.0, 60.0, "relative change of the elasticity per hour", 1 / 3600, 0.0, 3.0),
+        Parameter("ageing.stiffness_per_h", -60.0, 60.0, "relative change of elasticity per hour", 1 / 3600, 0.0, 3.0),
         Parameter(
-            "ageing.strength_per_h", -60.0, 60.0, "relative change of the pressure torque per hour", 1 / 3600, 0.0, 5.0
+            "ageing.strength_per_h", -60.0, 60.0, "relative change of pressure torque per hour", 1 / 3600, 0.0, 5.0
         ),
     ),
     reads=("statics.a1_nm_per_rad", "statics.a2_nm_per_pa", "statics.a3_nm_per_pa_rad"),

@@ -86,7 +86,7 @@ EFFECT = Effect(
     says="Coulomb friction of {torque_nm} is missing (plus {breakaway_nm} at breakaway and {torque_nm_per_pa}"
     " times the {pressure}, built up over {presliding_deg})",
     experiments=("slow_triangle", "reversals"),
-    doc="Dry friction lets the joint stick and lag after reversals by the same torque at any speed. Before it slides, its"
-    " contacts give.",
+    doc="Dry friction lets the joint stick and lag after reversals by the same torque at any speed. Before it slides,"
+    " its contacts give.",
     source="Coulomb 1785; Stribeck 1902; Dahl 1968 before it slides; Armstrong-Helouvry et al., Automatica 30(7), 1994",
 )

@@ -234,7 +234,7 @@ def hook_arguments(hook: str, remembers: bool) -> tuple[str, ...]:
 
 
 def assemble(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """The catalogue: effects whose names and parameter keys are unique. Raises ValueError for a second use of either."""
+    """The catalogue of effects. Raises ValueError for a name or a parameter key that is used twice."""
     catalogue = tuple(effects)
     names = [effect.name for effect in catalogue]
     keys = [parameter.key for effect in catalogue for parameter in effect.parameters]

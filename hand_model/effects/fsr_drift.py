@@ -10,7 +10,7 @@ from hand_model.kernel.plant_rows import Parameter
 @inline
 def force_sensor(q, m, force, h):  # type: ignore[no-untyped-def]
     """The crept part follows the force as a first-order lag; midpoint rule, and at most the whole way."""
-    share, tau = q
+    _, tau = q
     (crept,) = m
     return (crept + (force - crept) * min(h / (tau + 0.5 * h), 1.0),)
 
@@ -34,8 +34,7 @@ EFFECT = Effect(
     probes=((0.2, 3.0), (0.2, 20.0), (-0.2, 10.0)),
     spread={"fsr_drift.time_constant_s": 1.0},
     shape=("fsr_drift.time_constant_s",),
-    says="under constant load the force reading creeps by {share} of itself with a time constant of"
-    " {time_constant_s}",
+    says="under constant load the force reading creeps by {share} of itself with a time constant of {time_constant_s}",
     experiments=("hold", "taps"),
     doc="Creep of the polymer of a force sensing resistor.",
     source="one retardation term, Eq. 9, Martin et al. 2004",

@@ -10,7 +10,7 @@ from hand_model.kernel.plant_rows import Parameter
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
     """Reciprocal of the change of force that turns the loop half around."""
-    share, turn = q
+    _, turn = q
     return (1.0 / turn,)
 
 

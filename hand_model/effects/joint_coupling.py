@@ -20,7 +20,7 @@ EFFECT = Effect(
     name="joint_coupling",
     place="joint",
     parameters=(
-        Parameter("joint_coupling.stiffness_nm_per_rad", -5.0, 5.0, "torque per angle of the neighbour", 1.0, 0.0, 0.01),
+        Parameter("joint_coupling.stiffness_nm_per_rad", -5.0, 5.0, "torque per neighbour's angle", 1.0, 0.0, 0.01),
         Parameter("joint_coupling.ratio", 0.0, 3.0, "of its own angle that relieves it", 1.0, 0.0, 0.3),
         Parameter("joint_coupling.softening", -1.0, 1.0, "share of the pull lost at 1 rad", 1.0, 0.0, 0.1),
     ),

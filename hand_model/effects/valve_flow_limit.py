@@ -34,9 +34,7 @@ def pressure_rate(q, rate, p, u, e):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="valve_flow_limit",
     place="valve",
-    parameters=(
-        Parameter("valve_flow_limit.choking", 0.0, 1.0, "0 a constant limit, 1 a choked one", 1.0, 0.0, 0.17),
-    ),
+    parameters=(Parameter("valve_flow_limit.choking", 0.0, 1.0, "0 a constant limit, 1 a choked one", 1.0, 0.0, 0.17),),
     reads=("valve.fill_rate_pa_per_s", "valve.vent_rate_pa_per_s", "supply.pressure_pa"),
     prepared=("per_full",),
     hooks={"prepare": prepare, "pressure_rate": pressure_rate},

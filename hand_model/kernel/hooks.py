@@ -111,7 +111,7 @@ class _Writer:
         names = ("w", "i", *(HOOKS[hook] if arguments is None else arguments))
         source = "\n    ".join([f"def {hook}({', '.join(names)}):", *body])
         space: dict[str, Any] = dict(self.equations)
-        exec(compile(source, f"<hook {hook}>", "exec"), space)  # noqa: S102 - source written by this module alone
+        exec(compile(source, f"<hook {hook}>", "exec"), space)
         return inline(space[hook])
 
 
@@ -225,4 +225,3 @@ def equations_key(*effects: str) -> str:
     files = sorted([*here.glob("*.py"), *here.glob("effects/*.py"), *here.glob("kernel/*.py")])
     sources = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
     return f"{sources} {' '.join(effects)}"
-

@@ -25,7 +25,6 @@ class Parameter:
     typical: common size of the effect, in the unit of the file; a search uses it as prior scale and first trial.
     """
 
-
     key: str
     low: float
     high: float

@@ -13,7 +13,7 @@ from hand_control.law_rows import S
 from hand_control.settings import PARAMETERS, Settings
 from hand_control.tuning import gains
 from hand_model.description import load_hand
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 from hand_sim.plant import CREEP, PHI, HandPlants, P
 from validation.paper.obstacle_rig import close_on_obstacles
 from validation.paper.step_rig import RATE_HZ, draw, run_law, run_pid

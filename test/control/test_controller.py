@@ -20,7 +20,7 @@ from hand_control.supervisor import FREEZE_S, VENT_S, WARN_S, Phase, Supervisor
 from hand_control.tuning import gains
 from hand_messages.health import Level
 from hand_model.description import load_hand
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 from hand_ros.parameters import ParameterError
 from hand_sim.plant import SimulatedPlant
 from validation.bench.bench_steps import figures, step_response

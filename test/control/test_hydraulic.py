@@ -12,7 +12,7 @@ from hand_control.settings import Settings
 from hand_control.shaping import Shaper
 from hand_control.tuning import gains
 from hand_model.description import load_hand
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 from hand_sim.plant import PHI, HandPlant, P
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "hand.yaml"

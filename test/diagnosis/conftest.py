@@ -12,7 +12,7 @@ import pytest
 from hand_identification.free_parameters import NOMINAL_KEYS
 from hand_model.closed_chain import ClosedChain
 from hand_model.description import Hand, load_hand
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 from hand_recording.signals import Signals
 from hand_sim.plant import PHI, P, resting_state
 

@@ -11,7 +11,7 @@ import pytest
 from hand_diagnosis.data_check import check
 from hand_diagnosis.diagnose import diagnose
 from hand_model.description import Hand
-from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_recording.hand_signals import hand_signals
 from hand_recording.loader import load_recording
 from hand_recording.offline_recording import record_offline

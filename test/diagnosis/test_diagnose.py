@@ -12,7 +12,7 @@ from hand_diagnosis.diagnose import Diagnosis, diagnose
 from hand_diagnosis.locate import locate
 from hand_model.description import Hand
 from hand_model.effects import CATALOGUE
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 from hand_recording.signals import Signals
 from test.diagnosis.conftest import ANGLE_NOISE_RAD, changed, off_by_a_little, record
 

@@ -19,7 +19,7 @@ from hand_diagnosis.findings import Finding
 from hand_diagnosis.report import next_experiment, schema
 from hand_model.description import Hand, load_hand
 from hand_model.effects import CATALOGUE
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 from hand_recording.loader import load_recording
 from hand_recording.offline_recording import record_offline
 from hand_tool.cli import app

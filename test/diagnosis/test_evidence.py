@@ -13,7 +13,7 @@ from hand_identification.free_parameters import effect_free_parameters, merged
 from hand_identification.map_fit import MapFit, map_fit
 from hand_model.description import Hand
 from hand_model.effects import EFFECTS
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 from test.diagnosis.conftest import changed, record
 
 JOINT = "index_distal"

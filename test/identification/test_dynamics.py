@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from hand_identification.dynamics import DYNAMIC_KEYS, MATERIAL_KEYS, identify_joint
 from hand_identification.model_file import write_model
 from hand_model.description import Hand, load_hand
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 from hand_recording.hand_signals import hand_signals
 from hand_recording.loader import load_recording
 from hand_recording.signals import Signals, white_noise

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
+from hand_model.kernel.rows import ROW
 from hand_model.lanes import LANES, idle_parameters, map_lanes
-from hand_model.parameters import ROW
 from hand_model.plant import STATES, Plant
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "hand.yaml"

@@ -15,8 +15,8 @@ from hand_model.description import Hand, load_hand
 from hand_model.effects import CATALOGUE, EFFECTS
 from hand_model.effects.effect import EXOGENOUS, INFLOW
 from hand_model.effects.operators import sine_cosine
-from hand_model.parameters import JOINT_PARAMETERS, ROW
-from hand_model.plant_parameters import PLANT_PARAMETERS
+from hand_model.kernel.plant_rows import PLANT_PARAMETERS
+from hand_model.kernel.rows import ROW
 from hand_sim.plant import PHI, HandPlant, P, resting_state
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "hand.yaml"

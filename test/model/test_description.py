@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hand_model.description import DescriptionError, load_hand
-from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 
 NEW_KEY = ("schema: 1\n", "schema: 1\nstray: 1\n")
 # (what is changed) -> what the one line must say: where, what stands there, what is allowed.

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from hand_model import plant as kernel
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_model.lanes import HALF, LANES, LaneMap, idle_parameters, map_lanes
-from hand_model.parameters import JOINT_PARAMETERS, ROW
 from hand_model.plant import HISTORY, STATES, Plant, advance
 from hand_sim.plant import HandPlants, resting_state
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hand_model.parameters import JOINT_PARAMETERS, STEP_S, markdown_table
+from hand_model.kernel.rows import JOINT_PARAMETERS, STEP_S, markdown_table
 from hand_model.plant import HISTORY
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "model.md").read_text(encoding="utf-8")

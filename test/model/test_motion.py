@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hand_model.kernel.rows import ROW, STEP_S
 from hand_model.lanes import LANES, idle_parameters, map_lanes
-from hand_model.parameters import ROW, STEP_S
 from hand_model.plant import CREEP, HISTORY, OMEGA, PHI, STATES, P, advance, steps_per_sample
 from hand_model.statics import equilibrium_angle
 from hand_sim.plant import HandPlant

@@ -10,7 +10,7 @@ import pytest
 
 from hand_driver.board import Status
 from hand_model.description import Hand
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 from hand_model.plant import OMEGA, PHI, STATES, P
 from hand_sim.channels import contact_force_n
 from hand_sim.plant import SimulatedPlant, resting_state

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hand_model.kernel.rows import ROW, STEP_S
 from hand_model.lanes import LANES, idle_parameters
-from hand_model.parameters import ROW, STEP_S
 from hand_model.plant import HISTORY, STATES, P, Plant
 
 TAU, PERIOD_S = 0.05, 0.005

@@ -23,7 +23,7 @@ from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_model.effects import EFFECTS
-from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_recording.signals import Signals, white_noise
 from hand_sim.plant import PHI, HandPlant, P
 from validation.bench.result import figure

@@ -16,7 +16,7 @@ import numpy as np
 from hand_diagnosis.diagnose import diagnose
 from hand_identification.joint_data import joint_problem
 from hand_model.description import Hand, load_hand
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 from hand_recording.signals import Signals
 from hand_sim.plant import PHI, HandPlant, P
 from validation.bench.result import figure

@@ -19,8 +19,8 @@ import numpy as np
 
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
+from hand_model.kernel.rows import JOINT_PARAMETERS
 from hand_model.lanes import LANES, idle_parameters, map_lanes
-from hand_model.parameters import JOINT_PARAMETERS
 from hand_model.plant import STATES, Plant
 from hand_sim.plant import resting_state
 

@@ -10,7 +10,7 @@ from hand_identification.joint_data import joint_problem
 from hand_identification.joint_problem import JointProblem
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 from hand_recording.installed import default_model
 from hand_recording.signals import Signals
 from hand_sim.plant import PHI, HandPlant, P

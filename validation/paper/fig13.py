@@ -9,7 +9,7 @@ from hand_identification.free_parameters import START_CREEP, FreeParameter
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, map_fit, multi_start
 from hand_model.arrays import Array
-from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from validation.paper.creep_rig import description, problem, without_material
 from validation.paper.drawing import BLUE, GREY, RED, panels
 from validation.paper.result import Progress, Quantity, Reproduction

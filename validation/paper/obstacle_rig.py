@@ -15,7 +15,7 @@ from hand_control.settings import Settings
 from hand_control.shaping import Shaper
 from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 from hand_model.statics import torque
 from hand_sim.plant import CREEP, PHI, HandPlants, P
 from validation.paper.step_rig import DRAWN, NOISE_PA, NOISE_RAD, RATE_HZ, draw, many_gains

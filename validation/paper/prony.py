@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hand_model.arrays import Array, Flags
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 from hand_model.prony import Prony, fit_prony
 from validation.paper.creep_rig import PERIOD_S, description, problem
 from validation.paper.drawing import BLUE, GREY, RED, panels

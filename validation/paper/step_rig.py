@@ -21,7 +21,7 @@ from hand_control.shaping import Shaper
 from hand_control.tuning import gains
 from hand_model.arrays import Array
 from hand_model.description import Hand
-from hand_model.parameters import ROW
+from hand_model.kernel.rows import ROW
 from hand_sim.plant import PHI, HandPlants, P
 
 RATE_HZ, DURATION_S, HOLD_S, SETTLE_S = 200.0, 30.0, 3.0, 3.0
