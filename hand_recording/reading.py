@@ -78,7 +78,7 @@ def read_batches(path: Path, wanted: Wanted) -> Iterator[Batch]:
             if summary is not None and is_indexed(summary):
                 yield from indexed_batches(stream, summary, wanted)
             else:
-                yield from gather(_mcap_messages(file, wanted, ordered=False))
+                yield from gather(mcap_messages(file, wanted, ordered=False))
 
 
 def iter_raw(path: Path, wanted: Wanted = lambda _: True) -> Iterator[RawMessage]:
@@ -86,12 +86,16 @@ def iter_raw(path: Path, wanted: Wanted = lambda _: True) -> Iterator[RawMessage
     found = locate(path)
     if found.storage == ".mcap" and not found.compressed:
         for file in found.files:
-            yield from _mcap_messages(file, wanted, ordered=True)
+            yield from mcap_messages(file, wanted, ordered=True)
     else:
         yield from _rosbags_messages(found, wanted)
 
 
-def _mcap_messages(file: Path, wanted: Wanted, ordered: bool) -> Iterator[RawMessage]:
+def mcap_messages(file: Path, wanted: Wanted, ordered: bool) -> Iterator[RawMessage]:
+    """The messages of wanted topics of one MCAP file, one by one. ordered: by log time, else as they lie in the file.
+
+    Raises RecordingError.
+    """
     topics: dict[int, RawTopic | None] = {}
     with _one_line(file), file.open("rb") as stream:
         for schema, channel, message in make_reader(stream, validate_crcs=True).iter_messages(log_time_order=ordered):

@@ -11,7 +11,19 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-BENCHES = ("plant", "controller", "steps", "loader", "loop", "diagnose", "effects", "compare", "control", "firmware")
+BENCHES = (
+    "plant",
+    "controller",
+    "steps",
+    "loader",
+    "codec",
+    "loop",
+    "diagnose",
+    "effects",
+    "compare",
+    "control",
+    "firmware",
+)
 
 
 def main() -> None:

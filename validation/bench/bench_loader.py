@@ -1,7 +1,13 @@
 """Loading a recording into arrays, against the libraries' bare handing over of its raw messages.
 
-The recording: 10 minutes of 11 joints at 200 Hz in MCAP, six topics, as the recorder writes it. The reference is the
-faster of two library loops that only iterate over raw messages: mcap's reader and rosbags' reader.
+The recording: 10 minutes of 11 joints at 200 Hz in MCAP, six topics, as the recorder writes it. Three figures:
+
+- loading into arrays, against the faster of two library loops that only iterate over raw messages;
+- the reader by the file's index (mcap_chunks.py), against mcap's message iterator with the same decoder behind it.
+  rosbags' reader is no alternative: it does not hand over the publish times of an MCAP file;
+- decoding by fixed layouts (cdr_rows.py), against rosbags' decoding of one message after the other.
+
+The index reader and the fixed layouts are kept as long as each takes at most a third of its reference's time.
 """
 
 from __future__ import annotations
@@ -11,7 +17,7 @@ import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +28,19 @@ from rosbags.rosbag2 import Reader
 from hand_messages import layouts
 from hand_messages.cdr import Layout
 from hand_recording.bag_writer import Topic, open_bag
+from hand_recording.batches import Batch, gather
+from hand_recording.columns import TopicDecoder
 from hand_recording.loader import HAND_TOPICS, load_recording
 from hand_recording.message_types import typestore_of
+from hand_recording.reading import mcap_messages, read_batches
+from validation.bench.result import figure
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 JOINTS = (*(f"{finger}_{part}" for finger in FINGERS for part in ("proximal", "distal")), "thumb_opposition")
 RATE_HZ = 200
 TOPICS = ("joint_states", "pressures", "contact_forces", "adc", "valve_command", "controller_state")
 START_NS = 1_700_000_000_000_000_000
+KEPT = 1.0 / 3.0
 
 
 def make_recording(path: Path, seconds: float) -> None:
@@ -107,6 +118,40 @@ def _ours(path: Path) -> int:
     return sum(len(topic) for topic in load_recording(path).topics.values())
 
 
+def _arrays(batches: Iterable[Batch]) -> int:
+    decoders: dict[str, TopicDecoder] = {}
+    for batch in batches:
+        name = batch.topic.name
+        if name not in decoders:
+            decoders[name] = TopicDecoder(name, HAND_TOPICS[name.rpartition("/")[2]])
+        decoders[name].add(batch)
+    return sum(len(decoder.finish()) for decoder in decoders.values())
+
+
+def _by_index(path: Path) -> int:
+    return _arrays(read_batches(path, lambda _: True))
+
+
+def _by_library(path: Path) -> int:
+    return _arrays(gather(mcap_messages(path, lambda _: True, ordered=False)))
+
+
+def _one_by_one(path: Path) -> int:
+    count = 0
+    for batch in read_batches(path, lambda _: True):
+        store = typestore_of(batch.topic.type)
+        for index in range(len(batch.starts)):
+            store.deserialize_cdr(batch.message(index), batch.topic.type)
+            count += 1
+    return count
+
+
+def _medians(works: Sequence[Callable[[Path], int]], path: Path, rounds: int) -> list[float]:
+    """Seconds each piece of work takes: medians of interleaved rounds."""
+    times = [[_seconds(work, path) for work in works] for _ in range(rounds)]
+    return [statistics.median(column) for column in zip(*times, strict=True)]
+
+
 def _seconds(work: Callable[[Path], int], path: Path) -> float:
     began = time.perf_counter()
     assert work(path) > 0
@@ -120,15 +165,21 @@ def run(quick: bool) -> list[dict[str, Any]]:
         make_recording(short, 5.0)
         check_equal(short)
         make_recording(path, 60.0 if quick else 600.0)
-        times: dict[str, list[float]] = {"ours": [], "mcap": [], "rosbags": []}
-        for _ in range(5 if quick else 3):
-            times["ours"].append(_seconds(_ours, path))
-            times["mcap"].append(_seconds(_mcap_raw, path))
-            times["rosbags"].append(_seconds(_rosbags_raw, path))
-    medians = {name: statistics.median(values) for name, values in times.items()}
-    ours, reference = medians["ours"], min(medians["mcap"], medians["rosbags"])
-    name = f"load {1 if quick else 10} min, 11 joints, 200 Hz MCAP into arrays / library hands over raw messages"
-    return [{"name": name, "ours": ours, "reference": reference, "ratio": ours / reference, "goal": 1.5, "unit": "s"}]
+        rounds = 5 if quick else 3
+        ours, *raw = _medians((_ours, _mcap_raw, _rosbags_raw), path, rounds)
+        by_index, by_library = _medians((_by_index, _by_library), path, rounds)
+        fixed, one_by_one = _medians((_by_index, _one_by_one), short, rounds)
+    minutes = 1 if quick else 10
+    size = f"{minutes} min, 11 joints, 200 Hz MCAP"
+    return [
+        figure(f"load {size} into arrays / library hands over raw messages", ours, 1.5, "s", min(raw)),
+        figure(
+            f"read {size}: by its index / by mcap's message iterator, same decoder", by_index, KEPT, "s", by_library
+        ),
+        figure(
+            "decode 5 s of it: by fixed layouts, reading included / rosbags one by one", fixed, KEPT, "s", one_by_one
+        ),
+    ]
 
 
 if __name__ == "__main__":
