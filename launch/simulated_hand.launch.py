@@ -1,4 +1,4 @@
-"""The simulated hand and its controller: ros2 launch fluidic_hand simulated_hand.launch.py"""
+"""Launch the simulated hand and its controller: ros2 launch fluidic_hand simulated_hand.launch.py."""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
@@ -15,11 +15,11 @@ def generate_launch_description() -> LaunchDescription:
     description = {"hand_description": ParameterValue(LaunchConfiguration("hand_description"), value_type=str)}
     return LaunchDescription(
         [
-            DeclareLaunchArgument("namespace", default_value="hand"),
+            DeclareLaunchArgument("namespace", default_value="hand", description="namespace of all nodes"),
             DeclareLaunchArgument(
                 "hand_description",
                 default_value=PathJoinSubstitution([config, "hand.yaml"]),
-                description="path of hand.yaml",
+                description="path of the description of the hand, hand.yaml",
             ),
             DeclareLaunchArgument("record", default_value="false", description="record every topic of the namespace"),
             Node(package="fluidic_hand", executable="simulation", namespace=namespace, parameters=[description]),
