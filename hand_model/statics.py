@@ -33,6 +33,12 @@ def equilibrium_angle(p, creep, load, a0, a1, a2, a3, phi_max):  # type: ignore[
 
 
 @njit(cache=True, forceinline=True, fastmath={"contract"})
+def leverage(phi, a2, a3):  # type: ignore[no-untyped-def]
+    """Torque per pressure dM_a/dp [N m/Pa] at phi, from Eq. 6."""
+    return a2 + a3 * phi
+
+
+@njit(cache=True, forceinline=True, fastmath={"contract"})
 def chamber_volume(p, phi, v0, c_v, a2, a3):  # type: ignore[no-untyped-def]
     """V_a [m^3] at p [Pa] and phi; by virtual work and Eq. 6, dV_a/dphi = dM_a/dp = a2 + a3 phi.
 

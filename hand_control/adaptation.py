@@ -1,0 +1,109 @@
+"""On-line adaptation of the static map: recursive least squares with forgetting and bounds.
+
+In free motion the filtered torque balance is zero (Eq. 8 without disturbance). Its scale cannot be observed without a
+torque sensor, so a2 is kept, and a0, a1, a3 and d are estimated relative to it, as changes x of their identified
+values:
+
+    balance = a0 (1+x0) + a1 (1+x1) (phi - A phi_max) + a2 p + a3 (1+x2) p phi - d (1+x3) phi' - J phi'' = 0
+
+A joint is adapted while it moves freely; not at rest, in contact, saturated, or near a limit of its angle. Forgetting
+lets the covariance grow to its initial trace and no further, so that a long rest cannot make the estimate jump.
+"""
+
+from __future__ import annotations
+
+from hand_control.declared import C, G, S, compiled, inlined
+
+
+@compiled
+def reset_covariance(g, s, i):  # type: ignore[no-untyped-def]
+    """Keep the map of joint i and return its covariance to the initial one."""
+    for k in range(10):
+        s[S.c00 + k, i] = 0.0
+    s[S.c00, i] = s[S.c11, i] = s[S.c22, i] = s[S.c33, i] = g[G.map_uncertainty, i] * g[G.map_uncertainty, i]
+
+
+@compiled
+def reset_map(g, s, i):  # type: ignore[no-untyped-def]
+    """Return joint i to the identified map."""
+    for k in range(4):
+        s[S.d_a0 + k, i] = 0.0
+    reset_covariance(g, s, i)
+
+
+@inlined
+def _regressors(g, s, i, speed):  # type: ignore[no-untyped-def]
+    """Derivatives [N m] of the balance by the four relative changes."""
+    return (
+        g[G.a0, i],
+        g[G.a1, i] * (s[S.phi_2, i] - s[S.creep, i] * g[G.phi_max, i]),
+        g[G.a3, i] * s[S.q_2, i],
+        -g[G.viscous, i] * speed,
+    )
+
+
+@compiled
+def map_variance(g, s, i, speed):  # type: ignore[no-untyped-def]
+    """Variance [(N m)^2] of the balance of joint i by the uncertainty of its map, at a filtered speed [rad/s]."""
+    r0, r1, r2, r3 = _regressors(g, s, i, speed)
+    own = s[S.c00, i] * r0 * r0 + s[S.c11, i] * r1 * r1 + s[S.c22, i] * r2 * r2 + s[S.c33, i] * r3 * r3
+    pairs = r0 * (s[S.c01, i] * r1 + s[S.c02, i] * r2 + s[S.c03, i] * r3)
+    pairs += r1 * (s[S.c12, i] * r2 + s[S.c13, i] * r3) + s[S.c23, i] * r2 * r3
+    return max(own + 2.0 * pairs, 0.0)
+
+
+@inlined
+def _is_free_motion(g, s, i, balance, variance, speed, saturated, dt):  # type: ignore[no-untyped-def]
+    """Whether the balance of this tick is that of a joint in free motion; counts down the pause after other ticks."""
+    # The filtered speed of a joint that meets an obstacle falls late.
+    stopped = speed > C.min_speed and s[S.speed, i] < C.stopping * speed
+    if stopped or saturated or s[S.contact, i] != 0.0 or s[S.sum, i] > 0.5 * g[G.threshold, i]:
+        s[S.pause, i] = C.pause_time
+    elif s[S.pause, i] > 0.0:
+        s[S.pause, i] -= dt
+    # A balance that the uncertainty of the map cannot explain is a contact that is not detected yet.
+    if balance > 0.0 and balance * balance > C.gate * C.gate * variance:
+        return False
+    if s[S.pause, i] > 0.0 or abs(speed) < C.min_speed:
+        return False
+    return g[G.low, i] + C.margin <= s[S.phi_2, i] <= g[G.high, i] - C.margin
+
+
+@compiled
+def adapt(g, s, i, balance, variance, speed, saturated, dt):  # type: ignore[no-untyped-def]
+    """One step of joint i: filtered balance [N m], its variance [(N m)^2], filtered speed [rad/s], dt [s]."""
+    if not _is_free_motion(g, s, i, balance, variance, speed, saturated, dt):
+        return
+    r0, r1, r2, r3 = _regressors(g, s, i, speed)
+    c00, c01, c02, c03 = s[S.c00, i], s[S.c01, i], s[S.c02, i], s[S.c03, i]
+    c11, c12, c13 = s[S.c11, i], s[S.c12, i], s[S.c13, i]
+    c22, c23, c33 = s[S.c22, i], s[S.c23, i], s[S.c33, i]
+    k0 = c00 * r0 + c01 * r1 + c02 * r2 + c03 * r3
+    k1 = c01 * r0 + c11 * r1 + c12 * r2 + c13 * r3
+    k2 = c02 * r0 + c12 * r1 + c22 * r2 + c23 * r3
+    k3 = c03 * r0 + c13 * r1 + c23 * r2 + c33 * r3
+    # Ticks within the time constant of the filters are correlated: a faster rate carries no more information.
+    noise = C.balance_std * C.balance_std * (1.0 + 2.0 * g[G.observer_filter, i] / dt)
+    per = 1.0 / (noise + r0 * k0 + r1 * k1 + r2 * k2 + r3 * k3)
+    low, high = 1.0 / g[G.adapt_bound, i] - 1.0, g[G.adapt_bound, i] - 1.0
+    s[S.d_a0, i] = min(max(s[S.d_a0, i] - k0 * per * balance, low), high)
+    s[S.d_a1, i] = min(max(s[S.d_a1, i] - k1 * per * balance, low), high)
+    s[S.d_a3, i] = min(max(s[S.d_a3, i] - k2 * per * balance, low), _highest_a3(g, i, high))
+    s[S.d_viscous, i] = min(max(s[S.d_viscous, i] - k3 * per * balance, low), high)
+    c00, c01, c02, c03 = c00 - k0 * k0 * per, c01 - k0 * k1 * per, c02 - k0 * k2 * per, c03 - k0 * k3 * per
+    c11, c12, c13 = c11 - k1 * k1 * per, c12 - k1 * k2 * per, c13 - k1 * k3 * per
+    c22, c23, c33 = c22 - k2 * k2 * per, c23 - k2 * k3 * per, c33 - k3 * k3 * per
+    grow = 1.0
+    if c00 + c11 + c22 + c33 < 4.0 * g[G.map_uncertainty, i] * g[G.map_uncertainty, i]:
+        grow = 1.0 + dt / g[G.memory, i]
+    s[S.c00, i], s[S.c01, i], s[S.c02, i], s[S.c03, i] = c00 * grow, c01 * grow, c02 * grow, c03 * grow
+    s[S.c11, i], s[S.c12, i], s[S.c13, i] = c11 * grow, c12 * grow, c13 * grow
+    s[S.c22, i], s[S.c23, i], s[S.c33, i] = c22 * grow, c23 * grow, c33 * grow
+
+
+@inlined
+def _highest_a3(g, i, high):  # type: ignore[no-untyped-def]
+    """Upper bound of the relative change of a3 that keeps leverage over the whole range: a2 + a3 (1+x2) high > 0."""
+    if g[G.a3, i] >= 0.0:
+        return high
+    return min(high, max(-C.leverage_share * g[G.a2, i] / (g[G.a3, i] * g[G.high, i]) - 1.0, 0.0))
