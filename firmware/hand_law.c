@@ -5,11 +5,7 @@
 #define S(name) s[HAND_S_##name * n + i]
 #define OUT(name) out[HAND_O_##name * n + i]
 #define R(x) ((hand_real)(x))
-
-static const hand_real MIN_LEVERAGE = R(1e-9), NOISE_RAD = R(3e-4);
-static const hand_real MIN_SPEED = R(0.05), MARGIN = R(0.035), BALANCE = R(0.01), BLIND = R(0.1), GATE = R(3.0), STOPPING = R(0.5), MOVING = R(0.3), MOVING_TIME = R(0.1);
-static const hand_real REST_SPEED = R(0.02), REST = R(0.01), CALM_TIME = R(0.1);
-static const hand_real ALLOWANCE = R(2.0), BIAS_TIME = R(1.0), RELEASE_TIME = R(0.1), RELEASE = R(1.5);
+#define U(name) u[HAND_U_##name * n + i]
 
 static hand_real low_of(hand_real a, hand_real b) { return a < b ? a : b; }
 static hand_real high_of(hand_real a, hand_real b) { return a > b ? a : b; }
@@ -34,6 +30,9 @@ static hand_real pressure_for(hand_real tau, hand_real phi, hand_real creep, han
     return (tau - a0 - a1 * (phi - creep * phi_max)) / (a2 + a3 * phi);
 }
 
+static hand_real stiffness_of(hand_real p, hand_real a1, hand_real a3) { return a1 + a3 * p; }
+static hand_real leverage(hand_real phi, hand_real a2, hand_real a3) { return a2 + a3 * phi; }
+
 static hand_real creep_rate(hand_real p, hand_real creep, const hand_real *g, int n, int i)
 {
     const hand_real extension = (G(B1) * (p - G(P_MIN)) - creep) * G(EXTENSION_RATE);
@@ -41,18 +40,19 @@ static hand_real creep_rate(hand_real p, hand_real creep, const hand_real *g, in
     return high_of(extension, 0) + low_of(recovery, 0);
 }
 
-static void doubt(int n, int i, const hand_real *g, hand_real *s)
+static void reset_covariance(int n, int i, const hand_real *g, hand_real *s)
 {
     const hand_real variance = G(MAP_UNCERTAINTY) * G(MAP_UNCERTAINTY);
     for (int k = 0; k < 10; k++) s[(HAND_S_C00 + k) * n + i] = 0;
     S(C00) = S(C11) = S(C22) = S(C33) = variance;
 }
 
-static int refuted(int n, int i, hand_real *s, hand_real asked, hand_real dt)
+static int contradicted_by_motion(int n, int i, hand_real *s, hand_real reference_speed, hand_real dt)
 {
-    const int follows = size_of(asked) > MOVING && S(SPEED) * asked > R(0.5) * asked * asked;
+    const int follows = size_of(reference_speed) > HAND_C_MOVING_SPEED
+                     && S(SPEED) * reference_speed > HAND_C_MOVING_SHARE * reference_speed * reference_speed;
     S(MOVING) = follows && S(CONTACT) != 0 ? S(MOVING) + dt : 0;
-    if (S(MOVING) <= MOVING_TIME) return 0;
+    if (S(MOVING) <= HAND_C_MOVING_TIME) return 0;
     S(CONTACT) = S(SUM) = S(AGE) = S(MOVING) = 0;
     return 1;
 }
@@ -61,16 +61,16 @@ static void observe(int n, int i, const hand_real *g, hand_real *s, hand_real ph
 {
     if (S(STARTED) == 0) {
         S(STARTED) = 1;
-        S(LAST) = S(PHI_1) = S(PHI_2) = phi;
+        S(LAST_ANGLE) = S(PHI_1) = S(PHI_2) = phi;
         S(P_1) = S(P_2) = p;
         S(Q_1) = S(Q_2) = p * phi;
         S(SPEED) = 0;
         return;
     }
     if (!(dt > 0)) return;
-    const hand_real rate = (phi - S(LAST)) / dt;
+    const hand_real rate = (phi - S(LAST_ANGLE)) / dt;
     S(SPEED) += dt / (dt + G(SPEED_FILTER)) * (rate - S(SPEED));
-    S(LAST) = phi;
+    S(LAST_ANGLE) = phi;
     const hand_real t = G(OBSERVER_FILTER), share = dt / (dt + t);
     S(PHI_1) += share * (phi - S(PHI_1));
     S(P_1) += share * (p - S(P_1));
@@ -105,18 +105,18 @@ static void detect(int n, int i, const hand_real *g, hand_real *s, hand_real bal
     const hand_real z = (balance - S(BIAS)) / root(variance);
     S(AGE) = S(SUM) > 0 || S(CONTACT) != 0 ? S(AGE) + dt : 0;
     const hand_real weight = dt / (2 * G(OBSERVER_FILTER));
-    S(SUM) = bounded(S(SUM) + (z - ALLOWANCE) * weight, 0, 2 * G(THRESHOLD));
+    S(SUM) = bounded(S(SUM) + (z - HAND_C_ALLOWANCE) * weight, 0, 2 * G(THRESHOLD));
     if (S(CONTACT) == 0) {
         if (S(SUM) > G(THRESHOLD)) {
             S(CONTACT) = 1;
-            S(QUIET) = 0;
+            S(RELEASED) = 0;
         } else if (S(SUM) < R(0.5) * G(THRESHOLD)) {
-            S(BIAS) += dt / (dt + BIAS_TIME) * (balance - S(BIAS));
+            S(BIAS) += dt / (dt + HAND_C_BIAS_TIME) * (balance - S(BIAS));
         }
         return;
     }
-    S(QUIET) = z < RELEASE ? S(QUIET) + dt : 0;
-    if (S(QUIET) > RELEASE_TIME) S(CONTACT) = S(SUM) = S(AGE) = 0;
+    S(RELEASED) = z < HAND_C_RELEASE ? S(RELEASED) + dt : 0;
+    if (S(RELEASED) > HAND_C_RELEASE_TIME) S(CONTACT) = S(SUM) = S(AGE) = 0;
 }
 
 static void adapt(int n, int i, const hand_real *g, hand_real *s, hand_real balance, hand_real variance, hand_real speed,
@@ -127,23 +127,23 @@ static void adapt(int n, int i, const hand_real *g, hand_real *s, hand_real bala
                                   {HAND_S_C02, HAND_S_C12, HAND_S_C22, HAND_S_C23},
                                   {HAND_S_C03, HAND_S_C13, HAND_S_C23, HAND_S_C33}};
     const hand_real phi = S(PHI_2);
-    const int stopped = speed > MIN_SPEED && S(SPEED) < STOPPING * speed;
-    if (stopped || saturated || S(CONTACT) != 0 || S(SUM) > R(0.5) * G(THRESHOLD)) S(BLIND) = BLIND;
-    else if (S(BLIND) > 0) S(BLIND) -= dt;
-    if (balance > 0 && balance * balance > GATE * GATE * variance) return;
-    if (S(BLIND) > 0 || size_of(speed) < MIN_SPEED) return;
-    if (phi < G(LOW) + MARGIN || phi > G(HIGH) - MARGIN) return;
+    const int stopped = speed > HAND_C_MIN_SPEED && S(SPEED) < HAND_C_STOPPING * speed;
+    if (stopped || saturated || S(CONTACT) != 0 || S(SUM) > R(0.5) * G(THRESHOLD)) S(PAUSE) = HAND_C_PAUSE_TIME;
+    else if (S(PAUSE) > 0) S(PAUSE) -= dt;
+    if (balance > 0 && balance * balance > HAND_C_GATE * HAND_C_GATE * variance) return;
+    if (S(PAUSE) > 0 || size_of(speed) < HAND_C_MIN_SPEED) return;
+    if (phi < G(LOW) + HAND_C_MARGIN || phi > G(HIGH) - HAND_C_MARGIN) return;
     hand_real r[4], k[4];
     regressors(n, i, g, s, speed, r);
     for (int a = 0; a < 4; a++) {
         k[a] = s[row[a][0] * n + i] * r[0] + s[row[a][1] * n + i] * r[1] + s[row[a][2] * n + i] * r[2]
              + s[row[a][3] * n + i] * r[3];
     }
-    const hand_real noise = BALANCE * BALANCE * (1 + 2 * G(OBSERVER_FILTER) / dt);
+    const hand_real noise = HAND_C_BALANCE_STD * HAND_C_BALANCE_STD * (1 + 2 * G(OBSERVER_FILTER) / dt);
     const hand_real per = 1 / (noise + r[0] * k[0] + r[1] * k[1] + r[2] * k[2] + r[3] * k[3]);
     const hand_real low = 1 / G(ADAPT_BOUND) - 1, high = G(ADAPT_BOUND) - 1;
     hand_real most = high;
-    if (G(A3) < 0) most = low_of(high, high_of(R(-0.9) * G(A2) / (G(A3) * G(HIGH)) - 1, 0));
+    if (G(A3) < 0) most = low_of(high, high_of(-HAND_C_LEVERAGE_SHARE * G(A2) / (G(A3) * G(HIGH)) - 1, 0));
     for (int a = 0; a < 4; a++) {
         hand_real *change = &s[(HAND_S_D_A0 + a) * n + i];
         *change = bounded(*change - k[a] * per * balance, low, a == 2 ? most : high);
@@ -172,99 +172,112 @@ static hand_real cut(int n, int i, const hand_real *g, const hand_real *s, hand_
 void hand_law_start(int n, const hand_real *g, hand_real *s)
 {
     for (int k = 0; k < HAND_STATES * n; k++) s[k] = 0;
-    for (int i = 0; i < n; i++) doubt(n, i, g, s);
+    for (int i = 0; i < n; i++) reset_covariance(n, i, g, s);
 }
 
 void hand_law_release(int n, hand_real *s)
 {
-    for (int i = 0; i < n; i++) S(INTEGRAL) = S(COMMAND) = S(FRESH) = S(CALM) = 0;
+    for (int i = 0; i < n; i++) S(INTEGRAL) = S(COMMAND) = S(TAKE_OVER) = S(WANTED) = 0;
 }
 
-void hand_law_tick(int n, const hand_real *g, hand_real *s, const hand_real *reference, const hand_real *speed,
-                   const hand_real *acceleration, const hand_real *limit, const hand_real *position,
-                   const hand_real *pressure, hand_real dt, int integrate, int drive, hand_real *out)
+static hand_real feed_forward(int n, int i, const hand_real *g, const hand_real *s, const hand_real *u, hand_real a0,
+                              hand_real a1, hand_real a2, hand_real a3, hand_real d)
 {
-    for (int i = 0; i < n; i++) {
-        const hand_real phi = position[i], p = pressure[i], high = G(HIGH);
-        if (!finite_real(phi + p + reference[i] + speed[i] + acceleration[i] + limit[i])) {
-            OUT(PRESSURE) = S(COMMAND);
-            OUT(SATURATED) = 0;
-            continue;
-        }
-        observe(n, i, g, s, phi, p, dt);
-        const hand_real a0 = G(A0) * (1 + S(D_A0)), a1 = G(A1) * (1 + S(D_A1)), a2 = G(A2);
-        const hand_real a3 = G(A3) * (1 + S(D_A3)), d = G(VISCOUS) * (1 + S(D_VISCOUS));
-        const hand_real creep = S(CREEP), phi_max = G(PHI_MAX);
-        OUT(TORQUE) = torque(p, phi, creep, a0, a1, a2, a3, phi_max);
-        const hand_real speed_2 = (S(PHI_1) - S(PHI_2)) / G(OBSERVER_FILTER);
-        const int partner = (int)G(PARTNER);
-        hand_real felt = G(INERTIA) * S(ACCELERATION);
-        if (partner >= 0) felt += G(COUPLING) * s[HAND_S_ACCELERATION * n + partner];
-        const hand_real balance =
-            a0 + a1 * (S(PHI_2) - creep * phi_max) + a2 * S(P_2) + a3 * S(Q_2) - d * speed_2 - felt;
-        const hand_real share = G(MAP_ERROR) * a2 * S(P_2);
-        hand_real unsure = G(RESIDUAL_STD) * G(RESIDUAL_STD) + share * share;
-        if (G(ADAPT) != 0) unsure += map_variance(n, i, g, s, speed_2);
-        if (G(DETECT) != 0) {
-            detect(n, i, g, s, balance, unsure, dt);
-            if (refuted(n, i, s, speed[i], dt)) doubt(n, i, g, s);
-        }
-        OUT(CONTACT) = S(CONTACT);
-        OUT(CONTACT_AGE) = S(AGE);
-        OUT(CONTACT_TORQUE) = balance;
-        if (!drive) {
-            OUT(PRESSURE) = OUT(SATURATED) = 0;
-            continue;
-        }
-        const hand_real lag = G(VALVE_LAG), at_phi = low_of(phi, high);
-        const hand_real stiffness = -(a1 + a3 * p), here = high_of(a2 + a3 * at_phi, MIN_LEVERAGE);
-        hand_real error = reference[i] - phi, kp = G(KP), ki = G(KI), kd = G(KD), wanted = 0;
-        if (G(SCHEDULE) != 0) {
-            const hand_real per = 1 / G(RESPONSE_TIME);
-            kp = (d + stiffness * lag) * per;
-            ki = stiffness * per;
-            kd = (d * lag + G(INERTIA)) * per;
-        }
-        hand_real ceiling = pressure_for(limit[i], at_phi, creep, a0, a1, a2, a3, phi_max);
-        if (G(TORQUE_MODE) != 0) {
-            error = 0;
-            wanted = ceiling;
-        } else {
-            if (G(FEED_FORWARD) != 0) {
-                const hand_real at = low_of(reference[i], high), there = high_of(a2 + a3 * at, MIN_LEVERAGE);
-                const hand_real lead = lag + G(DEAD_TIME), force = -a0 - a1 * (at - creep * phi_max);
-                const hand_real slope = (-a1 * there - force * a3) / (there * there);
-                const hand_real moving = d * speed[i] + (G(INERTIA) + d * lead) * acceleration[i];
-                wanted = force / there + lead * slope * speed[i] + moving / there;
-            }
-            wanted += (kp * error + kd * (speed[i] - S(SPEED))) / here;
-            if (S(FRESH) != 0) {
-                S(FRESH) = 0;
-                S(INTEGRAL) = bounded((S(COMMAND) - wanted) * here, -G(I_MAX), G(I_MAX));
-            }
-            wanted += S(INTEGRAL) / here;
-        }
-        ceiling = low_of(high_of(ceiling, 0), G(P_MAX));
-        if (!finite_real(wanted + ceiling)) {
-            OUT(PRESSURE) = S(COMMAND);
-            OUT(SATURATED) = 0;
-            continue;
-        }
-        const int calm = size_of(speed[i]) < REST_SPEED && size_of(S(SPEED)) < MOVING && size_of(error) < REST;
-        S(CALM) += (calm && G(DEADBAND) > 0 && dt > 0 ? dt / (dt + CALM_TIME) : 1) * (wanted - S(CALM));
-        const hand_real command = cut(n, i, g, s, S(CALM), ceiling, dt);
-        const hand_real beyond = wanted - low_of(high_of(wanted, 0), ceiling);
-        hand_real resolved = 0;
-        if (G(DEADBAND) > 0 && stiffness > 0) resolved = G(DEADBAND) * here / stiffness + NOISE_RAD;
-        if (integrate && size_of(error) > resolved) {
-            hand_real growth = ki * error;
-            if (G(BACK_CALCULATION) != 0) growth -= beyond * here / G(TRACKING_TIME);
-            else if (beyond * error > 0) growth = 0;
-            S(INTEGRAL) = bounded(S(INTEGRAL) + growth * dt, -G(I_MAX), G(I_MAX));
-        }
-        S(COMMAND) = command;
-        OUT(PRESSURE) = command;
-        OUT(SATURATED) = beyond != 0;
-        if (G(ADAPT) != 0 && dt > 0 && integrate) adapt(n, i, g, s, balance, unsure, speed_2, beyond != 0, dt);
+    const hand_real at = low_of(U(REFERENCE), G(HIGH)), lead = G(VALVE_LAG) + G(DEAD_TIME);
+    const hand_real hold = pressure_for(0, at, S(CREEP), a0, a1, a2, a3, G(PHI_MAX));
+    const hand_real moving = (d - lead * stiffness_of(hold, a1, a3)) * U(SPEED);
+    return hold + (moving + (G(INERTIA) + d * lead) * U(ACCELERATION)) / leverage(at, a2, a3);
+}
+
+static void integrate_error(int n, int i, const hand_real *g, hand_real *s, hand_real ki, hand_real error,
+                            hand_real beyond, hand_real here, hand_real stiffness, hand_real dt)
+{
+    hand_real resolved = 0, growth = ki * error;
+    if (G(DEADBAND) > 0 && stiffness > 0) resolved = G(DEADBAND) * here / stiffness + HAND_C_NOISE;
+    if (size_of(error) <= resolved) return;
+    if (G(BACK_CALCULATION) != 0) growth -= beyond * here / G(TRACKING_TIME);
+    else if (beyond * error > 0) growth = 0;
+    S(INTEGRAL) = bounded(S(INTEGRAL) + growth * dt, -G(I_MAX), G(I_MAX));
+}
+
+static void hold_command(int n, int i, const hand_real *s, hand_real *out)
+{
+    OUT(PRESSURE) = S(COMMAND);
+    OUT(SATURATED) = 0;
+}
+
+static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_real *u, hand_real dt, int integrate,
+                  int drive, hand_real *out)
+{
+    const hand_real phi = U(POSITION), p = U(PRESSURE);
+    if (!finite_real(phi + p + U(REFERENCE) + U(SPEED) + U(ACCELERATION) + U(LIMIT))) {
+        hold_command(n, i, s, out);
+        return;
     }
+    observe(n, i, g, s, phi, p, dt);
+    const hand_real a0 = G(A0) * (1 + S(D_A0)), a1 = G(A1) * (1 + S(D_A1)), a2 = G(A2);
+    const hand_real a3 = G(A3) * (1 + S(D_A3)), d = G(VISCOUS) * (1 + S(D_VISCOUS));
+    const hand_real creep = S(CREEP), phi_max = G(PHI_MAX);
+    OUT(TORQUE) = torque(p, phi, creep, a0, a1, a2, a3, phi_max);
+    const hand_real speed_2 = (S(PHI_1) - S(PHI_2)) / G(OBSERVER_FILTER);
+    const int partner = (int)G(PARTNER);
+    hand_real inertial = G(INERTIA) * S(ACCELERATION);
+    if (partner >= 0) inertial += G(COUPLING) * s[HAND_S_ACCELERATION * n + partner];
+    const hand_real product = S(Q_2) - S(P_2) * S(PHI_2);
+    const hand_real balance =
+        torque(S(P_2), S(PHI_2), creep, a0, a1, a2, a3, phi_max) + a3 * product - d * speed_2 - inertial;
+    const hand_real share = G(MAP_ERROR) * a2 * S(P_2);
+    hand_real variance = G(RESIDUAL_STD) * G(RESIDUAL_STD) + share * share;
+    if (G(ADAPT) != 0) variance += map_variance(n, i, g, s, speed_2);
+    if (G(DETECT) != 0) {
+        detect(n, i, g, s, balance, variance, dt);
+        if (contradicted_by_motion(n, i, s, U(SPEED), dt)) reset_covariance(n, i, g, s);
+    }
+    OUT(CONTACT) = S(CONTACT);
+    OUT(CONTACT_AGE) = S(AGE);
+    OUT(CONTACT_TORQUE) = balance;
+    if (!drive) {
+        OUT(PRESSURE) = OUT(SATURATED) = 0;
+        return;
+    }
+    const hand_real lag = G(VALVE_LAG), at_phi = low_of(phi, G(HIGH)), stiffness = -stiffness_of(p, a1, a3);
+    const hand_real here = high_of(leverage(at_phi, a2, a3), HAND_C_MIN_LEVERAGE);
+    hand_real kp = G(KP), ki = G(KI), kd = G(KD), error = 0;
+    if (G(SCHEDULE) != 0) {
+        const hand_real per = 1 / G(RESPONSE_TIME);
+        kp = (d + stiffness * lag) * per;
+        ki = stiffness * per;
+        kd = (d * lag + G(INERTIA)) * per;
+    }
+    hand_real ceiling = pressure_for(U(LIMIT), at_phi, creep, a0, a1, a2, a3, phi_max), wanted = ceiling;
+    if (G(TORQUE_MODE) == 0) {
+        error = U(REFERENCE) - phi;
+        wanted = G(FEED_FORWARD) != 0 ? feed_forward(n, i, g, s, u, a0, a1, a2, a3, d) : 0;
+        wanted += (kp * error + kd * (U(SPEED) - S(SPEED))) / here;
+        if (S(TAKE_OVER) != 0) {
+            S(TAKE_OVER) = 0;
+            S(INTEGRAL) = bounded((S(COMMAND) - wanted) * here, -G(I_MAX), G(I_MAX));
+        }
+        wanted += S(INTEGRAL) / here;
+    }
+    ceiling = low_of(high_of(ceiling, 0), G(P_MAX));
+    if (!finite_real(wanted + ceiling)) {
+        hold_command(n, i, s, out);
+        return;
+    }
+    const int rests = size_of(U(SPEED)) < HAND_C_REST_REFERENCE && size_of(S(SPEED)) < HAND_C_REST_SPEED
+                      && size_of(error) < HAND_C_REST_ERROR;
+    S(WANTED) += (rests && G(DEADBAND) > 0 && dt > 0 ? dt / (dt + HAND_C_REST_FILTER) : 1) * (wanted - S(WANTED));
+    const hand_real beyond = wanted - bounded(wanted, 0, ceiling);
+    S(COMMAND) = cut(n, i, g, s, S(WANTED), ceiling, dt);
+    if (integrate) integrate_error(n, i, g, s, ki, error, beyond, here, stiffness, dt);
+    OUT(PRESSURE) = S(COMMAND);
+    OUT(SATURATED) = beyond != 0;
+    if (G(ADAPT) != 0 && dt > 0 && integrate) adapt(n, i, g, s, balance, variance, speed_2, beyond != 0, dt);
+}
+
+void hand_law_tick(int n, const hand_real *g, hand_real *s, const hand_real *u, hand_real dt, int integrate, int drive,
+                   hand_real *out)
+{
+    for (int i = 0; i < n; i++) joint(n, i, g, s, u, dt, integrate, drive, out);
 }

@@ -5,37 +5,55 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from hand_control.command_check import JointCommand, check_joint_command, check_trajectory
-from hand_control.grasping import Approach, Grasping, Outcome
-from hand_control.grasps import Grasp
-from hand_control.law import CONTACT, CONTACT_AGE, CONTACT_TORQUE, PRESSURE, SATURATED, TORQUE, Law
-from hand_control.plausibility import JUMPED, NOT_FINITE, implausible
-from hand_control.pressure_watch import FINE, OVER_PRESSURE, STUCK_HIGH, PressureWatch
-from hand_control.references import References
-from hand_control.settings import Settings
-from hand_control.shaping import Shaper
+from hand_control.command_check import JointCommand, Points, check_joint_command, check_trajectory
+from hand_control.contact_monitor import ContactMonitor, Event
+from hand_control.declared import OUT, Settings, U
+from hand_control.frame_checks import (
+    FOLLOWING,
+    JUMPED,
+    NOT_FINITE,
+    OVER_PRESSURE,
+    STUCK_HIGH,
+    PressureWatch,
+    ToleranceWatch,
+    implausible,
+)
+from hand_control.grasps import Approach, Grasp, Grasping, Outcome
+from hand_control.law import Law
+from hand_control.references import References, Shaper
 from hand_control.supervisor import VENT_S, Phase, Supervisor
-from hand_control.tolerance import Tolerance
-from hand_control.touch import Event, Touch
 from hand_control.tuning import gains
 from hand_messages.health import Health, Level
 from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 
 REFUSAL_S = 5.0
-"""A refused command is shown on diagnostics this long."""
+"""A refused command is shown on diagnostics for this time."""
 FUTURE_S = 0.1
 """A frame stamped further ahead than this comes from another clock."""
 MAX_DT_S = 0.05
-"""Longest step the law is told; a longer gap says nothing of the motion in it."""
+"""Upper bound on the dt passed to the control law; a longer gap carries no information about the motion within it."""
+
+
+class Times(NamedTuple):
+    """The times of one message [ns].
+
+    stamp_ns: its stamp, for a frame the acquisition time.  now_ns: the same clock, now.  host_ns: the monotonic clock
+    of the host, now; it also runs while a simulated clock is stopped.
+    """
+
+    stamp_ns: int
+    now_ns: int
+    host_ns: int
 
 
 @dataclass(slots=True)
 class Tick:
-    """What one frame led to; arrays (n,) in the hand's order, overwritten by the next tick.
+    """The result of one frame; arrays (n,) in the hand's order, overwritten by the next tick.
 
     reference, position, error [rad]; pressure_command [Pa]; torque_estimate, torque_limit [N m].
     """
@@ -52,7 +70,7 @@ class Tick:
 
 
 class Controller:
-    """Turns measurements and commands into valve pressures, and vents when in doubt."""
+    """Converts measurements and commands to valve pressures, and vents after every fault."""
 
     def __init__(self, hand: Hand, settings: Settings) -> None:
         """Begin vented."""
@@ -60,25 +78,26 @@ class Controller:
         self.hand = hand
         self.safety = Supervisor()
         self._references = References(hand)
-        self._shaper = Shaper(count)
         self._law = Law(gains(hand, settings))
-        self._watch = PressureWatch(hand)
-        self._touch = Touch(hand)
-        self._tolerance = Tolerance(hand)
+        self._shaper = Shaper(count, self._law.inputs)
+        self._pressure_watch = PressureWatch(hand)
+        self._contact_monitor = ContactMonitor(hand)
+        self._tolerance_watch = ToleranceWatch(hand)
         self._last_position = np.full(count, np.nan)
         self._stamp_ns: int | None = None
         self._refusal: tuple[int, str] | None = None
-        self._nothing = np.zeros(count, dtype=np.bool_)
+        self._none = np.zeros(count, dtype=np.bool_)
         self._starved = ""
         self._grasp: Grasping | None = None
         self.grasp_end = ""
-        self.grasp_contact: Flags = self._nothing
+        self.grasp_contact: Flags = self._none
         self._limit = hand.limits.max_torque_nm.copy()
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
-        """Take over settings; the law sees to it that nothing jumps."""
+        """Use new settings from the next tick on; the pressures do not jump."""
         self.settings = settings
+        self._max_jump_rad = math.radians(settings.max_jump_deg)
         self._law.change(gains(self.hand, settings))
 
     def enable(self, on: bool) -> None:
@@ -89,38 +108,42 @@ class Controller:
             self.vent("disabled on request")
 
     def vent(self, reason: str) -> None:
-        """Vent now, without latching."""
+        """Vent now, without latching a fault."""
         self.safety.vent(reason)
 
     def reset(self) -> str:
-        """Forget a latched fault; returns it, empty where there was none."""
+        """Clear a latched fault; returns it, empty where there was none."""
         return self.safety.reset()
 
-    def command(
-        self,
-        names: Sequence[str],
-        position: Sequence[float],
-        effort: Sequence[float],
-        stamp_ns: int,
-        now_ns: int,
-        host_ns: int,
-    ) -> None:
-        """Follow a joint command (partial lists allowed). ValueError: refused whole, one line."""
+    def command(self, times: Times, names: Sequence[str], position: Sequence[float], effort: Sequence[float]) -> None:
+        """Follow a joint command (partial lists allowed). ValueError: the whole command is refused, one line."""
         try:
             self._accept()
-            checked = check_joint_command(self.hand, names, position, effort, stamp_ns, now_ns)
+            checked = check_joint_command(self.hand, names, position, effort, times.stamp_ns, times.now_ns)
         except ValueError as error:
-            self.refuse(str(error), host_ns)
+            self.refuse(str(error), times.host_ns)
             raise
         self.stop_grasp("preempted by joint_commands")
         self._references.command(checked)
-        self.safety.command(host_ns)
+        self.safety.command(times.host_ns)
+
+    def trajectory(self, times: Times, names: Sequence[str], points: Points) -> None:
+        """Follow a trajectory of (time [s], positions, velocities). ValueError: it is refused whole, one line."""
+        try:
+            self._accept()
+            checked = check_trajectory(self.hand, names, points, times.stamp_ns, times.now_ns)
+        except ValueError as error:
+            self.refuse(str(error), times.host_ns)
+            raise
+        self.stop_grasp("preempted by joint_trajectory")
+        self._references.trajectory(checked)
+        self.safety.command(times.host_ns)
 
     def grasp(self, grasp: Grasp, closure: float, max_torque_nm: float, host_ns: int) -> None:
         """Begin a grasp from the present reference; a running one is preempted. ValueError: refused, one line."""
         self._accept()
-        approach = Approach(self.settings.grasp_speed_rad_s, self.settings.grasp_torque_nm)
-        started = Grasping(self.hand, grasp, closure, max_torque_nm, self._shaper.r, approach)
+        approach = Approach(math.radians(self.settings.grasp_speed_deg_per_s), self.settings.grasp_torque_nm)
+        started = Grasping(self.hand, grasp.shape(closure), max_torque_nm, self._shaper.r, approach)
         self.stop_grasp("preempted by another grasp")
         self._grasp, self.grasp_end = started, ""
         self.safety.command(host_ns)
@@ -132,36 +155,17 @@ class Controller:
 
     @property
     def grasping(self) -> Grasping | None:
-        """The running grasp, or None; `grasp_end` then says why the last one ended."""
+        """The running grasp, or None; `grasp_end` then is the reason why the last one ended."""
         return self._grasp
 
     def forces(self, stamp_ns: int, force_n: Array) -> None:
-        """Readings of the force sites, (sites,) [N] in the description's order."""
+        """Take readings of the force sites, (sites,) [N] in the description's order."""
         if self.settings.force_sensors:
-            self._touch.forces(stamp_ns, force_n, self.settings.contact_force_n)
+            self._contact_monitor.forces(stamp_ns, force_n, self.settings.contact_force_n)
 
     def contacts(self) -> list[Event]:
         """Contacts that began or ended since the last call."""
-        return self._touch.take()
-
-    def trajectory(
-        self,
-        names: Sequence[str],
-        points: Sequence[tuple[float, Sequence[float], Sequence[float]]],
-        stamp_ns: int,
-        now_ns: int,
-        host_ns: int,
-    ) -> None:
-        """Follow a trajectory of (time [s], positions, velocities). ValueError: refused whole, one line."""
-        try:
-            self._accept()
-            checked = check_trajectory(self.hand, names, points, stamp_ns, now_ns)
-        except ValueError as error:
-            self.refuse(str(error), host_ns)
-            raise
-        self.stop_grasp("preempted by joint_trajectory")
-        self._references.trajectory(checked)
-        self.safety.command(host_ns)
+        return self._contact_monitor.take()
 
     def _accept(self) -> None:
         if self.safety.phase is not Phase.ACTIVE:
@@ -169,45 +173,42 @@ class Controller:
             raise ValueError(f"command refused: the hand is not being controlled ({reason})")
 
     def refuse(self, line: str, host_ns: int) -> None:
-        """Show a refused command on diagnostics for a while."""
+        """Show a refused command on diagnostics for REFUSAL_S."""
         self._refusal = (host_ns, line)
 
-    def frame(
-        self, stamp_ns: int, now_ns: int, host_ns: int, position: Array, velocity: Array, pressure: Array
-    ) -> Tick | None:
-        """One frame, arrays (n,) in the hand's order. None: it was no new frame and nothing is to be sent.
+    def frame(self, times: Times, position: Array, velocity: Array, pressure: Array) -> Tick | None:
+        """Process one frame: position [rad], velocity [rad/s] and pressure [Pa], (n,) each in the hand's order.
 
-        stamp_ns: acquisition time; now_ns: the same clock, now.  host_ns: the host's monotonic clock, which
-        also runs while a simulated clock stands still.
+        Returns None where the frame is stale, repeated or of another clock; then no command is to be sent.
         """
-        dt = 0.0 if self._stamp_ns is None else (stamp_ns - self._stamp_ns) * 1e-9
-        age_s = (now_ns - stamp_ns) * 1e-9
+        dt = 0.0 if self._stamp_ns is None else (times.stamp_ns - self._stamp_ns) * 1e-9
+        age_s = (times.now_ns - times.stamp_ns) * 1e-9
         if not -FUTURE_S <= age_s <= VENT_S:
-            return None  # stale or from another clock: for the supervisor it never came
+            return None  # stale or from another clock: the supervisor does not count it
         if self._stamp_ns is not None and -1.0 < dt <= 0.0:
             return None  # repeated or out of order
-        self._stamp_ns = stamp_ns
+        self._stamp_ns = times.stamp_ns
         step_s = min(max(dt, 0.0), MAX_DT_S)
-        fresh = self.safety.frame(host_ns)
+        fresh = self.safety.frame(times.host_ns)
         if self.safety.phase is not Phase.VENTED:
-            self._judge(position, velocity, pressure, host_ns, step_s)
-        self.safety.check(host_ns, self.settings.command_timeout_s)
+            self._check_measurement(position, velocity, pressure, times.host_ns, step_s)
+        self.safety.check(times.host_ns, self.settings.command_timeout_s)
         if self.safety.phase is not Phase.ACTIVE:
-            return self._vented(stamp_ns, position, pressure, step_s)
-        if self.safety.command_held(host_ns, self.settings.command_timeout_s):
+            return self._vented(times.stamp_ns, position, pressure, step_s)
+        if self.safety.command_held(times.host_ns, self.settings.command_timeout_s):
             self.stop_grasp("no command for too long")
             self._references.latch(self._shaper.r)
-        return self._drive(stamp_ns, now_ns, step_s, fresh, position, pressure, host_ns)
+        return self._drive(times, step_s, fresh, position, pressure)
 
     def check(self, host_ns: int) -> bool:
-        """Between frames: whether the hand has just become vented and a vent is to be sent."""
+        """Between frames: whether the hand has just become vented and 0 Pa is to be sent."""
         before = self.safety.phase
         self.safety.check(host_ns, self.settings.command_timeout_s)
         return before is Phase.ACTIVE and self.safety.phase is Phase.VENTED
 
-    def _judge(self, position: Array, velocity: Array, pressure: Array, host_ns: int, dt: float) -> None:
-        """Trip on what cannot be; arm on the first measurement that can."""
-        verdict, worst = implausible(position, velocity, pressure, self._last_position, self.settings.max_jump_rad)
+    def _check_measurement(self, position: Array, velocity: Array, pressure: Array, host_ns: int, dt: float) -> None:
+        """Trip on an implausible measurement; arm on the first plausible one."""
+        verdict, worst = implausible(position, velocity, pressure, self._last_position, self._max_jump_rad)
         if verdict == NOT_FINITE:
             if self.safety.phase is Phase.ACTIVE:
                 self.safety.trip(f"{self.hand.joints[worst]}: the measurement is not a number")
@@ -219,84 +220,85 @@ class Controller:
             jump = math.degrees(abs(position[worst] - self._last_position[worst]))
             self.safety.trip(f"{self.hand.joints[worst]}: angle jumped by {jump:.0f} degrees")
         else:
-            self._judge_pressure(pressure, dt)
+            self._check_pressure(pressure, dt)
         self._last_position[:] = position
 
-    def _judge_pressure(self, pressure: Array, dt: float) -> None:
-        verdict, worst = self._watch.look(self._law.out[PRESSURE], pressure, dt)
+    def _check_pressure(self, pressure: Array, dt: float) -> None:
+        verdict, worst = self._pressure_watch.check(self._law.out[OUT.pressure], pressure, dt)
         joint, bar = self.hand.joints[worst], pressure[worst] * 1e-5
         self._starved = ""
         if verdict == OVER_PRESSURE:
             self.safety.trip(f"{joint}: over-pressure, {bar:.2f} bar")
         elif verdict == STUCK_HIGH:
-            self.safety.trip(f"{joint}: the valve does not follow, pressure stays at {bar:.2f} bar")
-        elif verdict != FINE:
-            self._starved = f"{joint}: the valve does not follow, only {bar:.2f} bar; leak, supply or a shut valve"
+            self.safety.trip(f"{joint}: the valve does not follow, the pressure stays at {bar:.2f} bar")
+        elif verdict != FOLLOWING:
+            self._starved = (
+                f"{joint}: the valve does not follow, the pressure is only {bar:.2f} bar;"
+                " check for a leak, the supply and a closed valve"
+            )
 
     def _arm(self, position: Array, pressure: Array, host_ns: int) -> None:
-        """Drive from the measured pose: nothing jumps."""
+        """Drive from the measured pose, so that nothing jumps."""
         self._law.release()
-        self._law.out[PRESSURE] = 0.0
-        self._watch.start(pressure)
+        self._law.out[OUT.pressure] = 0.0
+        self._pressure_watch.start(pressure)
         pose = np.clip(position, self.hand.limits.low_rad, self.hand.limits.high_rad)
         self._references.latch(pose)
         self._shaper.latch(pose)
         self._last_position[:] = position
         self.safety.arm(host_ns)
 
-    def _drive(
-        self, stamp_ns: int, now_ns: int, dt: float, fresh: bool, position: Array, pressure: Array, host_ns: int
-    ) -> Tick:
+    def _drive(self, times: Times, dt: float, fresh: bool, position: Array, pressure: Array) -> Tick:
         if self._grasp is not None:
-            self._follow_grasp(self._grasp, position, dt, host_ns)
-        target, speed, self._limit = self._references.sample(now_ns)
-        shaper = self._shaper
-        shaper.step(target, speed, self.settings.bandwidth_rad_s, self.settings.max_speed_rad_s, dt)
-        out = self._law.tick(
-            shaper.r, shaper.v, shaper.a, self._limit, position, pressure, dt, fresh and not self._starved
-        )
-        self._touch.update(stamp_ns, out[CONTACT], out[CONTACT_AGE], out[CONTACT_TORQUE])
-        error = shaper.r - position
-        self._watch_tolerance(error, position, dt, host_ns)
+            self._follow_grasp(self._grasp, position, dt, times.host_ns)
+        target, speed, self._limit = self._references.sample(times.now_ns)
+        self._shaper.step(target, speed, self.settings, dt)
+        inputs = self._law.inputs
+        inputs[U.limit], inputs[U.position], inputs[U.pressure] = self._limit, position, pressure
+        out = self._law.tick(inputs, dt, fresh and not self._starved)
+        self._contact_monitor.update(times.stamp_ns, out[OUT.contact], out[OUT.contact_age], out[OUT.contact_torque])
+        error = self._shaper.r - position
+        self._check_tolerance(error, position, dt, times.host_ns)
         return Tick(
-            stamp_ns,
-            shaper.r,
+            times.stamp_ns,
+            self._shaper.r,
             position,
             error,
-            out[PRESSURE],
-            out[TORQUE],
+            out[OUT.pressure],
+            out[OUT.torque],
             self._limit,
-            out[SATURATED] != 0.0,
-            self._touch.contact,
+            out[OUT.saturated] != 0.0,
+            self._contact_monitor.contact,
         )
 
     def _follow_grasp(self, grasp: Grasping, position: Array, dt: float, host_ns: int) -> None:
-        target, limit = grasp.step(dt, position, self._touch.contact)
+        target, limit = grasp.step(dt, position, self._contact_monitor.contact)
         self._references.command(JointCommand(np.arange(len(position)), target, limit))
         self.safety.command(host_ns)
         self.grasp_contact = grasp.contact
         if grasp.outcome is not Outcome.RUNNING:
             self._grasp, self.grasp_end = None, grasp.outcome.value
 
-    def _watch_tolerance(self, error: Array, position: Array, dt: float, host_ns: int) -> None:
-        """Abort what a trajectory does to joints that have left their tolerance: they hold where they are."""
+    def _check_tolerance(self, error: Array, position: Array, dt: float, host_ns: int) -> None:
+        """End the trajectories where a joint has left its tolerance; their joints hold the measured angle."""
         on_path, at_goal = self._references.motion
-        line = self._tolerance.look(error, on_path, at_goal, self.settings, dt)
+        line = self._tolerance_watch.check(error, on_path, at_goal, self.settings, dt)
         if line:
             self._references.hold(position, on_path | at_goal)
             self.refuse(line, host_ns)
 
     def _vented(self, stamp_ns: int, position: Array, pressure: Array, dt: float) -> Tick:
-        """No pressure; the reference is where the hand is, since nothing is asked of it."""
+        """Command no pressure; the reference is the measured pose, since nothing is commanded."""
         zero = np.zeros(len(position))
         self.stop_grasp(f"the hand was vented: {self.safety.fault or self.safety.reason or 'not enabled'}")
         self._law.release()
-        out = self._law.tick(position, zero, zero, self._limit, position, pressure, dt, False, False)
-        self._touch.release()
-        return Tick(stamp_ns, position, position, zero, zero, out[TORQUE], self._limit, self._nothing, self._nothing)
+        inputs = np.array([position, zero, zero, self._limit, position, pressure])
+        out = self._law.tick(inputs, dt, False, False)
+        self._contact_monitor.release()
+        return Tick(stamp_ns, position, position, zero, zero, out[OUT.torque], self._limit, self._none, self._none)
 
     def health(self, host_ns: int) -> list[Health]:
-        """Safety state and refused commands."""
+        """State of the safety, the commands and the valves."""
         commands = Health("commands", Level.OK, "accepted")
         if self._refusal is not None and (host_ns - self._refusal[0]) * 1e-9 < REFUSAL_S:
             commands = Health("commands", Level.ERROR, self._refusal[1])

@@ -19,7 +19,7 @@ from numba import njit
 
 from hand_model.arrays import Array
 from hand_model.description import Hand
-from hand_messages.parameters import NodeParameter, ParameterError
+from hand_ros.parameters import NodeParameter, ParameterError
 
 compiled = njit(_nrt=False, error_model="numpy")
 """Compiles a function of the law. It allocates nothing, so arrays need no reference counts; x / 0 is not an error."""
@@ -94,10 +94,10 @@ class Settings:
         "deg", 0.0, 0.0, 180.0, "a trajectory with a larger error at its end is aborted; 0: never"
     )
     goal_time_s: float = _number("s", 1.0, 0.01, 60.0, "time allowed to come within the tolerance of the goal")
-    kp_nm_per_rad: Array = _per_joint("N m/rad", 0.15, 0.0, 10.0, "fixed proportional gain", "kp")
-    ki_nm_per_rad_s: Array = _per_joint("N m/(rad s)", 1.5, 0.0, 100.0, "fixed integral gain", "ki")
-    kd_nm_s_per_rad: Array = _per_joint("N m s/rad", 0.003, 0.0, 1.0, "fixed gain on the measured speed", "kd")
-    integral_limit_nm: Array = _per_joint("N m", 0.6, 0.0, 10.0, "bound of the integral", "i_max")
+    kp_nm_per_rad: Array = _per_joint("N m/rad", 0.15, 0.0, 10.0, "fixed proportional gain", "kp")  # noqa: RUF009
+    ki_nm_per_rad_s: Array = _per_joint("N m/(rad s)", 1.5, 0.0, 100.0, "fixed integral gain", "ki")  # noqa: RUF009
+    kd_nm_s_per_rad: Array = _per_joint("N m s/rad", 0.003, 0.0, 1.0, "fixed gain on the measured speed", "kd")  # noqa: RUF009
+    integral_limit_nm: Array = _per_joint("N m", 0.6, 0.0, 10.0, "bound of the integral", "i_max")  # noqa: RUF009
     control_mode: str = _choice(
         "torque", "torque_mode",
         "in mode torque, the effort of a command is the wanted torque and its position is ignored",
@@ -301,7 +301,7 @@ CONSTANTS: dict[str, tuple[float, str, str]] = {
 
 def _names(kind: str, names: Sequence[str], values: Sequence[float]) -> Any:
     """A named tuple: compiled code reads its fields as constants."""
-    return namedtuple(kind, names)(*values)  # type: ignore[misc]
+    return namedtuple(kind, names)(*values)  # type: ignore[misc, arg-type]
 
 
 def _rows(kind: str, rows: Sequence[Row]) -> Any:
@@ -321,9 +321,7 @@ def _of_each_joint(hand: Hand, declared: NodeParameter, values: Any) -> Array:
         raise ParameterError(f"parameter {declared.name} has {given.size} values; it must have 1 or {count}")
     low, high = declared.low or 0.0, declared.high or 0.0
     if not np.all((given >= low) & (given <= high)):  # NaN fails both comparisons
-        raise ParameterError(
-            f"parameter {declared.name} is {given.tolist()}; the allowed range is {low:g} to {high:g}"
-        )
+        raise ParameterError(f"parameter {declared.name} is {given.tolist()}; the allowed range is {low:g} to {high:g}")
     return np.broadcast_to(given, count).copy()
 
 

@@ -146,9 +146,7 @@ def _send(g, s, i, wanted, ceiling, dt):  # type: ignore[no-untyped-def]
 @inlined
 def _filter_at_rest(g, s, u, i, wanted, error, dt):  # type: ignore[no-untyped-def]
     """Wanted pressure [Pa]; at rest its feedback is noise, and a filter keeps it below the dead-band."""
-    rests = (
-        abs(u[U.speed, i]) < C.rest_reference and abs(s[S.speed, i]) < C.rest_speed and abs(error) < C.rest_error
-    )
+    rests = abs(u[U.speed, i]) < C.rest_reference and abs(s[S.speed, i]) < C.rest_speed and abs(error) < C.rest_error
     share = dt / (dt + C.rest_filter) if rests and g[G.deadband, i] > 0.0 and dt > 0.0 else 1.0
     s[S.wanted, i] += share * (wanted - s[S.wanted, i])
     return s[S.wanted, i]
@@ -178,9 +176,7 @@ def _hold_command(s, i, out):  # type: ignore[no-untyped-def]
 def _joint(g, s, u, i, dt, integrate, drive, out):  # type: ignore[no-untyped-def]
     """One tick of joint i; see `Law.tick`."""
     phi, p = u[U.position, i], u[U.pressure, i]
-    if not math.isfinite(
-        phi + p + u[U.reference, i] + u[U.speed, i] + u[U.acceleration, i] + u[U.limit, i]
-    ):
+    if not math.isfinite(phi + p + u[U.reference, i] + u[U.speed, i] + u[U.acceleration, i] + u[U.limit, i]):
         _hold_command(s, i, out)
         return
     _observe(g, s, i, phi, p, dt)

@@ -18,11 +18,10 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from hand_control.controller import Controller, Tick
-from hand_control.grasping import Outcome
-from hand_control.grasps import load_grasps
+from hand_control.controller import Controller, Tick, Times
+from hand_control.declared import PARAMETERS, Settings
+from hand_control.grasps import Outcome, load_grasps
 from hand_control.inputs import JointInput
-from hand_control.settings import PARAMETERS, Settings
 from hand_control.supervisor import FREEZE_S
 from hand_messages.cdr import Layout
 from hand_messages.health import Health, Level
@@ -70,7 +69,7 @@ class ControllerNode(HandNode):
         rehearsal = Controller(self._hand, self._settings)
         rehearsal.enable(True)
         for stamp_ns in (1, 2, 3):
-            rehearsal.frame(stamp_ns, stamp_ns, stamp_ns, joints, joints, joints)
+            rehearsal.frame(Times(stamp_ns, stamp_ns, stamp_ns), joints, joints, joints)
 
     def _create_interfaces(self) -> None:
         self._command_publisher = self.create_publisher(ValveCommand, "valve_command", COMMAND_QOS)
@@ -151,7 +150,8 @@ class ControllerNode(HandNode):
         if abs(stamp_ns - self._pressure_ns) > FREEZE_S * 1e9:
             return  # no pressures to go with it: not a usable frame, and silence vents
         self._position = position
-        tick = self._controller.frame(stamp_ns, self._now_ns(), host_ns, position, velocity, self._pressure)
+        times = Times(stamp_ns, self._now_ns(), host_ns)
+        tick = self._controller.frame(times, position, velocity, self._pressure)
         if tick is not None:
             self._publish(tick)
             self._publish_contacts()
@@ -286,19 +286,16 @@ class ControllerNode(HandNode):
             self.say(Level.ERROR, "fault", f"vented: {self._controller.safety.fault}; call reset, then enable")
 
     def _on_command(self, message: JointState) -> None:
-        self._try(
-            lambda: self._controller.command(
-                message.name, message.position, message.effort, _ns(message), self._now_ns(), time.monotonic_ns()
-            )
-        )
+        times = self._times(message)
+        self._try(lambda: self._controller.command(times, message.name, message.position, message.effort))
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         points = [(_seconds(point), point.positions, point.velocities) for point in message.points]
-        self._try(
-            lambda: self._controller.trajectory(
-                message.joint_names, points, _ns(message), self._now_ns(), time.monotonic_ns()
-            )
-        )
+        times = self._times(message)
+        self._try(lambda: self._controller.trajectory(times, message.joint_names, points))
+
+    def _times(self, message: JointState | JointTrajectory) -> Times:
+        return Times(_ns(message), self._now_ns(), time.monotonic_ns())
 
     def _try(self, accept: Callable[[], None]) -> None:
         """A command that is refused is said on the log and on diagnostics; all else goes on."""

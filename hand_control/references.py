@@ -1,28 +1,36 @@
-"""What each joint is asked for: the last command or a running trajectory, and its torque limit.
+"""The reference of each joint: the last command or a running trajectory, its torque limit, and the reference filter.
 
-Trajectories begin at the present reference. Between points they are cubic Hermite with the velocities given;
-without velocities, the slopes of a monotone cubic (Fritsch and Carlson 1980: no overshoot between points),
+Trajectories begin at the present reference. Between points they are cubic Hermite splines with the velocities given;
+without velocities, with the slopes of a monotone cubic (Fritsch and Carlson 1980: no overshoot between points),
 which are 0 at both ends. The end point is held. A later message replaces an earlier one for its own joints only;
-a trajectory that starts later leaves what runs alone until then.
+a trajectory that starts later does not change the running ones until then.
 
-Time that goes back means another clock, a board or a simulation that began anew: starts on the old one mean
-nothing any more, so trajectories are dropped and the targets hold.
+When time goes back, the clock is another one, that of a board or a simulation that was restarted. Start times on the
+old clock have no meaning then: trajectories are dropped and the targets hold.
+
+The reference filter makes a motion that the valve can follow of a step; a smooth trajectory passes without lag. It is
+a critically damped second-order filter with bandwidth w [rad/s] on target and target speed:
+
+    v' = w^2 (target - r) + 2 w (target' - v),   r' = v,   |v| <= largest speed
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from hand_control.command_check import JointCommand, Trajectory
+from hand_control.declared import Settings, U
 from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 
 SLEW_NS = 100_000_000
-"""Clocks are slewed back by less than this; further back is another clock."""
+"""Clocks are slewed back by less than this; a larger step back is another clock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,3 +186,36 @@ def _curve(times: Array, position: Array, velocity: Array | None) -> CubicHermit
     slopes = np.nan_to_num(slopes, posinf=0.0, neginf=0.0)
     slopes[0] = slopes[-1] = 0.0
     return CubicHermiteSpline(times, position, slopes)
+
+
+@njit(cache=True)
+def _shape(rows, target, target_speed, bandwidth, max_speed, dt):  # type: ignore[no-untyped-def]
+    steps = max(1, int(np.ceil(2.0 * bandwidth * dt / 0.2)))  # the explicit step stays well inside stability
+    h = dt / steps
+    for i in range(rows.shape[1]):
+        r = rows[U.reference, i]
+        v = before = rows[U.speed, i]
+        for _ in range(steps):
+            a = bandwidth * bandwidth * (target[i] - r) + 2.0 * bandwidth * (target_speed[i] - v)
+            v = min(max(v + a * h, -max_speed), max_speed)
+            r += v * h
+        rows[U.reference, i], rows[U.speed, i] = r, v
+        rows[U.acceleration, i] = (v - before) / dt if dt > 0.0 else 0.0
+
+
+class Shaper:
+    """The filtered reference r [rad], its speed v [rad/s] and acceleration a [rad/s^2], (n,) each."""
+
+    def __init__(self, joints: int, inputs: Array | None = None) -> None:
+        """Begin at 0; latch before use. inputs: the array (rows, n) of the law whose first rows it fills."""
+        self._rows = np.zeros((3, joints)) if inputs is None else inputs
+        self.r, self.v, self.a = (self._rows[row] for row in (U.reference, U.speed, U.acceleration))
+
+    def latch(self, position: Array) -> None:
+        """Stand still at position (n,) [rad]."""
+        self.r[:], self.v[:], self.a[:] = position, 0.0, 0.0
+
+    def step(self, target: Array, target_speed: Array, settings: Settings, dt: float) -> None:
+        """Follow target (n,) [rad] and its speed (n,) [rad/s] for dt [s]."""
+        max_speed = math.radians(settings.max_speed_deg_per_s)
+        _shape(self._rows, target, target_speed, settings.reference_bandwidth_rad_per_s, max_speed, dt)

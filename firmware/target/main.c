@@ -1,5 +1,5 @@
 /* Runs recorded ticks on a bare Cortex-M4 so that the instructions of one can be counted. No C library.
- * data.h is written by validation/bench/bench_firmware.py: JOINTS, TICKS, DT, gains, inputs. */
+ * data.h is written by validation/cortex_m4.py: JOINTS, TICKS, DT, gains, inputs. */
 #include "data.h"
 #include "hand_law.h"
 
@@ -22,9 +22,7 @@ __attribute__((noinline)) static void run(void)
 {
     hand_law_start(JOINTS, gains, state);
     for (int k = 0; k < TICKS; k++) {
-        const hand_real *in = &inputs[k * 6 * JOINTS];
-        hand_law_tick(JOINTS, gains, state, in, in + JOINTS, in + 2 * JOINTS, in + 3 * JOINTS, in + 4 * JOINTS,
-                      in + 5 * JOINTS, DT, 1, 1, output);
+        hand_law_tick(JOINTS, gains, state, &inputs[k * HAND_INPUTS * JOINTS], DT, 1, 1, output);
     }
     finish();
 }

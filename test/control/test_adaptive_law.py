@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hand_control.law import CONTACT, PRESSURE, TORQUE, Law
-from hand_control.law_rows import S
-from hand_control.settings import PARAMETERS, Settings
+from hand_control.declared import OUT, PARAMETERS, S, Settings
+from hand_control.law import Law
 from hand_control.tuning import gains
 from hand_model.description import load_hand
 from hand_model.kernel.rows import ROW
@@ -42,8 +41,8 @@ class Loop:
         still = np.zeros(COUNT)
         angle = state[PHI] + self.noise_rad * self.rng.standard_normal(COUNT)
         limit = np.full(COUNT, limit_nm)
-        out = self.law.tick(np.full(COUNT, target_rad), still, still, limit, angle, state[P], DT_S)
-        self.plants.advance(out[PRESSURE][None, None].copy())
+        out = self.law.tick(np.array([np.full(COUNT, target_rad), still, still, limit, angle, state[P]]), DT_S)
+        self.plants.advance(out[OUT.pressure][None, None].copy())
         return out
 
     def run(self, target_rad: float, seconds: float, limit_nm: float = 0.6) -> Any:
@@ -68,14 +67,14 @@ def test_every_switch_is_bumpless(change: dict[str, Any]) -> None:
     """Fails when the command jumps where a part of the law is switched off, or on again."""
     loop = Loop(error=0.1)
     loop.noise_rad = 0.0
-    before = loop.run(0.9, 4.0)[-1][PRESSURE]
+    before = loop.run(0.9, 4.0)[-1][OUT.pressure]
     loop.set(**change)
-    after = loop.tick(0.9)[PRESSURE]
+    after = loop.tick(0.9)[OUT.pressure]
     assert np.abs(after - before).max() < 1500.0
     loop.run(0.9, 2.0)
-    before = loop.law.out[PRESSURE].copy()
+    before = loop.law.out[OUT.pressure].copy()
     loop.set(**{key: next(p.default for p in PARAMETERS if p.name == key) for key in change})
-    assert np.abs(loop.tick(0.9)[PRESSURE] - before).max() < 1500.0
+    assert np.abs(loop.tick(0.9)[OUT.pressure] - before).max() < 1500.0
 
 
 def test_the_dead_band_rests_and_leaves_no_limit_cycle() -> None:
@@ -86,7 +85,7 @@ def test_the_dead_band_rests_and_leaves_no_limit_cycle() -> None:
     for loop in (with_band, without):
         loop.run(0.9, 20.0)
         out = loop.run(0.9, 20.0)
-        travel.append(np.abs(np.diff(out[:, PRESSURE], axis=0)).sum(axis=0).mean())
+        travel.append(np.abs(np.diff(out[:, OUT.pressure], axis=0)).sum(axis=0).mean())
         angles.append(loop.plants.state[0][PHI])
     assert travel[0] < 0.02 * travel[1]
     assert np.degrees(np.abs(angles[0] - 0.9)).max() < 0.5
@@ -104,7 +103,7 @@ def test_neither_anti_windup_winds_up(kind: str) -> None:
 
 def test_adaptation_learns_in_motion_and_is_frozen_otherwise() -> None:
     """Fails when the map does not approach the plant's in motion, or moves at rest or at the torque limit."""
-    rows = slice(S["d_a0"], S["d_viscous"] + 1)
+    rows = slice(S.d_a0, S.d_viscous + 1)
     loop = Loop(error=0.25, seed=4)
     for target in (0.4, 1.3, 0.4, 1.3, 0.4):
         loop.run(target, 2.0)
@@ -124,7 +123,7 @@ def test_the_law_follows_the_creep_of_the_material() -> None:
     loop.noise_rad = 0.0
     loop.run(1.2, 30.0)
     state = loop.plants.state[0]
-    assert loop.law.state[S["creep"]] == pytest.approx(state[CREEP], abs=0.01)
+    assert loop.law.state[S.creep] == pytest.approx(state[CREEP], abs=0.01)
     a0, a1, a2, a3, reach = (
         HAND.row(key)
         for key in (
@@ -138,7 +137,7 @@ def test_the_law_follows_the_creep_of_the_material() -> None:
     loop.set(adaptation=False)
     out = loop.tick(1.2)
     true = a0 + a1 * (state[PHI] - state[CREEP] * reach) + (a2 + a3 * state[PHI]) * state[P]
-    assert out[TORQUE] == pytest.approx(true, abs=1e-3)
+    assert out[OUT.torque] == pytest.approx(true, abs=1e-3)
 
 
 def test_torque_mode_gives_the_asked_torque_at_any_angle() -> None:
@@ -151,9 +150,9 @@ def test_torque_mode_gives_the_asked_torque_at_any_angle() -> None:
     zero, wanted = np.zeros(COUNT), np.full(COUNT, 0.12)
     for _ in range(800):
         state = plants.state[0]
-        out = law.tick(zero, zero, zero, wanted, state[PHI], state[P], DT_S)
-        plants.advance(out[PRESSURE][None, None].copy())
-    assert out[TORQUE] == pytest.approx(wanted, rel=0.02)
+        out = law.tick(np.array([zero, zero, zero, wanted, state[PHI], state[P]]), DT_S)
+        plants.advance(out[OUT.pressure][None, None].copy())
+    assert out[OUT.torque] == pytest.approx(wanted, rel=0.02)
 
 
 def test_steps_on_wrong_plants_beat_a_fixed_pid() -> None:
@@ -193,5 +192,5 @@ def test_contact_ends_where_the_torque_goes() -> None:
     loop = Loop({"adaptation": False})
     loop.noise_rad = 0.0
     loop.plants = HandPlants(HAND, parameters[None], DT_S)
-    assert loop.run(1.2, 2.0, 0.1)[-1][CONTACT].all()
-    assert not loop.run(0.3, 2.0, 0.1)[-1][CONTACT].any()
+    assert loop.run(1.2, 2.0, 0.1)[-1][OUT.contact].all()
+    assert not loop.run(0.3, 2.0, 0.1)[-1][OUT.contact].any()

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hand_control.controller import Controller
+from hand_control.controller import Controller, Times
+from hand_control.declared import Settings
 from hand_control.grasps import load_grasps
-from hand_control.settings import Settings
 from hand_control.supervisor import Phase
 from hand_messages.health import Level
 from hand_model.description import load_hand
@@ -43,11 +43,15 @@ class Rig:
             self.now_ns += 5 * MS
             state = self.plant.state
             pressure = self.seen_pressure(state[P].copy())
-            self.tick = self.controller.frame(self.now_ns, self.now_ns, self.now_ns, state[PHI], state[OMEGA], pressure)
+            times = Times(self.now_ns, self.now_ns, self.now_ns)
+            self.tick = self.controller.frame(times, state[PHI], state[OMEGA], pressure)
             self.plant.advance(self.valve(self.tick.pressure_command.copy())[None])
 
     def command(self, **angles: float) -> None:
-        self.controller.command(list(angles), list(angles.values()), [], 0, self.now_ns, self.now_ns)
+        self.controller.command(self.now(), list(angles), list(angles.values()), [])
+
+    def now(self) -> Times:
+        return Times(0, self.now_ns, self.now_ns)
 
     def health(self, name: str) -> Any:
         return next(h for h in self.controller.health(self.now_ns) if h.name == name)
@@ -131,17 +135,17 @@ def test_trajectories_are_aborted_outside_their_tolerance(values: dict[str, floa
     rig = Rig(**values)
     rig.valve = only(INDEX, lambda command: min(command, 2.0e4))
     points: list[tuple[float, list[float], list[float]]] = [(0.5, [1.0, 1.0], []), (1.0, [1.2, 1.2], [])]
-    rig.controller.trajectory(["index_proximal", "ring_proximal"], points, 0, rig.now_ns, rig.now_ns)
+    rig.controller.trajectory(rig.now(), ["index_proximal", "ring_proximal"], points)
     rig.run(3.0)
     message = rig.health("commands").message
-    assert "index_proximal" in message and line in message and "hold where they are" in message
+    assert "index_proximal" in message and line in message and "hold their measured angle" in message
     assert abs(rig.tick.reference[INDEX] - rig.tick.position[INDEX]) < 0.15
 
 
 def test_trajectories_within_their_tolerance_go_on() -> None:
     """Fails when a tolerance aborts a motion that the hand follows well."""
     rig = Rig(path_tolerance_deg=5.0, goal_tolerance_deg=2.0)
-    rig.controller.trajectory(["index_proximal"], [(0.8, [1.2], [])], 0, rig.now_ns, rig.now_ns)
+    rig.controller.trajectory(rig.now(), ["index_proximal"], [(0.8, [1.2], [])])
     rig.run(3.0)
     assert rig.health("commands").level == Level.OK
     assert rig.tick.position[INDEX] == pytest.approx(1.2, abs=0.02)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -12,20 +11,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hand_control.law import CONTACT_TORQUE, PRESSURE, TORQUE, Law
-from hand_control.law_rows import GAINS, OUTPUT, STATE
-from hand_control.settings import Settings
+from hand_control.declared import OUT, OUTPUTS, STATE, Settings
+from hand_control.law import Law
 from hand_control.tuning import gains
 from hand_model.arrays import Array
 from hand_model.description import load_hand
 from hand_sim.plant import PHI, HandPlants, P
-from validation.bench import bench_firmware
+from validation import cortex_m4
 from validation.paper.step_rig import draw, reference
 
 ROOT = Path(__file__).parents[2]
 HAND = load_hand(ROOT / "config" / "hand.yaml")
 DT_S = 0.005
-Inputs = tuple[Array, Array, Array, Array, Array, Array]
 
 
 def compiled(folder: Path, kind: str) -> Any:
@@ -46,41 +43,38 @@ class CLaw:
         self._n = g.shape[1]
         self._g = np.ascontiguousarray(g, self._type)
         self.state = np.zeros((len(STATE), self._n), self._type)
-        self.out = np.zeros((len(OUTPUT), self._n), self._type)
+        self.out = np.zeros((len(OUTPUTS), self._n), self._type)
         self._law.hand_law_start(self._n, self._pointer(self._g), self._pointer(self.state))
 
     def _pointer(self, values: Any) -> Any:
         return values.ctypes.data_as(ctypes.c_void_p)
 
-    def tick(self, *inputs: Array, dt: float, integrate: bool, drive: bool) -> Any:
-        given = [np.ascontiguousarray(values, self._type) for values in inputs]
-        pointers = [self._pointer(values) for values in given]
+    def tick(self, inputs: Array, dt: float, integrate: bool, drive: bool) -> Any:
+        given = np.ascontiguousarray(inputs, self._type)
+        arrays = (self._pointer(values) for values in (self._g, self.state, given))
         flags = int(integrate), int(drive)
-        self._law.hand_law_tick(
-            self._n, self._pointer(self._g), self._pointer(self.state), *pointers, self._real(dt), *flags,
-            self._pointer(self.out),
-        )  # fmt: skip
+        self._law.hand_law_tick(self._n, *arrays, self._real(dt), *flags, self._pointer(self.out))
         return self.out
 
 
-def recorded(values: dict[str, Any], ticks: int = 2400) -> tuple[Array, list[Inputs]]:
+def recorded(values: dict[str, Any], ticks: int = 2400) -> tuple[Array, list[Array]]:
     """Gains, and the inputs of the law in a closed loop of steps on plants off by 20 %."""
     settings = Settings.of(HAND, values)
     g = gains(HAND, settings)
     rng = np.random.default_rng(3)
     plants = HandPlants(HAND, draw(HAND, 1, 0.2, rng), DT_S)
     law, target = Law(g), reference(settings)
-    inputs: list[Inputs] = []
+    inputs: list[Array] = []
     for k in range(ticks):
         state = plants.state[0]
         limit = np.where(np.arange(11) % 3 == 0, 0.04, 0.6)
         angle = state[PHI] + 3e-4 * rng.standard_normal(11)
         pressure = state[P] + 100.0 * rng.standard_normal(11)
         r, v, a = (np.full(11, target[row, k]) for row in range(3))
-        given = (r, v, a, limit, angle, pressure)
+        given = np.array([r, v, a, limit, angle, pressure])
         inputs.append(given)
-        out = law.tick(*given, dt=DT_S)
-        plants.advance(out[PRESSURE][None, None].copy())
+        out = law.tick(given, DT_S)
+        plants.advance(out[OUT.pressure][None, None].copy())
     return g, inputs
 
 
@@ -101,10 +95,10 @@ def test_both_laws_agree_on_recorded_inputs(name: str, tmp_path: Path) -> None:
     sizes = np.array([6e5, 0.6, 1.0, 1.0, 0.6, 10.0])[:, None]
     for k, given in enumerate(inputs):
         drive, integrate = k % 400 > 5, k % 50 != 0
-        want = python.tick(*given, dt=DT_S, integrate=integrate, drive=drive)
+        want = python.tick(given, DT_S, integrate=integrate, drive=drive)
         for kind, law in (("double", double), ("float", single)):
-            got = law.tick(*given, dt=DT_S, integrate=integrate, drive=drive)
-            rows = range(len(OUTPUT)) if kind == "double" else (PRESSURE, TORQUE, CONTACT_TORQUE)
+            got = law.tick(given, DT_S, integrate=integrate, drive=drive)
+            rows = range(len(OUTPUTS)) if kind == "double" else (OUT.pressure, OUT.torque, OUT.contact_torque)
             worst[kind] = max(worst[kind], float(np.max(np.abs(got - want)[list(rows)] / sizes[list(rows)])))
     print(f"{name}: largest difference, double {worst['double']:.1e}, single {worst['float']:.1e} of full scale")
     assert worst["double"] < 1e-6
@@ -117,26 +111,18 @@ def test_not_a_number_keeps_the_last_command(tmp_path: Path) -> None:
     g, inputs = recorded({}, 50)
     law = CLaw(tmp_path, "float", g)
     for given in inputs:
-        before = law.tick(*given, dt=DT_S, integrate=True, drive=True)[PRESSURE].copy()
-    broken = list(inputs[-1])
+        before = law.tick(given, DT_S, integrate=True, drive=True)[OUT.pressure].copy()
+    broken = inputs[-1].copy()
     broken[4] = np.where(np.arange(11) == 3, np.nan, broken[4])
-    out = law.tick(*broken, dt=DT_S, integrate=True, drive=True)
-    assert np.isfinite(out).all() and out[PRESSURE][3] == before[3]
+    out = law.tick(broken, DT_S, integrate=True, drive=True)
+    assert np.isfinite(out).all() and out[OUT.pressure][3] == before[3]
 
 
-def test_rows_have_the_same_order_in_both() -> None:
-    """Fails when a row is added to one law and not to the other."""
-    text = (ROOT / "firmware" / "hand_law.h").read_text(encoding="utf-8")
-    for prefix, names in (("HAND_G", GAINS), ("HAND_S", STATE), ("HAND_O", OUTPUT)):
-        block = next(b for b in re.findall(r"enum \{(.*?)\}", text, re.S) if f"{prefix}_" in b)
-        assert tuple(re.findall(rf"{prefix}_(\w+)", block)) == tuple(name.upper() for name in names)
-
-
-@pytest.mark.skipif(shutil.which(bench_firmware.COMPILER) is None, reason="needs arm-none-eabi-gcc")
-@pytest.mark.skipif(shutil.which(bench_firmware.EMULATOR) is None, reason="needs qemu-system-arm")
+@pytest.mark.skipif(shutil.which(cortex_m4.COMPILER) is None, reason="needs arm-none-eabi-gcc")
+@pytest.mark.skipif(shutil.which(cortex_m4.EMULATOR) is None, reason="needs qemu-system-arm")
 def test_the_law_fits_a_cortex_m4() -> None:
     """Fails when the law no longer builds for the target, or takes more than half the time of a 1 kHz tick."""
-    figures = bench_firmware.measure()
+    figures = cortex_m4.measure()
     print(figures)
     assert figures["flash"] < 16e3 and figures["ram"] < 8e3
-    assert figures[bench_firmware.SHARE] < 50.0
+    assert figures[cortex_m4.SHARE] < 50.0

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from hand_control.law import PRESSURE, TORQUE, Law
-from hand_control.settings import Settings
-from hand_control.shaping import Shaper
+from hand_control.declared import OUT, Settings
+from hand_control.law import Law
+from hand_control.references import Shaper
 from hand_control.tuning import gains
 from hand_model.description import load_hand
 from hand_model.kernel.rows import ROW
@@ -33,11 +33,12 @@ def test_steps_settle_on_a_hydraulic_hand() -> None:
         target, still = np.full(11, np.radians(target_deg)), np.zeros(11)
         late = []
         for tick in range(600):
-            shaper.step(target, still, settings.bandwidth_rad_s, settings.max_speed_rad_s, 1.0 / RATE_HZ)
+            shaper.step(target, still, settings, 1.0 / RATE_HZ)
             state = plant.state
             limit = hand.limits.max_torque_nm
-            out = law.tick(shaper.r, shaper.v, shaper.a, limit, state[PHI], state[P], 1.0 / RATE_HZ)
-            plant.advance(out[PRESSURE][None].copy())
+            inputs = np.array([shaper.r, shaper.v, shaper.a, limit, state[PHI], state[P]])
+            out = law.tick(inputs, 1.0 / RATE_HZ)
+            plant.advance(out[OUT.pressure][None].copy())
             if tick > 500:
                 late.append(np.abs(state[PHI] - target).max())
         assert np.degrees(max(late)) < 1.0, target_deg
@@ -56,6 +57,6 @@ def test_torque_is_held_on_a_hydraulic_hand() -> None:
     still, wanted = np.zeros(11), np.full(11, 0.12)
     for _ in range(1000):
         state = plant.state
-        out = law.tick(still, still, still, wanted, state[PHI], state[P], 1.0 / RATE_HZ)
-        plant.advance(out[PRESSURE][None].copy())
-    np.testing.assert_allclose(out[TORQUE], wanted, rtol=0.02)
+        out = law.tick(np.array([still, still, still, wanted, state[PHI], state[P]]), 1.0 / RATE_HZ)
+        plant.advance(out[OUT.pressure][None].copy())
+    np.testing.assert_allclose(out[OUT.torque], wanted, rtol=0.02)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hand_control.command_check import CommandError, check_joint_command, check_trajectory
-from hand_control.references import References
-from hand_control.shaping import Shaper
+from hand_control.declared import Settings
+from hand_control.references import References, Shaper
 from hand_model.arrays import Array
 from hand_model.description import load_hand
 
@@ -325,6 +326,7 @@ def test_path_is_continuous_through_replacements(corners: list[float], breaks: l
 def test_shaped_reference_keeps_its_speed_bound(goals: list[float], max_speed: float) -> None:
     """Broken by steps or a first point at time 0 that make the shaped reference jump, or never arrive."""
     references, shaper, dt = latched(), Shaper(COUNT), 0.005
+    chosen = Settings.of(HAND, {"max_speed_deg_per_s": math.degrees(max_speed)})
     shaper.latch(np.full(COUNT, HERE))
     now = 0.0
     for number, goal in enumerate(goals):
@@ -336,7 +338,7 @@ def test_shaped_reference_keeps_its_speed_bound(goals: list[float], max_speed: f
             before = shaper.r[IA]
             now += dt
             target, speed, _ = references.sample(at(now))
-            shaper.step(target, speed, 12.0, max_speed, dt)
+            shaper.step(target, speed, chosen, dt)
             assert abs(shaper.r[IA] - before) <= max_speed * dt * (1.0 + 1e-9)
             assert abs(shaper.v[IA]) <= max_speed
         assert shaper.r[IA] == pytest.approx(goal, abs=1e-3)

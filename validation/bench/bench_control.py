@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from simple_pid import PID
 
-from hand_control.settings import Settings
+from hand_control.declared import Settings
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from validation.bench.result import figure
@@ -72,7 +72,7 @@ def obstacles(hand: Hand, settings: Settings, hands: int) -> list[dict[str, Any]
         for begin in range(0, hands, 100)
     ]
     free = close_on_obstacles(hand, min(hands, 300), settings, SEED + 7, IDENTIFIED, obstacle=False)
-    told = settings.false_alarms_per_hour
+    told = settings.contact_false_alarms_per_hour
 
     def of(name: str) -> Array:
         return np.concatenate([np.asarray(getattr(trial, name)) for trial in trials])

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from simple_pid import PID
 
-from hand_control.law import PRESSURE, Law
-from hand_control.settings import Settings
+from hand_control.declared import OUT, Settings, U
+from hand_control.law import Law
 from hand_control.tuning import gains
 from hand_model.description import load_hand
 
@@ -46,19 +46,14 @@ def law_tick() -> Callable[[], object]:
     reference, speed = np.full(count, 0.8), np.zeros(count)
     limit = hand.limits.max_torque_nm
     position, pressure = (array("d", [value] * count) for value in (0.5, 1e5))
+    inputs = law.inputs
 
     def tick() -> object:
-        out = law.tick(
-            reference,
-            speed,
-            speed,
-            limit,
-            np.frombuffer(position),
-            np.frombuffer(pressure),
-            DT_S,
-        )
+        inputs[U.reference], inputs[U.speed], inputs[U.acceleration] = reference, speed, speed
+        inputs[U.limit] = limit
+        inputs[U.position], inputs[U.pressure] = np.frombuffer(position), np.frombuffer(pressure)
         command = array("d")
-        command.frombytes(out[PRESSURE].tobytes())
+        command.frombytes(law.tick(inputs, DT_S)[OUT.pressure].tobytes())
         return command
 
     return tick

@@ -1,48 +1,13 @@
-"""The law on a Cortex-M4: flash, RAM, and cycles of one tick, counted instruction by instruction in an emulator.
-
-Cycles are those of the Cortex-M4 technical reference manual's table (ARM DDI 0439), every taken branch with the
-longest refill of the pipeline: an upper estimate for memory without wait states.
-"""
+"""Flash, RAM and cycles of the law on a Cortex-M4; `validation/cortex_m4.py` measures them."""
 
 from __future__ import annotations
 
-import itertools
-import re
 import shutil
-import subprocess
-import tempfile
-from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from hand_control.law_rows import GAINS, OUTPUT, STATE
-from hand_control.settings import Settings
-from hand_control.tuning import gains
-from hand_model.arrays import Array
-from hand_model.description import load_hand
 from validation.bench.result import figure
-from validation.paper.step_rig import reference
+from validation.cortex_m4 import COMPILER, EMULATOR, SHARE, measure
 
-ROOT = Path(__file__).parents[2]
-FIRMWARE = ROOT / "firmware"
-TARGET = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
-OPTIONS = (*TARGET, "-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-ffreestanding")
-COMPILER, EMULATOR = "arm-none-eabi-gcc", "qemu-system-arm"
-TICKS, DT_S = 60, 0.005
-CLOCK_HZ, RATE_HZ = 168e6, 1000.0
-CYCLES = {
-    "vdiv.f32": 14,
-    "vsqrt.f32": 14,
-    "ldr": 2,
-    "ldrd": 3,
-    "str": 2,
-    "strd": 3,
-    "vldr": 2,
-    "vstr": 2,
-}
-REFILL = 3
-SHARE = "share of a tick at 1 kHz, 168 MHz"
 UNITS = {"flash": "B", "ram": "B", "cycles": "cycles", SHARE: "%"}
 GOALS = {SHARE: 50.0}
 
@@ -55,96 +20,3 @@ def run(quick: bool) -> list[dict[str, Any]]:
         figure(f"law on a Cortex-M4, 11 joints, single precision: {name}", value, GOALS.get(name), UNITS[name])
         for name, value in measure().items()
     ]
-
-
-def measure() -> dict[str, float]:
-    """Flash and RAM [B] of the law, cycles of its longest tick, and the share of a tick's time they take [%]."""
-    with tempfile.TemporaryDirectory() as folder:
-        work = Path(folder)
-        (work / "data.h").write_text(data_header(), encoding="ascii")
-        law, elf = work / "hand_law.o", work / "law.elf"
-        _call(COMPILER, *OPTIONS, "-c", FIRMWARE / "hand_law.c", "-o", law)
-        _call(
-            COMPILER, *OPTIONS, "-nostdlib", f"-I{FIRMWARE}", f"-I{work}", "-T", FIRMWARE / "target" / "link.ld",
-            FIRMWARE / "target" / "main.c", law, "-o", elf, "-lgcc",
-        )  # fmt: skip
-        flash = float(_call("arm-none-eabi-size", law).splitlines()[1].split()[0])
-        log = work / "trace.log"
-        _call(
-            EMULATOR, "-M", "mps2-an386", "-nographic", "-semihosting", "-singlestep", "-d", "exec,nochain", "-D", log,
-            "-kernel", elf,
-        )  # fmt: skip
-        cycles = longest_tick(log, _call("arm-none-eabi-objdump", "-d", "--no-show-raw-insn", elf))
-    rows = np.array([len(names) for names in (GAINS, STATE, OUTPUT)])
-    ram = float(4 * 11 * rows.sum())
-    return {
-        "flash": flash,
-        "ram": ram,
-        "cycles": float(cycles),
-        SHARE: 100.0 * cycles * RATE_HZ / CLOCK_HZ,
-    }
-
-
-def data_header() -> str:
-    """The hand's gains and TICKS ticks of a step between 30 and 80 degrees, as C arrays."""
-    hand = load_hand(ROOT / "config" / "hand.yaml")
-    settings = Settings.of(hand, {})
-    target = reference(settings)[:, 590 : 590 + TICKS]
-    count = len(hand.joints)
-    rng = np.random.default_rng(0)
-    lines = []
-    for k in range(TICKS):
-        rows = [np.full(count, target[r, k]) for r in range(3)]
-        angle = target[0, max(k - 4, 0)] + 3e-4 * rng.standard_normal(count)
-        rows += [hand.limits.max_torque_nm, angle, 5e4 + 2e3 * k + 100.0 * rng.standard_normal(count)]
-        lines.append(np.concatenate(rows))
-    return (
-        f"#define JOINTS {count}\n#define TICKS {TICKS}\n#define DT {DT_S}f\n"
-        f"static const float gains[] = {{{_numbers(gains(hand, settings).ravel())}}};\n"
-        f"static const float inputs[] = {{{_numbers(np.concatenate(lines))}}};\n"
-    )
-
-
-def _numbers(values: Array) -> str:
-    return ", ".join(f"{value:.9e}f" for value in values)
-
-
-def longest_tick(trace: Path, listing: str) -> int:
-    """Cycles of the longest call of hand_law_tick in a trace of single instructions."""
-    cost: dict[int, int] = {}
-    start = 0
-    for line in listing.splitlines():
-        if found := re.match(r"([0-9a-f]+) <hand_law_tick>:", line):
-            start = int(found[1], 16)
-        if found := re.match(r"\s*([0-9a-f]+):\s+(\S+)(?:\s+(.*))?", line):
-            cost[int(found[1], 16)] = _cycles(found[2], found[3] or "")
-    addresses = sorted(cost)
-    after = dict(itertools.pairwise(addresses))
-    longest = spent = 0
-    last = -1
-    for line in trace.read_text(encoding="ascii", errors="replace").splitlines():
-        found = re.search(r"\[[0-9a-f]+/([0-9a-f]+)/", line)
-        if not found:
-            continue
-        address = int(found[1], 16)
-        if address == start:
-            longest, spent = max(longest, spent), 0
-        if last >= 0 and after.get(last) != address:
-            spent += REFILL
-        spent += cost.get(address, 1)
-        last = address
-    return longest  # the last call runs into the end and is left out
-
-
-def _cycles(name: str, operands: str) -> int:
-    plain = name.removesuffix(".w").removesuffix(".n")
-    if plain.startswith(("push", "pop", "ldm", "stm", "vpush", "vpop", "vldm", "vstm")):
-        return 1 + max(operands.count(",") + 1, 1) + 16 * operands.count("-")
-    return CYCLES.get(plain, 1)
-
-
-def _call(*command: object) -> str:
-    done = subprocess.run([str(part) for part in command], check=False, capture_output=True, text=True, timeout=120)
-    if done.returncode != 0:
-        raise RuntimeError(f"{command[0]}: {done.stderr.strip() or done.returncode}")
-    return done.stdout

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hand_control.settings import Settings
+from hand_control.declared import Settings
 from validation.paper.creep_rig import description
 from validation.paper.drawing import BLUE, GREY, RED, panels
 from validation.paper.result import Progress, Quantity, Reproduction

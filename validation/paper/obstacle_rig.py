@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hand_control.law import CONTACT, PRESSURE, Law
-from hand_control.law_rows import G
-from hand_control.settings import Settings
-from hand_control.shaping import Shaper
+from hand_control.declared import OUT, G, Settings, U
+from hand_control.law import Law
+from hand_control.references import Shaper
 from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
@@ -53,7 +52,7 @@ def identified(hand: Hand, plants: Array, settings: Settings, error: float, rng:
     hands, joints = plants.shape[0], plants.shape[2]
     g = many_gains(hand, settings, hands)
     for name, key in zip(("a0", "a1", "a2", "a3", "inertia", "viscous"), DRAWN, strict=True):
-        g[G[name]] = plants[:, ROW[key]].ravel() * rng.uniform(1.0 - error, 1.0 + error, hands * joints)
+        g[getattr(G, name)] = plants[:, ROW[key]].ravel() * rng.uniform(1.0 - error, 1.0 + error, hands * joints)
     return g
 
 
@@ -71,7 +70,8 @@ def close_on_obstacles(
     limit = rng.uniform(0.05, 0.3, count)
     law = Law(identified(hand, plants, settings, error, rng))
     rig = HandPlants(hand, plants, PERIOD_S)
-    shaper = Shaper(count)
+    shaper = Shaper(count, law.inputs)
+    law.inputs[U.limit] = limit
     shaper.latch(np.full(count, FROM_RAD))
     constants = [plants[:, ROW[key]] for key in DRAWN[:4]] + [plants[:, ROW["material.phi_max_deg"]]]
     lead, ticks = round(1.5 * RATE_HZ), round(5.0 * RATE_HZ)
@@ -82,10 +82,9 @@ def close_on_obstacles(
         seen = state[:, PHI].ravel() + NOISE_RAD * rng.standard_normal(count)
         pressure = state[:, P].ravel() + NOISE_PA * rng.standard_normal(count)
         target = min(FROM_RAD + SPEED_RAD_S * max(k, 0) / RATE_HZ, TO_RAD)
-        shaper.step(
-            np.full(count, target), np.zeros(count), settings.bandwidth_rad_s, settings.max_speed_rad_s, PERIOD_S
-        )
-        out = law.tick(shaper.r, shaper.v, shaper.a, limit, seen, pressure, PERIOD_S)
+        shaper.step(np.full(count, target), np.zeros(count), settings, PERIOD_S)
+        law.inputs[U.position], law.inputs[U.pressure] = seen, pressure
+        out = law.tick(law.inputs, PERIOD_S)
         if k >= 0:
             true = torque(state[:, P], state[:, PHI], state[:, CREEP], *constants).ravel()
             peak = np.maximum(peak, true)
@@ -93,9 +92,9 @@ def close_on_obstacles(
             depth = (state[:, PHI] - plants[:, ROW["contact.angle_deg"]]).ravel()
             force = np.maximum(depth, 0.0) * STIFFNESS_NM_PER_RAD / 0.025 + FORCE_NOISE_N * rng.standard_normal(count)
             _first(met, depth > 0.0, k)
-            _first(by_model, out[CONTACT] != 0.0, k)
+            _first(by_model, out[OUT.contact] != 0.0, k)
             _first(by_force, force > FORCE_THRESHOLD_N, k)
-        rig.advance(out[PRESSURE].reshape(hands, 1, -1).copy())
+        rig.advance(out[OUT.pressure].reshape(hands, 1, -1).copy())
     early = np.where(np.isnan(met), np.inf, met)
     return Trial(
         limit, held, peak, met, by_model, by_force, by_model < early - 0.01, by_force < early - 0.01,

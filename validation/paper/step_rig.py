@@ -14,10 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import differential_evolution
 
-from hand_control.law import PRESSURE, Law
-from hand_control.law_rows import G
-from hand_control.settings import Settings
-from hand_control.shaping import Shaper
+from hand_control.declared import OUT, G, Settings, U
+from hand_control.law import Law
+from hand_control.references import Shaper
 from hand_control.tuning import gains
 from hand_model.arrays import Array
 from hand_model.description import Hand
@@ -88,7 +87,7 @@ def reference(settings: Settings) -> Array:
     shaper.latch(target[:1])
     out = np.empty((3, len(target)))
     for k, angle in enumerate(target):
-        shaper.step(np.array([angle]), np.zeros(1), settings.bandwidth_rad_s, settings.max_speed_rad_s, 1.0 / RATE_HZ)
+        shaper.step(np.array([angle]), np.zeros(1), settings, 1.0 / RATE_HZ)
         out[:, k] = shaper.r[0], shaper.v[0], shaper.a[0]
     return out
 
@@ -111,8 +110,8 @@ def many_gains(hand: Hand, settings: Settings, hands: int) -> Array:
     """The law's gains for many hands side by side, (rows, hands * joints); partners stay within their hand."""
     joints = len(hand.joints)
     g = np.tile(gains(hand, settings), (1, hands))
-    partner = g[G["partner"]]
-    g[G["partner"]] = np.where(partner >= 0.0, partner + np.repeat(np.arange(hands) * joints, joints), -1.0)
+    partner = g[G.partner]
+    g[G.partner] = np.where(partner >= 0.0, partner + np.repeat(np.arange(hands) * joints, joints), -1.0)
     return g
 
 
@@ -120,11 +119,13 @@ def run_law(hand: Hand, parameters: Array, settings: Settings, seed: int) -> Run
     """The controller's law, with the model of `hand`, on plants (hands, rows, joints)."""
     hands = parameters.shape[0]
     law = Law(many_gains(hand, settings, hands))
-    limit = np.tile(hand.limits.max_torque_nm, hands)
+    inputs = law.inputs
+    inputs[U.limit] = np.tile(hand.limits.max_torque_nm, hands)
 
     def control(target: Array, angle: Array, pressure: Array) -> Array:
-        each = np.broadcast_to(target[:, None], (3, len(angle))).copy()
-        sent: Array = law.tick(each[0], each[1], each[2], limit, angle, pressure, 1.0 / RATE_HZ)[PRESSURE]
+        inputs[:3] = target[:, None]
+        inputs[U.position], inputs[U.pressure] = angle, pressure
+        sent: Array = law.tick(inputs, 1.0 / RATE_HZ)[OUT.pressure]
         return sent
 
     return closed_loop(hand, parameters, reference(settings), control, seed)

@@ -1,4 +1,4 @@
-"""Contact of each joint, from the law's model and from force sensors, as events with an onset."""
+"""Contact of each joint, from the model of the law and from force sensors, as events with an onset."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 
 FORCE_AGE_S = 0.1
-"""Older readings of the force sensors tell nothing of now."""
+"""Older readings of the force sensors are not used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,42 +27,42 @@ class Event:
     delay_s: float
 
 
-class Touch:
-    """Contact now, (n,), and the events since they were last taken."""
+class ContactMonitor:
+    """The present contact of every joint, (n,), and the events since they were last taken."""
 
     def __init__(self, hand: Hand) -> None:
-        """Begin free."""
+        """Begin without contact."""
         count = len(hand.joints)
         self.contact: Flags = np.zeros(count, dtype=np.bool_)
         self.events: list[Event] = []
         self._sites = [(k, int(joint)) for k, joint in enumerate(hand.sensors.site_joint) if joint >= 0]
         self._force = np.full(count, np.nan)
-        self._felt: Flags = np.zeros(count, dtype=np.bool_)
-        self._felt_ns = np.zeros(count, dtype=np.int64)
+        self._pressed: Flags = np.zeros(count, dtype=np.bool_)
+        self._pressed_ns = np.zeros(count, dtype=np.int64)
         self._force_ns = 0
 
     def release(self) -> None:
-        """Nothing touches: the hand is vented."""
+        """End every contact without an event: the hand is vented."""
         self.contact[:] = False
-        self._felt[:] = False
+        self._pressed[:] = False
 
     def forces(self, stamp_ns: int, force_n: Array, threshold_n: float) -> None:
-        """Readings of the force sites (sites,) [N] in the description's order; NaN where one fails."""
+        """Take readings of the force sites (sites,) [N] in the description's order; NaN where a sensor fails."""
         self._force_ns = stamp_ns
         self._force[:] = np.nan
         for site, joint in self._sites:
             self._force[joint] = np.fmax(self._force[joint], force_n[site])
-        felt = self._force > threshold_n
-        self._felt_ns[felt & ~self._felt] = stamp_ns
-        # A force must fall well below the threshold to be gone, or noise at the threshold would chatter.
-        self._felt = felt | (self._felt & (self._force > 0.5 * threshold_n))
+        pressed = self._force > threshold_n
+        self._pressed_ns[pressed & ~self._pressed] = stamp_ns
+        # Hysteresis: noise at the threshold must not switch the contact on and off.
+        self._pressed = pressed | (self._pressed & (self._force > 0.5 * threshold_n))
 
     def update(self, stamp_ns: int, by_model: Array, age_s: Array, torque_nm: Array) -> None:
-        """Fuse: by_model (n,) is 1 where the law says contact, age_s since its onset, torque_nm held."""
+        """Combine the sources. by_model (n,): 1 where the law reports contact; age_s since its onset; torque_nm."""
         if (stamp_ns - self._force_ns) * 1e-9 > FORCE_AGE_S:
-            self._felt[:] = False
+            self._pressed[:] = False
             self._force[:] = np.nan
-        now = (by_model != 0.0) | self._felt
+        now = (by_model != 0.0) | self._pressed
         changed = np.flatnonzero(now != self.contact)
         for joint in changed:
             self.events.append(self._event(int(joint), stamp_ns, by_model, age_s, torque_nm))
@@ -71,10 +71,10 @@ class Touch:
 
     def _event(self, joint: int, stamp_ns: int, by_model: Array, age_s: Array, torque_nm: Array) -> Event:
         touching = not self.contact[joint]
-        seen, felt = bool(by_model[joint] != 0.0), bool(self._felt[joint])
-        onsets = [stamp_ns - round(age_s[joint] * 1e9)] * seen + [int(self._felt_ns[joint])] * felt
+        modelled, pressed = bool(by_model[joint] != 0.0), bool(self._pressed[joint])
+        onsets = [stamp_ns - round(age_s[joint] * 1e9)] * modelled + [int(self._pressed_ns[joint])] * pressed
         onset = min(onsets) if touching else stamp_ns
-        source = " and ".join(["model"] * seen + ["force"] * felt)
+        source = " and ".join(["model"] * modelled + ["force"] * pressed)
         force, torque = float(self._force[joint]), float(torque_nm[joint])
         return Event(
             joint, touching, onset, torque if math.isfinite(torque) else 0.0, force, source, (stamp_ns - onset) * 1e-9
