@@ -122,7 +122,7 @@ def test_bad_magnet_input_is_one_line(arguments: tuple[str, ...], line: str, tmp
 
 def test_every_public_function_of_the_model_names_its_source() -> None:
     """Fails when a public function or class of the physics says neither an equation nor where it comes from."""
-    physics = ("statics", "material", "joint", "sensors", "compliance", "torque_estimate", "prony", "plant")
+    physics = ("statics", "material", "joint", "sensors", "compliance", "prony", "plant")
     known = r"Eqs?\.|ideal|definition|Boyle|ISO|IEC|first-order|Hunt|ratiometric|Sec\."
     names = {module.name for module in iter_modules(hand_model.__path__)}
     assert set(physics) <= names
