@@ -52,7 +52,7 @@ _FAST = {"contract", "nnan", "nsz"}
 _inline = njit(forceinline=True, fastmath=_FAST)
 # Compiled anew with this kernel: taken from a cache, the same equations would round differently in the last bit,
 # and the serial and the parallel kernel need not have been compiled in the same process.
-_torque, _one_sided, _creep_rate = (_inline(f.py_func) for f in (torque, one_sided, creep_rate))
+_torque, _one_sided, _creep_rate = (_inline(getattr(f, "py_func", f)) for f in (torque, one_sided, creep_rate))
 
 _ROWS = len(PLANT_PARAMETERS)
 _DEAD = ROW["valve.dead_time_s"]

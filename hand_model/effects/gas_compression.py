@@ -14,11 +14,14 @@ SMALLEST_M3 = 1e-7
 
 @inline
 def pressure_rate(q, rate, p, u, e):  # type: ignore[no-untyped-def]
-    """p_abs V^n is constant but for what the valve feeds; dV/dphi = a2 + a3 phi by virtual work."""
+    """p_abs V^n is constant but for what the valve feeds; dV/dphi = a2 + a3 phi by virtual work.
+
+    V also grows with the pressure, by c_V: p_abs' = -n p_abs (a2 + a3 phi) phi' / (V + n c_V p_abs).
+    """
     exponent, vented, growth, a2, a3 = q
-    displaced = (a2 + a3 * e[ANGLE]) * e[SPEED]
+    stiff = exponent * (p + ATMOSPHERE_PA)
     volume = max(_volume(p, e[ANGLE], vented, growth, a2, a3), SMALLEST_M3)
-    return rate - exponent * (p + ATMOSPHERE_PA) * displaced / volume
+    return rate - stiff * (a2 + a3 * e[ANGLE]) * e[SPEED] / (volume + stiff * growth)
 
 
 EFFECT = Effect(

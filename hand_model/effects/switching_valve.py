@@ -40,11 +40,15 @@ def _begun(q, m, p, u, h):  # type: ignore[no-untyped-def]
 
 @inline
 def valve(q, m, p, u, e, h):  # type: ignore[no-untyped-def]
-    """Pressure after h: flow through the valves for as long as they are open, and motion, change it."""
+    """Pressure after h: flow through the valves for as long as they are open, and motion, change it.
+
+    Mass is conserved at constant temperature: V p_abs' + p_abs V' is P_0 C p_1 psi, and V grows with the pressure.
+    """
     _, conductance, critical, _, _, _, _, vented, supply, a2, a3 = q
     remaining, saved, open_s = _begun(q, m, p, u, h)
     opened = min(max(open_s, -h), h)
     volume = max(_volume(p, e[ANGLE], vented, GROWTH_M3_PER_PA, a2, a3), SMALLEST_M3)
+    volume += GROWTH_M3_PER_PA * (p + ATMOSPHERE_PA)
     fill, vent = _rates(p, supply, conductance, critical, volume)
     rate = (fill * max(opened, 0.0) + vent * min(opened, 0.0)) / h
     rate -= (p + ATMOSPHERE_PA) * (a2 + a3 * e[ANGLE]) * e[SPEED] / volume
