@@ -1,42 +1,70 @@
-"""A hand's description with some of a joint's numbers replaced: the YAML that load_hand reads back."""
+"""A copy of a hand's description with some numbers replaced: the patched model.yaml that load_hand reads back.
+
+The copy keeps the comments, the order and the number formats of the original; only the lines of changed numbers
+differ, so that `diff hand.yaml model.yaml` is a patch that can be reviewed.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from hand_model.description import Hand, load_hand
-from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
+from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_model.yaml_document import YamlDocument, number_text
 
 Changes = Mapping[str, Mapping[str, float]]
-"""Values by joint (with its prefix) and key, SI."""
+"""Numbers by joint (with its prefix) and key of JOINT_PARAMETERS, SI."""
+SAME = 1e-9
+"""Relative difference up to which a number counts as unchanged."""
+EXACT = 1e-7
+"""Relative resolution of a number that follows from others, and the distance that it keeps from its limit."""
 
 
-def write_model(hand: Hand, changes: Changes, out: Path, comment: str) -> Hand:
-    """Write the description with the changes to `out` and load it back. DescriptionError where it would not load.
+def write_model(hand: Hand, changes: Changes, out: Path, comment: str, *, resolutions: Changes | None = None) -> Hand:
+    """Write the description of `hand` with the changes to `out`, and load it back.
 
-    A rescaling that Eq. 12 does not notice keeps the creeping ratio within 0 ... 1 (A and phi_max share a scale).
+    comment: lines to put at the top.  resolutions: standard deviation of each changed number while the others keep
+    their values, SI; numbers are rounded to a tenth of it (hand_model/yaml_document.py).
+    Creep is rescaled by a factor that Eq. 12 does not notice (A and phi_max share a scale), so that the creeping
+    ratio stays within 0 ... 1.  Raises DescriptionError where the result would not load, OSError where it cannot be
+    written.
     """
-    document: dict[str, Any] = yaml.safe_load(hand.path.read_text(encoding="utf-8"))
-    entries = {hand.prefix + entry["name"]: entry for entry in document["joints"]}
+    document = YamlDocument(hand.path)
+    entries = {hand.prefix + str(entry["name"]): entry for entry in document.data["joints"]}
     for joint, values in changes.items():
-        index = hand.joints.index(joint)
-        full = {key: float(hand.parameters[ROW[key], index]) for key in ROW} | dict(values)
-        for key, value in _consistent(full, values).items():
+        nominal = {key: float(hand.parameters[ROW[key], hand.joints.index(joint)]) for key in ROW}
+        texts = _texts(nominal, values, (resolutions or {}).get(joint, {}))
+        for key, text in texts.items():
             group, _, name = key.partition(".")
-            if group == "supply":
-                document["supply"][name] = value
-                continue
-            entries[joint].setdefault(group, {})[name] = value / JOINT_PARAMETERS[ROW[key]].scale
-        _share_coupling(hand, entries, joint, values)
-    text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=120)
+            for entry in _entries_of(hand, entries, joint, key):
+                keys = sum(other.startswith(f"{group}.") for other in texts)
+                section = document.data["supply"] if group == "supply" else document.group(entry, group, keys)
+                document.set_number(section, name, text)
     out.parent.mkdir(parents=True, exist_ok=True)
-    lines = "".join(f"# {line}\n" for line in comment.splitlines())
-    out.write_text(lines + text, encoding="utf-8")
+    out.write_text(document.text(comment), encoding="utf-8")
     return load_hand(out)
+
+
+def _texts(nominal: Mapping[str, float], values: Mapping[str, float], known: Mapping[str, float]) -> dict[str, str]:
+    """The numbers that differ from the nominal ones as they shall stand in the file. known: resolutions, SI."""
+
+    def text(key: str, value: float, resolution: float) -> str:
+        scale = JOINT_PARAMETERS[ROW[key]].scale
+        return number_text(value / scale, resolution / scale)
+
+    rounded = {
+        key: float(text(key, value, known.get(key, math.nan))) * JOINT_PARAMETERS[ROW[key]].scale
+        for key, value in values.items()
+    }
+    wanted = _consistent({**nominal, **rounded}, rounded)
+    return {
+        key: text(key, value, known.get(key, math.nan) if value == rounded.get(key) else EXACT * abs(value))
+        for key, value in wanted.items()
+        if not math.isclose(value, nominal[key], rel_tol=SAME)
+    }
 
 
 def _consistent(full: Mapping[str, float], values: Mapping[str, float]) -> dict[str, float]:
@@ -45,17 +73,17 @@ def _consistent(full: Mapping[str, float], values: Mapping[str, float]) -> dict[
     if not any(key.startswith("material.") for key in values):
         return changed
     b0, b1 = full["material.b0_per_pa"], full["material.b1_per_pa"]
-    span = full["supply.pressure_pa"] - full["material.p_min_pa"]
-    scale = min(1.0, (1.0 - 1e-12) / (b1 * span))
+    highest = b1 * (full["supply.pressure_pa"] - full["material.p_min_pa"])
+    scale = (1.0 - EXACT) / highest if highest > 1.0 + SAME else 1.0
     changed["material.b1_per_pa"] = b1 * scale
     changed["material.b0_per_pa"] = max(b0, b1) * scale
     changed["material.phi_max_deg"] = full["material.phi_max_deg"] / scale
     return changed
 
 
-def _share_coupling(hand: Hand, entries: Mapping[str, Any], joint: str, values: Mapping[str, float]) -> None:
-    """Both phalanges of a finger name the same coupling inertia."""
-    key = "dynamics.coupling_inertia_kg_m2"
+def _entries_of(hand: Hand, entries: Mapping[str, Any], joint: str, key: str) -> list[Any]:
+    """The entries of the file that name a number: of the joint, and of its partner where they share an inertia."""
     partner = int(hand.partner[hand.joints.index(joint)])
-    if key in values and partner >= 0:
-        entries[hand.joints[partner]].setdefault("dynamics", {})["coupling_inertia_kg_m2"] = values[key]
+    if key == "dynamics.coupling_inertia_kg_m2" and partner >= 0:
+        return [entries[joint], entries[hand.joints[partner]]]
+    return [entries[joint]]

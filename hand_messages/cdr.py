@@ -1,8 +1,7 @@
 """Fixed-layout CDR: messages whose names and list lengths stay the same, as byte records.
 
 A message of the hand repeats the same names and lengths in every sample; only numbers change. A Layout
-knows where they lie, so one message costs a few copies, and a whole recording one NumPy pass
-(cdr_rows.py).
+knows where they lie, so one message costs a few copies, and a whole recording one NumPy pass.
 
 Keys of values: a `header` field gives `stamp_ns`, a time or duration field `X` gives `X_ns` (int, ns);
 every other field keeps its name. Message types are in layouts.py, the wire format in cdr_walk.py.
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from hand_messages.cdr_walk import HEADER_SIZE, TIME, LayoutError, Slot, complete_shape, lay_out, read_shape
 from hand_messages.layouts import MessageSpec
 
-__all__ = ["Layout", "LayoutError"]
+__all__ = ["Layout", "LayoutError", "RowDecoder"]
 
 NS = 1_000_000_000
 # Bytes that a sender may leave behind the last field: padding to 4, and more in what rclpy.s serialize_message
@@ -141,6 +140,42 @@ class Layout:
         return record.data, {slot.key: fields[slot.key] for slot in self.slots if slot.length is not None}
 
 
+class RowDecoder:
+    """Decodes messages given as rows: contiguous bytes (N, row_size), one message each from its first byte.
+
+    row_size is the layout's size rounded up to 8; the bytes behind the message are not looked at.
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        self.layout = layout
+        self.row_size = -(-layout.size // 8) * 8
+        self._dtype = record_type(layout.slots, self.row_size)
+        mask = np.zeros(self.row_size, np.uint8)
+        for start, stop in layout.segments:
+            mask[start:stop] = 0xFF
+        used = np.flatnonzero(mask.view(np.uint64))
+        self._span = slice(int(used[0]), int(used[-1]) + 1)
+        self._mask = mask.view(np.uint64)[self._span]
+        template = np.frombuffer(layout.template.ljust(self.row_size, b"\x00"), np.uint64)
+        self._constants = template[self._span] & self._mask
+
+    def fits(self, sizes: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which messages (N,) of these sizes [bytes] can have the layout at all."""
+        spare = sizes - self.layout.size
+        return (spare >= 0) & (spare <= SPARE_BYTES)
+
+    def matching(self, rows: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Which rows have the layout, as bool (N,)."""
+        differing = (rows.view(np.uint64)[:, self._span] ^ self._constants) & self._mask
+        good: NDArray[np.bool_] = np.bitwise_or.reduce(differing, axis=1) == 0
+        return good
+
+    def extract(self, rows: NDArray[np.uint8]) -> Columns:
+        """Values by key of rows that match: times int64 ns (N,), numbers (N,), lists (N, length)."""
+        records = rows.view(self._dtype)[:, 0]
+        return {slot.key: _column(records[slot.key]) for slot in self.layout.slots}
+
+
 def record_type(slots: Sequence[Slot], size: int) -> np.dtype[Any]:
     """The whole message as a structured type: one field a slot, constants and padding in the gaps."""
     formats = [slot.dtype if slot.length is None else (slot.dtype, (slot.length,)) for slot in slots]
@@ -155,3 +190,14 @@ def _constant_struct(segments: Sequence[tuple[int, int]]) -> struct.Struct:
         form += f"{start - position}x{stop - start}s"
         position = stop
     return struct.Struct(form)
+
+
+def _column(field: NDArray[Any]) -> NDArray[Any]:
+    """A field of a record array as values of their own: times joined to ns, flags as bool."""
+    if field.dtype.names:
+        times: NDArray[np.int64] = field["sec"].astype(np.int64) * NS + field["nanosec"]
+        return times
+    if field.dtype == np.bool_:
+        flags: NDArray[np.bool_] = field.view(np.uint8) != 0
+        return flags
+    return np.ascontiguousarray(field)

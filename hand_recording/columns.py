@@ -10,8 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from rosbags.serde import SerdeError
 
-from hand_messages.cdr import NS, Layout, LayoutError
-from hand_messages.cdr_rows import RowDecoder
+from hand_messages.cdr import NS, Layout, LayoutError, RowDecoder
 from hand_messages.layouts import MessageSpec
 from hand_recording.batches import Batch
 from hand_recording.message_types import typestore_of

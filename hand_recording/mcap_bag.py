@@ -15,8 +15,8 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import DataEnd, Footer
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
-from hand_recording.bag_contents import Contents, Topic, TopicCount
-from hand_recording.metadata import information, information_text, qos_text, write_metadata
+from hand_model.yaml_document import yaml_text
+from hand_recording.bag_contents import Contents, Topic, TopicCount, metadata, qos_text, write_metadata
 
 CHUNK_BYTES = 64 * 1024
 CHUNK_AGE_NS = 500_000_000
@@ -56,13 +56,13 @@ class _Unflushed:
 
 
 class McapBag:
-    """A BagWriter. One file; in a folder with metadata.yaml when `metadata` names that folder."""
+    """A BagWriter of one file; `folder`: where metadata.yaml is written when it is closed, None: nowhere."""
 
-    def __init__(self, path: Path, metadata: Path | None) -> None:
+    def __init__(self, path: Path, folder: Path | None) -> None:
         """Start `path`, which must not exist. Raises OSError."""
         self.path = path
         self.contents = Contents()
-        self._metadata = metadata
+        self._folder = folder
         self._stream: BinaryIO = path.open("xb", buffering=_BUFFER_BYTES)
         claim(self._stream)
         # The library never closes a chunk by itself here: this class does, to place the end mark.
@@ -121,15 +121,15 @@ class McapBag:
         """See BagWriter. Harmless when repeated."""
         if self._stream.closed:
             return
-        content = information("mcap", self.path.name, self.contents)
+        content = metadata("mcap", self.path.name, self.contents)
         with self._stream:
             self._writer.flush()
-            self._writer.add_metadata("rosbag2", {"serialized_metadata": information_text(content)})
+            self._writer.add_metadata("rosbag2", {"serialized_metadata": yaml_text(content)})
             self._writer.finish()
             self._stream.flush()
             self._stream.truncate()
-        if self._metadata:
-            write_metadata(self._metadata, content)
+        if self._folder:
+            write_metadata(self._folder, content)
 
     def _settle(self) -> None:
         """Close the chunk, hand all to the operating system and stand before the end mark."""

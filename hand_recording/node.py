@@ -24,11 +24,9 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.signals import SignalHandlerOptions
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
-from hand_recording.arrivals import Arrival, Arrivals
-from hand_recording.bag_writer import STORAGES, BagError, Topic, open_bag
+from hand_recording.bag_writer import STORAGES, Arrival, Arrivals, BagError, Topic, open_bag
 from hand_recording.message_types import UnknownType
-from hand_recording.record_options import RecordOptions, RecordSummary, summarize
-from hand_recording.selection import Selection
+from hand_recording.record_options import RecordOptions, RecordSummary, Selection, summarize
 from hand_ros.parameters import NodeParameter, check_all
 
 PERIOD_S = 0.02

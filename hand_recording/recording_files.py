@@ -8,7 +8,7 @@ from pathlib import Path, PurePath
 import yaml
 from mcap.writer import MCAP0_MAGIC
 
-from hand_recording.metadata import NAME as METADATA
+from hand_recording.bag_contents import METADATA
 
 _SQLITE_MAGIC = b"SQLite format 3\x00"
 _MAGIC = {".mcap": MCAP0_MAGIC, ".db3": _SQLITE_MAGIC}

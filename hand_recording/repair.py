@@ -23,11 +23,17 @@ from rosbags.rosbag2.errors import ReaderError
 from rosbags.rosbag2.metadata import parse_qos
 from zstandard import ZstdError
 
-from hand_recording.bag_contents import BagError, Contents, Topic, TopicCount
+from hand_recording.bag_contents import (
+    METADATA,
+    BagError,
+    Contents,
+    Topic,
+    TopicCount,
+    metadata,
+    write_metadata,
+)
 from hand_recording.mcap_bag import McapBag, claim
 from hand_recording.mcap_chunks import indexed_batches, is_indexed
-from hand_recording.metadata import NAME as METADATA
-from hand_recording.metadata import information, write_metadata
 
 _RECORD = struct.Struct("<BQ")  # opcode and length before every record
 # What the library and the decompressors (lz4: RuntimeError) raise on bytes that are not what they should be.
@@ -116,7 +122,7 @@ def _repair_mcap(path: Path, folder: Path | None) -> Repair:
         path.replace(damaged)
     new.replace(path)
     if folder:
-        write_metadata(folder, information("mcap", path.name, bag.contents))
+        write_metadata(folder, metadata("mcap", path.name, bag.contents))
     return Repair(path, messages, scan.lost_bytes, damaged, changed=True)
 
 
@@ -249,5 +255,5 @@ def _repair_sqlite(path: Path, folder: Path) -> Repair:
     counts = {name: count.messages for name, count in contents.topics.items()}
     if (folder / METADATA).is_file():
         return Repair(path, counts, 0, None, changed=False)
-    write_metadata(folder, information("sqlite3", path.name, contents))
+    write_metadata(folder, metadata("sqlite3", path.name, contents))
     return Repair(path, counts, 0, None, changed=True)

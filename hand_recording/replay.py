@@ -1,4 +1,4 @@
-"""Replaying a recording: its valve commands through the offline plant, the same topics out."""
+"""Recordings made by the offline plant: a replay of recorded valve commands, or a simulation of given set-points."""
 
 from __future__ import annotations
 
@@ -20,10 +20,14 @@ from hand_recording.bag_writer import Topic, open_bag
 from hand_recording.loader import Recording, RecordingError
 from hand_recording.time_base import published_on_stamp_clock
 from hand_sim.offline import Commands, Measured, Ticks, replay, without_noise
-from hand_sim.plant import SimulatedPlant
+from hand_sim.plant import HandPlant, SimulatedPlant
 
 VELOCITY_TIME_CONSTANT_S = 0.01
 """The driver's default, so that the replayed velocities are comparable."""
+START_NS = 1_700_000_000_000_000_000
+"""First stamp of a simulated recording."""
+LIFETIME_S = 0.1
+"""Lifetime of the set-points of a simulated recording."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +59,23 @@ def replay_recording(recording: Recording, hand: Hand) -> Replay:
     commands = _commands(recording, hand)
     ticks, plant_states = replay(hand, Measured(stamps, position[first], velocity[first], pressure), commands)
     return Replay(hand, recording.namespace, ticks, plant_states, commands)
+
+
+def simulate_recording(hand: Hand, set_point_pa: Array, start_ns: int = START_NS) -> Replay:
+    """A hand that starts vented and follows set-points (T, joints) [Pa gauge], one a frame, sent just after it."""
+    period_s = 1.0 / hand.rate_hz
+    plant = HandPlant(hand, period_s)
+    states = np.concatenate([plant.state[None], plant.advance(set_point_pa[:-1])])
+    ticks = Ticks(np.arange(len(states)), period_s, start_ns)
+    # A set-point in force from tick k on was sent between ticks k - 1 and k.
+    sent_ns = ticks.stamp_ns - round(0.8e9 * period_s)
+    commands = Commands(sent_ns, set_point_pa, np.full(len(states), LIFETIME_S))
+    return Replay(hand, "/hand", ticks, states, commands)
+
+
+def record_offline(hand: Hand, set_point_pa: Array, out: Path, seed: int, storage: str = "mcap") -> Iterator[float]:
+    """Write the recording of simulate_recording, sensor noise drawn from the seed; yields the share done, 0 ... 1."""
+    yield from write_replay(simulate_recording(hand, set_point_pa), out, storage, seed)
 
 
 def messages(result: Replay, seed: int | None) -> Iterator[tuple[int, tuple[bytes, ...]]]:

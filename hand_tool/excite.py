@@ -16,7 +16,7 @@ from rich.progress import Progress
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_recording.installed import default_model
-from hand_recording.offline_recording import record_offline
+from hand_recording.replay import record_offline
 from hand_tool.processes import Processes
 
 

@@ -15,9 +15,8 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from hand_recording.record_options import RecordOptions, RecordSummary
+from hand_recording.record_options import RecordOptions, RecordSummary, Selection
 from hand_recording.repair import Repair, repair
-from hand_recording.selection import Selection
 
 
 def record(

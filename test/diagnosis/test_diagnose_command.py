@@ -21,7 +21,7 @@ from hand_model.description import Hand, load_hand
 from hand_model.effects import CATALOGUE
 from hand_model.kernel.rows import ROW
 from hand_recording.loader import load_recording
-from hand_recording.offline_recording import record_offline
+from hand_recording.replay import record_offline
 from hand_tool.cli import app
 from test.diagnosis.conftest import CONFIG, changed, excitation
 

@@ -14,7 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from hand_model.description import load_hand
-from hand_recording.offline_recording import record_offline
+from hand_recording.replay import record_offline
 from hand_tool.cli import app
 from test.diagnosis.conftest import CONFIG, changed, excitation
 

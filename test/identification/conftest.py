@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hand_model.description import load_hand
-from hand_recording.offline_recording import record_offline
+from hand_recording.replay import record_offline
 
 ROOT = Path(__file__).parents[2]
 

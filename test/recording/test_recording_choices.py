@@ -10,11 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hand_recording.arrivals import STEP_NS, Arrival, Arrivals
 from hand_recording.bag_contents import Contents
+from hand_recording.bag_writer import STEP_NS, Arrival, Arrivals
 from hand_recording.message_types import UnknownType, definition, same_definition
-from hand_recording.record_options import RecordOptions
-from hand_recording.selection import Selection
+from hand_recording.record_options import RecordOptions, Selection
 
 
 @dataclass

@@ -5,7 +5,7 @@ The recording: 10 minutes of 11 joints at 200 Hz in MCAP, six topics, as the rec
 - loading into arrays, against the faster of two library loops that only iterate over raw messages;
 - the reader by the file's index (mcap_chunks.py), against mcap's message iterator with the same decoder behind it.
   rosbags' reader is no alternative: it does not hand over the publish times of an MCAP file;
-- decoding by fixed layouts (cdr_rows.py), against rosbags' decoding of one message after the other.
+- decoding by fixed layouts (hand_messages/cdr.py), against rosbags' decoding of one message after the other.
 
 The index reader and the fixed layouts are kept as long as each takes at most a third of its reference's time.
 """
