@@ -40,6 +40,19 @@ class StaticMap:
         torque: Array = regressors(pressure_pa, angle_rad) @ self.values
         return torque
 
+    def torque_std_nm(
+        self, pressure_pa: Array, angle_rad: Array, *, pressure_std_pa: float, angle_std_rad: float
+    ) -> Array:
+        """Standard deviation (n,) [N m] of torque_nm by first-order propagation (Martin et al. 2004, Sec. 2.3, 3.1).
+
+        The errors of the map's coefficients and those of both sensors, whose standard deviations are given, add up.
+        """
+        table = regressors(pressure_pa, angle_rad)
+        from_map = np.einsum("ni,ij,nj->n", table, self.covariance, table)
+        by_pressure = (self.values[2] + self.values[3] * angle_rad) * pressure_std_pa
+        by_angle = (self.values[1] + self.values[3] * pressure_pa) * angle_std_rad
+        return np.asarray(np.sqrt(from_map + by_pressure**2 + by_angle**2))
+
 
 @dataclass(frozen=True, slots=True)
 class VolumeMap:

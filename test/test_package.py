@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parent.parent
 ROSDEP_KEYS = {
     # Read from the public rosdep database (rosdep/base.yaml, rosdep/python.yaml).
     "python3-numpy", "python3-numba", "python3-scipy", "python3-yaml", "python3-serial", "python3-can",
-    "python-cobs-pip",
+    "python-cobs-pip", "python3-ruamel.yaml",
     "python3-typer", "python3-rich", "python3-matplotlib", "mcap-ros2-support", "python3-rosbags-pip",
     "python3-pytest", "python3-hypothesis",
 }  # fmt: skip
@@ -23,6 +23,7 @@ JAZZY_PACKAGES = {
 }  # fmt: skip
 IMPORT_TO_KEY = {
     "numpy": "python3-numpy", "scipy": "python3-scipy", "numba": "python3-numba", "yaml": "python3-yaml",
+    "ruamel": "python3-ruamel.yaml",
     "serial": "python3-serial", "can": "python3-can", "cobs": "python-cobs-pip",
     "typer": "python3-typer", "rich": "python3-rich",
     "matplotlib": "python3-matplotlib", "mcap": "mcap-ros2-support", "rosbags": "python3-rosbags-pip",

@@ -13,7 +13,6 @@ from hand_identification.angle_calibration import calibrate_angle
 from hand_identification.force_calibration import calibrate_force, resistance_ohm
 from hand_identification.static_map import correlation_time, identify_statics, identify_volume, residual_map
 from hand_model.compliance import Actuator
-from hand_model.torque_estimate import torque_uncertainty_nm
 from hand_tool.cli import app
 
 TRUTH = Actuator(-0.012, -0.05, 1.0e-6, -4.0e-7)
@@ -87,7 +86,8 @@ def test_torque_uncertainty_is_that_of_repeated_measurements() -> None:
     values = rng.multivariate_normal(found.values, found.covariance, 20000)
     pressures, angles = p + p_std * rng.standard_normal(20000), phi + phi_std * rng.standard_normal(20000)
     torques = values[:, 0] + values[:, 1] * angles + values[:, 2] * pressures + values[:, 3] * pressures * angles
-    torque, std = torque_uncertainty_nm(np.array([p]), np.array([phi]), found.values, found.covariance, p_std, phi_std)
+    torque = found.torque_nm(np.array([p]), np.array([phi]))
+    std = found.torque_std_nm(np.array([p]), np.array([phi]), pressure_std_pa=p_std, angle_std_rad=phi_std)
     assert torque[0] == pytest.approx(torques.mean(), abs=4 * std[0] / 140)
     assert std[0] == pytest.approx(torques.std(), rel=0.03)
 
