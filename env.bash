@@ -1,6 +1,6 @@
 # Source this in every shell that uses the stack:  source env.bash
-# It activates the ROS of this checkout (the virtual environment made by `make`), or else Jazzy from apt,
-# then the built packages, and keeps DDS traffic on this machine unless you chose otherwise.
+# It activates the virtual environment that `make` created, or Jazzy from apt if there is none, and then the built
+# packages. ROS messages stay on this machine unless ROS_AUTOMATIC_DISCOVERY_RANGE is already set.
 _hand_root="$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)"
 if [ -f "$_hand_root/.venv/bin/activate" ]; then
     source "$_hand_root/.venv/bin/activate"
@@ -12,6 +12,6 @@ if [ -f "$_hand_root/install/setup.bash" ]; then
     source "$_hand_root/install/setup.bash"
 fi
 export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
-# Small arrays gain nothing from BLAS threads, and lose the core that the control loop needs.
+# BLAS threads do not speed up small arrays, and they would occupy the core that the control loop needs.
 export OPENBLAS_NUM_THREADS="${OPENBLAS_NUM_THREADS:-1}" OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}"
 unset _hand_root
