@@ -244,8 +244,16 @@ def write_report(
     (out / "report.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     changes = {one.joint: _values(one) for one in diagnosis.joints}
     comment = f"Diagnosed from {', '.join(recordings)}: {diagnosis.verdict}. Nominal: {hand.path.name}."
-    write_model(hand, {joint: values for joint, values in changes.items() if values}, out / "model.yaml", comment)
+    kept = {joint: values for joint, values in changes.items() if values}
+    resolutions = {one.joint: _resolutions(one) for one in diagnosis.joints if changes[one.joint]}
+    write_model(hand, kept, out / "model.yaml", comment, resolutions=resolutions)
     return content, changes
+
+
+def _resolutions(one: JointDiagnosis) -> dict[str, float]:
+    """By key, SI: see MapFit.resolutions."""
+    fit = one.search.final
+    return fit.resolutions(one.search.problem.columns(fit.free, fit.z[None])[0][0])
 
 
 def _values(one: JointDiagnosis) -> dict[str, float]:

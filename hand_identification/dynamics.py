@@ -81,7 +81,11 @@ class JointDynamics:
 
     def values(self) -> dict[str, float]:
         """Values by key, SI, of what the data determine at least weakly."""
-        return {one.key: one.value for one in self.estimates if one.verdict != "not determined"}
+        return {estimate.key: estimate.value for estimate in self.estimates if estimate.verdict != "not determined"}
+
+    def resolutions(self) -> dict[str, float]:
+        """See MapFit.resolutions."""
+        return self.fit.resolutions(self.problem.columns(self.fit.free, self.fit.z[None])[0][0])
 
 
 def identify_joint(
@@ -144,7 +148,7 @@ def _estimates(problem: JointProblem, fit: MapFit) -> list[Estimate]:
             continue
         value = float(columns[0, parameter.row])
         deviation = float(np.sqrt(covariance[index, index]))
-        std = abs(value) * parameter.scale * deviation if parameter.log else parameter.scale * deviation
+        std = parameter.deviation(value, deviation)
         share = std / max(abs(value), 1e-300)
         verdict = "determined" if share < DETERMINED else "weakly" if share < WEAK else "not determined"
         hint = "" if verdict == "determined" else SHOWS.get(parameter.key, "a staircase over pressure")

@@ -77,6 +77,10 @@ class FreeParameter:
             return math.log(max(value, 1e-300) / self.centre) / self.scale
         return (value - self.centre) / self.scale
 
+    def deviation(self, value: float, of_coordinate: float) -> float:
+        """Standard deviation of the value [SI] where that of the coordinate is `of_coordinate` (to first order)."""
+        return (abs(value) if self.log else 1.0) * self.scale * of_coordinate
+
     @property
     def key(self) -> str:
         """Its name in hand.yaml."""

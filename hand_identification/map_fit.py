@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hand_identification.free_parameters import FreeParameter
+from hand_identification.free_parameters import START_CREEP, FreeParameter
 from hand_identification.joint_problem import JointProblem
 from hand_model.arrays import Array
 
@@ -44,6 +44,19 @@ class MapFit:
     def covariance(self) -> Array:
         """Of z, prior included, (free, free)."""
         return np.asarray(np.linalg.inv(self.normal + np.eye(len(self.z))), dtype=np.float64)
+
+    def resolutions(self, columns: Array) -> dict[str, float]:
+        """Standard deviation [SI] of each free parameter while all others keep their values, by key.
+
+        columns: (rows,) the parameter set of z (JointProblem.columns).  A change by a tenth of it changes no
+        prediction noticeably, however the parameters are correlated.
+        """
+        deviations = 1.0 / np.sqrt(np.diag(self.normal) + 1.0)
+        return {
+            parameter.key: parameter.deviation(float(columns[parameter.row]), float(deviation))
+            for parameter, deviation in zip(self.free, deviations, strict=True)
+            if parameter.row < START_CREEP
+        }
 
 
 def map_fit(

@@ -12,12 +12,12 @@ from typing import Annotated
 
 import numpy as np
 import typer
-import yaml
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from hand_control.grasps import Grasp, load_grasps
 from hand_model.description import Hand, load_hand
+from hand_model.yaml_document import YamlDocument, number_text
 from hand_recording.installed import default_model
 from hand_recording.loader import load_recording
 from hand_recording.replay import replay_recording, write_replay
@@ -106,13 +106,14 @@ def _prepare(files: Files, model: Path) -> tuple[Hand, dict[str, Grasp]]:
     shutil.rmtree(files.folder / "logs", ignore_errors=True)
     for path in (files.model, files.recording, files.replay, files.page, files.summary):
         path.unlink(missing_ok=True)
-    description = yaml.safe_load(model.read_text(encoding="utf-8"))
+    description = YamlDocument(model)
     closed = np.degrees(grasps["cylindrical"].shape(1.0))
-    for joint, angle_deg in zip(description["joints"], closed, strict=True):
-        contact = {"angle_deg": float(CONTACT_SHARE * angle_deg), "stiffness_nm_per_rad": CONTACT_STIFFNESS_NM_PER_RAD}
-        joint["contact"] = contact
-    heading = "# The installed description with a soft object in the hand, as the demo simulated it.\n"
-    files.model.write_text(heading + yaml.safe_dump(description, sort_keys=False), encoding="utf-8")
+    for joint, angle_deg in zip(description.data["joints"], closed, strict=True):
+        contact = description.group(joint, "contact", 2)
+        description.set_number(contact, "angle_deg", number_text(float(CONTACT_SHARE * angle_deg)))
+        description.set_number(contact, "stiffness_nm_per_rad", number_text(CONTACT_STIFFNESS_NM_PER_RAD))
+    heading = "The installed description with a soft object in the hand, as the demo simulated it."
+    files.model.write_text(description.text(heading), encoding="utf-8")
     return load_hand(files.model), grasps
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-import yaml
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -105,6 +104,7 @@ def _machine(
     from hand_diagnosis.machine import in_own_units, load_machine  # noqa: PLC0415 - as above
     from hand_diagnosis.page import write_page  # noqa: PLC0415 - as above
     from hand_diagnosis.report import document  # noqa: PLC0415 - as above
+    from hand_model.yaml_document import yaml_text  # noqa: PLC0415 - as above
 
     loaded = load_machine(machine, recordings)
     result = run(loaded.signals, loaded.hand, tolerance=tolerance, seed=seed, without=without, sensor_curve=False)
@@ -117,7 +117,7 @@ def _machine(
         if finding["effect"] != "unknown"
         for key, number in finding["parameters"].items()
     }
-    (out / "model.yaml").write_text(yaml.safe_dump({"machine": loaded.name, "effects": effects}), encoding="utf-8")
+    (out / "model.yaml").write_text(yaml_text({"machine": loaded.name, "effects": effects}), encoding="utf-8")
     write_page(result, content, out, loaded.units)
     return content
 

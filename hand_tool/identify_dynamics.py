@@ -54,7 +54,9 @@ def dynamics(
             found = identify(signals, hand, wanted, keys, seed, lambda _: progress.advance(bar))
         names = ", ".join(path.name for path in recordings)
         comment = f"Identified from {names} with seed {seed}; nominal: {hand.path.name}."
-        write_model(hand, {one.joint: one.values() for one in found}, out / "model.yaml", comment)
+        values = {result.joint: result.values() for result in found}
+        resolutions = {result.joint: result.resolutions() for result in found}
+        write_model(hand, values, out / "model.yaml", comment, resolutions=resolutions)
     except (ValueError, OSError) as error:
         print(f"hand identify dynamics: {error}", file=sys.stderr)
         raise typer.Exit(2) from None
