@@ -32,7 +32,7 @@ setup(
     name=NAME,
     version="0.1.0",
     packages=PACKAGES,
-    package_data={package: ["*.dbc", "*.html", "*.json"] for package in PACKAGES},
+    package_data={package: ["*.dbc", "*.html", "*.json", "*.txt"] for package in PACKAGES},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

@@ -12,6 +12,7 @@ from hand_tool.emulate_board import emulate_board
 from hand_tool.excite import excite
 from hand_tool.identify import app as identify
 from hand_tool.magnet import magnet
+from hand_tool.new_effect import new_effect
 from hand_tool.record import record
 from hand_tool.reproduce import reproduce
 from hand_tool.simulate import simulate
@@ -32,6 +33,7 @@ app.command()(excite)
 app.add_typer(identify, name="identify")
 app.add_typer(trial, name="trial")
 app.command()(magnet)
+app.command("new-effect")(new_effect)
 app.command()(reproduce)
 
 
