@@ -24,7 +24,8 @@ def angle_sensor(q, m, phi, h):  # type: ignore[no-untyped-def]
 @inline
 def angle_reading(q, m, phi):  # type: ignore[no-untyped-def]
     """Output of the filters."""
-    return m[2]
+    _, _, output = m
+    return output
 
 
 EFFECT = Effect(

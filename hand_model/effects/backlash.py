@@ -33,7 +33,8 @@ def angle_sensor(q, m, phi, h):  # type: ignore[no-untyped-def]
 @inline
 def angle_reading(q, m, phi):  # type: ignore[no-untyped-def]
     """Angle of the driven side, where the sensor sits."""
-    return m[0]
+    driven, _ = m
+    return driven
 
 
 EFFECT = Effect(

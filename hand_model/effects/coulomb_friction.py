@@ -37,14 +37,16 @@ def dry(q, m, omega, p):  # type: ignore[no-untyped-def]
 def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     """Torque of contacts that yield, against the motion so far."""
     whole = _level(q, omega, p) * q[7]
-    share, stiffness = loop_torque(m[0], omega, q[6], 0.0)
+    (bristle,) = m
+    share, stiffness = loop_torque(bristle, omega, q[6], 0.0)
     return whole * share, whole * stiffness
 
 
 @inline
 def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
     """Dahl's loop over the presliding motion."""
-    return (loop_moved(m[0], before, after, q[6], 0.0),)
+    (bristle,) = m
+    return (loop_moved(bristle, before, after, q[6], 0.0),)
 
 
 EFFECT = Effect(

@@ -18,7 +18,9 @@ def force_sensor(q, m, force, h):  # type: ignore[no-untyped-def]
 @inline
 def force_reading(q, m, force):  # type: ignore[no-untyped-def]
     """The reading adds a share of the crept part to the force."""
-    return force + q[0] * m[0]
+    share, _ = q
+    (crept,) = m
+    return force + share * crept
 
 
 EFFECT = Effect(

@@ -24,7 +24,9 @@ def force_sensor(q, m, force, h):  # type: ignore[no-untyped-def]
 @inline
 def force_reading(q, m, force):  # type: ignore[no-untyped-def]
     """The reading stays behind the force by a share of it, on the side of the loop."""
-    return force * (1.0 - q[0] * m[0])
+    share, _, _ = q
+    side, _ = m
+    return force * (1.0 - share * side)
 
 
 EFFECT = Effect(

@@ -18,14 +18,16 @@ def prepare(q, h):  # type: ignore[no-untyped-def]
 def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     """Dahl's loop, or Bouc's and Wen's: a torque against the motion that needs an angle to build up."""
     height, sharp, per_scale = q[0], q[2], q[3]
-    share, stiffness = loop_torque(m[0], omega, per_scale, sharp)
+    (loop,) = m
+    share, stiffness = loop_torque(loop, omega, per_scale, sharp)
     return height * share, height * stiffness
 
 
 @inline
 def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
     """The loop follows the motion."""
-    return (loop_moved(m[0], before, after, q[3], q[2]),)
+    (loop,) = m
+    return (loop_moved(loop, before, after, q[3], q[2]),)
 
 
 EFFECT = Effect(

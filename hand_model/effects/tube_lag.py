@@ -18,8 +18,8 @@ def prepare(q, h):  # type: ignore[no-untyped-def]
 @inline
 def actuator_pressure(q, m, p, h):  # type: ignore[no-untyped-def]
     """A line of one volume, or of two in series."""
-    m = lagged_twice(m, p, (q[2], q[3], q[4], q[5]))
-    return m[2], m
+    before, first, output = lagged_twice(m, p, (q[2], q[3], q[4], q[5]))
+    return output, (before, first, output)
 
 
 EFFECT = Effect(

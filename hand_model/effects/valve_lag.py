@@ -20,7 +20,8 @@ def prepare(q, h):  # type: ignore[no-untyped-def]
 def set_point(q, m, u, p, e, h):  # type: ignore[no-untyped-def]
     """First-order lag ahead of the valve's own: its mean over the step, in which u is constant."""
     kept, slowness = q[2], q[3]
-    behind = m[0] - u
+    (lagged,) = m
+    behind = lagged - u
     remaining = behind * kept
     return u + (behind - remaining) * slowness, (u + remaining,)
 
