@@ -56,11 +56,14 @@ def contradicted_by_motion(s, i, reference_speed, speed, dt):  # type: ignore[no
 
 
 def threshold(false_alarms_per_hour: float, observer_filter_s: float) -> float:
-    """Threshold h for a rate of false alarms per joint; independent samples are two filter time constants apart."""
-    run_length = max(3600.0 / false_alarms_per_hour / (2.0 * observer_filter_s), 10.0)
+    """Threshold h for a rate of false alarms per joint; independent samples are two filter time constants apart.
+
+    It is 0 where the wanted rate is higher than the detector has at h = 0.
+    """
+    run_length = 3600.0 / false_alarms_per_hour / (2.0 * observer_filter_s)
 
     def excess(h: float) -> float:
         b = 2.0 * C.allowance * (h + 1.166)
         return math.log((math.exp(b) - b - 1.0) / (2.0 * C.allowance**2)) - math.log(run_length)
 
-    return float(brentq(excess, 0.0, 100.0))
+    return 0.0 if excess(0.0) > 0.0 else float(brentq(excess, 0.0, 100.0))

@@ -1,4 +1,4 @@
-"""Law, supervisor and controller: limits, anti-windup, safe states, re-arming, step tracking."""
+"""Law and controller: limits, anti-windup, safe states, re-arming, step tracking."""
 
 from __future__ import annotations
 
@@ -15,9 +15,7 @@ from hand_control.controller import Controller, Times
 from hand_control.declared import OUT, S, Settings
 from hand_control.law import Law
 from hand_control.references import Shaper
-from hand_control.supervisor import FREEZE_S, VENT_S, WARN_S, Phase, Supervisor
 from hand_control.tuning import gains
-from hand_messages.health import Level
 from hand_model.description import load_hand
 from hand_model.kernel.rows import ROW
 from hand_ros.parameters import ParameterError
@@ -112,75 +110,6 @@ def test_shaping_has_no_overshoot_and_bounded_speed(dt: float) -> None:
         free.step(np.array([1.0]), np.array([0.0]), fast, dt)
     closed_form = 1.0 - (1.0 + 12.0 * 0.3) * math.exp(-12.0 * 0.3)
     assert free.r[0] == pytest.approx(closed_form, abs=0.02)
-
-
-AGES = [
-    (WARN_S - 1e-3, Level.OK),
-    (WARN_S + 1e-3, Level.WARN),
-    (FREEZE_S + 1e-3, Level.WARN),
-    (VENT_S - 1e-3, Level.WARN),
-]
-
-
-@pytest.mark.parametrize(("age_s", "level"), AGES)
-def test_ages_below_the_last_tier_keep_control(age_s: float, level: Level) -> None:
-    """Fails when late data vents too early or is not warned of."""
-    made = armed()
-    now_ns = round(age_s * 1e9)
-    made.check(now_ns, 0.0)
-    assert made.phase is Phase.ACTIVE
-    assert made.health(now_ns).level is level
-
-
-def armed() -> Supervisor:
-    made = Supervisor()
-    made.enable()
-    made.arm(0)
-    made.frame(0)
-    return made
-
-
-def test_silence_vents_and_latches() -> None:
-    """Fails when 100 ms of silence leave the hand under pressure, or the fault forgets itself."""
-    made = armed()
-    made.check(round((VENT_S + 1e-3) * 1e9), 0.0)
-    assert made.phase is Phase.VENTED
-    made.frame(200 * MS)
-    made.check(201 * MS, 0.0)
-    assert made.phase is Phase.VENTED
-    with pytest.raises(ValueError, match="call reset first"):
-        made.enable()
-    assert "no usable sensor data" in made.reset()
-    made.enable()
-    assert made.phase.name == "ARMING"
-
-
-def test_integrators_freeze_after_a_gap() -> None:
-    """Fails when the tick after a gap of more than 50 ms integrates."""
-    made = armed()
-    assert made.frame(5 * MS)
-    assert not made.frame(round(5 * MS + (FREEZE_S + 1e-3) * 1e9))
-
-
-def test_a_command_that_ends_is_held_then_vented() -> None:
-    """Fails when a command time-out is ignored."""
-    made = armed()
-    made.command(0)
-    assert not made.command_held(900 * MS, 1.0)
-    assert made.command_held(1100 * MS, 1.0)
-    made.frame(2050 * MS)
-    made.check(2060 * MS, 1.0)
-    assert made.fault == "no command for 2 s"
-    assert not armed().command_held(10**12, 0.0)
-
-
-def test_vent_on_request_does_not_hide_a_fault() -> None:
-    """Fails when a later vent replaces the reason of a latched fault."""
-    made = armed()
-    made.trip("first")
-    made.trip("second")
-    made.vent("asked for")
-    assert (made.fault, made.reason) == ("first", "first")
 
 
 class Driven:

@@ -2,59 +2,26 @@
 
 from __future__ import annotations
 
-import ctypes
 import shutil
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from hand_control.declared import OUT, OUTPUTS, STATE, Settings
+from hand_control.declared import OUT, OUTPUTS, Settings
 from hand_control.law import Law
 from hand_control.tuning import gains
 from hand_model.arrays import Array
 from hand_model.description import load_hand
 from hand_sim.plant import PHI, HandPlants, P
 from validation import cortex_m4
+from validation.c_law import CLaw
 from validation.paper.step_rig import draw, reference
 
 ROOT = Path(__file__).parents[2]
 HAND = load_hand(ROOT / "config" / "hand.yaml")
 DT_S = 0.005
-
-
-def compiled(folder: Path, kind: str) -> Any:
-    library = folder / f"law_{kind}.so"
-    warnings = ("-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic")
-    source = ROOT / "firmware" / "hand_law.c"
-    options = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC", f"-DHAND_REAL={kind}")
-    subprocess.run(["cc", *options, *warnings, str(source), "-o", str(library)], check=True)
-    return ctypes.CDLL(str(library))
-
-
-class CLaw:
-    """The C law with the interface of the Python one."""
-
-    def __init__(self, folder: Path, kind: str, g: Array) -> None:
-        self._law, self._type = compiled(folder, kind), np.dtype("f4" if kind == "float" else "f8")
-        self._real = ctypes.c_float if kind == "float" else ctypes.c_double
-        self._n = g.shape[1]
-        self._g = np.ascontiguousarray(g, self._type)
-        self.state = np.zeros((len(STATE), self._n), self._type)
-        self.out = np.zeros((len(OUTPUTS), self._n), self._type)
-        self._law.hand_law_start(self._n, self._pointer(self._g), self._pointer(self.state))
-
-    def _pointer(self, values: Any) -> Any:
-        return values.ctypes.data_as(ctypes.c_void_p)
-
-    def tick(self, inputs: Array, dt: float, integrate: bool, drive: bool) -> Any:
-        given = np.ascontiguousarray(inputs, self._type)
-        arrays = (self._pointer(values) for values in (self._g, self.state, given))
-        flags = int(integrate), int(drive)
-        self._law.hand_law_tick(self._n, *arrays, self._real(dt), *flags, self._pointer(self.out))
-        return self.out
 
 
 def recorded(values: dict[str, Any], ticks: int = 2400) -> tuple[Array, list[Array]]:
@@ -87,10 +54,10 @@ CASES: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_both_laws_agree_on_recorded_inputs(name: str, tmp_path: Path) -> None:
+def test_both_laws_agree_on_recorded_inputs(name: str) -> None:
     """Fails when the C law differs from the Python one by more than 1e-6 of full scale, or single precision by 1 %."""
     g, inputs = recorded(CASES[name])
-    python, double, single = Law(g), CLaw(tmp_path, "double", g), CLaw(tmp_path, "float", g)
+    python, double, single = Law(g), CLaw("double", g), CLaw("float", g)
     worst = {"double": 0.0, "float": 0.0}
     sizes = np.array([6e5, 0.6, 1.0, 1.0, 0.6, 10.0])[:, None]
     for k, given in enumerate(inputs):
@@ -106,10 +73,10 @@ def test_both_laws_agree_on_recorded_inputs(name: str, tmp_path: Path) -> None:
     assert float(np.max(np.abs(double.state - python.state) / (np.abs(python.state) + 1e-3))) < 1e-6
 
 
-def test_not_a_number_keeps_the_last_command(tmp_path: Path) -> None:
+def test_not_a_number_keeps_the_last_command() -> None:
     """Fails when a measurement that is no number gets through the C law."""
     g, inputs = recorded({}, 50)
-    law = CLaw(tmp_path, "float", g)
+    law = CLaw("float", g)
     for given in inputs:
         before = law.tick(given, DT_S, integrate=True, drive=True)[OUT.pressure].copy()
     broken = inputs[-1].copy()

@@ -1,0 +1,244 @@
+"""The law term by term: against the same law in C on inputs that reach every branch, and against closed forms."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hand_control.declared import OUT, C, G, S, Settings, U
+from hand_control.law import Law
+from hand_control.tuning import gains
+from hand_model.arrays import Array
+from hand_model.description import load_hand
+from validation.c_law import CLaw
+
+HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
+DT_S = 0.005
+JOINTS, TICKS = 18, 420
+SIZES = np.array([6e5, 0.6, 1.0, 1.0, 0.6, 1.0])[:, None]
+SWITCHES = ("schedule", "feed_forward", "creep", "back_calculation", "adapt", "detect")
+
+
+def gains_of(values: dict[str, Any] | None = None, joints: int = 1) -> Array:
+    """Gains of the first joint of the hand, repeated."""
+    g = gains(HAND, Settings.of(HAND, values or {}))
+    g = np.repeat(g[:, :1], joints, axis=1)
+    g[G.partner] = -1.0
+    return g
+
+
+def different_joints(rng: np.random.Generator) -> Array:
+    """Gains of joints that differ in their switches, dead-band, threshold, map and partner."""
+    g = gains_of(joints=JOINTS)
+    for bit, name in enumerate(SWITCHES):
+        g[getattr(G, name)] = [float(i % 3 != 0 or (i >> (bit % 4)) & 1) for i in range(JOINTS)]
+    g[G.torque_mode, [5, 11]] = 1.0
+    g[G.deadband, ::4] = 0.0
+    g[G.threshold] = rng.uniform(0.5, 6.0, JOINTS)
+    g[G.i_max] = rng.uniform(0.01, 0.2, JOINTS)
+    g[G.p_rate, ::5] = 2e6
+    g[G.partner, [0, 1]] = 1.0, 0.0
+    g[G.b1, 8] *= 20.0  # creep reaches its upper bound
+    g[[G.a0, G.a1, G.a2, G.a3, G.viscous]] *= rng.uniform(0.7, 1.3, (5, JOINTS))
+    g[G.a3, [6, 7]] *= -0.5
+    g[G.residual_std] *= rng.uniform(0.3, 1.0, JOINTS)
+    return g
+
+
+def driven_inputs(rng: np.random.Generator) -> Array:
+    """Inputs (ticks, rows, joints): motion, rest, obstacles, saturation, ends of the range, and inputs not finite."""
+    t = DT_S * np.arange(TICKS)[:, None]
+    phase, rate = rng.uniform(0.0, 6.0, JOINTS), rng.uniform(1.0, 6.0, JOINTS)
+    middle, swing = rng.uniform(0.4, 1.1, JOINTS), rng.uniform(0.2, 0.9, JOINTS)
+    inputs = np.zeros((TICKS, 6, JOINTS))
+    moving = np.where((t % 1.0) < 0.7, 1.0, 0.0)
+    swung = swing * np.sin(rate * t * moving + phase)
+    inputs[:, U.reference] = middle + swung
+    inputs[:, U.speed] = moving * swing * rate * np.cos(rate * t + phase)
+    inputs[:, U.acceleration] = -moving * swing * rate**2 * np.sin(rate * t + phase)
+    lagging = middle + swing * np.sin(rate * np.maximum(t * moving - 0.02, 0.0) + phase)
+    inputs[:, U.position] = lagging + 2e-4 * rng.standard_normal((TICKS, JOINTS))
+    inputs[:, U.pressure] = np.maximum(1.3e5 * inputs[:, U.position] + 4e4 * np.sin(2.0 * t + phase), 0.0)
+    inputs[:, U.limit] = np.where(np.sin(3.0 * t + phase) > 0.6, 0.01, 0.5)
+    inputs[20:40, U.pressure, 12] = -5e3  # noise of a vented sensor: creep stays at its lower bound
+    inputs[200:260, U.pressure, ::2] += 1.5e5  # an obstacle: pressure without motion
+    inputs[200:260, U.position, ::2] = inputs[200, U.position, ::2]
+    inputs[280:330, U.reference] = inputs[280:330, U.position] + 4e-3 * rng.standard_normal((50, JOINTS))
+    inputs[280:330, U.speed : U.acceleration + 1] = 0.0
+    inputs[120, U.position, 3], inputs[121, U.limit, 4] = math.nan, math.inf
+    return inputs
+
+
+def test_the_law_is_the_law_in_c_in_every_branch() -> None:
+    """Fails when a term, sign, bound, order or state of either law changes and the other does not (seed 1)."""
+    rng = np.random.default_rng(1)
+    g, inputs = different_joints(rng), driven_inputs(rng)
+    python, other = Law(g), CLaw("double", g)
+    saturated = contact = contradicted = adapted = 0
+    for k in range(TICKS):
+        dt = 0.0 if k % 97 == 96 else 0.012 if k % 41 == 40 else DT_S
+        integrate, drive = k % 53 < 48, k % 71 < 68
+        if k == 150:
+            python.release()
+            other.release()
+        if k in (90, 350):  # as Law.change does
+            python.state[S.take_over] = other.state[S.take_over] = 1.0
+        before = python.state[S.contact].copy()
+        got, want = python.tick(inputs[k], dt, integrate, drive), other.tick(inputs[k], dt, integrate, drive)
+        np.testing.assert_allclose(got / SIZES, want / SIZES, rtol=1e-9, atol=1e-9, err_msg=f"tick {k}")
+        scale = np.abs(other.state) + 1e-3
+        np.testing.assert_allclose(python.state / scale, other.state / scale, rtol=0, atol=1e-9, err_msg=f"tick {k}")
+        saturated += int(got[OUT.saturated].sum())
+        contact += int(got[OUT.contact].sum())
+        contradicted += int(((before != 0.0) & (python.state[S.contact] == 0.0)).sum())
+        adapted += int((python.state[S.d_a0] != 0.0).sum())
+    assert min(saturated, contact, contradicted, adapted) > 20  # the inputs reach what they are meant to reach
+
+
+def at(reference: float, position: float, pressure: float, limit: float = 0.6) -> Array:
+    inputs = np.zeros((6, 1))
+    inputs[U.reference], inputs[U.position], inputs[U.pressure], inputs[U.limit] = reference, position, pressure, limit
+    return inputs
+
+
+def torque_at(g: Array, pressure: float, angle: float) -> float:
+    return float((g[G.a0] + g[G.a1] * angle + (g[G.a2] + g[G.a3] * angle) * pressure)[0])
+
+
+def test_feed_forward_alone_holds_the_reference() -> None:
+    """Fails when the command at zero error gives a torque by Eq. 6 at the reference."""
+    g = gains_of({"deadband_pa": 0.0, "creep_compensation": False})
+    command = Law(g).tick(at(0.7, 0.7, 8e4), DT_S)[OUT.pressure, 0]
+    assert torque_at(g, command, 0.7) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_scheduled_proportional_gain_is_that_of_internal_model_control() -> None:
+    """Fails when Kp is not (d + k T) / R with the stiffness k at the measured pressure."""
+    g = gains_of({"deadband_pa": 0.0, "creep_compensation": False, "feed_forward": False})
+    error, pressure, angle = 0.02, 9e4, 0.6
+    command = Law(g).tick(at(angle + error, angle, pressure), DT_S)[OUT.pressure, 0]
+    stiffness = -(g[G.a1, 0] + g[G.a3, 0] * pressure)
+    kp = (g[G.viscous, 0] + stiffness * g[G.valve_lag, 0]) / g[G.response_time, 0]
+    assert command == pytest.approx(kp * error / (g[G.a2, 0] + g[G.a3, 0] * angle))
+
+
+def test_the_integral_grows_by_ki_times_error() -> None:
+    """Fails when Ki is not k / R, or the integral is not the integral of the error."""
+    g = gains_of({"deadband_pa": 0.0, "creep_compensation": False})
+    law = Law(g)
+    law.tick(at(0.72, 0.7, 9e4), DT_S)
+    stiffness = -(g[G.a1, 0] + g[G.a3, 0] * 9e4)
+    assert law.state[S.integral, 0] == pytest.approx(stiffness / g[G.response_time, 0] * 0.02 * DT_S)
+
+
+def test_the_integral_stays_where_the_dead_band_causes_the_error() -> None:
+    """Fails when the integrator reacts to an error that the dead-band itself leaves."""
+    g = gains_of({"creep_compensation": False})
+    stiffness = -(g[G.a1, 0] + g[G.a3, 0] * 9e4)
+    resolved = g[G.deadband, 0] * (g[G.a2, 0] + g[G.a3, 0] * 0.7) / stiffness + C.noise
+    for share, moves in ((0.98, False), (1.02, True)):
+        law = Law(g)
+        law.tick(at(0.7 + share * resolved, 0.7, 9e4), DT_S)
+        assert (law.state[S.integral, 0] != 0.0) == moves
+
+
+def test_a_changed_gain_does_not_move_the_command() -> None:
+    """Fails when the integral does not take over the difference after a change of gains."""
+    law = Law(gains_of({"deadband_pa": 0.0, "contact_detection": False}))
+    for _ in range(40):
+        before = law.tick(at(0.72, 0.7, 9e4), DT_S)[OUT.pressure, 0]
+    law.change(gains_of({"deadband_pa": 0.0, "contact_detection": False, "feed_forward": False}))
+    after = law.tick(at(0.72, 0.7, 9e4), DT_S)[OUT.pressure, 0]
+    assert after == pytest.approx(before, rel=2e-3) and before > 1e4
+
+
+def test_the_same_gains_are_no_change() -> None:
+    """Fails when taking over identical gains disturbs the integral."""
+    law = Law(gains_of())
+    law.change(gains_of())
+    assert law.state[S.take_over, 0] == 0.0
+
+
+def test_the_arrays_of_the_law_have_their_rows_and_joints() -> None:
+    """Fails when an array of the law is made for another number of rows or joints."""
+    law = Law(gains_of(joints=3))
+    assert [array.shape for array in (law.state, law.inputs, law.out)] == [(len(S), 3), (len(U), 3), (len(OUT), 3)]
+
+
+def test_switching_adaptation_off_forgets_what_it_learnt() -> None:
+    """Fails when a map that was adapted stays in use after adaptation is switched off, or is reset by other changes."""
+    law = Law(gains_of(joints=2))
+    law.state[S.d_a0] = 0.2
+    law.change(gains_of({"deadband_pa": 100.0}, joints=2))
+    assert (law.state[S.d_a0] == 0.2).all()
+    law.change(gains_of({"adaptation": False}, joints=2))
+    assert (law.state[S.d_a0] == 0.0).all() and (law.state[S.take_over] == 1.0).all()
+    law.state[S.d_a0] = 0.1
+    law.change(gains_of({"adaptation": False, "deadband_pa": 100.0}, joints=2))
+    assert (law.state[S.d_a0] == 0.1).all()
+
+
+def test_release_keeps_what_was_observed() -> None:
+    """Fails when a vent keeps a command or an integral, or forgets the creep and the filters of the joint."""
+    law = Law(gains_of())
+    for _ in range(20):
+        law.tick(at(0.8, 0.7, 2e5), DT_S)
+    creep, angle = law.state[S.creep, 0], law.state[S.phi_2, 0]
+    law.release()
+    assert not law.state[[S.integral, S.command, S.take_over, S.wanted]].any()
+    assert law.state[S.creep, 0] == creep > 0.0 and law.state[S.phi_2, 0] == angle > 0.0
+
+
+def test_an_observing_law_commands_nothing() -> None:
+    """Fails when a vented hand is given a pressure, or its torque is not estimated."""
+    g = gains_of({"creep_compensation": False})
+    out = Law(g).tick(at(1.0, 0.5, 1e5), DT_S, False, False)
+    assert out[OUT.pressure, 0] == 0.0 and out[OUT.saturated, 0] == 0.0
+    assert out[OUT.torque, 0] == pytest.approx(torque_at(g, 1e5, 0.5))
+
+
+@pytest.mark.parametrize("row", range(6))
+def test_an_input_that_is_not_finite_repeats_the_command(row: int) -> None:
+    """Fails when NaN or infinity in any input changes the command or the state."""
+    law = Law(gains_of({"adaptation": False}))
+    for _ in range(5):
+        before = law.tick(at(0.8, 0.7, 9e4), DT_S).copy()
+    state = law.state.copy()
+    for bad in (math.nan, math.inf):
+        inputs = at(0.8, 0.7, 9e4)
+        inputs[row] = bad
+        out = law.tick(inputs, DT_S)
+        assert out[OUT.pressure, 0] == before[OUT.pressure, 0] > 0.0 and out[OUT.saturated, 0] == 0.0
+        assert np.array_equal(law.state, state)
+
+
+def test_the_torque_ceiling_bounds_the_command() -> None:
+    """Fails when the command gives more than the limit at the measured angle, also where the limit falls at once."""
+    g = gains_of({"creep_compensation": False})
+    law = Law(g)
+    for _ in range(5):
+        law.tick(at(1.5, 0.3, 1e5), DT_S)
+    out = law.tick(at(1.5, 0.3, 1e5, 0.02), DT_S)
+    assert torque_at(g, out[OUT.pressure, 0], 0.3) == pytest.approx(0.02)
+    assert out[OUT.saturated, 0] == 1.0
+
+
+def test_torque_mode_commands_the_limit() -> None:
+    """Fails when the command in torque mode is not the pressure of the wanted torque, or depends on the reference."""
+    g = gains_of({"control_mode": "torque", "creep_compensation": False, "deadband_pa": 0.0})
+    commands = [Law(g).tick(at(reference, 0.5, 5e4, 0.1), DT_S)[OUT.pressure, 0] for reference in (0.0, 1.2)]
+    assert commands[0] == commands[1]
+    assert torque_at(g, commands[0], 0.5) == pytest.approx(0.1)
+
+
+def test_the_rate_of_the_command_is_bounded() -> None:
+    """Fails when a step of the reference moves the set-point faster than the configured rate."""
+    law = Law(gains_of({"max_pressure_rate_pa_per_s": 1e6, "deadband_pa": 0.0}))
+    commands = [law.tick(at(0.8, 0.2, 0.0), DT_S)[OUT.pressure, 0] for _ in range(5)]
+    assert np.diff([0.0, *commands]) == pytest.approx(np.full(5, 1e6 * DT_S))
+    commands = [law.tick(at(-2.0, 0.8, 0.0), DT_S)[OUT.pressure, 0] for _ in range(3)]
+    assert np.diff(commands) == pytest.approx(np.full(2, -1e6 * DT_S))
