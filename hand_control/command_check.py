@@ -1,4 +1,4 @@
-"""Commands as they arrive: refused whole, in one line, or turned into arrays in the hand's order."""
+"""Checks of commands: a command is refused as a whole, in one line, or converted to arrays in the hand's order."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ Index = NDArray[np.int64]
 Points = Sequence[tuple[float, Sequence[float], Sequence[float]]]
 
 MAX_AGE_S = 0.5
-"""A command stamped longer ago is refused."""
+"""A command with an older stamp is refused."""
 MAX_AHEAD_S = 0.1
-"""A joint command stamped further ahead comes from another clock."""
+"""A joint command with a stamp further ahead is of another clock."""
 MAX_DELAY_S = 10.0
-"""A trajectory may be stamped this far ahead: it starts then."""
+"""Largest delay of the start of a trajectory, by a stamp ahead of time."""
 MAX_DURATION_S = 3600.0
 MAX_POINTS = 5000
-"""Reading more points than this would keep frames waiting."""
+"""Checking more points than this would delay the next frame."""
 MIN_STEP_S = 0.5e-9
-"""Points are a tick of the message's clock apart, 1 ns but for rounding."""
+"""Least distance of points: one step of the message's clock, 1 ns, with rounding."""
 MAX_SPEED_RAD_S = 100.0
-"""Velocities beyond this are no motion of a finger, and powers of them overflow."""
+"""Larger velocities are not those of a finger, and their powers overflow."""
 
 
 class CommandError(ValueError):
-    """A command is refused whole; the message is one line."""
+    """The whole command is refused; the message is one line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +135,7 @@ def _joints(topic: str, hand: Hand, names: Sequence[str]) -> Index:
         if name not in hand.joints:
             raise CommandError(f"{topic} refused: unknown joint {name!r}; joints are {', '.join(hand.joints)}")
         if names.count(name) > 1:
-            raise CommandError(f"{topic} refused: joint {name!r} is there twice")
+            raise CommandError(f"{topic} refused: joint {name!r} appears twice")
     return np.array([hand.joints.index(name) for name in names], dtype=np.int64)
 
 

@@ -31,13 +31,13 @@ from hand_model.description import Hand, load_hand
 from hand_ros.node import COMMAND_QOS, QUEUED_QOS, SENSOR_QOS, STATE_QOS, HandNode, default_config, run
 
 WATCH_PERIOD_S = 0.02
-"""Silence is noticed this late at most; the board vents by the lifetime of its set-points anyway."""
+"""Largest delay until silence is detected; the board also vents when the lifetime of its set-points ends."""
 FEEDBACK_HZ = 20.0
 CANCELLED, DONE = "cancelled", Outcome.DONE.value
 
 
 class ControllerNode(HandNode):
-    """Ticks once for each joint state; a timer watches for silence."""
+    """Runs the controller once per joint state; a timer detects silence."""
 
     def __init__(self) -> None:
         """Declare parameters."""
@@ -64,7 +64,7 @@ class ControllerNode(HandNode):
         self._create_interfaces()
 
     def _warm_up(self) -> None:
-        """Load the compiled kernels before the first frame: that takes longer than a frame may be late."""
+        """Load the compiled functions before the first frame, which otherwise would be late."""
         joints = np.zeros(len(self._hand.joints))
         rehearsal = Controller(self._hand, self._settings)
         rehearsal.enable(True)
@@ -100,11 +100,11 @@ class ControllerNode(HandNode):
         ]
 
     def reconfigure(self, values: dict[str, Any]) -> None:
-        """New gains and limits, all or none, without a jump."""
+        """Use new gains and limits, all or none, without a jump."""
         self._controller.configure(Settings.of(self._hand, values))
 
     def start(self) -> None:
-        """Begin to control, from the pose the hand has."""
+        """Begin to control from the present pose of the hand."""
         self._pressure: Array = np.full(len(self._hand.joints), np.nan)
         self._pressure_ns = 0
         if self._enabled_at_start:
@@ -115,7 +115,7 @@ class ControllerNode(HandNode):
         self._watch = self.create_timer(WATCH_PERIOD_S, self._on_watch)
 
     def stop(self) -> None:
-        """Vent and say so; the last command does not survive."""
+        """Vent and log it; the last command is dropped."""
         self.destroy_timer(self._watch)
         self._controller.vent("the controller was deactivated")
         self._controller.stop_grasp("the controller was deactivated")
@@ -148,7 +148,7 @@ class ControllerNode(HandNode):
             self._input_problem(f"joint_states: {error}")
             return
         if abs(stamp_ns - self._pressure_ns) > FREEZE_S * 1e9:
-            return  # no pressures to go with it: not a usable frame, and silence vents
+            return  # no pressures of the same time: not a usable frame, and silence vents
         self._position = position
         times = Times(stamp_ns, self._now_ns(), host_ns)
         tick = self._controller.frame(times, position, velocity, self._pressure)
@@ -159,9 +159,9 @@ class ControllerNode(HandNode):
         self._input_fault = ""
 
     def _input_problem(self, line: str) -> None:
-        """Input that cannot be used: no frame, so that silence vents; said once in a while."""
+        """Report input that cannot be used. It is not a frame, so that lasting bad input vents as silence does."""
         self._input_fault = line
-        self.say(Level.ERROR, "input", line)
+        self.log_throttled(Level.ERROR, "input", line)
 
     def _publish(self, tick: Tick) -> None:
         lifetime_ns = round(self._controller.settings.command_lifetime_s * 1e9)
@@ -205,7 +205,7 @@ class ControllerNode(HandNode):
             self._contact_publisher.publish(message)
 
     def _on_goal(self, goal: Grasp.Goal) -> GoalResponse:
-        """Accept a grasp, or say why not; accepted, it begins at once and preempts."""
+        """Accept or refuse a grasp; an accepted one begins at once and preempts a running one."""
         try:
             if not self.active:
                 raise ValueError("the controller is not active")
@@ -215,7 +215,7 @@ class ControllerNode(HandNode):
             self._controller.grasp(pattern, goal.closure, goal.max_torque, time.monotonic_ns())
         except ValueError as error:
             line = f"grasp refused: {error}"
-            self.say(Level.ERROR, "grasp", line)
+            self.log_throttled(Level.ERROR, "grasp", line)
             self._controller.refuse(line, time.monotonic_ns())
             self.publish_health()
             return GoalResponse.REJECT
@@ -240,7 +240,7 @@ class ControllerNode(HandNode):
             handle.abort()
         contact = self._controller.grasp_contact
         held = int(contact.sum())
-        message = f"{held} joints hold something" if end == DONE else end
+        message = f"{held} joints are in contact" if end == DONE else end
         return Grasp.Result(
             success=end == DONE,
             message=message,
@@ -250,7 +250,7 @@ class ControllerNode(HandNode):
         )
 
     def _watch_grasp(self, tick: Tick | None = None) -> None:
-        """Feedback of a running grasp at FEEDBACK_HZ; its end, where it has ended or is cancelled."""
+        """Publish feedback of a running grasp at FEEDBACK_HZ, and its end where it has ended or is cancelled."""
         handle, over = self._grasp_handle, self._grasp_over
         if over is None or over.done():
             return
@@ -272,7 +272,7 @@ class ControllerNode(HandNode):
             )
 
     def _send_vent(self) -> None:
-        """Set every valve to 0 Pa now. It answers no frame, so it bears the present time."""
+        """Set every valve to 0 Pa now. The command belongs to no frame, so its stamp is the present time."""
         lifetime_ns = round(self._controller.settings.command_lifetime_s * 1e9)
         zero = np.zeros(len(self._hand.joints))
         self._command_publisher.publish(
@@ -283,7 +283,9 @@ class ControllerNode(HandNode):
         if self._controller.check(time.monotonic_ns()):
             self._send_vent()
         if self._controller.safety.fault:
-            self.say(Level.ERROR, "fault", f"vented: {self._controller.safety.fault}; call reset, then enable")
+            self.log_throttled(
+                Level.ERROR, "fault", f"vented: {self._controller.safety.fault}; call reset, then enable"
+            )
 
     def _on_command(self, message: JointState) -> None:
         times = self._times(message)
@@ -298,13 +300,13 @@ class ControllerNode(HandNode):
         return Times(_ns(message), self._now_ns(), time.monotonic_ns())
 
     def _try(self, accept: Callable[[], None]) -> None:
-        """A command that is refused is said on the log and on diagnostics; all else goes on."""
+        """Report a refused command on the log and on diagnostics; control continues."""
         if not self.active:
             return
         try:
             accept()
         except ValueError as error:
-            self.say(Level.ERROR, "refused", str(error))
+            self.log_throttled(Level.ERROR, "refused", str(error))
             self.publish_health()
 
     def _on_vent(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -317,7 +319,7 @@ class ControllerNode(HandNode):
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         fault = self._controller.reset()
         response.success = True
-        response.message = f"forgotten: {fault}; call enable to drive the hand" if fault else "no fault was latched"
+        response.message = f"cleared: {fault}; call enable to drive the hand" if fault else "no fault was latched"
         return response
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:

@@ -35,7 +35,7 @@ SLEW_NS = 100_000_000
 
 @dataclass(frozen=True, slots=True)
 class _Motion:
-    """A running trajectory: the joints it still rules, their columns in its curve, the curve and its derivative."""
+    """A running trajectory: its remaining joints, their columns in the curve, the curve and its derivative."""
 
     joints: NDArray[np.int64]
     columns: NDArray[np.int64]
@@ -45,7 +45,7 @@ class _Motion:
     speed: CubicHermiteSpline
 
     def without(self, taken: NDArray[np.int64]) -> _Motion:
-        """The same motion for the joints that nobody took over."""
+        """The same motion without the joints that another command has taken."""
         keep = ~np.isin(self.joints, taken)
         return _Motion(self.joints[keep], self.columns[keep], self.start_ns, self.end_s, self.position, self.speed)
 
@@ -67,11 +67,11 @@ class References:
 
     @property
     def motion(self) -> tuple[Flags, Flags]:
-        """(n,) each: joints on the way of a trajectory, and joints past the end of the last one."""
+        """(n,) each: joints within a trajectory, and joints past the end of their last one."""
         return self._on_path, self._at_goal
 
     def hold(self, position_rad: Array, joints: Flags) -> None:
-        """Some joints (n,) stand still at position_rad (n,) or the nearest limit, their trajectories ended."""
+        """Hold some joints (n,) at position_rad (n,) or the nearest limit, and end their trajectories."""
         index = np.flatnonzero(joints)
         self._take(index)
         self._drop_waiting(index)
@@ -80,9 +80,9 @@ class References:
         self._speed[index] = 0.0
 
     def latch(self, position_rad: Array) -> None:
-        """Stand still at position_rad (n,) or the nearest limit; no trajectories, the configured torque limits.
+        """Hold position_rad (n,) or the nearest limit, with the configured torque limits and without trajectories.
 
-        A position that is no number leaves that joint's target where it was.
+        A joint whose position is NaN keeps its target.
         """
         limits = self._hand.limits
         target = np.where(np.isfinite(position_rad), position_rad, self._target)
@@ -94,7 +94,7 @@ class References:
         self._on_path[:] = self._at_goal[:] = False
 
     def command(self, command: JointCommand) -> None:
-        """Go to the commanded angles; the shaping filter makes a motion of the step."""
+        """Go to the commanded angles; the reference filter limits the speed of the step."""
         self._take(command.index)
         self._drop_waiting(command.index)
         self._target[command.index] = command.position_rad
@@ -103,7 +103,7 @@ class References:
         self._limit[command.index] = np.where(np.isnan(command.max_torque_nm), configured, command.max_torque_nm)
 
     def trajectory(self, trajectory: Trajectory) -> None:
-        """Follow a trajectory, from its start on, from the target and speed there are then."""
+        """Follow a trajectory from its start time on, beginning at the target and speed of that moment."""
         self._drop_waiting(trajectory.index)
         self._waiting.append(trajectory)
 
@@ -122,9 +122,9 @@ class References:
         self._motions.append(_Motion(index, columns, trajectory.start_ns, end_s, curve, curve.derivative()))
 
     def sample(self, now_ns: int) -> tuple[Array, Array, Array]:
-        """Targets, their speeds and the torque limits now; arrays that later calls overwrite."""
+        """Targets, their speeds and the torque limits now; later calls overwrite the arrays."""
         if now_ns < self._now_ns - SLEW_NS:
-            self._forget_plans()
+            self._drop_trajectories()
         self._now_ns = now_ns
         if self._waiting:
             self._begin_due(now_ns)
@@ -140,7 +140,7 @@ class References:
             self._speed[motion.joints] = 0.0 if over else motion.speed(at)[motion.columns]
             self._on_path[motion.joints], self._at_goal[motion.joints] = not over, over
         self._motions = [m for m in self._motions if (now_ns - m.start_ns) * 1e-9 < m.end_s]
-        # A curve with steep velocities may swing beyond its points; the joint's limits hold all the same.
+        # A curve with large velocities may exceed its points, but never the limits of the joint.
         np.clip(self._target, self._hand.limits.low_rad, self._hand.limits.high_rad, out=self._target)
         return self._target, self._speed, self._limit
 
@@ -150,8 +150,8 @@ class References:
         for trajectory in due:
             self._begin(trajectory)
 
-    def _forget_plans(self) -> None:
-        """Hold the targets as they are."""
+    def _drop_trajectories(self) -> None:
+        """Drop all trajectories and hold the targets."""
         self._motions = []
         self._waiting = []
         self._speed[:] = 0.0
@@ -168,7 +168,7 @@ class References:
 
 
 def _columns(trajectory: Trajectory, keep: Flags) -> Trajectory:
-    """A trajectory of some of its joints only, keep (k,)."""
+    """The trajectory of the joints with keep (k,)."""
     velocity = None if trajectory.velocity_rad_s is None else trajectory.velocity_rad_s[:, keep]
     position = trajectory.position_rad[:, keep]
     return replace(trajectory, index=trajectory.index[keep], position_rad=position, velocity_rad_s=velocity)

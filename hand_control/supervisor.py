@@ -1,16 +1,16 @@
-"""Whether the hand may be driven: ages of what the controller knows, plausibility, and latched faults.
+"""Whether the hand may be driven: age of the measurements, age of the command, and latched faults.
 
     age of the newest frame      reaction
     <= WARN_S    20 ms           none
     >  WARN_S    20 ms           warning on diagnostics
-    >  FREEZE_S  50 ms           the integrators stand still at the next tick
+    >  FREEZE_S  50 ms           the integrators stop in the next tick
     >  VENT_S   100 ms           vent, latched
 
-A command needs no renewal by default; with a command time-out, commands older than it are held (the reference
-stands still) and after twice the time-out the hand is vented and the fault latched.
+By default a command needs no renewal. With a command time-out, an older command is held (the reference stands still),
+and after twice the time-out the hand is vented and the fault latched.
 
-A latched fault stays until `reset`; then `enable` drives the hand again, from the pose it has at that moment.
-Times are nanoseconds of one monotonic clock passed in; nothing here reads a clock.
+A latched fault stays until `reset`; then `enable` drives the hand again, from its present pose. Times are nanoseconds
+of one monotonic clock and are arguments.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ VENT_S = 0.100
 
 
 class Phase(Enum):
-    """What the controller does with the valves."""
+    """State of the controller."""
 
     VENTED = "vented"
     ARMING = "waiting for a first complete measurement"
@@ -35,7 +35,7 @@ class Phase(Enum):
 
 @dataclass(slots=True)
 class Supervisor:
-    """The state machine. phase: what happens now.  fault: why it is latched, empty where it is not."""
+    """The state machine. phase: its state.  reason: of the last vent.  fault: the latched fault, or empty."""
 
     phase: Phase = Phase.VENTED
     reason: str = "not enabled"
@@ -44,45 +44,45 @@ class Supervisor:
     command_ns: int | None = None
 
     def enable(self) -> None:
-        """Ask to drive the hand. ValueError while a fault is latched."""
+        """Drive the hand from the next plausible measurement on. ValueError while a fault is latched."""
         if self.fault:
             raise ValueError(f"not enabled: a fault is latched ({self.fault}); call reset first")
         if self.phase is Phase.VENTED:
             self.phase, self.frame_ns, self.command_ns = Phase.ARMING, None, None
 
     def arm(self, now_ns: int) -> None:
-        """A first complete measurement is there: the hand is driven from now on."""
+        """Drive the hand from now on: a first complete measurement has arrived."""
         self.phase, self.reason, self.command_ns = Phase.ACTIVE, "", now_ns
 
     def vent(self, reason: str) -> None:
-        """Vent on request; enable drives again."""
+        """Vent on request, without a fault."""
         if self.phase is not Phase.VENTED or not self.fault:
             self.phase, self.reason = Phase.VENTED, reason
 
     def trip(self, fault: str) -> None:
-        """Vent because of a fault, and latch it; the first fault is the one that is kept."""
+        """Vent because of a fault, and latch it; the first fault is kept."""
         if not self.fault:
             self.fault = self.reason = fault
         self.phase = Phase.VENTED
 
     def reset(self) -> str:
-        """Forget a latched fault; the hand stays vented until enabled. Returns what was forgotten."""
+        """Clear a latched fault and return it; the hand stays vented until enabled."""
         fault, self.fault = self.fault, ""
         if fault:
             self.reason = "not enabled since the reset"
         return fault
 
     def frame(self, now_ns: int) -> bool:
-        """A usable frame arrived. Returns whether the integrators may run in its tick."""
+        """Count a usable frame. Returns whether the integrators may run in its tick."""
         before, self.frame_ns = self.frame_ns, now_ns
         return before is not None and now_ns - before <= FREEZE_S * 1e9
 
     def command(self, now_ns: int) -> None:
-        """A command was accepted."""
+        """Count an accepted command."""
         self.command_ns = now_ns
 
     def check(self, now_ns: int, command_timeout_s: float) -> None:
-        """Trip on silence. To be called often, also while nothing arrives."""
+        """Trip on silence. Call it often, also while nothing arrives."""
         if self.phase is not Phase.ACTIVE:
             return
         age_s = self.frame_age_s(now_ns)
@@ -92,7 +92,7 @@ class Supervisor:
             self.trip(f"no command for {2.0 * command_timeout_s:g} s")
 
     def command_held(self, now_ns: int, command_timeout_s: float) -> bool:
-        """Whether the last command is too old to be followed further."""
+        """Whether the last command is older than the time-out."""
         return self._command_age_s(now_ns) > command_timeout_s > 0.0
 
     def frame_age_s(self, now_ns: int) -> float:
@@ -103,7 +103,7 @@ class Supervisor:
         return 0.0 if self.command_ns is None else (now_ns - self.command_ns) * 1e-9
 
     def health(self, now_ns: int) -> Health:
-        """The state in words."""
+        """The state as a status of diagnostics."""
         if self.fault:
             return Health("safety", Level.ERROR, f"vented: {self.fault}; call reset, then enable")
         if self.phase is Phase.VENTED:

@@ -1,14 +1,14 @@
-"""The board protocol: what the driver asks of anything that measures the hand and drives its valves.
+"""The board protocol: what the driver needs of a device that measures the hand and drives its valves.
 
-A board is a source of frames and a sink of set-points. Its clock runs on its own; its watchdog
-vents every valve when the lifetime of the last set-points has passed.
+A board is a source of frames and a sink of set-points. It has its own clock. Its watchdog vents every valve when the
+lifetime of the last set-points has passed; `SetPointsInForce` is this rule, for every simulated board and every replay.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntFlag
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +24,11 @@ class BoardError(Exception):
 
 
 class LinkLost(BoardError):
-    """The connection is gone (cable pulled, port closed); opening it again may help."""
+    """The connection is lost (cable pulled, port closed); opening it again may help."""
 
 
 class ProtocolMismatch(BoardError):
-    """The other side speaks another protocol version or has another channel count."""
+    """The board has another protocol version or another number of channels."""
 
 
 class Status(IntFlag):
@@ -37,7 +37,7 @@ class Status(IntFlag):
     VENTED = 1  # no set-points in force: none received yet, or the last ones outlived their lifetime
     SUPPLY_LOW = 2  # the pressure supply is below what the set-points ask for
     OVER_PRESSURE = 4  # an actuator is above its limit; the board vents it by itself
-    ADC_FAULT = 8  # a conversion failed; the counts of this frame are not to be trusted
+    ADC_FAULT = 8  # a conversion failed; the counts of this frame are not valid
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,11 +62,11 @@ class Frame:
 
 @dataclass(slots=True)
 class LinkCounters:
-    """What happened on the link since the board was opened."""
+    """Counts of events on the link since the board was opened."""
 
     frames: int = 0  # good frames handed over
     dropped: int = 0  # frames missing in the sequence
-    corrupt: int = 0  # byte strings or messages that were no valid frame
+    corrupt: int = 0  # byte strings or messages that were not a valid frame
     written: int = 0  # sets of set-points sent
 
 
@@ -80,15 +80,69 @@ class Board(Protocol):
     def read(self, timeout_s: float) -> Frame | None:
         """Wait for the next good frame, or return None after timeout_s [s].
 
-        Raises LinkLost when the connection is gone, ProtocolMismatch when the board speaks otherwise.
+        Raises LinkLost when the connection is lost, ProtocolMismatch when the board has another protocol.
         """
 
     def write(self, pressure_pa: Pressures, lifetime_s: float) -> None:
         """Send one set-point [Pa gauge] per valve, valid for lifetime_s [s] from arrival.
 
         Values are finite and within the supply range: the caller has checked them.
-        Raises LinkLost when the connection is gone.
+        Raises LinkLost when the connection is lost.
         """
 
     def close(self) -> None:
-        """Release the port; harmless when repeated. The board's own watchdog vents the hand."""
+        """Release the port; further calls have no effect. The board's watchdog vents the hand."""
+
+
+WRAP = 1 << 32
+RESTART = 1 << 16
+"""A larger jump of the sequence number is a restart of the board, not a loss of frames."""
+
+
+class SequenceGap:
+    """Counts the frames that are missing before each frame, from its 32-bit sequence number."""
+
+    def __init__(self) -> None:
+        """Begin with no frame."""
+        self._last: int | None = None
+
+    def missing_before(self, sequence: int) -> int:
+        """Number of frames lost before this one; 0 for the first one and after a restart of the board."""
+        last, self._last = self._last, sequence
+        if last is None:
+            return 0
+        gap = (sequence - last - 1) % WRAP
+        return gap if gap < RESTART else 0
+
+
+def lifetime_ticks(lifetime_s: Any, period_s: float) -> Any:
+    """Number of ticks for which a board with a sample period [s] holds set-points of a lifetime [s]; at least 1.
+
+    A scalar or an array. A thousandth of a period is allowed for rounding: whole periods must not gain one by it.
+    """
+    return np.maximum(np.ceil(np.asarray(lifetime_s) / period_s - 1e-3), 1.0).astype(np.int64)
+
+
+class SetPointsInForce:
+    """The set-points that a board holds: the newest received, from the tick that takes them over to their lifetime.
+
+    Before the first set-points and after the lifetime of the last ones, the board holds 0 Pa: it is vented.
+    """
+
+    def __init__(self, valves: int, period_s: float) -> None:
+        """Begin vented. period_s: sample period of the board [s]."""
+        self._period_s = period_s
+        self.pressure_pa: Pressures = np.zeros(valves)
+        self.vent_at_tick = -1
+
+    def take_over(self, tick: int, pressure_pa: Pressures | None = None, lifetime_s: float = 0.0) -> None:
+        """End tick number `tick`: take over set-points (valves,) [Pa] where some arrived, and vent expired ones."""
+        if pressure_pa is not None:
+            self.pressure_pa = np.array(pressure_pa, dtype=np.float64)
+            self.vent_at_tick = tick + int(lifetime_ticks(lifetime_s, self._period_s))
+        if tick >= self.vent_at_tick:
+            self.pressure_pa = np.zeros_like(self.pressure_pa)
+
+    def vented(self, tick: int) -> bool:
+        """Whether the sample of a tick was taken without set-points in force."""
+        return tick > self.vent_at_tick

@@ -1,8 +1,8 @@
 """The board's clock mapped to the host's: the lower envelope of their difference, drift included.
 
-A frame is received later than it was acquired, never earlier, and by a varying delay; the smallest differences
-(received - board) are those of the frames that came through fastest. Each half second's smallest difference is
-one point; the line through the first and last of the recent ones that lies below all of them is the mapping.
+A frame is received after it was acquired, with a varying delay; the smallest differences (received - board) belong to
+the frames with the smallest delay. The smallest difference of each half second is one point; the mapping is the edge of
+the lower convex hull of the recent points that spans their middle.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections import deque
 
 BLOCK_US = 500_000
-"""Board time over which the smallest difference is sought."""
+"""Board time over which the smallest difference is taken."""
 BLOCKS = 16
-"""Blocks remembered: 8 s, over which a crystal's drift is constant."""
+"""Number of blocks kept: 8 s, over which the drift of a crystal is constant."""
 MAX_DRIFT = 5e-4
-"""Largest relative rate error of a board's crystal that is followed."""
+"""Largest relative error of the rate of a board's crystal that is followed."""
 RESET_NS = 1_000_000_000
-"""A difference that moved by more than this is a board that restarted."""
+"""A larger change of the difference is a restart of the board."""
 
 
 class BoardClock:
@@ -39,8 +39,8 @@ class BoardClock:
     def map(self, board_time_us: int, received_ns: int) -> int:
         """Host time [ns] of acquisition of a frame received at received_ns [ns].
 
-        Rising from frame to frame, also over a restart of the board. Never later than received_ns, but for 1 ns a
-        frame where several arrived together and there is no room below it for their stamps.
+        It rises from frame to frame, also over a restart of the board. It is never later than received_ns, except by
+        1 ns per frame where several frames arrive together.
         """
         offset_ns = received_ns - board_time_us * 1000
         if (
@@ -54,7 +54,7 @@ class BoardClock:
         if board_time_us >= self._block_end_us:
             self._fit(board_time_us)
         predicted = self._offset(board_time_us)
-        if offset_ns < predicted:  # faster than any frame before: it moves the line
+        if offset_ns < predicted:  # faster than every frame before: it moves the line
             self._anchor = (board_time_us, offset_ns)
             predicted = offset_ns
         stamp_ns = min(board_time_us * 1000 + predicted, received_ns)

@@ -9,14 +9,13 @@ from typing import Any
 
 import can
 
-from hand_driver.board import Board, BoardError, Frame, LinkCounters, LinkLost, Pressures, ProtocolMismatch
+from hand_driver.board import Board, BoardError, Frame, LinkCounters, LinkLost, Pressures, ProtocolMismatch, SequenceGap
 from hand_driver.can_wire import ID_OFFSETS, CanAssembler, CanMessage, encode_set_points
-from hand_driver.sequence import SequenceGap
 from hand_driver.wire import SamplePayload, SetPointPayload
 
 SLCAN = "slcan"
 SEND_TIMEOUT_S = 0.05
-"""How long a message may wait for a place in the transmit queue before the link counts as lost."""
+"""Time for which a message may wait for a place in the transmit queue before the link counts as lost."""
 
 
 def open_bus(interface: str, channel: str, bitrate: int) -> can.BusABC:
@@ -32,20 +31,20 @@ def open_bus(interface: str, channel: str, bitrate: int) -> can.BusABC:
 
 
 def send_message(bus: can.BusABC, message: CanMessage, id_offset: int) -> None:
-    """Send one message, its identifier moved by id_offset. Raises what python-can raises."""
+    """Send one message with id_offset added to its identifier. Raises the exceptions of python-can."""
     identifier = message.identifier + id_offset
     bus.send(can.Message(arbitration_id=identifier, data=message.data, is_extended_id=False), timeout=SEND_TIMEOUT_S)
 
 
 def received_message(message: can.Message | None, id_offset: int) -> CanMessage | None:
-    """A data message with an 11-bit identifier; None for any other (error reports of a bus have identifiers too)."""
+    """A data message with an 11-bit identifier; None for others (error frames of a bus have identifiers, too)."""
     if message is None or message.is_extended_id or message.is_remote_frame or message.is_error_frame:
         return None
     return CanMessage(message.arbitration_id - id_offset, bytes(message.data))
 
 
 def check_id_offset(id_offset: int) -> int:
-    """The offset. BoardError for one that would make hands overlap."""
+    """The offset. BoardError for one with which the identifiers of two hands would overlap."""
     if id_offset not in ID_OFFSETS:
         allowed = ", ".join(f"{offset:#04x}" for offset in ID_OFFSETS)
         raise BoardError(f"CAN identifier offset {id_offset:#x} is not one of {allowed}")
@@ -58,13 +57,13 @@ class CanBoard(Board):
     def __init__(
         self, interface: str, channel: str, channels: int, bitrate: int = 1_000_000, id_offset: int = 0
     ) -> None:
-        """Open a bus for a board with this many ADC channels. BoardError: one line.
+        """Open a bus for a board with this number of ADC channels. BoardError: one line.
 
         id_offset, one of ID_OFFSETS, is added to every identifier.
         """
         self._id_offset = check_id_offset(id_offset)
         self._bus = open_bus(interface, channel, bitrate)
-        # A serial adapter that is unplugged can read as silence; its device file tells the difference.
+        # An unplugged serial adapter can read as silence; then its device file is missing.
         self._device = channel.partition("@")[0] if interface == SLCAN else None
         self._where = f"CAN channel {channel}"
         self._channels = channels
@@ -92,21 +91,21 @@ class CanBoard(Board):
             if isinstance(payload, SamplePayload) and not self._repeated(payload):
                 return self._frame(payload, time.monotonic_ns())
         if self._device is not None and not os.path.exists(self._device):  # noqa: PTH110 - may be "COM3"
-            raise LinkLost(f"{self._where} is gone")
+            raise LinkLost(f"{self._where} is lost")
         return None
 
     def _receive(self, timeout_s: float) -> CanMessage | None:
         try:
             message = self._bus.recv(timeout_s)
-        except (ValueError, IndexError):  # python-can's answer to a line of noise on a serial adapter
+        except (ValueError, IndexError):  # python-can raises these for a line of noise on a serial adapter
             self._assembler.corrupt += 1
             return None
         except (can.CanError, OSError, TypeError) as error:
-            raise LinkLost(f"{self._where} is gone: {' '.join(str(error).split())}") from None
+            raise LinkLost(f"{self._where} is lost: {' '.join(str(error).split())}") from None
         return received_message(message, self._id_offset)
 
     def _repeated(self, payload: SamplePayload) -> bool:
-        """Whether this sample was handed over before: an old value must not pass for a new one."""
+        """Whether this sample was already returned: an old value must not be used as a new one."""
         last, self._last = self._last, (payload.sequence, payload.board_time_us)
         repeated = self._last == last
         self._assembler.corrupt += repeated
@@ -133,13 +132,13 @@ class CanBoard(Board):
                 for message in messages:
                     send_message(self._bus, message, self._id_offset)
             except (can.CanError, OSError, TypeError) as error:
-                raise LinkLost(f"{self._where} takes no set-points: {' '.join(str(error).split())}") from None
+                raise LinkLost(f"{self._where} accepts no set-points: {' '.join(str(error).split())}") from None
             self._counters.written += 1
 
     def close(self) -> None:
         """See Board.close."""
         try:
             self._bus.shutdown()
-        except (can.CanError, OSError):  # it was gone already; python-can then keeps the adapter's device open
+        except (can.CanError, OSError):  # the adapter is already lost; python-can then keeps its device open
             if self._device is not None:
                 self._bus.serialPortOrig.close()

@@ -1,4 +1,4 @@
-"""Counters and ages of the driver turned into statuses: what is wrong, in words, with the figures beside it."""
+"""Statuses of the driver from its counters and ages: the likely fault in words, and the figures."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from hand_messages.health import Health, Level
 from hand_model.description import Hand
 
 RATE_WINDOW_S = 2.0
-"""Rates and losses are judged over this window."""
+"""Window over which rates and losses are computed."""
 RATE_SHARE = 0.9
 """Below this share of the expected rate the rate is a warning."""
 SILENCE_S = 0.1
-"""No frame for this long is an error: it is when the controller vents."""
+"""Time without a frame that is an error; after the same time the controller vents."""
 REFUSAL_S = 5.0
-"""A refused command is shown this long."""
+"""Time for which a refused command is shown."""
 SUPPLY_TOLERANCE = 0.1
-"""Sensor supply beyond this share from nominal is a warning."""
+"""A relative deviation of the sensor supply above this is a warning."""
 
 
 @dataclass(slots=True)
 class LinkState:
-    """What the driver knows of its link, for `statuses`."""
+    """State of the link, for `statuses`."""
 
     up: bool = False
     reconnects: int = 0
@@ -33,7 +33,7 @@ class LinkState:
 
 
 class DriverHealth:
-    """Collects what happened; `statuses` says what it means. Times are host monotonic [s]."""
+    """Collects events; `statuses` evaluates them. Times are those of the host's monotonic clock [s]."""
 
     def __init__(self, hand: Hand, started_s: float) -> None:
         """Begin at started_s [s] with nothing received."""
@@ -77,7 +77,9 @@ class DriverHealth:
         if not link.up:
             return Health("link", Level.ERROR, link.error, values)
         if silence_s > SILENCE_S:
-            return Health("link", Level.ERROR, "connected, but no frame arrives: check board power and wiring", values)
+            return Health(
+                "link", Level.ERROR, "connected, but no frame arrives: check board power and wiring", values
+            )
         return Health("link", Level.OK, "connected", values)
 
     def _frames(self, counters: LinkCounters, now_s: float) -> Health:
@@ -107,7 +109,7 @@ class DriverHealth:
         values = {"supply_voltage_v": f"{volts:.3f}", "nominal_v": f"{nominal:g}"}
         off = abs(volts / nominal - 1.0)
         if off > 2.0 * SUPPLY_TOLERANCE:
-            return Health("supply", Level.ERROR, "sensor supply is out of range: sensors give nothing", values)
+            return Health("supply", Level.ERROR, "sensor supply is out of range: no measurements", values)
         if off > SUPPLY_TOLERANCE:
             return Health("supply", Level.WARN, "sensor supply is off nominal", values)
         return Health("supply", Level.OK, "sensor supply is nominal", values)
@@ -122,7 +124,7 @@ class DriverHealth:
 
     def _board(self) -> Health:
         if self._frame is None:
-            return Health("board", Level.STALE, "not heard yet")
+            return Health("board", Level.STALE, "no frame yet")
         status = self._frame.status
         values = {"status": f"0x{int(status):04x}", "sequence": str(self._frame.sequence)}
         faults = [text for bit, text in _FAULTS.items() if bit in status]

@@ -1,4 +1,4 @@
-"""A board that comes back: opened by a factory, closed when it fails, opened again after a growing pause."""
+"""A board that is opened again after a failure: by a factory, after a pause that grows with each attempt."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ LONGEST_PAUSE_S = 2.0
 
 
 class Link:
-    """Reads and writes a board across disconnections. One thread reads; another may write and close."""
+    """Reads and writes a board across disconnections. One thread reads; another one may write and close."""
 
     def __init__(self, open_board: Callable[[], Board], monotonic_s: Callable[[], float] = time.monotonic) -> None:
-        """open_board opens the board anew at each call; it is called by read, never by write."""
+        """open_board opens the board at each call; read calls it, write never does."""
         self._open = open_board
         self._now = monotonic_s
         self._board: Board | None = None
         self._closed = threading.Event()
-        self._change = threading.Lock()  # of board, past counters and closing; never held while a board works
+        self._change = threading.Lock()  # guards board, past counters and closing; never held during input or output
         self._pause_s = FIRST_PAUSE_S
         self._retry_s = -1.0
         self._past = LinkCounters()
@@ -35,12 +35,12 @@ class Link:
 
     @property
     def reconnects(self) -> int:
-        """How often the board was opened again."""
+        """Number of times the board was opened again."""
         return max(0, self._opened - 1)
 
     @property
     def counters(self) -> LinkCounters:
-        """Counters over all connections."""
+        """Sum of the counters over all connections."""
         with self._change:
             return self._sum(self._board)
 
@@ -54,7 +54,7 @@ class Link:
         )
 
     def read(self, timeout_s: float) -> Frame | None:
-        """The next frame, or None after timeout_s [s] or while there is no board. Never raises BoardError."""
+        """The next frame, or None after timeout_s [s] or without a board. Never raises BoardError."""
         board = self._board or self._reopen(timeout_s)
         if board is None:
             return None
@@ -68,25 +68,25 @@ class Link:
         return frame
 
     def _reopen(self, timeout_s: float) -> Board | None:
-        """A new board once the pause is over; None before, after a failure and when closed."""
+        """A new board after the pause; None before, after a failure and when closed."""
         if self._closed.wait(min(max(self._retry_s - self._now(), 0.0), timeout_s)) or self._now() < self._retry_s:
             return None
         try:
             board = self._open()
         except BoardError as error:
             self.error = str(error)
-            self._rest()
+            self._wait_before_retry()
             return None
         with self._change:
             if not self._closed.is_set():
                 self._board = board
                 self._opened += 1
                 return board
-        board.close()  # closed for good while it opened
+        board.close()  # `close` was called while it opened
         return None
 
     def write(self, pressure_pa: Pressures, lifetime_s: float) -> bool:
-        """Send set-points; False where there is no board to take them. Never raises BoardError, never waits."""
+        """Send set-points; False without a board. Never raises BoardError, never waits."""
         board = self._board
         if board is None:
             return False
@@ -98,7 +98,7 @@ class Link:
         return True
 
     def close(self) -> None:
-        """Close for good; a read that waits returns soon."""
+        """Close finally; a waiting read returns soon."""
         with self._change:
             self._closed.set()
             board = self._board
@@ -106,14 +106,14 @@ class Link:
             self._lost(board, self.error)
 
     def _lost(self, board: Board, error: str) -> None:
-        """Give up a board; of reader and closer, who may both see its end, the first one counts."""
+        """Close a failed board; where reader and closer both find it failed, only the first call has an effect."""
         with self._change:
             if board is not self._board:
                 return
             self._past, self._board, self.error = self._sum(board), None, error
         board.close()
-        self._rest()
+        self._wait_before_retry()
 
-    def _rest(self) -> None:
+    def _wait_before_retry(self) -> None:
         self._retry_s = self._now() + self._pause_s
         self._pause_s = min(2.0 * self._pause_s, LONGEST_PAUSE_S)

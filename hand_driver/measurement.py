@@ -16,17 +16,17 @@ from hand_model.sensors import fsr_force, line_angle
 from hand_model.statics import torque
 
 RAIL_MARGIN = 0.002
-"""A count within this share of full scale from either end sits at the rail."""
+"""A count within this share of full scale from either end is at the rail."""
 SUPPLY_SHARE = 0.8
-"""Below this share of the nominal sensor supply nothing is measured: the sensors are out of their range."""
+"""Below this share of the nominal supply the sensors are outside their range and nothing is measured."""
 
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """One frame in SI units; NaN where a sensor gives no plausible value.
+    """One frame in SI units; NaN where a sensor has no plausible value.
 
     position [rad], velocity [rad/s], effort (estimated actuator torque, Eq. 6) [N m], pressure [Pa gauge]:
-    (joints,).  force [N]: (sites,).  at_rail: names of the sensors whose channel sits at a rail.
+    (joints,).  force [N]: (sites,).  at_rail: names of the sensors whose channel is at a rail.
     """
 
     position: Array
@@ -38,13 +38,13 @@ class Measurement:
 
 
 class VelocityEstimator:
-    """Difference quotient through a first-order low-pass whose lag its user sets.
+    """Difference quotient through a first-order low-pass with a given time constant.
 
     With a time constant of 0 it is the plain difference of neighbouring samples.
     """
 
     def __init__(self, joints: int, time_constant_s: float) -> None:
-        """Start without a past: the first velocity is 0."""
+        """Begin without a position: the first velocity is 0."""
         self._time_constant_s = time_constant_s
         self._position = np.full(joints, np.nan)
         self._velocity = np.zeros(joints)
@@ -60,7 +60,7 @@ class VelocityEstimator:
 
 @njit(cache=True)
 def _velocity(position, dt, time_constant, last, velocity):  # type: ignore[no-untyped-def]
-    """Update velocity (joints,) and last position in place. dt <= 0: the board's clock restarted."""
+    """Update velocity (joints,) and last position in place. dt <= 0: the clock of the board was restarted."""
     for j in range(len(position)):
         v = 0.0
         if dt > 0.0:
@@ -94,7 +94,7 @@ def _measure(counts, per_count, low, high, channel, joint, zero, k, site, joints
 
 
 class Converter:
-    """Turns the frames of one connection into measurements."""
+    """Converts the frames of one connection to measurements."""
 
     def __init__(self, hand: Hand, velocity_time_constant_s: float) -> None:
         """Convert with the calibration of this hand."""

@@ -46,7 +46,7 @@ PARAMETERS = (
 
 
 class DriverNode(HandNode):
-    """Reads the board in a thread of its own and publishes from it; commands come in by the executor."""
+    """Reads the board in its own thread and publishes from it; the executor delivers the commands."""
 
     def __init__(self, name: str = "driver", table: tuple[NodeParameter, ...] = PARAMETERS) -> None:
         """Declare parameters; the board is opened on activation."""
@@ -55,7 +55,7 @@ class DriverNode(HandNode):
         self._thread: threading.Thread | None = None
 
     def board_factory(self, values: dict[str, Any], hand: Hand) -> Callable[[], Board]:
-        """What opens the board the parameters name."""
+        """A function that opens the board named by the parameters."""
         if values["transport"] == "can":
             return lambda: CanBoard(
                 values["can_interface"], values["can_channel"], hand.channel_count, values["can_bitrate"]
@@ -95,7 +95,7 @@ class DriverNode(HandNode):
         self._thread.start()
 
     def stop(self) -> None:
-        """Vent, then close the board; its watchdog would vent anyway."""
+        """Vent, then close the board; its watchdog also vents."""
         self._reading = False
         if self._thread is not None:
             self._thread.join(timeout=2.0)
@@ -103,7 +103,7 @@ class DriverNode(HandNode):
         self._link.close()
 
     def release(self) -> None:
-        """Forget publishers and subscription."""
+        """Destroy publishers, subscription and service."""
         if self._hand is None:
             return
         self._hand = None
@@ -143,12 +143,12 @@ class DriverNode(HandNode):
             set_points = self._reader.read(raw, self.now_ns())
         except RefusedError as error:
             self._health.refused(str(error), time.monotonic())
-            self.say(Level.ERROR, "refused", str(error))
+            self.log_throttled(Level.ERROR, "refused", str(error))
             return
         self._link.write(set_points.pressure_pa, set_points.lifetime_s)
 
     def _on_calibrate(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Take the vented hand's pressure readings as zero."""
+        """Use the pressure readings of the vented hand as zero."""
         try:
             if not self.active:
                 raise ValueError("the driver is not active")
@@ -168,12 +168,12 @@ class DriverNode(HandNode):
         statuses = self._health.statuses(state, time.monotonic())
         for status in statuses:
             if status.level == Level.ERROR and status.name != "commands":
-                self.say(status.level, status.name, f"{status.name}: {status.message}")
+                self.log_throttled(status.level, status.name, f"{status.name}: {status.message}")
         return statuses
 
 
 def _warm_up(hand: Hand) -> None:
-    """Load the compiled conversions before the first frame: that takes longer than a frame may be late."""
+    """Load the compiled conversions before the first frame, which otherwise would be late."""
     frame = Frame(0, 0, hand.sensors.supply_voltage_v, Status(0), np.zeros(hand.channel_count, np.uint16), 0)
     Converter(hand, 0.0).convert(frame)
 

@@ -10,8 +10,7 @@ from collections import deque
 import serial
 from serial.tools import list_ports
 
-from hand_driver.board import Board, BoardError, Frame, LinkCounters, LinkLost, Pressures, ProtocolMismatch
-from hand_driver.sequence import SequenceGap
+from hand_driver.board import Board, BoardError, Frame, LinkCounters, LinkLost, Pressures, ProtocolMismatch, SequenceGap
 from hand_driver.wire import PacketDecoder, SamplePayload, SetPointPayload, encode_set_points
 
 
@@ -19,10 +18,10 @@ class SerialBoard(Board):
     """Reads samples and writes set-points on one port; read and write may come from two threads."""
 
     def __init__(self, port: str, channels: int, baud: int = 1_000_000) -> None:
-        """Open port at baud [1/s] for a board with this many channels. BoardError: one line."""
+        """Open port at baud [bit/s] for a board with this number of channels. BoardError: one line."""
         try:
             self._serial = serial.Serial(port, baud, timeout=0.1, write_timeout=0.1, exclusive=True)
-            self._serial.reset_input_buffer()  # what lies there was sampled before we listened
+            self._serial.reset_input_buffer()  # these bytes were sampled before the port was opened
         except (serial.SerialException, OSError, ValueError, termios.error) as error:
             raise BoardError(_cannot_open(port, error)) from None
         self._port = port
@@ -51,8 +50,8 @@ class SerialBoard(Board):
                 self._serial.timeout = left
                 data = self._serial.read(max(1, self._serial.in_waiting))
             except (serial.SerialException, OSError, TypeError, ValueError) as error:
-                # TypeError and ValueError: pyserial's answer to a port closed by another thread.
-                raise LinkLost(f"serial port {self._port} is gone: {error}") from None
+                # pyserial raises TypeError and ValueError for a port closed by another thread.
+                raise LinkLost(f"serial port {self._port} is lost: {error}") from None
             self._take(data, time.monotonic_ns())
         frame = self._ready.popleft()
         self._counters.frames += 1
@@ -87,7 +86,7 @@ class SerialBoard(Board):
             try:
                 self._serial.write(packet)
             except (serial.SerialException, OSError, TypeError) as error:
-                raise LinkLost(f"serial port {self._port} takes no set-points: {error}") from None
+                raise LinkLost(f"serial port {self._port} accepts no set-points: {error}") from None
             self._counters.written += 1
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Valve commands as they arrive: checked whole, then ordered as the valves are. Nothing else reaches a valve."""
+"""Valve commands: checked as a whole, then put into the order of the valves. Only these set-points reach a valve."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from hand_model.arrays import Array
 from hand_model.description import Hand
 
 FUTURE_S = 0.1
-"""A stamp further ahead than this comes from another clock."""
+"""A stamp further ahead than this is of another clock."""
 MAX_LIFETIME_S = 1.0
-"""Longest lifetime a board is asked to keep a set-point."""
+"""Longest lifetime of a set-point that is accepted."""
 
 
 class RefusedError(ValueError):
-    """A command is refused whole; the message is one line."""
+    """The whole command is refused; the message is one line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class CommandReader:
     """Reads ValveCommand messages from their bytes for one hand."""
 
     def __init__(self, hand: Hand) -> None:
-        """Refuse whatever this hand cannot do."""
+        """Check against the joints and limits of this hand."""
         self._hand = hand
         self._layout: Layout | None = None
         self._order: NDArray[np.int64] = np.arange(hand.valve_count)
@@ -99,7 +99,7 @@ def _check_names(names: Sequence[str], joints: Sequence[str]) -> None:
         raise RefusedError(f"valve_command refused: unknown joint {unknown[0]!r}; joints are {', '.join(joints)}")
     twice = [name for name in names if names.count(name) > 1]
     if twice:
-        raise RefusedError(f"valve_command refused: joint {twice[0]!r} is there twice")
+        raise RefusedError(f"valve_command refused: joint {twice[0]!r} appears twice")
     missing = [joint for joint in joints if joint not in names]
     if missing:
         raise RefusedError(f"valve_command refused: joint {missing[0]!r} is missing; each valve needs a set-point")

@@ -1,4 +1,4 @@
-"""What the driver publishes of one frame, as bytes: one place for names, types and order of its topics."""
+"""The topics of the driver as bytes: their names, types and order, defined once."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ TOPICS = {
     "contact_forces": CONTACT_FORCES,
     "adc": ADC_FRAME,
 }
-"""In the order of publishing: the controller ticks on joint_states and then has the pressures of the same frame."""
+"""In the order of publishing: when joint_states triggers the controller, it has the pressures of the same frame."""
 
 
 class FrameTopics:
     """Serializes the topics of one hand's frames."""
 
     def __init__(self, hand: Hand, frame_id: str) -> None:
-        """Lay the messages out for this hand's names."""
+        """Prepare the messages with the names of this hand."""
         channels = {"channel": hand.channel_count, "counts": hand.channel_count}
         self._pressures = Layout(JOINT_PRESSURES, frame_id, hand.joints)
         self._joint_states = Layout(JOINT_STATE, frame_id, hand.joints)
@@ -32,7 +32,7 @@ class FrameTopics:
         self._channels = np.arange(hand.channel_count, dtype=np.uint16)
 
     def encode(self, stamp_ns: int, frame: Frame, measured: Measurement) -> tuple[bytes, ...]:
-        """One message a topic, in the order of TOPICS."""
+        """One message per topic, in the order of TOPICS."""
         return (
             self._pressures.encode(stamp_ns, pressure=measured.pressure),
             self._joint_states.encode(

@@ -1,4 +1,4 @@
-"""The serial wire format, version 1: bytes to frames and back, no I/O. docs/protocol.md is its specification.
+"""The serial wire format, version 1: bytes to payloads and back, no I/O. docs/protocol.md specifies it.
 
 A packet is COBS(payload + CRC-32 of the payload, little-endian) followed by one zero byte. Payloads are
 little-endian; the first two bytes are version and type.
@@ -27,7 +27,7 @@ _SAMPLE = struct.Struct("<BBIQHHB")
 _SET_POINTS = struct.Struct("<BBIHB")
 _CRC = struct.Struct("<I")
 MAX_PACKET = 1024
-"""Longest packet [byte] that a receiver keeps while it waits for the delimiter: 255 channels need 560."""
+"""Largest number of bytes kept while waiting for the delimiter; 255 channels need 560."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,15 +67,15 @@ def encode_sample(sample: SamplePayload) -> bytes:
     return _packet(head + sample.counts.astype("<u2").tobytes())
 
 
-def encode_set_points(order: SetPointPayload) -> bytes:
-    """Set-points as one packet; pressures are rounded to 10 Pa and cut to 0 ... 655,350 Pa."""
-    lifetime_ms = min(max(round(order.lifetime_s / LIFETIME_UNIT_S), 0), 0xFFFF)
-    head = _SET_POINTS.pack(VERSION, SET_POINTS, order.sequence, lifetime_ms, len(order.pressure_pa))
-    return _packet(head + pressure_codes(order.pressure_pa).astype("<u2").tobytes())
+def encode_set_points(set_points: SetPointPayload) -> bytes:
+    """Set-points as one packet; pressures are rounded to 10 Pa and limited to 0 ... 655,350 Pa."""
+    lifetime_ms = min(max(round(set_points.lifetime_s / LIFETIME_UNIT_S), 0), 0xFFFF)
+    head = _SET_POINTS.pack(VERSION, SET_POINTS, set_points.sequence, lifetime_ms, len(set_points.pressure_pa))
+    return _packet(head + pressure_codes(set_points.pressure_pa).astype("<u2").tobytes())
 
 
 def pressure_codes(pressure_pa: Array) -> NDArray[np.uint16]:
-    """Pressures [Pa] in units of 10 Pa. ValueError for what is no number: a board must never get it."""
+    """Pressures [Pa] in units of 10 Pa. ValueError for NaN or infinity, which must never reach a board."""
     if not np.isfinite(pressure_pa).all():
         raise ValueError("a set-point is not a finite number")
     return np.clip(np.rint(pressure_pa / PRESSURE_UNIT_PA), 0, 0xFFFF).astype(np.uint16)
@@ -86,26 +86,26 @@ def _packet(payload: bytes) -> bytes:
 
 
 class PacketDecoder:
-    """Takes bytes as they come and gives payloads; what is no valid packet is counted and skipped."""
+    """Decodes bytes in order of arrival to payloads; invalid packets are counted and skipped."""
 
     def __init__(self, joining: bool = False) -> None:
-        """Begin between packets; with joining perhaps within one, whose rest is then no sign of noise."""
+        """Begin between packets; with joining, possibly within one, whose remainder is not counted as corrupt."""
         self._joining = joining
         self._buffer = bytearray()
         self._overlong = False
         self.corrupt = 0
 
     def feed(self, data: bytes) -> list[Payload]:
-        """Every valid payload completed by data.
+        """All valid payloads that data completes.
 
-        Raises ProtocolMismatch for an intact packet of another version; the bytes behind it are kept.
+        Raises ProtocolMismatch for an intact packet of another version; the bytes after it are kept.
         """
         self._buffer += data
         payloads = []
         while (end := self._buffer.find(0)) >= 0:
             packet = bytes(self._buffer[:end])
             del self._buffer[: end + 1]
-            if self._overlong:  # the tail of what was already given up
+            if self._overlong:  # the end of a packet that was already given up
                 self._overlong = False
                 continue
             payload = self._open(packet) if packet else None
@@ -130,7 +130,7 @@ class PacketDecoder:
             return None
         version, kind = _HEAD.unpack_from(payload)
         if version != VERSION:
-            raise ProtocolMismatch(f"the board speaks protocol version {version}, this driver speaks {VERSION}")
+            raise ProtocolMismatch(f"the board uses protocol version {version}, this driver uses {VERSION}")
         parsed = (
             _parse_sample(payload) if kind == SAMPLE else _parse_set_points(payload) if kind == SET_POINTS else None
         )

@@ -1,4 +1,4 @@
-"""Zero of the pressure sensors: what they read while the hand is vented is atmospheric pressure."""
+"""Zero of the pressure sensors: their reading while the hand is vented is atmospheric pressure."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from hand_model.arrays import Array
 from hand_model.description import Hand
 
 SETTLE_FRAMES = 200
-"""Frames for the last pressure to leave after the board reports VENTED."""
+"""Number of frames, after the board reports VENTED, in which the last pressure escapes."""
 AVERAGE_FRAMES = 100
 MAX_OFFSET_PA = 5e4
-"""A larger offset is no drift of a sensor: something still holds pressure, or the sensor is broken."""
+"""A larger offset is not a drift of the sensor: pressure remains in the actuator, or the sensor is broken."""
 
 
 class PressureZero:
@@ -26,7 +26,7 @@ class PressureZero:
         self._count = 0
 
     def frame(self, frame: Frame) -> None:
-        """Take one frame into account; any frame that is not vented starts anew."""
+        """Add one frame; a frame that is not vented restarts the average."""
         if Status.VENTED not in frame.status:
             self._vented = self._count = 0
             self._sum[:] = 0.0
@@ -39,7 +39,7 @@ class PressureZero:
             self._count += 1
 
     def result(self) -> tuple[Array, str]:
-        """New ratio at zero pressure (joints,) and a line about it. ValueError where it cannot be told."""
+        """New ratio at zero pressure (joints,) and a line about it. ValueError: not determined yet, or implausible."""
         if self._count < AVERAGE_FRAMES:
             missing = SETTLE_FRAMES + AVERAGE_FRAMES - self._vented
             raise ValueError(f"the hand must be vented for another {missing} frames; vent it and try again")

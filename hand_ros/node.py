@@ -49,7 +49,7 @@ class HandNode(LifecycleNode):
         self.problem: str | None = None
         self.active = False
         self.configured = False
-        self._said: dict[str, float] = {}
+        self._logged_at: dict[str, float] = {}
         self._shown: list[tuple[str, Level, str]] = []
         self._shown_at = 0.0
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", QUEUED_QOS)
@@ -146,12 +146,12 @@ class HandNode(LifecycleNode):
         self.publish_health(now=True)
         self.release()
 
-    def say(self, level: Level, key: str, line: str) -> None:
+    def log_throttled(self, level: Level, key: str, line: str) -> None:
         """Log one line, at most once in LOG_PERIOD_S for each key."""
         now = time.monotonic()
-        if now - self._said.get(key, -LOG_PERIOD_S) < LOG_PERIOD_S:
+        if now - self._logged_at.get(key, -LOG_PERIOD_S) < LOG_PERIOD_S:
             return
-        self._said[key] = now
+        self._logged_at[key] = now
         logger = self.get_logger()
         {Level.OK: logger.info, Level.WARN: logger.warning}.get(level, logger.error)(line)
 

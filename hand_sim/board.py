@@ -1,19 +1,18 @@
 """The simulated board: the plant in (scaled) real time behind the board protocol.
 
-It behaves as a board with a sample clock does: at each tick it converts every channel, then takes over the
-set-points that have arrived since the tick before; set-points older than their lifetime are vented.
+It behaves like a board with a sample clock: at each tick it converts every channel, then takes over the set-points
+that have arrived since the previous tick; `SetPointsInForce` vents those that are older than their lifetime.
 """
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from collections.abc import Callable
 
 import numpy as np
 
-from hand_driver.board import Board, Frame, LinkCounters, LinkLost, Pressures, Status
+from hand_driver.board import Board, Frame, LinkCounters, LinkLost, Pressures, SetPointsInForce, Status
 from hand_sim.plant import SimulatedPlant
 
 
@@ -25,11 +24,12 @@ class SimulatedBoard(Board):
         plant: SimulatedPlant,
         rate_hz: float,
         speed: float = 1.0,
+        *,
         start_us: int = 0,
         monotonic_ns: Callable[[], int] = time.monotonic_ns,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """Sample plant at rate_hz [Hz]; the clock and the sleep are the host's unless a test gives others."""
+        """Sample plant at rate_hz [Hz]; a test may pass a clock and a sleep other than those of the host."""
         self._plant = plant
         self._period_ns = 1e9 / rate_hz
         self._wall_ns = self._period_ns / speed
@@ -40,8 +40,7 @@ class SimulatedBoard(Board):
         self._tick = 0
         self._lock = threading.Lock()
         self._pending: tuple[Pressures, float] | None = None
-        self._in_force = np.zeros(plant.hand.valve_count)
-        self._vent_at_tick: float = -1
+        self._in_force = SetPointsInForce(plant.hand.valve_count, 1.0 / rate_hz)
         self._closed = False
         self._counters = LinkCounters()
 
@@ -78,10 +77,10 @@ class SimulatedBoard(Board):
         self._closed = True
 
     def _sample(self) -> Frame:
-        counts, supply_v, status = self._plant.step(self._in_force)
+        counts, supply_v, status = self._plant.step(self._in_force.pressure_pa)
         self._tick += 1
-        vented = self._tick > self._vent_at_tick
-        self._latch()
+        vented = self._in_force.vented(self._tick)
+        self._take_over()
         self._counters.frames += 1
         return Frame(
             sequence=(self._tick - 1) & 0xFFFFFFFF,
@@ -93,22 +92,16 @@ class SimulatedBoard(Board):
         )
 
     def _lose(self, ticks: int) -> None:
-        """The host slept through whole ticks: the hand moved on, and nobody took those frames."""
-        driven = max(0, min(ticks, math.ceil(self._vent_at_tick - self._tick)))
+        """Advance the hand over whole ticks that the host missed; their frames are lost."""
+        driven = max(0, min(ticks, self._in_force.vent_at_tick - self._tick))
         for count in (driven, ticks - driven):
             if count:
-                self._plant.plant.advance(np.repeat(self._in_force[None], count, axis=0))
+                self._plant.plant.advance(np.repeat(self._in_force.pressure_pa[None], count, axis=0))
             self._tick += count
-            if self._tick >= self._vent_at_tick:
-                self._in_force = np.zeros_like(self._in_force)
+            self._in_force.take_over(self._tick)
         self._counters.dropped += ticks
 
-    def _latch(self) -> None:
-        """Take over what has arrived; vent what has outlived its lifetime."""
+    def _take_over(self) -> None:
         with self._lock:
             pending, self._pending = self._pending, None
-        if pending is not None:
-            self._in_force, lifetime_s = pending
-            self._vent_at_tick = self._tick + lifetime_s * 1e9 / self._period_ns
-        elif self._tick >= self._vent_at_tick:
-            self._in_force = np.zeros_like(self._in_force)
+        self._in_force.take_over(self._tick, *(pending or ()))

@@ -1,4 +1,4 @@
-"""Faults of a board and its link, injected on request: pure, seeded."""
+"""Faults of a board and its link, injected on request; pure functions with a seed."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from hand_driver.board import Counts
 
 
 class FaultError(ValueError):
-    """A fault is described wrongly; the message is one line."""
+    """The description of a fault is invalid; the message is one line."""
 
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """What goes wrong.
+    """The faults to inject.
 
     drop, corrupt: probability of losing or damaging a frame.  delay_s: extra latency [s] of every frame.
-    disconnect: (at, for) [s] pairs during which the link is gone.  stuck: counts by channel that never change;
+    disconnect: (at, for) [s] pairs during which the link is disconnected.  stuck: counts by channel that never change;
     None holds the first count seen.
     """
 
@@ -39,15 +39,15 @@ class Faults:
                 raise FaultError(f"{name} is {value:g}; the allowed range is 0 to {high:g}")
 
     def connected(self, time_s: float) -> bool:
-        """Whether the link is there, time_s [s] after the start."""
+        """Whether the link is connected, time_s [s] after the start."""
         return not any(at <= time_s < at + lasting for at, lasting in self.disconnect)
 
 
 class FaultState:
-    """Faults with the memory they need."""
+    """Faults with their state: random numbers and held counts."""
 
     def __init__(self, faults: Faults, seed: int) -> None:
-        """Random faults follow from the seed."""
+        """The seed determines the random faults."""
         self.faults = faults
         self._rng = np.random.default_rng(seed)
         self._held: dict[int, int] = {}
@@ -61,7 +61,7 @@ class FaultState:
         return bool(self._rng.random() < self.faults.corrupt)
 
     def counts(self, counts: Counts) -> Counts:
-        """Counts (channels,) with the stuck ones as they stick."""
+        """Counts (channels,) with the values of stuck channels."""
         for channel, value in self.faults.stuck.items():
             held = self._held.setdefault(channel, int(counts[channel]) if value is None else value)
             counts[channel] = held

@@ -22,13 +22,13 @@ from hand_sim.plant import SimulatedPlant
 PARAMETERS = (
     *COMMON_PARAMETERS,
     NodeParameter("seed", 0, "seed of the sensor noise", 0, 2**31 - 1),
-    NodeParameter("speed", 1.0, "simulated seconds a second; other than 1 publishes /clock", 0.01, 20.0),
-    NodeParameter("publish_clock", False, "publish /clock at speed 1 too; run the others with use_sim_time"),
+    NodeParameter("speed", 1.0, "simulated seconds per second; any value other than 1 publishes /clock", 0.01, 20.0),
+    NodeParameter("publish_clock", False, "publish /clock at speed 1, too; other nodes then need use_sim_time"),
 )
 
 
 class SimulationNode(DriverNode):
-    """Same topics, types, QoS and rates as the driver; nothing of the driver is left out."""
+    """The driver node on a simulated board: the same topics, types, QoS and rates."""
 
     def __init__(self) -> None:
         """Declare parameters."""
@@ -36,7 +36,7 @@ class SimulationNode(DriverNode):
         self._time_ns: int | None = None
 
     def configure(self, values: dict[str, Any]) -> None:
-        """As the driver; with /clock where simulated time is not real time."""
+        """Configure as the driver does; publish /clock where simulated time is not real time."""
         self._time_ns = None
         if values["publish_clock"] or values["speed"] != 1.0:
             self._time_ns = 0
@@ -46,12 +46,13 @@ class SimulationNode(DriverNode):
 
     def board_factory(self, values: dict[str, Any], hand: Hand) -> Callable[[], Board]:
         """A simulated board of this hand."""
-        SimulatedPlant(hand, hand.rate_hz).step(np.zeros(hand.valve_count))  # load the kernels before time begins
+        # Load the compiled functions before the clock starts.
+        SimulatedPlant(hand, hand.rate_hz).step(np.zeros(hand.valve_count))
         plant = SimulatedPlant(hand, hand.rate_hz, values["seed"])
         return lambda: SimulatedBoard(plant, hand.rate_hz, values["speed"])
 
     def stamp_ns(self, frame: Frame) -> int:
-        """Simulated time where /clock is published, else as the driver."""
+        """Simulated time where /clock is published, otherwise the time of the driver."""
         if self._time_ns is None:
             return super().stamp_ns(frame)
         self._time_ns = frame.board_time_us * 1000

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_driver.board import lifetime_ticks
 from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
@@ -84,8 +85,8 @@ def rebuild_ticks(stamp_ns: Stamps, rate_hz: float) -> Ticks:
 def set_points_in_force(commands: Commands, ticks: Ticks) -> Array:
     """Set-points (ticks, joints) that the board holds from each tick to the next.
 
-    The rules are those of hand_sim.board: a tick takes over what was sent before it, and vents what has
-    outlived its lifetime. Before the first command the valves are vented.
+    The rules are those of `hand_driver.board.SetPointsInForce`: a tick takes over the set-points sent before it, and
+    vents those that have outlived their lifetime. Before the first command the valves are vented.
     """
     stamps = ticks.stamp_ns
     if not len(commands.sent_ns):
@@ -95,9 +96,7 @@ def set_points_in_force(commands: Commands, ticks: Ticks) -> Array:
     given = newest >= 0
     latched_at = np.searchsorted(stamps, commands.sent_ns, side="left")
     age = np.arange(len(stamps)) - latched_at[np.maximum(newest, 0)]
-    # The fitted period is off by rounding; a lifetime of whole periods must not gain one by it.
-    lifetime_ticks = np.maximum(commands.lifetime_s[np.maximum(newest, 0)] / ticks.period_s - 1e-3, 1.0)
-    alive = given & (age < lifetime_ticks)
+    alive = given & (age < lifetime_ticks(commands.lifetime_s[np.maximum(newest, 0)], ticks.period_s))
     held[alive] = commands.pressure_pa[newest[alive]]
     return held
 

@@ -14,12 +14,11 @@ import typer
 from hand_driver.board import BoardError
 from hand_model.description import Hand, load_hand
 from hand_recording.installed import default_model
-from hand_sim.can_port import BusPort, SlcanPort
-from hand_sim.emulator import Emulator
+from hand_sim.can_endpoint import CanEndpoint, SlcanEndpoint
+from hand_sim.emulator import BoardEndpoint, Emulator
 from hand_sim.faults import Faults, parse_disconnect, parse_stuck
 from hand_sim.plant import SimulatedPlant
-from hand_sim.port import Port
-from hand_sim.serial_port import SerialPort
+from hand_sim.serial_endpoint import SerialEndpoint
 
 SLCAN = "slcan"
 UNPLUGGED_S = 1.5
@@ -60,23 +59,23 @@ def emulate_board(
         faults = Faults(
             drop, corrupt, delay_ms * 1e-3, tuple(parse_disconnect(text) for text in disconnect or ()), sticking
         )
-        open_port = _port(serial, can, can_interface, can_bitrate)
+        open_endpoint = _endpoint(serial, can, can_interface, can_bitrate)
         plant = SimulatedPlant(hand, hand.rate_hz, seed)
-        emulator = Emulator(plant, open_port, hand.rate_hz, hand.valve_count, faults, seed)
+        emulator = Emulator(plant, open_endpoint, hand.rate_hz, hand.valve_count, faults, seed=seed)
     except (ValueError, OSError, BoardError) as error:
         print(f"hand emulate-board: {error}", file=sys.stderr)
         raise typer.Exit(2) from None
     _serve(emulator, hand)
 
 
-def _port(serial: str | None, can: str | None, interface: str, bitrate: int) -> Callable[[], Port]:
+def _endpoint(serial: str | None, can: str | None, interface: str, bitrate: int) -> Callable[[], BoardEndpoint]:
 
     if serial is not None and can is None:
-        return lambda: SerialPort(serial)
+        return lambda: SerialEndpoint(serial)
     if can is not None and serial is None:
         if interface == SLCAN:
-            return lambda: SlcanPort(can)
-        return lambda: BusPort(interface, can, bitrate)
+            return lambda: SlcanEndpoint(can)
+        return lambda: CanEndpoint(interface, can, bitrate)
     raise ValueError("give either --serial PATH or --can CHANNEL")
 
 

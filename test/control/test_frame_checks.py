@@ -21,7 +21,7 @@ from hand_control.frame_checks import (
     ToleranceWatch,
     implausible,
 )
-from hand_model.arrays import Array
+from hand_model.arrays import Array, Flags
 from hand_model.description import load_hand
 
 HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
@@ -169,7 +169,7 @@ def off(joint: int, degrees: float) -> Array:
     ],
 )
 def test_trajectories_abort_outside_their_tolerance(
-    degrees: float, on_path: Array, at_goal: Array, frames: int, line: str
+    degrees: float, on_path: Flags, at_goal: Flags, frames: int, line: str
 ) -> None:
     """Fails when the tolerance, the 100 ms on the path or the time at the goal changes, or the wrong joint is named."""
     watch, joint = ToleranceWatch(HAND), HAND.joints.index("index_proximal")

@@ -56,7 +56,7 @@ def test_silence_of_more_than_100_ms_vents_and_latches() -> None:
     assert made.reset() == "no usable sensor data for 100 ms"
     assert (made.phase, made.fault, made.reason) == (Phase.VENTED, "", "not enabled since the reset")
     made.enable()
-    assert made.phase is Phase.ARMING
+    assert made.phase.name == "ARMING"
 
 
 def test_a_reset_without_a_fault_changes_nothing() -> None:
@@ -86,7 +86,7 @@ def test_enabling_again_forgets_the_ages_of_the_last_time() -> None:
     assert made.frame_ns is None and made.command_ns is None
     assert made.frame_age_s(10**12) == 0.0 and not made.command_held(10**12, 1.0)
     made.arm(5 * MS)
-    assert (made.phase, made.reason, made.command_ns) == (Phase.ACTIVE, "", 5 * MS)
+    assert [made.phase, made.reason, made.command_ns] == [Phase.ACTIVE, "", 5 * MS]
     made.frame(6 * MS)
     made.enable()
     assert made.phase is Phase.ACTIVE and made.frame_ns == 6 * MS

@@ -15,8 +15,7 @@ from hand_driver.board import BoardError, ProtocolMismatch, Status
 from hand_driver.can_board import CanBoard
 from hand_driver.can_wire import CanAssembler, CanMessage, encode_sample, encode_set_points
 from hand_driver.wire import SamplePayload, SetPointPayload
-from hand_sim.can_port import BusPort
-from hand_sim.port import Sample
+from hand_sim.can_endpoint import CanEndpoint
 
 DBC = Path(can_wire.__file__).with_name("hand_board.dbc")
 
@@ -123,17 +122,17 @@ def test_another_version_is_named() -> None:
     messages = encode_sample(sample())[:-1]
     messages[0] = CanMessage(messages[0].identifier, b"\x02" + messages[0].data[1:])
     trailer = CanMessage(can_wire.SAMPLE_TRAILER, can_wire._trailer(messages, 70_000, 0))
-    with pytest.raises(ProtocolMismatch, match="version 2, this driver speaks 1"):
+    with pytest.raises(ProtocolMismatch, match="version 2, this driver uses 1"):
         feed(CanAssembler(), [*messages, trailer])
 
 
 def test_board_and_port_on_one_bus() -> None:
     """Fails when a sample or a set-point does not cross a python-can bus, or a gap is not counted."""
-    port = BusPort("virtual", "hand_test", 1_000_000)
+    port = CanEndpoint("virtual", "hand_test", 1_000_000)
     board = CanBoard("virtual", "hand_test", 33)
     try:
         for sequence in (1, 2, 5):
-            port.send(Sample(sequence, sequence * 5000, 5.0, Status(0), np.zeros(33, np.uint16)))
+            port.send(SamplePayload(sequence, sequence * 5000, 5.0, Status(0), np.zeros(33, np.uint16)))
             frame = board.read(1.0)
             assert frame is not None
             assert frame.sequence == sequence
@@ -141,7 +140,7 @@ def test_board_and_port_on_one_bus() -> None:
         board.write(np.full(11, 2e5), 0.1)
         (order,) = port.receive()
         assert order.pressure_pa.tolist() == [2e5] * 11
-        port.send(Sample(6, 1, 5.0, Status(0), np.zeros(33, np.uint16)), corrupt=True)
+        port.send(SamplePayload(6, 1, 5.0, Status(0), np.zeros(33, np.uint16)), corrupt=True)
         assert board.read(0.05) is None
         assert board.counters.corrupt == 1
     finally:
@@ -151,10 +150,10 @@ def test_board_and_port_on_one_bus() -> None:
 
 def test_a_wrong_channel_count_is_named() -> None:
     """Fails when a board with other channels is taken for this hand's."""
-    port = BusPort("virtual", "hand_count", 1_000_000)
+    port = CanEndpoint("virtual", "hand_count", 1_000_000)
     board = CanBoard("virtual", "hand_count", 33)
     try:
-        port.send(Sample(1, 1, 5.0, Status(0), np.zeros(12, np.uint16)))
+        port.send(SamplePayload(1, 1, 5.0, Status(0), np.zeros(12, np.uint16)))
         with pytest.raises(ProtocolMismatch, match="12 channels; the description has 33"):
             board.read(1.0)
     finally:

@@ -15,8 +15,7 @@ from hand_driver.can_board import CanBoard, open_bus
 from hand_driver.can_wire import CanAssembler, CanMessage, encode_sample, encode_set_points
 from hand_driver.can_wire import _trailer as trailer
 from hand_driver.wire import Payload, SamplePayload, SetPointPayload
-from hand_sim.can_port import BusPort, SlcanPort
-from hand_sim.port import Sample
+from hand_sim.can_endpoint import CanEndpoint, SlcanEndpoint
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "protocol_can.md"
 SAMPLE = SamplePayload(70_000, 123_456_789, 4.987, Status.VENTED, np.arange(33, dtype=np.uint16) * 1000)
@@ -51,7 +50,7 @@ def test_counts_out_of_range_are_damage(header: int, count: int) -> None:
 @pytest.mark.parametrize(("count", "between"), [(33, 0), (0, 3), (200, 47)])
 def test_another_version_is_named_whatever_its_layout(count: int, between: int) -> None:
     """Fails when a sample of another version is taken for noise because its other fields mean something else."""
-    with pytest.raises(ProtocolMismatch, match="version 2, this driver speaks 1"):
+    with pytest.raises(ProtocolMismatch, match="version 2, this driver uses 1"):
         feed(CanAssembler(), announced(0x100, count, 2, between))
 
 
@@ -73,8 +72,8 @@ def test_both_directions_may_be_interleaved() -> None:
 
 def test_a_repeated_sample_is_handed_over_once() -> None:
     """Fails when a whole sample that is sent twice passes for a new one."""
-    port, board = BusPort("virtual", "hand_twice", 1_000_000), CanBoard("virtual", "hand_twice", 33)
-    sample = Sample(7, 35_000, 5.0, Status(0), SAMPLE.counts)
+    port, board = CanEndpoint("virtual", "hand_twice", 1_000_000), CanBoard("virtual", "hand_twice", 33)
+    sample = SamplePayload(7, 35_000, 5.0, Status(0), SAMPLE.counts)
     try:
         port.send(sample)
         port.send(sample)
@@ -88,11 +87,11 @@ def test_a_repeated_sample_is_handed_over_once() -> None:
 
 def test_two_hands_share_a_bus() -> None:
     """Fails when a hand reads the other's samples, or a board takes the other's set-points."""
-    ports = [BusPort("virtual", "hand_pair", 1_000_000, offset) for offset in (0x00, 0x40)]
+    ports = [CanEndpoint("virtual", "hand_pair", 1_000_000, offset) for offset in (0x00, 0x40)]
     boards = [CanBoard("virtual", "hand_pair", 33, id_offset=offset) for offset in (0x00, 0x40)]
     try:
         for number, port in enumerate(ports):
-            port.send(Sample(number, 5000, 5.0, Status(0), SAMPLE.counts))
+            port.send(SamplePayload(number, 5000, 5.0, Status(0), SAMPLE.counts))
         frames = [board.read(1.0) for board in boards]
         assert [frame and frame.sequence for frame in frames] == [0, 1]
         boards[1].write(np.full(11, 2e5), 0.1)
@@ -114,7 +113,7 @@ def test_an_offset_that_would_overlap_is_named() -> None:
 @pytest.mark.parametrize("flags", [{"is_error_frame": True}, {"is_remote_frame": True}, {"is_extended_id": True}])
 def test_only_data_messages_reach_the_emulated_board(flags: dict[str, bool]) -> None:
     """Fails when an error report, whose identifier can be that of a header, voids set-points."""
-    port, bus = BusPort("virtual", "hand_error", 1_000_000), open_bus("virtual", "hand_error", 1_000_000)
+    port, bus = CanEndpoint("virtual", "hand_error", 1_000_000), open_bus("virtual", "hand_error", 1_000_000)
     strange = can.Message(arbitration_id=0x200, **{"is_extended_id": False, **flags})
     messages = [
         can.Message(arbitration_id=m.identifier, data=m.data, is_extended_id=False) for m in encode_set_points(ORDER)
@@ -130,7 +129,7 @@ def test_only_data_messages_reach_the_emulated_board(flags: dict[str, bool]) -> 
 
 def test_the_speed_of_an_adapter_may_stand_behind_its_name(tmp_path: Path) -> None:
     """Fails when a channel such as /dev/ttyACM0@115200 is lost at its first silence."""
-    port = SlcanPort(str(tmp_path / "adapter"))
+    port = SlcanEndpoint(str(tmp_path / "adapter"))
     board = CanBoard("slcan", f"{tmp_path / 'adapter'}@115200", 33)
     try:
         assert board.read(0.02) is None
@@ -141,7 +140,7 @@ def test_the_speed_of_an_adapter_may_stand_behind_its_name(tmp_path: Path) -> No
 
 def test_an_adapter_that_takes_nothing_is_a_lost_link(tmp_path: Path) -> None:
     """Fails when writing to an adapter that has stopped reading blocks for ever: commands would stop with it."""
-    port = SlcanPort(str(tmp_path / "adapter"))
+    port = SlcanEndpoint(str(tmp_path / "adapter"))
     board = CanBoard("slcan", str(tmp_path / "adapter"), 33)
     raised: list[Exception] = []
 
@@ -164,7 +163,7 @@ def test_an_adapter_that_takes_nothing_is_a_lost_link(tmp_path: Path) -> None:
 
 def test_the_adapter_answers_questions(tmp_path: Path) -> None:
     """Fails when a host's questions for version, number and faults, or an unknown command, get no answer of theirs."""
-    port = SlcanPort(str(tmp_path / "adapter"))
+    port = SlcanEndpoint(str(tmp_path / "adapter"))
     try:
         for question, answer in (
             (b"V", b"V0101\r"),
@@ -219,7 +218,7 @@ def test_set_points_without_lifetime_are_refused() -> None:
 
 def test_closing_an_adapter_that_is_gone_releases_it(tmp_path: Path) -> None:
     """Fails when every reconnect leaves a descriptor open."""
-    port = SlcanPort(str(tmp_path / "adapter"))
+    port = SlcanEndpoint(str(tmp_path / "adapter"))
     board = CanBoard("slcan", str(tmp_path / "adapter"), 33)
     line = board._bus.serialPortOrig
     port.close()

@@ -21,8 +21,7 @@ from hand_driver.board import BoardError, Counts, Frame, LinkLost, ProtocolMisma
 from hand_driver.can_board import CanBoard, open_bus
 from hand_driver.can_wire import CanAssembler, CanMessage, encode_sample, encode_set_points
 from hand_driver.wire import SamplePayload, SetPointPayload
-from hand_sim.can_port import SlcanPort
-from hand_sim.port import Sample
+from hand_sim.can_endpoint import SlcanEndpoint
 
 ROOT = Path(__file__).parents[2]
 DBC = cantools.database.load_file(Path(can_wire.__file__).with_name("hand_board.dbc"))
@@ -31,16 +30,16 @@ ECHO = """
 import sys, time
 import numpy as np
 from hand_driver.board import Status
-from hand_sim.can_port import SlcanPort
-from hand_sim.port import Sample
-port = SlcanPort(sys.argv[1])
+from hand_sim.can_endpoint import SlcanEndpoint
+from hand_driver.wire import SamplePayload
+port = SlcanEndpoint(sys.argv[1])
 counts = np.zeros(33, np.uint16)
 print("ready", flush=True)
 for sequence in range(100_000):
     for order in port.receive():
         counts[:11] = np.rint(order.pressure_pa / 10.0)
         counts[11] = round(order.lifetime_s * 1e3)
-    port.send(Sample(sequence, 5000 * sequence, 4.987, Status(0), counts))
+    port.send(SamplePayload(sequence, 5000 * sequence, 4.987, Status(0), counts))
     time.sleep(0.005)
 """
 """A board in a process of its own: the set-points it holds come back as counts."""
@@ -55,8 +54,8 @@ def full_set_points() -> SetPointPayload:
     return SetPointPayload(0x89ABCDEF, 0.25, np.arange(16, dtype=np.float64) * 12_340.0)
 
 
-def a_sample(sequence: int) -> Sample:
-    return Sample(sequence, sequence * 5000, 5.0, Status(0), np.full(33, sequence, np.uint16))
+def a_sample(sequence: int) -> SamplePayload:
+    return SamplePayload(sequence, sequence * 5000, 5.0, Status(0), np.full(33, sequence, np.uint16))
 
 
 def test_every_message_of_the_dbc_is_sent_and_nothing_else() -> None:
@@ -75,7 +74,7 @@ def test_the_dbc_packs_each_message_as_we_do(message: Any) -> None:
         "Version": 1, "Channels": 40, "Valves": 16, "Status": 10, "BoardTime": sent.board_time_us,
         "SupplyVoltage": 4.987, "Lifetime": 250, "Reserved": 0, "Crc": int.from_bytes(data[:4], "little"),
     }  # fmt: skip
-    own = sent.sequence if message.frame_id < can_wire.ORDER_HEADER else order.sequence
+    own = sent.sequence if message.frame_id < can_wire.SET_POINT_HEADER else order.sequence
     values |= {"Sequence": own, "SequenceLow": own & 0xFFFF}
     values |= {f"Channel{i}": int(count) for i, count in enumerate(sent.counts)}
     values |= {f"Pressure{i}": float(pressure) for i, pressure in enumerate(order.pressure_pa)}
@@ -125,7 +124,7 @@ def test_another_version_on_the_bus_stops_the_board() -> None:
     try:
         for message in foreign:
             bus.send(can.Message(arbitration_id=message.identifier, data=message.data, is_extended_id=False))
-        with pytest.raises(ProtocolMismatch, match="version 7, this driver speaks 1"):
+        with pytest.raises(ProtocolMismatch, match="version 7, this driver uses 1"):
             board.read(1.0)
     finally:
         board.close()
@@ -135,7 +134,7 @@ def test_another_version_on_the_bus_stops_the_board() -> None:
 def test_what_lay_in_the_adapter_before_opening_is_not_read(tmp_path: Path) -> None:
     """Fails when samples left over from an earlier connection are handed over as new ones."""
     path = str(tmp_path / "adapter")
-    port = SlcanPort(path)
+    port = SlcanEndpoint(path)
     earlier = CanBoard("slcan", path, 33)
     try:
         port.receive()
@@ -155,7 +154,7 @@ def test_what_lay_in_the_adapter_before_opening_is_not_read(tmp_path: Path) -> N
 
 def test_opening_an_adapter_is_quick(tmp_path: Path) -> None:
     """Fails when python-can's pause of 2 s after opening a serial port is back: each reconnect would cost it."""
-    port = SlcanPort(str(tmp_path / "adapter"))
+    port = SlcanEndpoint(str(tmp_path / "adapter"))
     try:
         begun_s = time.monotonic()
         CanBoard("slcan", str(tmp_path / "adapter"), 33).close()

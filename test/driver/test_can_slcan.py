@@ -17,19 +17,18 @@ from hand_driver.can_board import CanBoard
 from hand_driver.can_wire import CanMessage, encode_sample, encode_set_points
 from hand_driver.link import Link
 from hand_driver.wire import SamplePayload, SetPointPayload
-from hand_sim.can_port import SlcanPort
+from hand_sim.can_endpoint import SlcanEndpoint
 from hand_sim.emulator import Emulator
 from hand_sim.faults import Faults
-from hand_sim.port import Order, Sample
-from hand_sim.serial_port import Pty
+from hand_sim.serial_endpoint import Pty
 
 CHANNELS, VALVES, RATE_HZ = 33, 11, 200.0
 WAIT_S = 20.0
 COUNTS = np.arange(CHANNELS, dtype=np.uint16) * 1000
 
 
-def sample(sequence: int) -> Sample:
-    return Sample(sequence, sequence * 5000, 4.987, Status.SUPPLY_LOW, COUNTS)
+def sample(sequence: int) -> SamplePayload:
+    return SamplePayload(sequence, sequence * 5000, 4.987, Status.SUPPLY_LOW, COUNTS)
 
 
 def lines(messages: list[CanMessage]) -> bytes:
@@ -58,29 +57,29 @@ class Line:
 
 
 @pytest.fixture
-def port(tmp_path: Path) -> Iterator[SlcanPort]:
-    made = SlcanPort(str(tmp_path / "adapter"))
+def port(tmp_path: Path) -> Iterator[SlcanEndpoint]:
+    made = SlcanEndpoint(str(tmp_path / "adapter"))
     yield made
     made.close()
 
 
 @pytest.fixture
-def line(port: SlcanPort, tmp_path: Path) -> Iterator[Line]:
+def line(port: SlcanEndpoint, tmp_path: Path) -> Iterator[Line]:
     made = Line(str(tmp_path / "adapter"))
     yield made
     os.close(made.descriptor)
 
 
-def orders_of(port: SlcanPort, enough: int = 1) -> list[Order]:
+def orders_of(port: SlcanEndpoint, enough: int = 1) -> list[SetPointPayload]:
     """Orders until there are enough or none come."""
-    got: list[Order] = []
+    got: list[SetPointPayload] = []
     end_s = time.monotonic() + WAIT_S
     while len(got) < enough and time.monotonic() < end_s:
         got += port.receive()
     return got
 
 
-def obey(port: SlcanPort, line: Line, command: bytes) -> bytes:
+def obey(port: SlcanEndpoint, line: Line, command: bytes) -> bytes:
     """The adapter's answer to a command."""
     line.say(command)
     end_s = time.monotonic() + WAIT_S
@@ -91,7 +90,7 @@ def obey(port: SlcanPort, line: Line, command: bytes) -> bytes:
     return b""
 
 
-def test_the_channel_is_silent_until_it_is_opened(port: SlcanPort, line: Line) -> None:
+def test_the_channel_is_silent_until_it_is_opened(port: SlcanEndpoint, line: Line) -> None:
     """Fails when the adapter does not obey O and C, or answers a command otherwise than by a carriage return."""
     port.send(sample(1))
     assert line.silent()
@@ -105,7 +104,7 @@ def test_the_channel_is_silent_until_it_is_opened(port: SlcanPort, line: Line) -
     assert line.silent()
 
 
-def test_frames_on_the_line_are_what_an_adapter_sends(port: SlcanPort, line: Line) -> None:
+def test_frames_on_the_line_are_what_an_adapter_sends(port: SlcanEndpoint, line: Line) -> None:
     """Fails when the ASCII differs from t, three digits of identifier, length 8 and eight bytes."""
     obey(port, line, b"O\r")
     port.send(sample(0x01020304))
@@ -116,14 +115,14 @@ def test_frames_on_the_line_are_what_an_adapter_sends(port: SlcanPort, line: Lin
     assert heard[2] == b"t1108" + b"0000E803D007B80B"
 
 
-def test_damaged_lines_cost_nothing_but_themselves(port: SlcanPort, line: Line) -> None:
+def test_damaged_lines_cost_nothing_but_themselves(port: SlcanEndpoint, line: Line) -> None:
     """Fails when noise on the line raises, passes for set-points, or stops those that follow."""
     seed = 4
     print(f"seed {seed}")
     rng = np.random.default_rng(seed)
     good = lines(encode_set_points(SetPointPayload(5, 0.1, np.full(VALVES, 1e5))))
     obey(port, line, b"O\r")
-    got: list[Order] = []
+    got: list[SetPointPayload] = []
     for trial in range(1000):
         if trial % 2:
             damaged = bytearray(good)
@@ -143,7 +142,7 @@ def test_damaged_lines_cost_nothing_but_themselves(port: SlcanPort, line: Line) 
     assert got[-1].pressure_pa.tolist() == [1e5] * VALVES
 
 
-def test_extended_frames_and_other_identifiers_are_none_of_ours(port: SlcanPort, line: Line) -> None:
+def test_extended_frames_and_other_identifiers_are_none_of_ours(port: SlcanEndpoint, line: Line) -> None:
     """Fails when another device's traffic voids set-points or passes for them."""
     messages = encode_set_points(SetPointPayload(5, 0.1, np.full(VALVES, 1e5)))
     obey(port, line, b"O\r")
@@ -187,7 +186,7 @@ class Rig:
 
     def __init__(self, path: str, faults: Faults) -> None:
         self.plant = PressedPlant()
-        self.emulator = Emulator(self.plant, lambda: SlcanPort(path), RATE_HZ, VALVES, faults, seed=6)
+        self.emulator = Emulator(self.plant, lambda: SlcanEndpoint(path), RATE_HZ, VALVES, faults, seed=6)
         self.board = CanBoard("slcan", path, CHANNELS)
         self.tick = 0
 
@@ -261,7 +260,7 @@ def test_an_unplugged_adapter_comes_back_and_repeats_nothing(tmp_path: Path) -> 
     """Fails when the driver does not return to an adapter that was plugged in again, or repeats a frame."""
     path = str(tmp_path / "adapter")
     now_s = 0.0
-    emulator = Emulator(PressedPlant(), lambda: SlcanPort(path), RATE_HZ, VALVES, Faults(disconnect=((0.5, 0.4),)))
+    emulator = Emulator(PressedPlant(), lambda: SlcanEndpoint(path), RATE_HZ, VALVES, Faults(disconnect=((0.5, 0.4),)))
 
     def open_board() -> Board:
         return CanBoard("slcan", path, CHANNELS)

@@ -26,8 +26,7 @@ from hand_driver.can_board import CanBoard
 from hand_driver.serial_board import SerialBoard
 from hand_driver.wire import SamplePayload, SetPointPayload, encode_sample, encode_set_points
 from hand_sim.emulator import Emulator
-from hand_sim.port import Order
-from hand_sim.serial_port import Pty, SerialPort
+from hand_sim.serial_endpoint import Pty, SerialEndpoint
 from hand_tool.emulate_board import emulate_board
 
 ROOT = Path(__file__).parents[2]
@@ -145,7 +144,7 @@ def test_close_ends_a_read_in_another_thread(serial_board: SerialBoard) -> None:
 
 def test_writes_beside_a_read_arrive_whole(tmp_path: Path) -> None:
     """Fails when set-points written by two threads beside a read are mixed or lost."""
-    port = SerialPort(str(tmp_path / "board"))
+    port = SerialEndpoint(str(tmp_path / "board"))
     board = SerialBoard(str(tmp_path / "board"), CHANNELS)
     reader = threading.Thread(target=lambda: board.read(0.5))
 
@@ -156,7 +155,7 @@ def test_writes_beside_a_read_arrive_whole(tmp_path: Path) -> None:
     writers = [threading.Thread(target=write, args=(base,)) for base in (1e5, 2e5)]
     for thread in (reader, *writers):
         thread.start()
-    orders: list[Order] = []
+    orders: list[SetPointPayload] = []
     end_s = time.monotonic() + WAIT_S
     while len(orders) < 60 and time.monotonic() < end_s:
         orders += port.receive()
@@ -192,7 +191,7 @@ def test_set_points_act_for_their_lifetime_and_no_longer(tmp_path: Path) -> None
     """Fails when the watchdog is early, late or silent, or another number of valves is taken."""
     path = str(tmp_path / "board")
     plant = PressedPlant()
-    emulator = Emulator(plant, lambda: SerialPort(path), RATE_HZ, VALVES)
+    emulator = Emulator(plant, lambda: SerialEndpoint(path), RATE_HZ, VALVES)
     board = SerialBoard(path, CHANNELS)
     frames: list[Frame] = []
     try:
@@ -219,7 +218,7 @@ def test_the_board_takes_nothing_but_intact_set_points(tmp_path: Path) -> None:
     print(f"seed {seed}")
     rng = np.random.default_rng(seed)
     path = str(tmp_path / "board")
-    port = SerialPort(path)
+    port = SerialEndpoint(path)
     line = os.open(path, os.O_RDWR | os.O_NOCTTY)
     good = encode_set_points(SetPointPayload(1, 0.1, np.full(VALVES, 1e5)))
     foreign = struct.pack("<BB", 2, 2) + bytes(30)
@@ -232,7 +231,7 @@ def test_the_board_takes_nothing_but_intact_set_points(tmp_path: Path) -> None:
         damaged = bytearray(good)
         damaged[rng.integers(len(damaged) - 1)] ^= int(rng.integers(1, 256))
         bad.append(bytes(damaged) + b"\x00")
-    orders: list[Order] = []
+    orders: list[SetPointPayload] = []
     try:
         for each in bad:
             os.write(line, each)
@@ -331,7 +330,7 @@ def test_a_killed_emulator_is_a_pulled_cable_and_its_place_can_be_taken(served: 
             board.read(0.1)
     board.close()
     assert (tmp_path / "board").is_symlink()  # left behind
-    again = SerialPort(str(tmp_path / "board"))
+    again = SerialEndpoint(str(tmp_path / "board"))
     board = open_board("serial", tmp_path / "board")
     board.close()
     again.close()

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from hand_driver.board import Counts, Pressures, Status
-from hand_sim.emulator import Emulator
-from hand_sim.port import Order, Port, Sample
+from hand_driver.wire import SamplePayload, SetPointPayload
+from hand_sim.emulator import BoardEndpoint, Emulator
 
 VALVES = 3
 
@@ -25,7 +25,7 @@ class Plant:
         return np.zeros(3, np.uint16), 5.0, Status(0)
 
 
-class OneOrder(Port):
+class OneSetPoint(BoardEndpoint):
     """Gives one order at a tick of choice and keeps the status bits that are sent."""
 
     def __init__(self, at: int, lifetime_s: float) -> None:
@@ -36,12 +36,12 @@ class OneOrder(Port):
     def description(self) -> str:
         return "one order"
 
-    def send(self, sample: Sample, corrupt: bool = False) -> None:
+    def send(self, sample: SamplePayload, corrupt: bool = False) -> None:
         self.vented.append(Status.VENTED in sample.status)
 
-    def receive(self) -> list[Order]:
+    def receive(self) -> list[SetPointPayload]:
         self._left -= 1
-        return [Order(np.full(VALVES, 1e5), self._lifetime_s)] if self._left == 0 else []
+        return [SetPointPayload(0, self._lifetime_s, np.full(VALVES, 1e5))] if self._left == 0 else []
 
     def close(self) -> None:
         return
@@ -53,7 +53,7 @@ def test_a_lifetime_is_the_same_number_of_periods_at_any_time(lifetime_ms: int, 
     """Fails when rounding grants a set-point one period beyond its lifetime, or the status bit disagrees."""
     periods = math.ceil(lifetime_ms * round(rate_hz) / 1000)
     for at in (*range(1, 60), 1234, 99_999):
-        port, plant = OneOrder(1, lifetime_ms * 1e-3), Plant()
+        port, plant = OneSetPoint(1, lifetime_ms * 1e-3), Plant()
         emulator = Emulator(plant, lambda port=port: port, rate_hz, VALVES)  # type: ignore[misc]
         for tick in range(at, at + periods + 4):
             emulator.tick(tick)

@@ -13,7 +13,7 @@ from hand_driver.link import FIRST_PAUSE_S, Link
 from hand_driver.serial_board import SerialBoard
 from hand_sim.emulator import Emulator
 from hand_sim.faults import Faults
-from hand_sim.serial_port import SerialPort
+from hand_sim.serial_endpoint import SerialEndpoint
 
 CHANNELS, VALVES, RATE_HZ = 33, 11, 200.0
 BATCH = 20  # two batches fit into the buffer of a pty
@@ -38,7 +38,7 @@ class Rig:
     """Emulator and board joined by a pty; time passes by ticks only."""
 
     def __init__(self, path: str, faults: Faults) -> None:
-        self.emulator = Emulator(NumberedPlant(), lambda: SerialPort(path), RATE_HZ, VALVES, faults, seed=5)
+        self.emulator = Emulator(NumberedPlant(), lambda: SerialEndpoint(path), RATE_HZ, VALVES, faults, seed=5)
         self.board = SerialBoard(path, CHANNELS)
 
     def frames(self, ticks: int) -> list[Frame]:
@@ -135,7 +135,7 @@ def test_an_unplugged_link_comes_back_by_back_off_and_repeats_nothing(tmp_path: 
         return SerialBoard(path, CHANNELS)
 
     faults = Faults(disconnect=((0.5, 0.5),))
-    emulator = Emulator(NumberedPlant(), lambda: SerialPort(path), RATE_HZ, VALVES, faults)
+    emulator = Emulator(NumberedPlant(), lambda: SerialEndpoint(path), RATE_HZ, VALVES, faults)
     link = Link(open_board, lambda: now_s)
     numbers: list[int] = []
     down: list[float] = []

@@ -7,9 +7,8 @@ import threading
 import numpy as np
 import pytest
 
-from hand_driver.board import Board, BoardError, Frame, LinkCounters, LinkLost, Pressures, Status
+from hand_driver.board import Board, BoardError, Frame, LinkCounters, LinkLost, Pressures, SequenceGap, Status
 from hand_driver.link import FIRST_PAUSE_S, LONGEST_PAUSE_S, Link
-from hand_driver.sequence import SequenceGap
 
 
 class FailingBoard(Board):

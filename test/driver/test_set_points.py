@@ -78,7 +78,7 @@ def test_the_ends_of_the_range_are_allowed(value: float) -> None:
     ("names", "line"),
     [
         (("index_middle", *JOINTS[1:]), "unknown joint 'index_middle'"),
-        ((JOINTS[1], *JOINTS[1:]), f"joint '{JOINTS[1]}' is there twice"),
+        ((JOINTS[1], *JOINTS[1:]), f"joint '{JOINTS[1]}' appears twice"),
         (JOINTS[1:], f"joint '{JOINTS[0]}' is missing"),
     ],
 )

@@ -120,7 +120,7 @@ def test_another_version_is_named() -> None:
     """Fails when a board of another protocol version is taken for noise or for a good board."""
     payload = struct.pack("<BB", 2, 1) + b"what version 2 may hold"
     packet = cobs.encode(payload + struct.pack("<I", zlib.crc32(payload))) + b"\x00"
-    with pytest.raises(ProtocolMismatch, match="version 2, this driver speaks 1"):
+    with pytest.raises(ProtocolMismatch, match="version 2, this driver uses 1"):
         PacketDecoder().feed(packet)
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from hand_driver.board import LinkLost, Status
+from hand_driver.wire import SamplePayload, SetPointPayload
 from hand_model.description import load_hand
 from hand_sim.board import SimulatedBoard
-from hand_sim.emulator import Emulator
+from hand_sim.emulator import BoardEndpoint, Emulator
 from hand_sim.faults import FaultError, Faults, FaultState, parse_disconnect, parse_stuck
 from hand_sim.offline import Commands, Measured, rebuild_ticks, replay, set_points_in_force
 from hand_sim.plant import CREEP, OMEGA, PHI, HandPlant, P, SimulatedPlant, resting_state
-from hand_sim.port import Order, Port, Sample
 
 HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
 COUNT = len(HAND.joints)
@@ -166,22 +166,22 @@ def test_commands_before_the_first_and_after_the_last() -> None:
     assert not set_points_in_force(none, ticks).any()
 
 
-class Wire(Port):
+class Wire(BoardEndpoint):
     """A port that keeps what is sent and gives one order at the start."""
 
-    def __init__(self, orders: list[Order]) -> None:
+    def __init__(self, orders: list[SetPointPayload]) -> None:
         self.orders = orders
-        self.sent: list[tuple[Sample, bool]] = []
+        self.sent: list[tuple[SamplePayload, bool]] = []
         self.open = True
 
     @property
     def description(self) -> str:
         return "wire"
 
-    def send(self, sample: Sample, corrupt: bool = False) -> None:
+    def send(self, sample: SamplePayload, corrupt: bool = False) -> None:
         self.sent.append((sample, corrupt))
 
-    def receive(self) -> list[Order]:
+    def receive(self) -> list[SetPointPayload]:
         orders, self.orders = self.orders, []
         return orders
 
@@ -192,8 +192,8 @@ class Wire(Port):
 def emulate(faults: Faults, ticks: int = 200) -> list[Wire]:
     wires: list[Wire] = []
 
-    def open_port() -> Port:
-        wires.append(Wire([Order(np.full(COUNT, 2e5), 0.1)]))
+    def open_port() -> BoardEndpoint:
+        wires.append(Wire([SetPointPayload(0, 0.1, np.full(COUNT, 2e5))]))
         return wires[-1]
 
     emulator = Emulator(SimulatedPlant(HAND, 200.0), open_port, 200.0, COUNT, faults, seed=1)

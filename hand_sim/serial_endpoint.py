@@ -1,4 +1,4 @@
-"""The board's end of a serial line: a pseudo-terminal that other processes open like any serial port."""
+"""The board's end of a serial line: a pseudo-terminal that other processes open like a serial port."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hand_driver.board import ProtocolMismatch
 from hand_driver.wire import PacketDecoder, SamplePayload, SetPointPayload, encode_sample
-from hand_sim.port import Order, Port, Sample
+from hand_sim.emulator import BoardEndpoint
 
 AUTO = "auto"
 CHUNK = 4096
@@ -16,10 +16,10 @@ PTS = "/dev/pts/"
 
 
 class Pty:
-    """A raw pseudo-terminal under a name of one's choice; never blocks."""
+    """A raw pseudo-terminal under a chosen name; never blocks."""
 
     def __init__(self, path: str) -> None:
-        """Make it, and a link to it at path ("auto": none). OSError where the link cannot be made."""
+        """Open it, and make a link to it at path ("auto": no link). OSError where the link cannot be made."""
         self._master, self._slave = os.openpty()  # the slave stays open, so that readers may come and go
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
@@ -34,27 +34,27 @@ class Pty:
             self.name = path
 
     def write(self, data: bytes) -> None:
-        """Send; what a full buffer does not take is lost, as on a wire without flow control."""
+        """Send data; bytes that do not fit into the buffer are lost, as on a line without flow control."""
         try:
             os.write(self._master, data)
         except (BlockingIOError, OSError):
             return
 
     def read(self) -> bytes:
-        """What has arrived; empty where nothing has."""
+        """The bytes that have arrived, possibly none."""
         try:
             return os.read(self._master, CHUNK)
         except (BlockingIOError, OSError):
             return b""
 
     def close(self) -> None:
-        """Hang up: whoever has it open sees a disconnect. A link that is another's by now stays."""
+        """Close it: a process that has it open sees a disconnect. A link that now belongs to another one stays."""
         if self._link is not None and _target(self._link) == self._device:
             self._link.unlink()
         self._close_both()
 
     def _make_link(self, link: Path) -> None:
-        """Replace only what an emulator left behind: other links, such as udev's, are their owner's."""
+        """Replace only a link that an emulator left behind, never one of another owner such as udev."""
         if _target(link).startswith(PTS):
             link.unlink()
         link.symlink_to(self._device)
@@ -65,45 +65,39 @@ class Pty:
 
 
 def _target(link: Path) -> str:
-    """Where a symbolic link points; empty for what is none."""
+    """Where a symbolic link points; empty for any other path."""
     return str(link.readlink()) if link.is_symlink() else ""
 
 
-class SerialPort(Port):
+class SerialEndpoint(BoardEndpoint):
     """The emulated board on a pseudo-terminal."""
 
     def __init__(self, path: str, baud: int = 1_000_000) -> None:
-        """Serve at path; baud is only told, a pseudo-terminal has none."""
+        """Serve at path; baud only appears in the description, since a pseudo-terminal has no rate."""
         self._pty = Pty(path)
         self._baud = baud
         self._decoder = PacketDecoder()
 
     @property
     def description(self) -> str:
-        """For people."""
+        """See BoardEndpoint.description."""
         return f"serial {self._pty.name} {self._baud} baud"
 
-    def send(self, sample: Sample, corrupt: bool = False) -> None:
-        """See Port.send."""
-        packet = bytearray(
-            encode_sample(
-                SamplePayload(
-                    sample.sequence, sample.board_time_us, sample.supply_voltage_v, sample.status, sample.counts
-                )
-            )
-        )
+    def send(self, sample: SamplePayload, corrupt: bool = False) -> None:
+        """See BoardEndpoint.send."""
+        packet = bytearray(encode_sample(sample))
         if corrupt:
             packet[len(packet) // 2] ^= 0x55
         self._pty.write(bytes(packet))
 
-    def receive(self) -> list[Order]:
-        """See Port.receive."""
+    def receive(self) -> list[SetPointPayload]:
+        """See BoardEndpoint.receive."""
         try:
             payloads = self._decoder.feed(self._pty.read())
         except ProtocolMismatch:
             return []
-        return [Order(p.pressure_pa, p.lifetime_s) for p in payloads if isinstance(p, SetPointPayload)]
+        return [payload for payload in payloads if isinstance(payload, SetPointPayload)]
 
     def close(self) -> None:
-        """See Port.close."""
+        """See BoardEndpoint.close."""
         self._pty.close()

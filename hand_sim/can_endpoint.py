@@ -8,8 +8,8 @@ from hand_driver.board import LinkLost, ProtocolMismatch
 from hand_driver.can_board import check_id_offset, open_bus, received_message, send_message
 from hand_driver.can_wire import CanAssembler, CanMessage, encode_sample
 from hand_driver.wire import SamplePayload, SetPointPayload
-from hand_sim.port import Order, Port, Sample
-from hand_sim.serial_port import Pty
+from hand_sim.emulator import BoardEndpoint
+from hand_sim.serial_endpoint import Pty
 
 ANSWERS = {
     b"V": b"V0101\r",  # hardware and software version
@@ -17,31 +17,29 @@ ANSWERS = {
     b"F": b"F00\r",  # no fault
     **dict.fromkeys((b"", b"S", b"s", b"Y", b"O", b"L", b"C", b"Z", b"T", b"r", b"R"), b"\r"),
 }
-"""What the adapter says to each command."""
+"""The answer of the adapter to each command."""
 
 
-class _Orders:
-    """Messages to orders; what is no valid order is skipped."""
+class _SetPointReader:
+    """Turns messages into set-points; invalid ones are skipped."""
 
     def __init__(self) -> None:
         self._assembler = CanAssembler()
 
-    def of(self, messages: list[CanMessage]) -> list[Order]:
-        orders = []
+    def of(self, messages: list[CanMessage]) -> list[SetPointPayload]:
+        found = []
         for message in messages:
             try:
                 payload = self._assembler.feed(message)
             except ProtocolMismatch:
                 continue
             if isinstance(payload, SetPointPayload):
-                orders.append(Order(payload.pressure_pa, payload.lifetime_s))
-        return orders
+                found.append(payload)
+        return found
 
 
-def _messages(sample: Sample, corrupt: bool) -> list[CanMessage]:
-    messages = encode_sample(
-        SamplePayload(sample.sequence, sample.board_time_us, sample.supply_voltage_v, sample.status, sample.counts)
-    )
+def _messages(sample: SamplePayload, corrupt: bool) -> list[CanMessage]:
+    messages = encode_sample(sample)
     if corrupt:
         middle = len(messages) // 2
         damaged = bytes([messages[middle].data[0] ^ 0x55]) + messages[middle].data[1:]
@@ -49,7 +47,7 @@ def _messages(sample: Sample, corrupt: bool) -> list[CanMessage]:
     return messages
 
 
-class BusPort(Port):
+class CanEndpoint(BoardEndpoint):
     """The emulated board on a bus of python-can."""
 
     def __init__(self, interface: str, channel: str, bitrate: int, id_offset: int = 0) -> None:
@@ -57,38 +55,38 @@ class BusPort(Port):
         self._id_offset = check_id_offset(id_offset)
         self._bus = open_bus(interface, channel, bitrate)
         self._name = f"CAN {interface} {channel} {bitrate} bit/s"
-        self._orders = _Orders()
+        self._reader = _SetPointReader()
 
     @property
     def description(self) -> str:
-        """For people."""
+        """See BoardEndpoint.description."""
         return self._name
 
-    def send(self, sample: Sample, corrupt: bool = False) -> None:
-        """See Port.send."""
+    def send(self, sample: SamplePayload, corrupt: bool = False) -> None:
+        """See BoardEndpoint.send."""
         for message in _messages(sample, corrupt):
             try:
                 send_message(self._bus, message, self._id_offset)
             except can.CanError:
                 return  # a full transmit queue: the sample is lost, as on a real bus
 
-    def receive(self) -> list[Order]:
-        """See Port.receive. LinkLost when the bus is gone."""
+    def receive(self) -> list[SetPointPayload]:
+        """See BoardEndpoint.receive. Raises LinkLost when the bus is lost."""
         arrived = []
         try:
             while (message := self._bus.recv(0.0)) is not None:
                 if (ours := received_message(message, self._id_offset)) is not None:
                     arrived.append(ours)
         except (can.CanError, OSError) as error:
-            raise LinkLost(f"{self._name} is gone: {' '.join(str(error).split())}") from None
-        return self._orders.of(arrived)
+            raise LinkLost(f"{self._name} is lost: {' '.join(str(error).split())}") from None
+        return self._reader.of(arrived)
 
     def close(self) -> None:
-        """See Port.close."""
+        """See BoardEndpoint.close."""
         self._bus.shutdown()
 
 
-class SlcanPort(Port):
+class SlcanEndpoint(BoardEndpoint):
     """The emulated board behind an emulated slcan adapter, so that CAN crosses processes without a kernel module.
 
     Lawicel's ASCII protocol: a command is answered with a carriage return, an unknown one with a bell; tIIILDD... is a
@@ -100,29 +98,29 @@ class SlcanPort(Port):
         self._pty = Pty(path)
         self._open = False
         self._line = b""
-        self._orders = _Orders()
+        self._reader = _SetPointReader()
 
     @property
     def description(self) -> str:
-        """For people."""
+        """See BoardEndpoint.description."""
         return f"CAN slcan {self._pty.name}"
 
-    def send(self, sample: Sample, corrupt: bool = False) -> None:
-        """See Port.send; a closed channel sends nothing."""
+    def send(self, sample: SamplePayload, corrupt: bool = False) -> None:
+        """See BoardEndpoint.send; a closed channel sends nothing."""
         if self._open:
             lines = (b"t%03X8%s\r" % (m.identifier, m.data.hex().upper().encode()) for m in _messages(sample, corrupt))
             self._pty.write(b"".join(lines))
 
-    def receive(self) -> list[Order]:
-        """See Port.receive; commands to the adapter are obeyed and answered."""
+    def receive(self) -> list[SetPointPayload]:
+        """See BoardEndpoint.receive; commands to the adapter are executed and answered."""
         arrived = []
         while data := self._pty.read():
             *lines, self._line = (self._line + data).split(b"\r")
             self._line = self._line[-64:]
-            arrived += [message for line in lines if (message := self._obey(line)) is not None]
-        return self._orders.of(arrived)
+            arrived += [message for line in lines if (message := self._execute(line)) is not None]
+        return self._reader.of(arrived)
 
-    def _obey(self, line: bytes) -> CanMessage | None:
+    def _execute(self, line: bytes) -> CanMessage | None:
         command = line[:1]
         if command == b"t":
             return _standard_frame(line) if self._open else None
@@ -132,12 +130,12 @@ class SlcanPort(Port):
         return None
 
     def close(self) -> None:
-        """See Port.close."""
+        """See BoardEndpoint.close."""
         self._pty.close()
 
 
 def _standard_frame(line: bytes) -> CanMessage | None:
-    """A frame of a t line; None for one that is damaged."""
+    """The frame of a t line; None for a damaged one."""
     try:
         identifier, length = int(line[1:4], 16), int(line[4:5])
         data = bytes.fromhex(line[5:].decode("ascii"))

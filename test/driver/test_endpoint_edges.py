@@ -11,7 +11,7 @@ import pytest
 from hand_driver.board import BoardError, Status
 from hand_driver.serial_board import SerialBoard
 from hand_driver.wire import PacketDecoder, SamplePayload, encode_sample
-from hand_sim.serial_port import Pty
+from hand_sim.serial_endpoint import Pty
 
 PACKET = encode_sample(SamplePayload(7, 35_000, 5.0, Status(0), np.arange(33, dtype=np.uint16)))
 
