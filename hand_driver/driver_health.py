@@ -77,9 +77,7 @@ class DriverHealth:
         if not link.up:
             return Health("link", Level.ERROR, link.error, values)
         if silence_s > SILENCE_S:
-            return Health(
-                "link", Level.ERROR, "connected, but no frame arrives: check board power and wiring", values
-            )
+            return Health("link", Level.ERROR, "connected, but no frame arrives: check board power and wiring", values)
         return Health("link", Level.OK, "connected", values)
 
     def _frames(self, counters: LinkCounters, now_s: float) -> Health:
