@@ -314,6 +314,10 @@ def gas_compression(_: Any) -> None:
         assert p > 2e5  # extending closes the chamber
         held = (2e5 + ATMOSPHERE_PA) * chamber(2e5, 0.6) ** exponent
         assert (p + ATMOSPHERE_PA) * chamber(p, 0.1) ** exponent == approx(held, rel=1e-7)
+    tiny = numbers("gas_compression", exponent=1.0, volume_m3=1e-7)
+    closed = call("gas_compression", "pressure_rate", tiny, 0.0, 0.0, 0.0, around(angle=-1.0, speed=1.0))
+    smallest = 1e-7 + 1.2e-12 * ATMOSPHERE_PA  # the map's volume is negative here
+    assert closed == approx(-ATMOSPHERE_PA * (A2 - A3) / smallest)
     still = call("gas_compression", "pressure_rate", numbers("gas_compression", exponent=1.0), 5.0, 2e5, 0.0, REST)
     assert still == 5.0
 
@@ -711,10 +715,10 @@ def test_friction_takes_energy_over_any_motion(name: str) -> None:
     """Fails when friction, over a random motion that ends where it began, gives energy to the joint."""
     sizes = {"coulomb_friction": {"torque_nm": 0.01, "presliding_deg": 0.005}, "hysteresis": {"torque_nm": 0.01}}
     for sharp in (0.0, 1.0) if name == "hysteresis" else (0.0,):
-        for seed in range(20):
+        for seed in range(5):
             print(f"seed {seed}")
-            way = np.cumsum(np.random.default_rng(seed).normal(0.0, 5e-4, 3000))
-            way = np.concatenate([way, np.linspace(way[-1], way[0], 1000)])
+            way = np.cumsum(np.random.default_rng(seed).normal(0.0, 8e-4, 1000))
+            way = np.concatenate([way, np.linspace(way[-1], way[0], 300)])
             if name == "viscous_friction":
                 q, speed = numbers(name, quadratic_nm_s2_per_rad2=1e-3), np.diff(way) / H
                 taken = sum(call(name, "damping", q, omega) * omega**2 * H for omega in speed)
