@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from hand_model.description import Hand, load_hand
-from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_model.yaml_document import YamlDocument, number_text
 
 Changes = Mapping[str, Mapping[str, float]]

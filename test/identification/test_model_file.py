@@ -10,7 +10,7 @@ import pytest
 
 from hand_identification.model_file import write_model
 from hand_model.description import load_hand
-from hand_model.parameters import JOINT_PARAMETERS, ROW
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_model.yaml_document import YamlDocument, number_text, yaml_text
 from hand_model.yaml_loader import load_yaml
 
