@@ -1,43 +1,63 @@
-# make demo | make test | make bench: each does all the set-up it needs.
+# make demo | make test | make bench ...: each does all the set-up it needs, in this folder.
 SHELL := bash
 PYTHON ?= python3
 VENV := .venv
-STAMP := $(VENV)/.installed
+# `make demo` installs what runs; every other target also what tests, benches and the proof import.
+BASE := $(VENV)/.base
+FULL := $(VENV)/.full
 BUILT := install/.built
+RUNNING := requirements-ros.txt requirements.txt
+CHECKING := requirements-analysis.txt requirements-validation.txt requirements-dev.txt
+# WHEELHOUSE=folder: install from this folder alone, without a network; `make wheelhouse` fills it.
+WHEELHOUSE ?=
+OFFLINE := $(if $(WHEELHOUSE),--wheelhouse $(WHEELHOUSE))
+# Test processes. Tests in real time run one at a time and alone whatever this is.
+WORKERS ?= 2
 # colcon does not look below the first package it finds, so the interface package is named beside it.
 BASE_PATHS := . hand_msgs
 RUN := source env.bash &&
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
-# A domain of one's own, so that two checkouts on one machine do not hear each other.
+# A domain of its own, so that two checkouts on one machine do not receive each other's messages.
 export ROS_DOMAIN_ID ?= $(shell echo $$(( $$$$ % 90 + 10 )))
 
-SOURCES := $(wildcard hand_*/*.py hand_*/*/*.py validation/*.py validation/*/*.py validation/*/*.html hand_*/*.dbc hand_*/*.html hand_*/*.json hand_msgs/*/* hand_msgs/* config/* launch/* tools/hand setup.* package.xml resource/*)
+# The build links to the source tree (--symlink-install): an edit of Python code or of config/ takes effect at once.
+# Only these files need another build.
+BUILD_INPUTS := $(wildcard hand_msgs/*/* hand_msgs/* config launch/* tools/nodes/* hand_*/__init__.py hand_*/*/__init__.py validation/__init__.py validation/*/__init__.py setup.py package.xml resource/*)
 
-.PHONY: help demo test lint bench proof build clean
+.PHONY: help demo test lint bench proof figures mutate build wheelhouse clean
 
 help:
-	@echo "make demo   simulated hand, controller and recorder over ROS 2; results in out/demo"
-	@echo "make test   lint, types and all tests"
-	@echo "make bench  speed and quality figures into out/bench.json"
-	@echo "make proof  the blind trial of the diagnosis, about an hour; scores into out/proof and docs/proof.md"
-	@echo "make build  set-up only; then: source env.bash"
-	@echo "make clean  remove everything that was built"
+	@echo "make demo        simulated hand, controller and recorder over ROS 2; results in out/demo"
+	@echo "make test        lint, types and all tests"
+	@echo "make bench       speed and quality figures into out/bench.json"
+	@echo "make figures     every figure of README and docs, from the commands that made it"
+	@echo "make proof       the blind trial of the diagnosis, about an hour; scores into out/proof and docs/proof.md"
+	@echo "make mutate      mutation tests: which changes of the code no test notices"
+	@echo "make build       set-up only; then: source env.bash"
+	@echo "make wheelhouse  all requirements as wheels into out/wheelhouse; offline: make demo WHEELHOUSE=out/wheelhouse"
+	@echo "make clean       remove everything that was installed and built here"
 
 demo: $(BUILT)
 	$(RUN) hand demo --out out/demo
 
 test: lint
-	$(RUN) python -m pytest
+	$(RUN) python -m pytest -n $(WORKERS) --dist loadfile
 
-lint: $(BUILT)
+lint: $(BUILT) $(FULL)
 	$(RUN) ruff format --check . && ruff check . && mypy
 
-bench: $(BUILT)
+bench: $(BUILT) $(FULL)
 	$(RUN) python -m validation.bench --out out/bench.json
 
-# The key lives in the shell of this recipe alone; the diagnosis runs in processes that never see it.
+figures: $(BUILT) $(FULL)
+	$(RUN) python -m validation.figures
+
+mutate: $(BUILT) $(FULL)
+	$(RUN) python -m validation.mutation
+
+# The key is a variable of this recipe's shell; the processes of the diagnosis do not receive it.
 # DATA=folder: public recordings of real machines (docs/proof.md names them), diagnosed as well.
-proof: $(BUILT)
+proof: $(BUILT) $(FULL)
 	$(RUN) rm -rf out/proof && made=$$(hand trial make out/proof --cases $(or $(CASES),404)) && \
 	key=$$(echo "$$made" | sed -n 's/^key //p') && echo "$$made" | sed '/^key /d' && \
 	hand trial run out/proof && (echo "$$key" | hand trial score out/proof || [ $$? = 1 ]) && \
@@ -46,13 +66,22 @@ proof: $(BUILT)
 
 build: $(BUILT)
 
+wheelhouse: $(BASE)
+	$(RUN) python -m pip wheel --quiet --wheel-dir out/wheelhouse $(addprefix -r ,$(RUNNING) $(CHECKING))
+
 clean:
 	rm -rf $(VENV) build install log
 
-$(STAMP): requirements.txt requirements-ros.txt requirements-analysis.txt requirements-dev.txt tools/bootstrap.sh
-	bash tools/bootstrap.sh $(PYTHON) $(VENV)
+$(BASE): $(RUNNING) tools/bootstrap.sh
+	bash tools/bootstrap.sh $(PYTHON) $(VENV) $(RUNNING) $(OFFLINE)
 	touch $@
 
-$(BUILT): $(STAMP) $(SOURCES)
-	$(RUN) colcon build --base-paths $(BASE_PATHS) --event-handlers console_cohesion+ status-
+$(FULL): $(BASE) $(CHECKING)
+	bash tools/bootstrap.sh $(PYTHON) $(VENV) $(RUNNING) $(CHECKING) $(OFFLINE)
 	touch $@
+
+# A tree that was installed by copies, or by another version of this file, is removed first: links do not replace files.
+$(BUILT): $(BASE) $(BUILD_INPUTS)
+	[ -e $@ ] && grep -q symlink $@ || rm -rf build install log
+	$(RUN) colcon build --symlink-install --base-paths $(BASE_PATHS) --event-handlers console_cohesion+ status-
+	echo "built with --symlink-install" > $@

@@ -1,3 +1,12 @@
+"""The package for pip and for colcon (ament_python).
+
+The version, the maintainer and the licence are written in package.xml, the requirements in requirements*.txt; both are
+read here. `hand` is the only console script. The nodes are data files below lib/fluidic_hand, where `ros2 run` and
+launch files look for executables, and where neither pip nor colcon puts them on PATH.
+"""
+
+import re
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from setuptools import setup
@@ -22,38 +31,56 @@ PACKAGES = [
     "validation.paper",
     "validation.trial",
 ]
+ROOT = Path(__file__).resolve().parent
+EXTRAS = ("ros", "analysis", "validation", "dev")
 
 
 def files(folder: str, pattern: str) -> list[str]:
-    return sorted(str(path) for path in Path(folder).glob(pattern))
+    return sorted(str(path.relative_to(ROOT)) for path in (ROOT / folder).glob(pattern))
 
+
+def requirements(name: str, *, pinned: bool = False) -> list[str]:
+    """The requirements of a file without those marked as tools, which are run and never imported.
+
+    Without their versions: the files pin what was tested together, and other versions may do as well.
+    """
+    lines = (ROOT / name).read_text(encoding="utf-8").splitlines()
+    wanted = [line.strip() for line in lines if line.strip() and "#" not in line]
+    return wanted if pinned else [re.split(r"[=<>~!]", line)[0] for line in wanted]
+
+
+manifest = ET.parse(ROOT / "package.xml").getroot()
+maintainer = manifest.find("maintainer")
+if maintainer is None:
+    raise SystemExit("package.xml names no maintainer")
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version=manifest.findtext("version"),
+    description=manifest.findtext("description"),
+    license=manifest.findtext("license"),
+    url=manifest.findtext("url"),
+    maintainer=maintainer.text,
+    maintainer_email=maintainer.get("email"),
+    python_requires=">=3.11",
     packages=PACKAGES,
-    package_data={package: ["*.dbc", "*.html", "*.json", "*.txt"] for package in PACKAGES},
+    package_data={package: ["*.dbc", "*.html", "*.json", "*.txt", "*.yaml", "*.c", "*.h"] for package in PACKAGES},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", files("config", "*.yaml")),
         (f"share/{NAME}/launch", files("launch", "*.launch.py")),
-        ("bin", ["tools/hand"]),
+        # Recordings hold the definitions of their messages; without ROS they are read here.
+        (f"share/{NAME}/interfaces/hand_msgs/msg", files("hand_msgs/msg", "*.msg")),
+        (f"lib/{NAME}", files("tools/nodes", "*")),
     ],
-    install_requires=["setuptools"],
-    extras_require={"test": ["pytest"]},
-    zip_safe=False,
-    maintainer="fluidic_hand maintainers",
-    maintainer_email="maintainers@fluidic-hand.invalid",
-    description="Driver, simulation, controller and recorder of a robot hand with eleven flexible fluidic actuators.",
-    license="Apache-2.0",
-    entry_points={
-        "console_scripts": [
-            "driver = hand_driver.node:main",
-            "simulation = hand_sim.node:main",
-            "controller = hand_control.node:main",
-            "recorder = hand_recording.node:main",
-            "hand = hand_tool.cli:main",
-        ]
+    install_requires=requirements("requirements.txt"),
+    extras_require={
+        # Unpinned, the names of the ROS wheels would resolve to a later distribution than Jazzy.
+        **{name: requirements(f"requirements-{name}.txt", pinned=name == "ros") for name in EXTRAS},
+        # colcon runs pytest for a package that asks for it here.
+        "test": ["pytest"],
     },
+    zip_safe=False,
+    entry_points={"console_scripts": ["hand = hand_tool.main:main"]},
 )

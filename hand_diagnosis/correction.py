@@ -1,7 +1,7 @@
 """A data-driven correction where no effect explains a residual: sparse regression of it on the states.
 
 Sequentially thresholded least squares (Brunton, Proctor and Kutz, PNAS 113(15), 2016) on polynomials of angle, pressure
-and speed with the sign of the motion, by PySINDy's optimiser. It describes, it does not explain: the report says so.
+and speed with the sign of the motion. It describes, it does not explain: the report says so.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from hand_model.effects.effect import SPEED
 THRESHOLD = 0.05
 """Of the residual's RMS: smaller terms are dropped."""
 SLOW_RAD_S = 0.05
+RIDGE, ITERATIONS = 1e-3, 10
+"""Weight of the ridge penalty; upper bound on the rounds of removal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +52,6 @@ def _power(name: str, symbol: str) -> int:
 
 def sparse_correction(problem: JointProblem, fit: MapFit, stage: int) -> Correction:
     """Fit the residual of a stage on train blocks and judge it on held-out ones."""
-    from pysindy import STLSQ  # noqa: PLC0415 - large, and of use here alone
-
     rows, targets, held = [], [], []
     for segment, residual in zip(problem.segments, fit.residuals, strict=True):
         use = segment.use[stage]
@@ -63,13 +63,32 @@ def sparse_correction(problem: JointProblem, fit: MapFit, stage: int) -> Correct
     target, out = np.concatenate(targets), np.concatenate(held)
     scale = np.maximum(np.abs(table).max(axis=0), 1e-12)
     rms = float(np.sqrt(np.mean(target**2))) or 1.0
-    optimiser = STLSQ(threshold=THRESHOLD, alpha=1e-3, normalize_columns=False, max_iter=10)
-    optimiser.fit((table / scale)[~out], (target / rms)[~out][:, None])
-    weights = np.asarray(optimiser.coef_).ravel() * rms / scale
+    weights = thresholded_least_squares((table / scale)[~out], (target / rms)[~out], THRESHOLD) * rms / scale
     left = target[out] - table[out] @ weights
     share = 1.0 - float(np.mean(left**2)) / max(float(np.mean(target[out] ** 2)), 1e-300)
     terms = tuple((name, float(w)) for name, w in zip(names, weights, strict=True) if w != 0.0)
     return Correction(UNITS[stage], terms, max(share, 0.0))
+
+
+def thresholded_least_squares(table: Array, target: Array, threshold: float) -> Array:
+    """Coefficients (n,) of the columns of table (m, n) for target (m,); those below the threshold are zero.
+
+    Ridge regression and removal of small coefficients in turn, until none is small; then ordinary least squares on
+    the columns that are left.
+    """
+    kept = np.ones(table.shape[1], dtype=bool)
+    for _ in range(ITERATIONS):
+        ridge = np.sqrt(RIDGE) * np.eye(kept.sum())
+        part = np.vstack([table[:, kept], ridge])
+        found = np.linalg.lstsq(part, np.concatenate([target, np.zeros(len(ridge))]), rcond=None)[0]
+        large = np.abs(found) >= threshold
+        kept[kept] = large
+        if large.all() or not kept.any():
+            break
+    coefficients = np.zeros(table.shape[1])
+    if kept.any():
+        coefficients[kept] = np.linalg.lstsq(table[:, kept], target, rcond=None)[0]
+    return coefficients
 
 
 def _library(angle: Array, pressure_bar: Array, speed: Array) -> list[tuple[str, Array]]:

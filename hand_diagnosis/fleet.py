@@ -101,7 +101,7 @@ def run_fleet(jobs: Sequence[Job], workers: int, scheduler: str | None) -> Itera
 
     local = None
     if scheduler is None:
-        local = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None)
+        local = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=":0")
     try:
         with Client(scheduler or local, timeout=20) as client:
             waiting = client.map(_run_beside_others, list(jobs), pure=False)

@@ -15,6 +15,8 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 from rosbags.typesys.store import Typestore
 
 CHECKOUT = Path(__file__).resolve().parents[1]
+INTERFACES = Path("share") / "fluidic_hand" / "interfaces"
+"""Folder below the prefix of an installation that holds hand_msgs/msg/*.msg; needed where ROS is not installed."""
 
 
 class Definition(NamedTuple):
@@ -29,9 +31,10 @@ class UnknownType(ValueError):
 
 
 def share_folders(environment: Mapping[str, str] = os.environ) -> list[Path]:
-    """The `share` folder of every sourced ament prefix, and the checkout, where packages hold msg/*.msg."""
+    """Folders whose packages hold msg/*.msg: `share` of every sourced ament prefix, the checkout, the installation."""
     prefixes = environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    return [Path(prefix) / "share" for prefix in prefixes if prefix] + [CHECKOUT]
+    installed = [folder / INTERFACES for folder in CHECKOUT.parents if (folder / INTERFACES).is_dir()]
+    return [Path(prefix) / "share" for prefix in prefixes if prefix] + [CHECKOUT, *installed]
 
 
 @cache

@@ -1,8 +1,10 @@
-"""The tool `hand`: its subcommands, and how every one of them fails: one line, exit code 2."""
+"""The command `hand`: its subcommands, and one line with exit code 2 for bad usage of any of them."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
+from typing import Annotated
 
 import typer
 
@@ -17,12 +19,15 @@ from hand_tool.record import record
 from hand_tool.reproduce import reproduce
 from hand_tool.simulate import simulate
 from hand_tool.trial import app as trial
+from hand_tool.version import version
 
 app = typer.Typer(
     name="hand",
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
-    help="Record, simulate and try a robot hand with flexible fluidic actuators.",
+    help="Record, simulate, identify and diagnose a robot hand with flexible fluidic actuators.\n\n"
+    "Example: hand demo --out out/demo\n\n"
+    "Exit codes: 0 done, 1 the command found what it is asked to fail on, 2 bad usage or bad input, 130 Ctrl-C.",
 )
 app.command()(record)
 app.command()(simulate)
@@ -37,23 +42,34 @@ app.command("new-effect")(new_effect)
 app.command()(reproduce)
 
 
-def main() -> None:
-    """Entry point of the executable `hand`; bad usage is one line, without a command the help."""
-    arguments = sys.argv[1:]
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"hand {version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    show_version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Options of the command itself; the help text above belongs to the application."""
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run a command line and return its exit code; without a subcommand print the help and return 2."""
     try:
-        code = typer.main.get_command(app).main(arguments or ["--help"], prog_name="hand", standalone_mode=False)
-    except (KeyboardInterrupt, typer.Abort):
-        sys.exit(130)
+        command = typer.main.get_command(app)
+        code = command.main(list(arguments) or ["--help"], prog_name="hand", standalone_mode=False)
+    except typer.Abort as abort:
+        raise KeyboardInterrupt from abort
     except Exception as error:
-        if not hasattr(error, "format_message"):  # the usage errors of every click that typer comes with
+        if not hasattr(error, "format_message"):  # every usage error of the click that typer comes with has it
             raise
         context = getattr(error, "ctx", None)
-        command = context.command_path if context else "hand"
+        name = context.command_path if context else "hand"
         message = " ".join(error.format_message().split()).rstrip(".?")
-        print(f"{command}: {message}. See {command} --help.", file=sys.stderr)
-        sys.exit(2)
-    sys.exit(code if arguments else 2)
-
-
-if __name__ == "__main__":
-    main()
+        print(f"{name}: {message}. See {name} --help.", file=sys.stderr)
+        return 2
+    return int(code or 0) if arguments else 2

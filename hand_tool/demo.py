@@ -5,36 +5,37 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from hand_control.grasps import Grasp, load_grasps
-from hand_model.description import Hand, load_hand
-from hand_model.yaml_document import YamlDocument, number_text
 from hand_recording.installed import default_model
-from hand_recording.loader import load_recording
-from hand_recording.replay import replay_recording, write_replay
-from hand_tool.demo_page import write_page
-from hand_tool.demo_summary import Summary, summarise
+from hand_tool import interrupts
+from hand_tool.chosen_model import choose_model
+from hand_tool.console import fail, progress_bar, running
+from hand_tool.options import AsJson, Model, Quiet, Verbose
+from hand_tool.paths import check_folder
 from hand_tool.processes import ProcessError, Processes
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+    from hand_control.grasps import Grasp
+    from hand_model.description import Hand
+    from hand_tool.demo_summary import Summary
 
 PATTERNS = ("cylindrical", "tripod", "lateral")
 CLOSE_S, HOLD_S, OPEN_S, REST_S = 2.0, 2.2, 1.6, 0.8
 CONTACT_SHARE = 0.85
-"""The soft object begins at this share of the cylindrical grasp's closing angle."""
+"""The soft object is met at this share of the closing angle of the cylindrical grasp."""
 CONTACT_STIFFNESS_NM_PER_RAD = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class Files:
-    """What the demo leaves in its folder."""
+    """The files that the demo writes into its folder."""
 
     folder: Path
 
@@ -45,7 +46,7 @@ class Files:
 
     @property
     def recording(self) -> Path:
-        """Everything that was said on the topics."""
+        """Every message on the topics of the hand."""
         return self.folder / "recording.mcap"
 
     @property
@@ -68,8 +69,10 @@ def demo(
     out: Annotated[Path, typer.Option(help="Folder of the results; earlier results in it are replaced.")] = Path(
         "out/demo"
     ),
-    model: Annotated[Path | None, typer.Option(help="hand.yaml to simulate. Default: the installed one.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print summary.json instead of text.")] = False,
+    model: Model = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Eleven simulated joints follow three grasps over ROS 2; recorded, replayed offline and shown on a page.
 
@@ -78,28 +81,37 @@ def demo(
     Exit codes: 0 every joint followed, 1 a joint did not follow or a process failed, 2 bad usage or bad input.
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    console = Console(stderr=True)
     files = Files(out)
+    with running("demo", files.model, files.recording, files.replay, files.page, files.summary) as outputs:
+        check_folder(out)
+        chosen = choose_model(model)
+        hand, grasps = _prepare(files, chosen.path)
+        outputs.complete(files.model)
+        from hand_tool import live_node  # noqa: F401 - a missing ROS is reported before anything is started
+
+        chosen.print(as_json)
+    interrupts.release()  # Ctrl-C must end the nodes in order
     try:
-        hand, grasps = _prepare(files, model or default_model())
-    except (ValueError, OSError) as error:
-        print(f"hand demo: {error}", file=sys.stderr)
-        raise typer.Exit(2) from None
-    columns = (TextColumn("{task.description:<42}"), BarColumn(), TextColumn("{task.percentage:3.0f}%"))
-    try:
-        with Progress(*columns, TimeElapsedColumn(), console=console) as progress:
+        with progress_bar(as_json) as progress:
             _play(files, hand, grasps, progress)
+            outputs.complete(files.recording)
             summary = _evaluate(files, hand, progress)
     except (ProcessError, ValueError, OSError) as error:
-        print(f"hand demo: {error}; logs are in {files.folder / 'logs'}", file=sys.stderr)
-        raise typer.Exit(1) from None
-    print(json.dumps(summary.as_json(), indent=2) if as_json else _text(files, summary))
+        fail("demo", f"{error}; logs are in {files.folder / 'logs'}", 1)
+    content = summary.as_json() | {"model_file": chosen.as_json()}
+    print(json.dumps(content, indent=2) if as_json else _text(files, summary))
     if summary.not_followed:
         raise typer.Exit(1)
 
 
 def _prepare(files: Files, model: Path) -> tuple[Hand, dict[str, Grasp]]:
-    """Clear the folder and put the model of the hand with a soft object in it there."""
+    """Clear the folder and write the model of the hand with a soft object in it."""
+    import numpy as np
+
+    from hand_control.grasps import load_grasps
+    from hand_model.description import load_hand
+    from hand_model.yaml_document import YamlDocument, number_text
+
     hand = load_hand(model)
     grasps = load_grasps(model.with_name("grasps.yaml"), hand)
     files.folder.mkdir(parents=True, exist_ok=True)
@@ -119,7 +131,7 @@ def _prepare(files: Files, model: Path) -> tuple[Hand, dict[str, Grasp]]:
 
 def _play(files: Files, hand: Hand, grasps: dict[str, Grasp], progress: Progress) -> None:
     """Record simulation and controller while they perform the grasps."""
-    from hand_tool.live_node import NotReadyError, Pose, perform  # noqa: PLC0415 - needs ROS, --help does not
+    from hand_tool.live_node import NotReadyError, Pose, perform
 
     poses = []
     for name in PATTERNS:
@@ -150,6 +162,11 @@ def _play(files: Files, hand: Hand, grasps: dict[str, Grasp], progress: Progress
 
 def _evaluate(files: Files, hand: Hand, progress: Progress) -> Summary:
     """Replay offline, compare, write page and summary."""
+    from hand_recording.loader import load_recording
+    from hand_recording.replay import replay_recording, write_replay
+    from hand_tool.demo_page import write_page
+    from hand_tool.demo_summary import summarise
+
     recording = load_recording(files.recording)
     result = replay_recording(recording, hand)
     bar = progress.add_task("replaying the recording offline", total=1.0)

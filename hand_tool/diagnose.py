@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from hand_model.description import load_hand
-from hand_recording.installed import default_model
+from hand_tool import interrupts
+from hand_tool.chosen_model import ChosenModel, choose_model
+from hand_tool.console import progress_bar, running
+from hand_tool.options import AsJson, Model, Quiet, Verbose
+from hand_tool.paths import check_exists, check_file, check_folder
 
 LINES = 15
 
@@ -20,7 +20,7 @@ LINES = 15
 def diagnose(
     recordings: Annotated[list[Path], typer.Argument(help="rosbag2 folders or .mcap/.db3 files, or CSV with --map.")],
     out: Annotated[Path, typer.Option(help="Folder for report.json, report.html, model.yaml and PNGs.")],
-    model: Annotated[Path | None, typer.Option(help="Nominal hand.yaml. Default: the installed one.")] = None,
+    model: Model = None,
     mapping: Annotated[
         Path | None, typer.Option("--map", help="YAML that names the columns of a CSV or Parquet.")
     ] = None,
@@ -39,7 +39,9 @@ def diagnose(
     jobs: Annotated[int, typer.Option(help="Processes; more than 1 means --each.")] = 1,
     scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler; means --each.")] = None,
     ask: Annotated[bool, typer.Option("--ask", help="Print the command of the experiment to record next.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print report.json's content.")] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Locate the mismatch, name the missing physics, model it, and show the fit improve.
 
@@ -47,31 +49,37 @@ def diagnose(
 
     Exit codes: 0 done, 2 bad usage or a recording or model that cannot be used.
     """
-    try:
-        from hand_diagnosis.diagnose import diagnose as run  # noqa: PLC0415 - compiles; only where it is used
-        from hand_diagnosis.inputs import read_signals  # noqa: PLC0415 - as above
-        from hand_diagnosis.page import write_page  # noqa: PLC0415 - as above
-        from hand_diagnosis.report import write_report  # noqa: PLC0415 - as above
-
-        if not 0.0 < tolerance <= 1.0:
-            raise ValueError(f"--tolerance is {tolerance:g}; the allowed range is above 0 to 1")
-        if not 1 <= jobs <= 256:
-            raise ValueError(f"--jobs is {jobs}; the allowed range is 1 to 256")
+    files = (out / "report.json", out / "report.html", out / "model.yaml")
+    fleet = each or jobs > 1 or scheduler is not None
+    table = (out / "findings.parquet", out / "summary.json")
+    with running("diagnose", *(table if fleet else files)) as outputs:
+        _check(recordings, mapping, rerun or [], tolerance, jobs, fleet)
+        check_folder(out)
+        chosen = choose_model(machine or model)
         if machine is not None:
-            content = _machine(machine, recordings, out, tolerance, seed, _list(without))
-            print(json.dumps(content) if as_json else "\n".join(_summary(content, out, ask=False)))
+            content = _machine(
+                chosen, recordings, out, tolerance=tolerance, seed=seed, without=_list(without), as_json=as_json
+            )
+            _print(content | {"model_file": chosen.as_json()}, out, as_json, ask=False)
             return
-        hand = load_hand(model or default_model())
-        if rerun and (each or jobs > 1 or scheduler is not None):
-            raise ValueError("--rerun belongs to the diagnosis of one hand; it cannot be used with --each or --jobs")
-        if each or jobs > 1 or scheduler is not None:
+        from hand_model.description import load_hand
+
+        hand = load_hand(chosen.path)
+        if fleet:
+            chosen.print(as_json)
             options = (tolerance, seed, tuple(_list(joints)), tuple(_list(without)), sensor_curve)
-            _fleet(recordings, hand.path, mapping, out, options, jobs, scheduler, as_json)
+            summary = _fleet(recordings, hand.path, mapping, out, options, jobs, scheduler, as_json)
+            _print_fleet(summary | {"model_file": chosen.as_json()}, out, as_json)
             return
+        from hand_diagnosis.diagnose import diagnose as run
+        from hand_diagnosis.inputs import read_signals
+        from hand_diagnosis.page import write_page
+        from hand_diagnosis.report import write_report
+
         signals = read_signals(recordings, hand, mapping)
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-        with Progress(*columns, console=Console(stderr=True, quiet=as_json), transient=True) as progress:
-            total = len({joint for one in signals for joint in one.joints})
+        repeated = read_signals(rerun or [], hand, mapping)
+        with progress_bar(as_json, counted=True) as progress:
+            total = len({joint for recorded in signals for joint in recorded.joints})
             bar = progress.add_task("joints", total=total)
             result = run(
                 signals,
@@ -81,34 +89,60 @@ def diagnose(
                 joints=_list(joints),
                 without=_list(without),
                 sensor_curve=sensor_curve,
-                reruns=read_signals(rerun or [], hand, mapping),
+                reruns=repeated,
                 progress=lambda joint: progress.update(bar, advance=1, description=joint),
             )
             progress.update(bar, completed=total)
+        chosen.print(as_json)
         content, _ = write_report(result, hand, [str(path) for path in recordings], out)
+        outputs.complete(files[0], files[2])
         write_page(result, content, out)
-    except (ValueError, OSError, ImportError) as error:
-        print(f"hand diagnose: {error}", file=sys.stderr)
-        raise typer.Exit(2) from None
-    if as_json:
-        print(json.dumps(content))
-    else:
-        print("\n".join(_summary(content, out, ask)))
+    _print(content | {"model_file": chosen.as_json()}, out, as_json, ask)
+
+
+def _check(
+    recordings: list[Path], mapping: Path | None, rerun: list[Path], tolerance: float, jobs: int, fleet: bool
+) -> None:
+    """Check what needs no library. Of many recordings, the bad ones are rows of the table."""
+    if not 0.0 < tolerance <= 1.0:
+        raise ValueError(f"--tolerance is {tolerance:g}; the allowed range is above 0 to 1")
+    if not 1 <= jobs <= 256:
+        raise ValueError(f"--jobs is {jobs}; the allowed range is 1 to 256")
+    if rerun and fleet:
+        raise ValueError("--rerun belongs to the diagnosis of one hand; it cannot be used with --each or --jobs")
+    if mapping is not None:
+        check_file(mapping)
+    for path in rerun if fleet else [*recordings, *rerun]:
+        check_exists(path)
+
+
+def _print(content: dict[str, Any], out: Path, as_json: bool, ask: bool) -> None:
+    print(json.dumps(content) if as_json else "\n".join(_summary(content, out, ask)))
 
 
 def _machine(
-    machine: Path, recordings: list[Path], out: Path, tolerance: float, seed: int, without: list[str]
+    chosen: ChosenModel,
+    recordings: list[Path],
+    out: Path,
+    *,
+    tolerance: float,
+    seed: int,
+    without: list[str],
+    as_json: bool,
 ) -> dict[str, Any]:
-    """Diagnose a machine that is no hand; report and page in its own units, parameters instead of a hand's model."""
-    from hand_diagnosis.diagnose import diagnose as run  # noqa: PLC0415 - compiles; only where it is used
-    from hand_diagnosis.machine import in_own_units, load_machine  # noqa: PLC0415 - as above
-    from hand_diagnosis.page import write_page  # noqa: PLC0415 - as above
-    from hand_diagnosis.report import document  # noqa: PLC0415 - as above
-    from hand_model.yaml_document import yaml_text  # noqa: PLC0415 - as above
+    """Diagnose a machine that is not a hand; report and page in its units, parameters instead of a hand's model."""
+    from hand_diagnosis.diagnose import diagnose as run
+    from hand_diagnosis.machine import in_own_units, load_machine
+    from hand_diagnosis.page import write_page
+    from hand_diagnosis.report import document
+    from hand_model.yaml_document import yaml_text
 
-    loaded = load_machine(machine, recordings)
+    loaded = load_machine(chosen.path, recordings)
+    chosen.print(as_json)
     result = run(loaded.signals, loaded.hand, tolerance=tolerance, seed=seed, without=without, sensor_curve=False)
-    content = in_own_units(document(result, [str(path) for path in recordings], str(machine)), result.findings, loaded)
+    content = in_own_units(
+        document(result, [str(path) for path in recordings], str(chosen.path)), result.findings, loaded
+    )
     out.mkdir(parents=True, exist_ok=True)
     (out / "report.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     effects = {
@@ -131,23 +165,27 @@ def _fleet(
     jobs: int,
     scheduler: str | None,
     as_json: bool,
-) -> None:
-    """Every recording for itself, resumed where a report is there already; the table and what it says in short."""
-    from hand_diagnosis.fleet import Job, run_fleet, write_table  # noqa: PLC0415 - compiles; only where it is used
+) -> dict[str, Any]:
+    """Diagnose every recording by itself; a recording that has a report is not diagnosed again. The summary."""
+    from hand_diagnosis.fleet import Job, run_fleet, write_table
 
     names = [f"{number:05d}_{path.stem}" for number, path in enumerate(recordings)]
     work = [
         Job(str(path), str(model), str(mapping) if mapping else None, str(out / name), *options)
         for path, name in zip(recordings, names, strict=True)
     ]
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     rows = []
-    with Progress(*columns, console=Console(stderr=True, quiet=as_json), transient=True) as progress:
+    if jobs > 1:
+        interrupts.before_workers()
+    with progress_bar(as_json, counted=True) as progress:
         bar = progress.add_task("recordings", total=len(work))
         for part in run_fleet(work, jobs, scheduler):
             rows += part
             progress.advance(bar)
-    summary = write_table(rows, out)
+    return write_table(rows, out)
+
+
+def _print_fleet(summary: dict[str, Any], out: Path, as_json: bool) -> None:
     if as_json:
         print(json.dumps(summary))
         return
@@ -155,7 +193,7 @@ def _fleet(
     print(f"{summary['recordings']} recordings: {counts}")
     for name, count in list(summary["by_joint"].items())[:10]:
         print(f"  {count:4d}  {name}")
-    print(f"written: {out / 'findings.parquet'}, {out / 'summary.json'}, a report a recording")
+    print(f"written: {out / 'findings.parquet'}, {out / 'summary.json'}, one report per recording")
 
 
 def _list(text: str) -> list[str]:

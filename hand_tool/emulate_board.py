@@ -3,44 +3,44 @@
 from __future__ import annotations
 
 import signal
-import sys
 import threading
 from collections.abc import Callable
-from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hand_driver.board import BoardError
-from hand_model.description import Hand, load_hand
-from hand_recording.installed import default_model
-from hand_sim.can_endpoint import CanEndpoint, SlcanEndpoint
-from hand_sim.emulator import BoardEndpoint, Emulator
-from hand_sim.faults import Faults, parse_disconnect, parse_stuck
-from hand_sim.plant import SimulatedPlant
-from hand_sim.serial_endpoint import SerialEndpoint
+from hand_tool import interrupts
+from hand_tool.chosen_model import choose_model
+from hand_tool.console import running
+from hand_tool.options import Model, Quiet, Verbose
+
+if TYPE_CHECKING:
+    from hand_model.description import Hand
+    from hand_sim.emulator import BoardEndpoint, Emulator
 
 SLCAN = "slcan"
 UNPLUGGED_S = 1.5
-"""How long SIGUSR1 takes the cable away."""
+"""Duration of the disconnection that SIGUSR1 starts."""
 
 
 def emulate_board(
-    serial: Annotated[str | None, typer.Option(help="Serve a serial port at this path; auto: say which.")] = None,
+    serial: Annotated[str | None, typer.Option(help="Serve a serial port at this path; auto: any.")] = None,
     can: Annotated[str | None, typer.Option(help="Serve a CAN channel; with slcan the path of a serial port.")] = None,
     can_interface: Annotated[str, typer.Option(help="slcan, or any interface of python-can.")] = SLCAN,
     can_bitrate: Annotated[int, typer.Option(help="Bit rate of the CAN bus [1/s].")] = 1_000_000,
-    model: Annotated[Path | None, typer.Option(help="hand.yaml to simulate. Default: the installed one.")] = None,
-    seed: Annotated[int, typer.Option(help="Of sensor noise and random faults.")] = 0,
+    model: Model = None,
+    seed: Annotated[int, typer.Option(help="Seed of sensor noise and random faults.")] = 0,
     drop: Annotated[float, typer.Option(help="Probability of losing a frame, 0 to 1.")] = 0.0,
     corrupt: Annotated[float, typer.Option(help="Probability of damaging a frame, 0 to 1.")] = 0.0,
     delay_ms: Annotated[float, typer.Option("--delay", help="Extra latency of every frame in ms.")] = 0.0,
     disconnect: Annotated[
-        list[str] | None, typer.Option(help="AT:FOR, unplug after AT seconds for FOR seconds; may be repeated.")
+        list[str] | None, typer.Option(help="AT:FOR, disconnect after AT seconds for FOR seconds; may be repeated.")
     ] = None,
     stuck: Annotated[
         list[str] | None, typer.Option(help="CHANNEL or CHANNEL=COUNT, a channel that sticks; may be repeated.")
     ] = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Serve the simulated hand as the bytes a board would send, until Ctrl-C.
 
@@ -48,48 +48,57 @@ def emulate_board(
 
     Then: ros2 run fluidic_hand driver --ros-args -p serial_port:=/tmp/hand_board
 
-    SIGUSR1 pulls the cable for 1.5 s at any time: kill -USR1 PID
+    SIGUSR1 disconnects the board for 1.5 s: kill -USR1 PID
 
     Exit codes: 0 ended by Ctrl-C or SIGTERM, 2 bad usage, bad input or a port that cannot be made.
     """
-    try:
-        hand = load_hand(model or default_model())
+    with running("emulate-board"):
+        if (serial is None) == (can is None):
+            raise ValueError("give either --serial PATH or --can CHANNEL")
+        chosen = choose_model(model)
+        from hand_model.description import load_hand
+
+        hand = load_hand(chosen.path)
+        from hand_driver.board import BoardError
+        from hand_sim.emulator import Emulator
+        from hand_sim.faults import Faults, parse_disconnect, parse_stuck
+        from hand_sim.plant import SimulatedPlant
+
         full_scale = hand.sensors.adc.full_scale
         sticking = dict(parse_stuck(text, hand.channel_count, full_scale) for text in stuck or ())
-        faults = Faults(
-            drop, corrupt, delay_ms * 1e-3, tuple(parse_disconnect(text) for text in disconnect or ()), sticking
-        )
-        open_endpoint = _endpoint(serial, can, can_interface, can_bitrate)
+        outages = tuple(parse_disconnect(text) for text in disconnect or ())
+        faults = Faults(drop, corrupt, delay_ms * 1e-3, outages, sticking)
         plant = SimulatedPlant(hand, hand.rate_hz, seed)
+    with running("emulate-board", errors=(BoardError,)):
+        open_endpoint = _endpoint(serial, can, can_interface, can_bitrate)
         emulator = Emulator(plant, open_endpoint, hand.rate_hz, hand.valve_count, faults, seed=seed)
-    except (ValueError, OSError, BoardError) as error:
-        print(f"hand emulate-board: {error}", file=sys.stderr)
-        raise typer.Exit(2) from None
-    _serve(emulator, hand)
+        chosen.print()
+        _serve(emulator, hand)
 
 
 def _endpoint(serial: str | None, can: str | None, interface: str, bitrate: int) -> Callable[[], BoardEndpoint]:
+    """What opens the board's end of the link; exactly one of serial and can is given."""
+    from hand_sim.can_endpoint import CanEndpoint, SlcanEndpoint
+    from hand_sim.serial_endpoint import SerialEndpoint
 
-    if serial is not None and can is None:
+    if serial is not None:
         return lambda: SerialEndpoint(serial)
-    if can is not None and serial is None:
-        if interface == SLCAN:
-            return lambda: SlcanEndpoint(can)
-        return lambda: CanEndpoint(interface, can, bitrate)
-    raise ValueError("give either --serial PATH or --can CHANNEL")
+    channel = can or ""
+    if interface == SLCAN:
+        return lambda: SlcanEndpoint(channel)
+    return lambda: CanEndpoint(interface, channel, bitrate)
 
 
 def _serve(emulator: Emulator, hand: Hand) -> None:
+    """Serve until SIGINT or SIGTERM; raises OSError or BoardError where the port cannot be opened again."""
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
+    interrupts.release()
     signal.signal(signal.SIGUSR1, lambda *_: emulator.unplug(UNPLUGGED_S))
     print(f"ready: {emulator.description}, {hand.channel_count} channels, {hand.rate_hz:g} Hz", flush=True)
     try:
         emulator.run(stopped.is_set)
-    except (OSError, BoardError) as error:  # plugged in again, and the place is taken
-        print(f"hand emulate-board: {error}", file=sys.stderr)
-        raise typer.Exit(2) from None
     finally:
         emulator.close()
 

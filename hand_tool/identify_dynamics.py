@@ -3,38 +3,35 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import matplotlib
-import numpy as np
 import typer
-from rich.console import Console
-from rich.progress import Progress
-from rich.table import Table
 
-from hand_identification.dynamics import DYNAMIC_KEYS, MATERIAL_KEYS, STATIC_KEYS, JointDynamics, identify
-from hand_identification.model_file import write_model
-from hand_model.description import Hand, load_hand
-from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
-from hand_recording.hand_signals import hand_signals, without_sensor_curve
-from hand_recording.installed import default_model
-from hand_recording.loader import load_recording
-from hand_recording.signals import Signals
+from hand_tool.chosen_model import choose_model
+from hand_tool.console import progress_bar, running
+from hand_tool.options import AsJson, Model, Quiet, Verbose
+from hand_tool.paths import check_exists, check_folder
+
+if TYPE_CHECKING:
+    from hand_identification.dynamics import JointDynamics
+    from hand_model.description import Hand
+    from hand_recording.signals import Signals
 
 
 def dynamics(
     recordings: Annotated[list[Path], typer.Argument(help="rosbag2 folders or .mcap/.db3 files.")],
-    out: Annotated[Path, typer.Option(help="Folder for model.yaml, dynamics.json and a figure a joint.")],
-    model: Annotated[Path | None, typer.Option(help="Nominal hand.yaml. Default: the installed one.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for model.yaml, dynamics.json and one figure per joint.")],
+    model: Model = None,
     joints: Annotated[str, typer.Option(help="Comma-separated joints. Default: all that were recorded.")] = "",
-    statics: Annotated[bool, typer.Option("--statics", help="Fit a0 ... a3 of Eq. 6, too.")] = False,
+    statics: Annotated[bool, typer.Option("--statics", help="Fit a0 to a3 of Eq. 6, too.")] = False,
     sensor_curve: Annotated[
-        bool, typer.Option(help="Take the described Hall characteristic back out of the angles.")
+        bool, typer.Option(help="Remove the described Hall characteristic from the angles.")
     ] = True,
-    seed: Annotated[int, typer.Option(help="Of the random starts.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the outcome as JSON.")] = False,
+    seed: Annotated[int, typer.Option(help="Seed of the random starts.")] = 0,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Fit J, d, valve, then phi_max, p_min, b0 and both time constants by simulation error; write the patched model.
 
@@ -42,33 +39,49 @@ def dynamics(
 
     Exit codes: 0 done, 2 bad usage or a recording or model that cannot be used.
     """
-    try:
-        hand = load_hand(model or default_model())
-        signals = [hand_signals(load_recording(path), hand) for path in recordings]
-        if sensor_curve:
-            signals = [without_sensor_curve(one, hand) for one in signals]
+    files = (out / "model.yaml", out / "dynamics.json")
+    with running("identify dynamics", *files) as outputs:
+        for path in recordings:
+            check_exists(path)
+        check_folder(out)
+        chosen = choose_model(model)
+        from hand_identification.dynamics import DYNAMIC_KEYS, MATERIAL_KEYS, STATIC_KEYS, identify
+        from hand_identification.model_file import write_model
+        from hand_model.description import load_hand
+
+        hand = load_hand(chosen.path)
+        signals = _signals(recordings, hand, sensor_curve)
         wanted = _joints(joints, hand, signals)
+        chosen.print(as_json)
         keys = (*DYNAMIC_KEYS, *MATERIAL_KEYS, *(STATIC_KEYS if statics else ()))
-        with Progress(console=Console(stderr=True, quiet=as_json)) as progress:
+        with progress_bar(as_json, counted=True) as progress:
             bar = progress.add_task("identifying", total=len(wanted))
             found = identify(signals, hand, wanted, keys, seed, lambda _: progress.advance(bar))
         names = ", ".join(path.name for path in recordings)
         comment = f"Identified from {names} with seed {seed}; nominal: {hand.path.name}."
         values = {result.joint: result.values() for result in found}
         resolutions = {result.joint: result.resolutions() for result in found}
-        write_model(hand, values, out / "model.yaml", comment, resolutions=resolutions)
-    except (ValueError, OSError) as error:
-        print(f"hand identify dynamics: {error}", file=sys.stderr)
-        raise typer.Exit(2) from None
-    _write(found, out)
+        write_model(hand, values, files[0], comment, resolutions=resolutions)
+        outputs.complete(files[0])
+        files[1].write_text(json.dumps(_document(found), indent=2) + "\n", encoding="utf-8")
+        outputs.complete(files[1])
+        _draw(found, out)
     if as_json:
-        print(json.dumps(_document(found)))
+        print(json.dumps(_document(found) | {"model_file": chosen.as_json()}))
     else:
         _print(found, out)
 
 
+def _signals(recordings: list[Path], hand: Hand, sensor_curve: bool) -> list[Signals]:
+    from hand_recording.hand_signals import hand_signals, without_sensor_curve
+    from hand_recording.loader import load_recording
+
+    signals = [hand_signals(load_recording(path), hand) for path in recordings]
+    return [without_sensor_curve(recorded, hand) for recorded in signals] if sensor_curve else signals
+
+
 def _joints(text: str, hand: Hand, signals: list[Signals]) -> list[str]:
-    recorded = [joint for joint in hand.joints if any(joint in one.joints for one in signals)]
+    recorded = [joint for joint in hand.joints if any(joint in part.joints for part in signals)]
     wanted = [name.strip() for name in text.split(",") if name.strip()]
     for name in wanted:
         if name not in recorded:
@@ -77,8 +90,10 @@ def _joints(text: str, hand: Hand, signals: list[Signals]) -> list[str]:
 
 
 def _document(found: list[JointDynamics]) -> dict[str, object]:
+    from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
+
     return {
-        one.joint: {
+        result.joint: {
             "parameters": {
                 e.key: {
                     "value": e.value / JOINT_PARAMETERS[ROW[e.key]].scale,
@@ -86,38 +101,47 @@ def _document(found: list[JointDynamics]) -> dict[str, object]:
                     "verdict": e.verdict,
                     "record": e.record,
                 }
-                for e in one.estimates
+                for e in result.estimates
             },
-            "rmse_before": one.rmse_before,
-            "rmse_after": one.rmse_after,
-            "held_out_after": one.held_out_after,
+            "rmse_before": result.rmse_before,
+            "rmse_after": result.rmse_after,
+            "held_out_after": result.held_out_after,
         }
-        for one in found
+        for result in found
     }
 
 
 def _print(found: list[JointDynamics], out: Path) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
+
     console = Console()
-    for one in found:
-        before, after = (57.2958 * rmse.get("angle", float("nan")) for rmse in (one.rmse_before, one.held_out_after))
-        table = Table(title=f"{one.joint}: angle {before:.3f} -> {after:.3f} degree RMS on held-out data")
+    for result in found:
+        errors_rad = (result.rmse_before.get("angle", float("nan")), result.held_out_after.get("angle", float("nan")))
+        before, after = (57.2958 * error for error in errors_rad)
+        table = Table(title=f"{result.joint}: angle {before:.3f} -> {after:.3f} degree RMS on held-out data")
         for column in ("parameter", "value", "std", "verdict", "to determine it, record"):
             table.add_column(column)
-        for e in one.estimates:
+        for e in result.estimates:
             scale = JOINT_PARAMETERS[ROW[e.key]].scale
             table.add_row(e.key, f"{e.value / scale:.5g}", f"{e.std / scale:.2g}", e.verdict, e.record)
         console.print(table)
-    print(f"written: {out / 'model.yaml'}, {out / 'dynamics.json'}, a figure a joint")
+    print(f"written: {out / 'model.yaml'}, {out / 'dynamics.json'}, one figure per joint")
 
 
-def _write(found: list[JointDynamics], out: Path) -> None:
-    (out / "dynamics.json").write_text(json.dumps(_document(found), indent=2) + "\n", encoding="utf-8")
+def _draw(found: list[JointDynamics], out: Path) -> None:
+    """One figure per joint: the angle, measured and predicted, and the residual."""
+    import matplotlib
+    import numpy as np
+
     matplotlib.use("Agg")
-    from matplotlib import pyplot as plt  # noqa: PLC0415 - after the backend is chosen
+    from matplotlib import pyplot as plt
 
-    for one in found:
+    for result in found:
         figure, axes = plt.subplots(2, 1, sharex=True, figsize=(9, 5), layout="constrained")
-        segment, residual = one.problem.segments[0], one.fit.residuals[0]
+        segment, residual = result.problem.segments[0], result.fit.residuals[0]
         time_s = segment.period_s * np.arange(len(segment.angle_rad))
         axes[0].plot(time_s, np.degrees(segment.angle_rad), label="measured", lw=1.0)
         predicted = np.where(segment.use[1], segment.angle_rad - residual[1], np.nan)
@@ -126,6 +150,6 @@ def _write(found: list[JointDynamics], out: Path) -> None:
         axes[0].legend()
         axes[1].plot(time_s, np.degrees(residual[1]), lw=0.7)
         axes[1].set(xlabel="time [s]", ylabel="measured - model [deg]")
-        axes[0].set_title(one.joint)
-        figure.savefig(out / f"{one.joint}.png", dpi=120)
+        axes[0].set_title(result.joint)
+        figure.savefig(out / f"{result.joint}.png", dpi=120)
         plt.close(figure)

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import matplotlib
-import numpy as np
 import typer
-from rich.console import Console
-from rich.table import Table
 
-from hand_identification.static_map import TERMS, StaticMap, VolumeMap, identify_statics, identify_volume, residual_map
-from hand_model.arrays import Array
-from hand_recording.loader import load_recording
-from hand_recording.rig_file import RigError, read_rig
+from hand_tool.console import running
+from hand_tool.options import AsJson, Quiet, Verbose
+from hand_tool.paths import check_exists, check_folder
 
-Columns = dict[str, Array]
+if TYPE_CHECKING:
+    from hand_identification.static_map import StaticMap, VolumeMap
+    from hand_model.arrays import Array
+
 BAGS = {".mcap", ".db3"}
 
 
@@ -28,15 +25,25 @@ def statics(
     ],
     joint: Annotated[str, typer.Option(help="Joint to take from a rosbag2 recording; its effort is the torque.")] = "",
     out: Annotated[Path | None, typer.Option(help="Folder for statics.json and the residual map.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the outcome as JSON.")] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
-    """Regress a0 ... a3 of Eq. 6 with standard errors, and the volume map where volume_m3 was measured.
+    """Regress a0 to a3 of Eq. 6 with standard errors, and the volume map where volume_m3 was measured.
 
     Example: hand identify statics rig.csv --out out/statics
 
     Exit codes: 0 done, 2 bad usage or a file that cannot be used.
     """
-    try:
+    files = [] if out is None else [out / "statics.json", out / "residual_map.png"]
+    with running("identify statics", *files, about=rig) as outputs:
+        check_exists(rig)
+        if out is not None:
+            check_folder(out)
+        import numpy as np
+
+        from hand_identification.static_map import identify_statics, identify_volume
+
         columns = _columns(rig, joint)
         pressure, angle, torque = columns["pressure_pa"], np.radians(columns["angle_deg"]), columns["torque_nm"]
         found = identify_statics(pressure, angle, torque)
@@ -44,19 +51,22 @@ def statics(
         document = _document(found, volume)
         if out is not None:
             out.mkdir(parents=True, exist_ok=True)
-            (out / "statics.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
-            _figure(found, pressure, angle, torque, out / "residual_map.png")
-    except (ValueError, OSError) as error:
-        text = str(error)
-        print(f"hand identify statics: {text if str(rig) in text else f'{rig}: {text}'}", file=sys.stderr)
-        raise typer.Exit(2) from None
+            files[0].write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+            outputs.complete(files[0])
+            _figure(found, pressure, angle, torque, files[1])
     if as_json:
         print(json.dumps(document))
     else:
         _print(found, volume)
 
 
-def _columns(rig: Path, joint: str) -> Columns:
+def _columns(rig: Path, joint: str) -> dict[str, Array]:
+    """Columns, each (n,), by name; the effort of a recorded joint is the torque."""
+    import numpy as np
+
+    from hand_recording.loader import load_recording
+    from hand_recording.rig_file import RigError, read_rig
+
     if rig.is_dir() or rig.suffix in BAGS:
         recording = load_recording(rig)
         base = recording.on_time_base()
@@ -70,6 +80,8 @@ def _columns(rig: Path, joint: str) -> Columns:
 
 
 def _document(found: StaticMap, volume: VolumeMap | None) -> dict[str, object]:
+    from hand_identification.static_map import TERMS
+
     document: dict[str, object] = {
         "parameters": {
             term: {"value": float(value), "std": float(error)}
@@ -93,6 +105,11 @@ def _document(found: StaticMap, volume: VolumeMap | None) -> dict[str, object]:
 
 
 def _print(found: StaticMap, volume: VolumeMap | None) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from hand_identification.static_map import TERMS
+
     table = Table("parameter", "value", "std", title="Eq. 6: M = a0 + a1 phi + a2 p + a3 p phi")
     for term, value, error in zip(TERMS, found.values, found.errors, strict=True):
         table.add_row(term, f"{value:.5g}", f"{error:.2g}")
@@ -109,8 +126,13 @@ def _print(found: StaticMap, volume: VolumeMap | None) -> None:
 
 
 def _figure(found: StaticMap, pressure: Array, angle: Array, torque: Array, path: Path) -> None:
+    import matplotlib
+    import numpy as np
+
     matplotlib.use("Agg")
-    from matplotlib import pyplot as plt  # noqa: PLC0415 - after the backend is chosen
+    from matplotlib import pyplot as plt
+
+    from hand_identification.static_map import residual_map
 
     p_edges, phi_edges, means = residual_map(found, pressure, angle, torque)
     figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")

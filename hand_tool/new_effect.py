@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import keyword
 import re
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from hand_tool.console import running
+from hand_tool.options import Quiet, Verbose
 
 _ORDER = re.compile(r'^ORDER: tuple\[str, \.\.\.\] = \(\n((?:    "\w+",\n)*)\)$', re.MULTILINE)
 _CHECKS_END = "# Wrong numbers of the plain plant: on one joint of it.\n"
@@ -18,6 +20,11 @@ _CHECK = '''def {name}(_: Any) -> None:
 
 
 '''
+PLACES = (
+    "supply", "valve", "fluid", "material", "joint", "environment", "angle_sensor", "pressure_sensor", "force_sensor",
+    "timing",
+)  # fmt: skip
+"""The places of hand_model.effects.effect, which compiles when it is imported; a test compares them."""
 _NEXT = """Next, as docs/effects.md describes:
 1. Write equation, parameters and texts in {effect}
 2. Write its check in {test}, in the function {name}
@@ -27,9 +34,11 @@ _NEXT = """Next, as docs/effects.md describes:
 
 def new_effect(
     name: Annotated[str, typer.Argument(help="Name of the effect: lower case, words joined by underscores.")],
-    place: Annotated[str, typer.Option(help="Where it acts: supply, valve, fluid, material, joint, ...")] = "joint",
-    after: Annotated[str, typer.Option(help="Effect of the catalogue that it follows; default: the last one.")] = "",
+    place: Annotated[str, typer.Option(help=f"Where it acts: {', '.join(PLACES)}.")] = "joint",
+    after: Annotated[str, typer.Option(help="Effect of the catalogue that it follows. Default: the last one.")] = "",
     tree: Annotated[Path, typer.Option(help="Source tree to write to.")] = Path(),
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Write the file of a new effect and a stub of its test, and enter it in the catalogue.
 
@@ -37,11 +46,8 @@ def new_effect(
 
     Exit codes: 0 done, 2 bad usage or bad input.
     """
-    try:
+    with running("new-effect"):
         effect, test = write_effect(tree, name, place, after)
-    except (ValueError, OSError) as error:
-        print(f"hand new-effect: {error}", file=sys.stderr)
-        raise typer.Exit(2) from None
     print(_NEXT.format(effect=effect, test=test, name=name))
 
 
@@ -50,8 +56,6 @@ def write_effect(tree: Path, name: str, place: str, after: str = "") -> tuple[Pa
 
     Raises ValueError, one line, for a name, a place or a tree that does not fit; nothing is written then.
     """
-    from hand_model.effects.effect import PLACES  # noqa: PLC0415 - `hand --help` needs no numba
-
     folder, test = tree / "hand_model" / "effects", tree / "test" / "model" / "test_effects.py"
     for path in (folder / "__init__.py", folder / "template.py.txt", test):
         if not path.is_file():

@@ -1,4 +1,4 @@
-"""Starting and ending the stack's executables as processes of our own, each with a log file."""
+"""Start and end the nodes of the stack as child processes, each with a log file."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ STOP_S = 15.0
 
 
 class ProcessError(RuntimeError):
-    """A process ended when it should not have; the message is one line."""
+    """A process ended early or cannot be started; the message is one line."""
 
 
 class Processes:
-    """Context manager: what is started in it is stopped at its end, by SIGINT and in reverse order."""
+    """Context manager: at its end, the processes started in it are stopped by SIGINT in reverse order."""
 
     def __init__(self, logs: Path) -> None:
         """Write each process's output to logs/NAME.log."""
@@ -31,27 +31,27 @@ class Processes:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None) -> None:
-        """Stop what still runs."""
+        """Stop the processes that still run."""
         for name in reversed(list(self._running)):
             self.stop(name)
 
     def start(self, name: str, command: Sequence[str]) -> None:
-        """Start an executable of the stack: NAME ARGUMENT ... ."""
+        """Start a node: the name of its executable, then its arguments."""
         environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"} | dict(os.environ)
         with (self._logs / f"{name}.log").open("wb") as log:
             self._running[name] = subprocess.Popen(
                 [str(executable(command[0])), *command[1:]], stdout=log, stderr=subprocess.STDOUT, env=environment,
-                start_new_session=True,  # Ctrl-C is for us; we end the others in order
+                start_new_session=True,  # Ctrl-C reaches this process only; it ends the others in order
             )  # fmt: skip
 
     def check(self) -> None:
-        """Raise ProcessError if one has ended."""
+        """Raise ProcessError if a process has ended."""
         for name, process in self._running.items():
             if process.poll() is not None:
                 raise ProcessError(f"{name} ended with code {process.returncode}: {self._last_line(name)}")
 
     def stop(self, name: str) -> int:
-        """End one by SIGINT and return its exit code; SIGKILL if it does not end in STOP_S [s]."""
+        """End a process by SIGINT and return its exit code; SIGKILL if it does not end within STOP_S [s]."""
         process = self._running.pop(name)
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
@@ -67,8 +67,13 @@ class Processes:
 
 
 def executable(name: str) -> Path:
-    """An executable of this stack, beside the running program; raises ProcessError where it is not built."""
-    path = Path(sys.argv[0]).resolve().parent / name
-    if not path.is_file():
-        raise ProcessError(f"{path} does not exist: build the packages first (make build)")
-    return path
+    """An executable of a node: lib/fluidic_hand/NAME of a sourced prefix or of this Python's installation.
+
+    Raises ProcessError where it is not installed.
+    """
+    prefixes = [Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
+    for prefix in (*prefixes, Path(sys.prefix)):
+        path = prefix / "lib" / "fluidic_hand" / name
+        if path.is_file():
+            return path
+    raise ProcessError(f"the node {name} is not installed: run make build, then source env.bash")

@@ -1,4 +1,4 @@
-"""`hand record`: record a hand's topics, or mend a recording whose recorder died."""
+"""`hand record`: record a hand's topics, or repair a recording whose recorder ended without closing it."""
 
 from __future__ import annotations
 
@@ -8,15 +8,26 @@ import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.live import Live
-from rich.text import Text
 
-from hand_recording.record_options import RecordOptions, RecordSummary, Selection
-from hand_recording.repair import Repair, repair
+from hand_tool import interrupts
+from hand_tool.console import VERBOSITY, note, running
+from hand_tool.options import AsJson, Quiet, Verbose
+from hand_tool.paths import check_exists, check_new
+
+if TYPE_CHECKING:
+    from rich.live import Live
+
+    from hand_recording.record_options import RecordOptions, RecordSummary
+    from hand_recording.repair import Repair
+
+
+HINT = (
+    "hint: does a hand run? Start one with: ros2 launch fluidic_hand simulated_hand.launch.py; its namespace is set "
+    "with --namespace, and ROS_DOMAIN_ID and ROS_AUTOMATIC_DISCOVERY_RANGE must be those of its nodes"
+)
 
 
 def record(
@@ -29,51 +40,62 @@ def record(
     namespace: Annotated[
         list[str] | None, typer.Option(help="Record all topics below this; may be repeated. Default: /hand.")
     ] = None,
-    duration: Annotated[float | None, typer.Option(help="Seconds; until Ctrl-C without.")] = None,
+    duration: Annotated[float | None, typer.Option(help="Length in s. Default: until Ctrl-C.")] = None,
     rosout: Annotated[bool, typer.Option(help="Record /rosout too.")] = False,
     mend: Annotated[
-        Path | None, typer.Option("--repair", help="Mend this recording (folder or .mcap) instead.")
+        Path | None, typer.Option("--repair", help="Repair this recording (folder or .mcap) instead.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the outcome as JSON.")] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Record every topic of a hand, with /diagnostics and /clock, as a rosbag2 recording.
 
     Example: hand record --out grasp_1 --duration 20
 
-    Exit codes: 0 done, 1 nothing was published, 2 bad usage or a recording that cannot be written or mended.
+    Exit codes: 0 done, 1 nothing was published, 2 bad usage or a recording that cannot be written or repaired.
     """
-    try:
+    path = out or Path(time.strftime("hand_%Y-%m-%d_%H-%M-%S"))
+    with running("record", path if mend is None else mend):
         if mend is not None:
+            check_exists(mend)
+            from hand_recording.repair import repair
+
             _show_repair(repair(mend), as_json)
             return
+        check_new(path)
+        from hand_recording.record_options import RecordOptions, Selection
+
         selection = Selection(tuple(namespace or ("/hand",)), tuple(topics or ()), rosout)
-        path = out or Path(time.strftime("hand_%Y-%m-%d_%H-%M-%S"))
-        summary = _record(RecordOptions(path, storage, selection, duration), quiet=as_json)
-    except (ValueError, OSError) as error:
-        print(f"hand record: {error}", file=sys.stderr)
-        raise typer.Exit(2) from error
+        options = RecordOptions(path, storage, selection, duration)
+        summary = _record(options, as_json)
     print(json.dumps(summary.as_json()) if as_json else _table(summary))
     if not summary.messages:
         print("hand record: nothing was published on the chosen topics", file=sys.stderr)
+        note(HINT)
         raise typer.Exit(1)
 
 
-def _record(options: RecordOptions, quiet: bool) -> RecordSummary:
-    # rclpy is missing on machines that only evaluate recordings; they can still mend and read the help.
-    try:
-        from hand_recording.node import record as run  # noqa: PLC0415
-        from hand_recording.node import stop_signals  # noqa: PLC0415
-    except ImportError as error:
-        raise ValueError(f"recording needs ROS 2, and {error.name} is not to be found") from error
+def _record(options: RecordOptions, as_json: bool) -> RecordSummary:
+    from rich.console import Console
+    from rich.live import Live
+
+    from hand_recording.node import record as run
+    from hand_recording.node import stop_signals
+
+    quiet = as_json or VERBOSITY.quiet
     console = Console(stderr=True)
     line: AbstractContextManager[Live | None] = nullcontext()
     if console.is_terminal and not quiet:
         line = Live(console=console, transient=True, auto_refresh=False)
     with stop_signals() as stop, line as live:
+        interrupts.release()
         return run(options, stop.wait, None if live is None else _shower(live))
 
 
 def _shower(live: Live) -> Callable[[RecordSummary], None]:
+    from rich.text import Text
+
     def show(summary: RecordSummary) -> None:
         rates = ", ".join(f"{t.name.rsplit('/', 1)[-1]} {t.rate_hz:.0f} Hz" for t in summary.topics)
         text = f"{summary.duration_s:6.1f} s  {summary.messages} messages  {summary.bytes / 1e6:.1f} MB  {rates}"
@@ -83,7 +105,7 @@ def _shower(live: Live) -> Callable[[RecordSummary], None]:
 
 
 def _table(summary: RecordSummary) -> str:
-    """The outcome for people: one line a topic."""
+    """The outcome for people: one line per topic."""
     lines = [f"{summary.path}: {summary.messages} messages in {summary.duration_s:.1f} s"]
     for topic in summary.topics:
         lines.append(
@@ -100,10 +122,10 @@ def _show_repair(outcome: Repair, as_json: bool) -> None:
         return
     total = sum(outcome.messages.values())
     if not outcome.changed:
-        print(f"{outcome.path}: sound, {total} messages; nothing to mend")
+        print(f"{outcome.path}: complete, {total} messages; nothing to repair")
         return
     print(f"{outcome.path}: {total} messages recovered, {outcome.lost_bytes} bytes lost")
     for name, messages in outcome.messages.items():
         print(f"  {name:<28} {messages:>8} messages")
     if outcome.damaged:
-        print(f"  the file as it was: {outcome.damaged}")
+        print(f"  the file before the repair: {outcome.damaged}")

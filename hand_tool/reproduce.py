@@ -3,90 +3,98 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from hand_tool.validation_extra import needs_validation
+from hand_tool import interrupts
+from hand_tool.chosen_model import choose_model
+from hand_tool.console import progress_bar, running
+from hand_tool.options import AsJson, Quiet, Verbose
+from hand_tool.paths import check_folder
 
 if TYPE_CHECKING:
     from validation.paper.result import Reproduction
 
+NAMES = ("table1", "fig06", "fig07", "fig08", "fig09", "fig10", "fig13", "fig14", "prony")
+"""The figures and tables of validation.paper.catalogue, for the help text; a test compares them."""
 WORKERS = 2
 
 
 def reproduce(
     out: Annotated[Path, typer.Option(help="Folder for the PNGs, index.html and results.json.")],
-    only: Annotated[list[str] | None, typer.Option(help="One figure or table, such as fig13; may be repeated.")] = None,
-    seed: Annotated[int, typer.Option(help="Of noise and searches.")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print results.json's content.")] = False,
+    only: Annotated[list[str] | None, typer.Option(help=f"One of {', '.join(NAMES)}; may be repeated.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of noise and searches.")] = 0,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
-    """Regenerate every figure and table of the paper and put our numbers beside the paper's.
+    """Regenerate every figure and table of the paper and compare our numbers with the paper's.
 
     Example: hand reproduce --only fig13 --out out/paper
 
     Exit codes: 0 done, 2 bad usage or bad input.
     """
-    with needs_validation("reproduce"):
-        from validation.paper.catalogue import IDS  # noqa: PLC0415 - a robot need not have it
-        from validation.paper.page import write_page  # noqa: PLC0415 - as above
-
-    try:
-        names = tuple(dict.fromkeys(only)) if only else IDS
+    names = tuple(dict.fromkeys(only)) if only else NAMES
+    pictures = {name: out / f"{name}.png" for name in names}
+    page, numbers = out / "index.html", out / "results.json"
+    with running("reproduce", *pictures.values(), page, numbers) as outputs:
         for name in names:
-            if name not in IDS:
-                raise ValueError(f"--only is {name!r}; it must be one of {', '.join(IDS)}")
+            if name not in NAMES:
+                raise ValueError(f"--only is {name!r}; it must be one of {', '.join(NAMES)}")
+        check_folder(out)
+        chosen = choose_model(None)
+        from validation.paper.page import write_page
+
+        chosen.print(as_json)
         out.mkdir(parents=True, exist_ok=True)
-        results = _run_all(names, seed, Console(stderr=True, quiet=as_json))
+        results = _run_all(names, seed, as_json)
         for result, picture in results:
-            (out / f"{result.id}.png").write_bytes(picture)
-        write_page(results, out / "index.html")
-    except (ValueError, OSError, ImportError) as error:
-        print(f"hand reproduce: {error}", file=sys.stderr)
-        raise typer.Exit(2) from None
-    quantities = [asdict(quantity) for result, _ in results for quantity in result.quantities]
-    text = json.dumps(quantities, indent=2)
-    (out / "results.json").write_text(text + "\n", encoding="utf-8")
+            pictures[result.id].write_bytes(picture)
+            outputs.complete(pictures[result.id])
+        write_page(results, page)
+        outputs.complete(page)
+        quantities = [asdict(quantity) for result, _ in results for quantity in result.quantities]
+        text = json.dumps(quantities, indent=2)
+        numbers.write_text(text + "\n", encoding="utf-8")
     if as_json:
         print(text)
         return
     for result, _ in results:
         print(f"{result.id}: {result.gets}")
-    print(f"written: {out / 'index.html'}, {out / 'results.json'}, a PNG a figure")
+    print(f"written: {page}, {numbers}, one PNG per figure")
 
 
-def _one(name: str, seed: int) -> tuple[Reproduction, bytes]:
+def _run_one(name: str, seed: int) -> tuple[Reproduction, bytes]:
     return _reproduced(name, seed, lambda _: None)
 
 
 def _reproduced(name: str, seed: int, progress: Callable[[float], None]) -> tuple[Reproduction, bytes]:
-    from validation.paper.catalogue import reproduce as run  # noqa: PLC0415 - a robot need not have it
-    from validation.paper.page import png  # noqa: PLC0415 - as above
+    from validation.paper.catalogue import reproduce as run
+    from validation.paper.page import png
 
     result = run(name, seed, progress)
     return result, png(result)
 
 
-def _run_all(names: tuple[str, ...], seed: int, console: Console) -> list[tuple[Reproduction, bytes]]:
-    """All figures in their order, two at a time; the slowest begins first."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+def _run_all(names: tuple[str, ...], seed: int, as_json: bool) -> list[tuple[Reproduction, bytes]]:
+    """All figures in their order, WORKERS at a time; the slowest begins first."""
+    from concurrent.futures import ProcessPoolExecutor, as_completed
+    from multiprocessing import get_context
+
     done: dict[str, tuple[Reproduction, bytes]] = {}
-    with Progress(*columns, console=console) as progress:
-        bar = progress.add_task("reproducing", total=len(names))
+    with progress_bar(as_json, counted=len(names) > 1) as progress:
         if len(names) == 1:
             share = progress.add_task(names[0], total=1.0)
             return [_reproduced(names[0], seed, lambda part: progress.update(share, completed=part))]
+        bar = progress.add_task("reproducing", total=len(names))
+        interrupts.before_workers()
         with ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn")) as pool:
             slowest_first = sorted(names, key=lambda name: name != "fig06")
-            waiting = {pool.submit(_one, name, seed): name for name in slowest_first}
+            waiting = {pool.submit(_run_one, name, seed): name for name in slowest_first}
             for future in as_completed(waiting):
                 done[waiting[future]] = future.result()
                 progress.update(bar, advance=1, description=waiting[future])

@@ -1,4 +1,4 @@
-"""`hand trial make | run | score`: a blind trial of the diagnosis on concealed effects."""
+"""`hand trial make | run | score | reality`: a blind trial of the diagnosis on concealed effects."""
 
 from __future__ import annotations
 
@@ -6,54 +6,64 @@ import json
 import os
 import secrets
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from hand_recording.installed import default_model
-from hand_tool.validation_extra import needs_validation
+from hand_tool.chosen_model import choose_model
+from hand_tool.console import fail, note, progress_bar, running
+from hand_tool.options import AsJson, Model, Quiet, Verbose
+from hand_tool.paths import check_exists, check_folder
 
-app = typer.Typer(no_args_is_help=True, help="A blind trial: conceal effects, diagnose, open the seal and score.")
+app = typer.Typer(
+    no_args_is_help=True,
+    help="A blind trial: conceal effects, diagnose, open the seal and score.\n\n"
+    "Example: hand trial make out/trial --cases 40",
+)
 KEY = "HAND_TRIAL_KEY"
-_Folder = Annotated[Path, typer.Argument(help="The trial's folder.")]
-_Jobs = Annotated[int, typer.Option(help="Processes.")]
+TOOL = [sys.executable, "-m", "hand_tool"]
+_Folder = Annotated[Path, typer.Argument(help="Folder of the trial.")]
+_Jobs = Annotated[int, typer.Option(help="Number of processes, 1 to 256.")]
 
 
 @app.command()
 def make(
     out: _Folder,
-    cases: Annotated[int, typer.Option(help="Recordings, 10 to 100000.")] = 400,
-    seed: Annotated[int | None, typer.Option(help="Master seed. Default: a fresh one, sealed with the truth.")] = None,
-    model: Annotated[Path | None, typer.Option(help="The nominal hand.yaml. Default: the installed one.")] = None,
+    cases: Annotated[int, typer.Option(help="Number of recordings, 10 to 100000.")] = 400,
+    seed: Annotated[int | None, typer.Option(help="Master seed. Default: a new one, sealed with the truth.")] = None,
+    model: Model = None,
     jobs: _Jobs = 2,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
-    """Simulate recordings with concealed effects on an independent plant, and seal what they are.
+    """Simulate recordings with concealed effects on an independent plant, and seal the truth about them.
 
-    Prints the commitment (SHA-256 of the truth) and the key, which is written nowhere: keep it for score.
+    Prints the commitment (SHA-256 of the truth) and the key, which is not written to any file: keep it for score.
 
     Example: hand trial make out/trial --cases 40
 
     Exit codes: 0 done, 2 bad usage.
     """
-    if not 10 <= cases <= 100000:
-        _refuse(f"--cases is {cases}; the allowed range is 10 to 100000")
-    _check_jobs(jobs)
-    if out.exists() and any(out.iterdir()):
-        _refuse(f"{out} is not empty; give a new folder")
-    with needs_validation("trial"):
-        from validation.trial.make import make as make_trial  # noqa: PLC0415 - a robot need not have it
-        from validation.trial.seal import new_key  # noqa: PLC0415 - as above
+    with running("trial make", out / "recordings", out / "plan.json", errors=(KeyError,)) as outputs:
+        if not 10 <= cases <= 100000:
+            raise ValueError(f"--cases is {cases}; the allowed range is 10 to 100000")
+        _check_jobs(jobs)
+        check_folder(out)
+        if out.exists() and any(out.iterdir()):
+            raise ValueError(f"{out} is not empty; give a new folder")
+        chosen = choose_model(model)
+        from validation.trial.make import make as make_trial
+        from validation.trial.seal import new_key
 
-    key = new_key()
-    with _bar("cases") as advance:
-        try:
-            master = secrets.randbits(31) if seed is None else seed
-            promised = make_trial(out, model or default_model(), cases, master, key, jobs, advance)
-        except (ValueError, OSError, KeyError) as error:
-            _refuse(str(error))
+        chosen.print()
+        key = new_key()
+        master = secrets.randbits(31) if seed is None else seed
+        with _bar("cases") as advance:
+            promised = make_trial(out, chosen.path, cases, master, key, jobs, advance)
+        outputs.complete(out / "recordings", out / "plan.json")
     print(f"commitment {promised}")
     print(f"key {key.decode()}")
 
@@ -63,27 +73,32 @@ def run(
     folder: _Folder,
     tolerance: Annotated[float, typer.Option(help="Of hand diagnose: relative error of the nominal numbers.")] = 0.05,
     jobs: _Jobs = 2,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
-    """Diagnose the trial's recordings with the ordinary command; refuses where the key is at hand.
+    """Diagnose the recordings of the trial with the ordinary command; refused where the key is set.
+
+    An interrupted run goes on where it stopped when it is started again.
 
     Example: hand trial run out/trial
 
-    Exit codes: 0 done, 1 the tool failed on a recording, 2 bad usage.
+    Exit codes: 0 done, 1 the diagnosis failed on a recording, 2 bad usage.
     """
-    _check_jobs(jobs)
-    if KEY in os.environ:
-        _refuse(f"{KEY} is set; a diagnosis must not be able to open the seal")
-    if not (folder / "plan.json").is_file():
-        _refuse(f"{folder} holds no trial (plan.json is missing); make one with: hand trial make {folder}")
-    with needs_validation("trial"):
-        from validation.trial.run import run as run_trial  # noqa: PLC0415 - a robot need not have it
+    with running("trial run", folder / "reports", folder / "timing.json") as outputs:
+        _check_jobs(jobs)
+        if KEY in os.environ:
+            raise ValueError(f"{KEY} is set; a diagnosis must not be able to open the seal")
+        if not (folder / "plan.json").is_file():
+            raise ValueError(f"{folder} holds no trial (plan.json is missing); make one with: hand trial make {folder}")
+        from validation.trial.run import run as run_trial
 
-    with _bar("recordings") as advance:
-        try:
-            run_trial(folder, [sys.executable, "-m", "hand_tool.cli"], jobs, tolerance, advance)
-        except RuntimeError as error:
-            print(f"hand trial run: {error}", file=sys.stderr)
-            raise typer.Exit(1) from None
+        note(f"model: as the trial describes it, {folder / 'plan.json'}")
+        with _bar("recordings") as advance:
+            try:
+                run_trial(folder, TOOL, jobs, tolerance, advance)
+            except RuntimeError as error:
+                fail("trial run", str(error), 1)
+        outputs.complete(folder / "reports", folder / "timing.json")
 
 
 @app.command()
@@ -92,7 +107,9 @@ def score(
     key: Annotated[
         str | None, typer.Option(help=f"The key that make printed. Default: ${KEY}, or standard input.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print scores.json.")] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Open the seal, check the commitment, grade every report; scores.json, confusion.png, reliability.png.
 
@@ -100,87 +117,79 @@ def score(
 
     Exit codes: 0 done, 1 a goal is not reached, 2 bad usage, a wrong key or a broken seal.
     """
-    with needs_validation("trial"):
-        from validation.trial.score import GOALS, SAYS, met  # noqa: PLC0415 - a robot need not have it
-        from validation.trial.score import score as score_trial  # noqa: PLC0415 - as above
+    with running("trial score", folder / "scores.json"):
+        check_exists(folder)
+        from validation.trial.score import met
+        from validation.trial.score import score as score_trial
 
-    try:
         given = key or os.environ.get(KEY) or sys.stdin.readline().strip()
         result = score_trial(folder, given.encode())
-    except (ValueError, OSError) as error:
-        _refuse(str(error))
-    reached = {name: met(name, one["value"]) for name, one in result["scores"].items()}
+    reached = {name: met(name, figure["value"]) for name, figure in result["scores"].items()}
     if as_json:
         print(json.dumps(result))
     else:
-        print(f"seed {result['seed']}, commitment {result['commitment']} kept, {result['recordings']} recordings")
-        for name, one in result["scores"].items():
-            if one["value"] is None:
-                continue
-            sign, goal = GOALS.get(name) or ("", float("nan"))
-            span = f" ({one['low']:.1%} to {one['high']:.1%})" if "low" in one else ""
-            verdict = {True: "reached", False: "NOT reached", None: ""}[reached[name]]
-            wanted = f"  goal {sign} {goal:.0%} {verdict}" if sign else ""
-            print(
-                f"{SAYS.get(name, 'expected calibration error'):45s} {one['value']:.1%}{span} of {one['count']}{wanted}"
-            )
+        print("\n".join(_score_lines(result, reached)))
     raise typer.Exit(1 if False in reached.values() else 0)
+
+
+def _score_lines(result: dict[str, Any], reached: dict[str, bool | None]) -> list[str]:
+    """One line per score: its value, its interval, its count and its goal."""
+    from validation.trial.score import GOALS, SAYS
+
+    lines = [f"seed {result['seed']}, commitment {result['commitment']} kept, {result['recordings']} recordings"]
+    for name, figure in result["scores"].items():
+        if figure["value"] is None:
+            continue
+        sign, goal = GOALS.get(name) or ("", float("nan"))
+        interval = f" ({figure['low']:.1%} to {figure['high']:.1%})" if "low" in figure else ""
+        verdict = {True: "reached", False: "NOT reached", None: ""}[reached[name]]
+        wanted = f"  goal {sign} {goal:.0%} {verdict}" if sign else ""
+        title = SAYS.get(name, "expected calibration error")
+        lines.append(f"{title:45s} {figure['value']:.1%}{interval} of {figure['count']}{wanted}")
+    return lines
 
 
 @app.command()
 def reality(
     data: Annotated[Path, typer.Argument(help="Folder with pneumatic_cylinder and servo_pendulum.")],
     out: Annotated[Path, typer.Option(help="Folder for reports and reality.json.")],
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
-    """Diagnose public recordings of real machines, beside fixed friction models and a sparse regression.
+    """Diagnose public recordings of real machines and compare with fixed friction models and a sparse regression.
 
     Example: hand trial reality data --out out/reality
 
-    Exit codes: 0 done, 1 the tool failed on a machine, 2 bad usage.
+    Exit codes: 0 done, 1 the diagnosis failed on a machine, 2 bad usage.
     """
-    with needs_validation("trial"):
-        from validation.trial.reality import examine, machines  # noqa: PLC0415 - a robot need not have it
+    with running("trial reality", out / "reality.json", errors=(KeyError,)):
+        check_folder(out)
+        from validation.trial.reality import examine, machines
 
-    try:
         found = machines(data)
-    except (OSError, KeyError, ValueError) as error:
-        _refuse(str(error))
-    results = []
-    with _bar("machines") as advance:
-        for number, machine in enumerate(found):
-            try:
-                results.append(examine(machine, out, [sys.executable, "-m", "hand_tool.cli"]))
-            except RuntimeError as error:
-                print(f"hand trial reality: {error}", file=sys.stderr)
-                raise typer.Exit(1) from None
-            advance((number + 1) / len(found))
-    (out / "reality.json").write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-    for one in results:
-        errors = f"{one['before']:.3g} to {one['after']:.3g} {one['unit']}"
-        print(f"{one['machine']}: {one['verdict']}, found {', '.join(one['found']) or 'none'}; held-out {errors}")
+        results = []
+        with _bar("machines") as advance:
+            for number, machine in enumerate(found):
+                try:
+                    results.append(examine(machine, out, TOOL))
+                except RuntimeError as error:
+                    fail("trial reality", str(error), 1)
+                advance((number + 1) / len(found))
+        (out / "reality.json").write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    for result in results:
+        errors = f"{result['before']:.3g} to {result['after']:.3g} {result['unit']}"
+        effects = ", ".join(result["found"]) or "none"
+        print(f"{result['machine']}: {result['verdict']}, found {effects}; held-out {errors}")
 
 
 def _check_jobs(jobs: int) -> None:
     if not 1 <= jobs <= 256:
-        _refuse(f"--jobs is {jobs}; the allowed range is 1 to 256")
+        raise ValueError(f"--jobs is {jobs}; the allowed range is 1 to 256")
 
 
-def _refuse(line: str) -> None:
-    print(f"hand trial: {line}", file=sys.stderr)
-    raise typer.Exit(2)
-
-
-class _bar:  # noqa: N801 - a context manager that reads like a function
-    """A progress bar on standard error."""
-
-    def __init__(self, what: str) -> None:
-        columns = (TextColumn(what), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-        self._progress = Progress(*columns, console=Console(stderr=True), transient=True)
-
-    def __enter__(self):  # type: ignore[no-untyped-def]
-        self._progress.start()
-        task = self._progress.add_task("", total=1.0)
-        return lambda share: self._progress.update(task, completed=share)
-
-    def __exit__(self, *_: object) -> None:
-        self._progress.stop()
+@contextmanager
+def _bar(what: str) -> Iterator[Callable[[float], None]]:
+    """A progress bar; its function takes the share done, 0 to 1."""
+    with progress_bar(as_json=False) as progress:
+        task = progress.add_task(what, total=1.0)
+        yield lambda share: progress.update(task, completed=share)

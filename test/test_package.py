@@ -1,72 +1,248 @@
-"""The package as ROS tools see it: dependencies, executables, interface package."""
+"""The package as pip and ROS tools see it: dependencies, executables, data files, interface package."""
 
 from __future__ import annotations
 
 import ast
-import configparser
+import os
 import re
+import subprocess
+import sys
+import tomllib
 import xml.etree.ElementTree as ET
+from functools import cache
+from importlib import metadata
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parent.parent
-ROSDEP_KEYS = {
-    # Read from the public rosdep database (rosdep/base.yaml, rosdep/python.yaml).
-    "python3-numpy", "python3-numba", "python3-scipy", "python3-yaml", "python3-serial", "python3-can",
-    "python-cobs-pip", "python3-ruamel.yaml",
-    "python3-typer", "python3-rich", "python3-matplotlib", "mcap-ros2-support", "python3-rosbags-pip",
-    "python3-pytest", "python3-hypothesis",
-}  # fmt: skip
-JAZZY_PACKAGES = {
-    "ament_index_python", "builtin_interfaces", "diagnostic_msgs", "hand_msgs", "launch", "launch_ros",
-    "lifecycle_msgs", "rcl_interfaces", "rclpy", "rosgraph_msgs", "sensor_msgs", "std_msgs", "std_srvs",
-    "trajectory_msgs",
-}  # fmt: skip
-IMPORT_TO_KEY = {
-    "numpy": "python3-numpy", "scipy": "python3-scipy", "numba": "python3-numba", "yaml": "python3-yaml",
-    "ruamel": "python3-ruamel.yaml",
-    "serial": "python3-serial", "can": "python3-can", "cobs": "python-cobs-pip",
-    "typer": "python3-typer", "rich": "python3-rich",
+NODE_PACKAGES = (
+    "hand_model", "hand_messages", "hand_ros", "hand_driver", "hand_control", "hand_sim", "hand_recording", "hand_tool",
+)  # fmt: skip
+"""What a robot runs; package.xml must name all that these import, as keys of rosdep or packages of Jazzy."""
+ROSDEP = {
+    "numpy": "python3-numpy", "scipy": "python3-scipy", "numba": "python3-numba", "pyyaml": "python3-yaml",
+    "ruamel-yaml": "python3-ruamel.yaml", "pyserial": "python3-serial", "python-can": "python3-can",
+    "cobs": "python-cobs-pip", "typer": "python3-typer", "rich": "python3-rich", "jinja2": "python3-jinja2",
     "matplotlib": "python3-matplotlib", "mcap": "mcap-ros2-support", "rosbags": "python3-rosbags-pip",
+    "pytest": "python3-pytest", "hypothesis": "python3-hypothesis",
 }  # fmt: skip
+"""rosdep's key for a distribution of PyPI, from the public database (rosdep/python.yaml). A missing entry fails."""
+BROUGHT_BY = {"llvmlite": "numba", "zstandard": "mcap", "apsw": "rosbags"}
+"""Distributions without a key of their own: the one that requires them has one. The test checks that it does."""
+TOOL = "# tool"
 
 
-def exec_depends() -> set[str]:
-    return {tag.text or "" for tag in ET.parse(ROOT / "package.xml").getroot().iter("exec_depend")}
+def canonical(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
 
 
-def test_every_dependency_is_known_to_rosdep_or_jazzy() -> None:
-    """Fails when package.xml names something that `rosdep install` cannot resolve."""
-    assert exec_depends() <= ROSDEP_KEYS | JAZZY_PACKAGES
+def requirements(name: str) -> dict[str, str]:
+    """Canonical names of a requirements file and their lines."""
+    lines = (ROOT / name).read_text(encoding="utf-8").splitlines()
+    wanted = [line.strip() for line in lines if line.strip() and not line.lstrip().startswith("#")]
+    return {canonical(re.split(r"[\[=<>~! ]", line)[0]): line for line in wanted}
 
 
-def test_every_import_is_declared() -> None:
-    """Fails when the stack imports a library that package.xml does not ask for."""
-    used: set[str] = set()
-    for path in [*ROOT.glob("hand_*/**/*.py"), *ROOT.glob("validation/**/*.py")]:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Import):
-                used |= {alias.name.split(".")[0] for alias in node.names}
-            elif isinstance(node, ast.ImportFrom):
-                used.add((node.module or "").split(".")[0])
-    needed = {IMPORT_TO_KEY.get(name, name) for name in used} & (ROSDEP_KEYS | JAZZY_PACKAGES)
-    assert needed <= exec_depends()
+def files() -> dict[str, str]:
+    """Every requirement of the tree, with its line."""
+    return {key: line for path in ROOT.glob("requirements*.txt") for key, line in requirements(path.name).items()}
 
 
-def test_executables_land_where_ros2_run_looks() -> None:
-    """Fails when an executable is renamed or no longer goes to lib/fluidic_hand."""
-    config = configparser.ConfigParser()
-    config.read(ROOT / "setup.cfg")
-    assert config["install"]["install_scripts"] == "$base/lib/fluidic_hand"
+def imported(path: Path) -> set[str]:
+    """Names of the modules that a file imports, wherever in it; "ruamel.yaml" as well as "ruamel"."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            names.add(node.module)
+    return names
+
+
+@cache
+def tree() -> dict[str, set[str]]:
+    """Top-level modules that are neither of Python nor of this tree, with the folders of the tree that import them."""
+    own = {path.parent.name for path in ROOT.glob("*/__init__.py")} | {"test"}
+    users: dict[str, set[str]] = {}
+    parts = [*ROOT.glob("hand_*"), *(ROOT / name for name in ("validation", "test", "launch", "tools", "docs"))]
+    parts += [ROOT / "examples", ROOT / "firmware"]
+    for path in (path for part in parts for path in part.rglob("*.py")):
+        for module in {name.split(".")[0] for name in imported(path)} - own - set(sys.stdlib_module_names):
+            users.setdefault(module, set()).add(path.relative_to(ROOT).parts[0])
+    return users
+
+
+@cache
+def distributions() -> dict[str, set[str]]:
+    """Canonical names of the distributions that provide a top-level module."""
+    return {module: {canonical(name) for name in names} for module, names in metadata.packages_distributions().items()}
+
+
+@cache
+def depends(tag: str = "exec_depend") -> set[str]:
+    return {item.text or "" for item in ET.parse(ROOT / "package.xml").getroot().iter(tag)}
+
+
+def required_by(name: str) -> set[str]:
+    return {canonical(re.split(r"[\[=<>~!; (]", line)[0]) for line in metadata.requires(name) or ()}
+
+
+def test_every_import_is_declared_for_pip() -> None:
+    """Fails when a module is imported whose distribution is in no requirements file, hence in no extra.
+
+    A module that no distribution provides here is a package of ROS; package.xml names it.
+    """
+    own = {item.text for path in ROOT.glob("*/package.xml") for item in ET.parse(path).getroot().iter("name")}
+    declared = {name for name, line in files().items() if TOOL not in line}
+    for module, users in sorted(tree().items()):
+        found = distributions().get(module, set())
+        if module in own or (not found and module in depends()):
+            continue
+        assert found & declared, f"{module}, imported by {sorted(users)}, comes from {sorted(found) or 'nowhere'}"
+
+
+def test_every_import_of_a_node_is_declared_for_rosdep() -> None:
+    """Fails when a package that a robot runs imports what `rosdep install` would not install."""
+    for module, users in sorted(tree().items()):
+        if not users & {*NODE_PACKAGES, "launch"} or module in depends():
+            continue
+        names = distributions()[module] & set(files())
+        (name,) = (key for key in names if not key.startswith("ros-"))
+        carrier = BROUGHT_BY.get(name, name)
+        assert carrier == name or name in required_by(carrier), f"{carrier} does not require {name}"
+        assert ROSDEP[carrier] in depends(), f"{module}, imported by {sorted(users)}: {ROSDEP[carrier]}"
+
+
+def test_nothing_is_declared_that_nothing_imports() -> None:
+    """Fails when a requirement or a dependency outlives its last import, or a tool's line does not say what runs it."""
+    used = {name for module in tree() for name in distributions().get(module, set())}
+    for name, line in files().items():
+        if TOOL in line:
+            assert re.search(rf"{TOOL}: \w.+", line), line
+            assert name not in used or name in {"setuptools", "pytest"}, f"{name} is imported; it is no tool"
+        else:
+            assert name in used, f"{name} is required and never imported"
+    keys = {ROSDEP[BROUGHT_BY.get(name, name)] for name in used if name in ROSDEP or name in BROUGHT_BY}
+    assert depends() <= keys | set(tree())
+
+
+def test_packages_that_need_extras_are_above_the_nodes() -> None:
+    """Fails when a node or the plain tool imports, even in a function, what only an extra installs."""
+    plain = set(requirements("requirements.txt")) | set(requirements("requirements-ros.txt"))
+    for module, users in tree().items():
+        found = distributions().get(module, set())
+        if found & set(files()) and not found & plain:
+            assert not users & set(NODE_PACKAGES), f"{module} is imported by {sorted(users)}"
+
+
+def test_executables_land_where_they_belong() -> None:
+    """Fails when a node leaves lib/fluidic_hand, or something besides `hand` lands in bin."""
     setup = (ROOT / "setup.py").read_text(encoding="utf-8")
-    names = set(re.findall(r'"(\w+) = [\w.]+:main"', setup))
-    assert names == {"driver", "simulation", "controller", "recorder", "hand"}
+    assert re.findall(r'"console_scripts": \[(.*?)\]', setup) == ['"hand = hand_tool.main:main"']
+    nodes = sorted((ROOT / "tools" / "nodes").iterdir())
+    assert [path.name for path in nodes] == ["controller", "driver", "recorder", "simulation"]
+    for path in nodes:
+        assert os.access(path, os.X_OK), path
+        (module,) = re.findall(r"^from ([\w.]+) import main$", path.read_text(encoding="utf-8"), re.MULTILINE)
+        assert (ROOT / Path(*module.split("."))).with_suffix(".py").is_file()
+
+
+def test_every_package_is_installed() -> None:
+    """Fails when a new package is forgotten in setup.py."""
+    listed = re.search(r"PACKAGES = \[(.*?)\]", (ROOT / "setup.py").read_text(encoding="utf-8"), re.DOTALL)
+    assert listed is not None
+    inits = [*ROOT.glob("hand_*/**/__init__.py"), *ROOT.glob("validation/**/__init__.py")]
+    found = {".".join(path.parent.relative_to(ROOT).parts) for path in inits}
+    assert set(re.findall(r'"([\w.]+)"', listed.group(1))) == found
+
+
+def test_version_and_maintainer_stand_in_package_xml_alone() -> None:
+    """Fails when the two packages disagree, or setup.py or pyproject.toml repeat what package.xml says."""
+    names = ("version", "maintainer", "license")
+    ours, theirs = (
+        {name: ET.parse(path).getroot().findtext(name) for name in names}
+        for path in (ROOT / "package.xml", ROOT / "hand_msgs" / "package.xml")
+    )
+    assert ours == theirs
+    assert f"## [{ours['version']}]" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert str(ours["version"]) not in (ROOT / "setup.py").read_text(encoding="utf-8")
+    assert "project" not in tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+CLEAN = ("PYTHONPATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """`bin` of a new virtual environment with the wheel of this tree; it sees our libraries, but not ROS."""
+    folder = tmp_path_factory.mktemp("installed")
+    environment = {name: value for name, value in os.environ.items() if name not in CLEAN}
+    source = folder / "source"
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True, text=True).stdout
+    for name in filter(None, listed.split("\0")):  # a build leaves files beside its sources
+        if (ROOT / name).is_file():
+            (source / name).parent.mkdir(parents=True, exist_ok=True)
+            (source / name).write_bytes((ROOT / name).read_bytes())
+            (source / name).chmod((ROOT / name).stat().st_mode)
+
+    def run(*command: str) -> None:
+        subprocess.run(command, cwd=folder, env=environment, check=True, capture_output=True, timeout=300)
+
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
+    run(*pip, "wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", str(folder), str(source))
+    run(sys.executable, "-m", "venv", "--without-pip", str(folder / "venv"))
+    (wheel,) = folder.glob("fluidic_hand-*.whl")
+    python = folder / "venv" / "bin" / "python"
+    run(*pip, "--python", str(python), "install", "--no-deps", "--no-compile", str(wheel))
+    site = folder / "venv" / "lib" / f"python{sys.version_info[0]}.{sys.version_info[1]}" / "site-packages"
+    libraries = folder / "libraries"
+    libraries.mkdir()
+    ours = next(Path(path) for path in sys.path if (Path(path) / "typer").is_dir())
+    for entry in ours.iterdir():
+        if not entry.name.startswith(("rclpy", "ament", "ros_", "sensor_msgs", "std_msgs", "hand_")):
+            (libraries / entry.name).symlink_to(entry)
+    (site / "libraries.pth").write_text(f"{libraries}\n", encoding="utf-8")
+    return python.parent
+
+
+def test_pip_installs_a_working_hand_without_ros(installed: Path, tmp_path: Path) -> None:
+    """Fails when an installation by pip lacks a module, the model, a message definition or a template."""
+    environment = {name: value for name, value in os.environ.items() if name not in CLEAN}
+
+    def hand(*arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [str(installed / "hand"), *arguments]
+        return subprocess.run(
+            command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300, check=False
+        )
+
+    assert hand("--version").stdout.startswith("hand ")
+    made = hand("excite", "steps", "--duration", "3", "--joints", "index_distal", "--out", "steps.mcap")
+    assert made.returncode == 0, made.stderr
+    assert str(installed.parent / "share" / "fluidic_hand" / "config" / "hand.yaml") in made.stderr
+    assert hand("simulate", "steps.mcap", "--out", "again.mcap").returncode == 0
+    assert hand("diagnose", "--help").returncode == 0
+    assert hand("identify", "dynamics", "--help").returncode == 0
+    refused = hand("record", "--out", "nothing")
+    assert refused.returncode == 2
+    assert "needs ROS 2 Jazzy" in refused.stderr
+    assert len(refused.stderr.splitlines()) == 1
+
+
+def test_pip_puts_only_hand_on_the_path(installed: Path) -> None:
+    """Fails when pip installs a node into bin, or `ros2 run` would not find one in lib/fluidic_hand."""
+    scripts = {path.name for path in installed.iterdir()}
+    assert {name for name in scripts if not name.lower().startswith(("python", "activate"))} == {"hand"}
+    nodes = sorted((installed.parent / "lib" / "fluidic_hand").iterdir())
+    assert [path.name for path in nodes] == ["controller", "driver", "recorder", "simulation"]
+    assert all(os.access(path, os.X_OK) for path in nodes)
 
 
 def test_launch_files_start_what_exists_with_parameters_that_exist() -> None:
     """Fails when a launch file names an executable, file or driver parameter that is not there."""
     from hand_driver.node import PARAMETERS  # noqa: PLC0415 - needs ROS, the other tests here do not
 
-    executables = set(re.findall(r'"(\w+) = [\w.]+:main"', (ROOT / "setup.py").read_text(encoding="utf-8")))
+    executables = {path.name for path in (ROOT / "tools" / "nodes").iterdir()}
     for path in (ROOT / "launch").glob("*.launch.py"):
         text = path.read_text(encoding="utf-8")
         compile(text, path.name, "exec")
@@ -74,15 +250,6 @@ def test_launch_files_start_what_exists_with_parameters_that_exist() -> None:
         assert all((ROOT / "config" / name).is_file() for name in re.findall(r'"([\w.]+\.yaml)"', text))
         board = re.findall(r'^    "(\w+)": \("', text, re.MULTILINE)
         assert {*board, "hand_description"} <= {parameter.name for parameter in PARAMETERS}
-
-
-def test_every_package_is_installed() -> None:
-    """Fails when a new package is forgotten in setup.py."""
-    listed = re.search(r"PACKAGES = \[(.*?)\]", (ROOT / "setup.py").read_text(encoding="utf-8"), re.DOTALL)
-    assert listed is not None
-    files = [*ROOT.glob("hand_*/**/__init__.py"), *ROOT.glob("validation/**/__init__.py")]
-    found = {".".join(path.parent.relative_to(ROOT).parts) for path in files}
-    assert set(re.findall(r'"([\w.]+)"', listed.group(1))) == found
 
 
 def test_interface_is_the_published_one() -> None:

@@ -50,7 +50,7 @@ def report(rubbing: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     command = ["diagnose", str(rubbing), "--model", str(CONFIG), "--out", str(out), "--joints", joints, "--ask"]
     result = hand_tool(*command)
     assert result.exit_code == 0, result.output
-    lines = [line for line in result.output.splitlines() if line.strip()]
+    lines = [line for line in result.stdout.splitlines() if line.strip()]
     assert lines[0] == "verdict: explained"
     assert len(lines) <= 15
     return out

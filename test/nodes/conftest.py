@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-
-# One domain a test run, before rclpy is first initialised: other hands on this machine are not ours.
-os.environ["ROS_DOMAIN_ID"] = str(os.getpid() % 90 + 10)
-os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-
 import rclpy
 from ament_index_python.packages import get_package_prefix
 from diagnostic_msgs.msg import DiagnosticArray
@@ -26,7 +21,8 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-BIN = Path(get_package_prefix("fluidic_hand")) / "lib" / "fluidic_hand"
+NODES = Path(get_package_prefix("fluidic_hand")) / "lib" / "fluidic_hand"
+TOOL = (sys.executable, "-m", "hand_tool")
 BEST_EFFORT = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 WAIT_S = 30.0
 Started = subprocess.Popen[bytes]
@@ -41,7 +37,8 @@ class Stack:
 
     def start(self, name: str, *arguments: str) -> Started:
         log = (self.folder / f"{name}.log").open("ab")
-        process = subprocess.Popen([str(BIN / name), *arguments], stdout=log, stderr=subprocess.STDOUT, cwd=self.folder)
+        command = TOOL if name == "hand" else (str(NODES / name),)
+        process = subprocess.Popen([*command, *arguments], stdout=log, stderr=subprocess.STDOUT, cwd=self.folder)
         log.close()
         self.running.append(process)
         return process

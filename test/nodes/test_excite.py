@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hand_recording.loader import load_recording
-from test.nodes.conftest import BIN
+from test.nodes.conftest import TOOL
 
 if TYPE_CHECKING:
     from test.nodes.conftest import Client, Stack
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def command(out: Path, *more: str) -> list[str]:
     joints = ["--joints", "index_distal,ring_proximal"]
-    return [str(BIN / "hand"), "excite", "steps", *joints, "--live", "--out", str(out), *more]
+    return [*TOOL, "excite", "steps", *joints, "--live", "--out", str(out), *more]
 
 
 def alone(client: Client) -> None:
@@ -62,7 +62,7 @@ def test_who_else_commands_and_ctrl_c(stack: Stack, client: Client) -> None:
     stack.stop(controller)
     client.until(lambda: client.node.count_publishers("valve_command") == 0)
     client.valves.clear()
-    running = stack.start("hand", *command(stack.folder / "cut.mcap", "--duration", "60")[1:])
+    running = stack.start("hand", *command(stack.folder / "cut.mcap", "--duration", "60")[len(TOOL) :])
     client.until(lambda: client.valves and max(client.valves[-1].pressure) > 1e4)
     assert stack.stop(running) != 0
     assert "Traceback" not in stack.log("hand"), stack.log("hand")

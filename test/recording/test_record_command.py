@@ -49,7 +49,7 @@ def test_repair_says_what_it_did(make_bag: Callable[..., Path]) -> None:
     """Breaks when mending does not report what was recovered and what was lost."""
     path = make_bag("a.mcap")
     whole = path.read_bytes()
-    assert "nothing to mend" in _run("--repair", str(path))[1]
+    assert "nothing to repair" in _run("--repair", str(path))[1]
     path.write_bytes(whole[:-100])
     code, out, _ = _run("--repair", str(path), "--json")
     report = json.loads(out)

@@ -7,15 +7,14 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from ament_index_python.packages import get_package_prefix
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-HAND = Path(get_package_prefix("fluidic_hand")) / "lib" / "fluidic_hand" / "hand"
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run")
 QUIET = ("--disable-background-networking", "--disable-component-update", "--disable-sync")
@@ -25,9 +24,8 @@ QUIET = ("--disable-background-networking", "--disable-component-update", "--dis
 def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a demo that has run."""
     folder = tmp_path_factory.mktemp("demo")
-    environment = dict(os.environ) | {"ROS_DOMAIN_ID": str((os.getpid() + 45) % 90 + 10)}
-    command = [str(HAND), "demo", "--out", str(folder / "out"), "--json"]
-    ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=240, check=False)
+    command = [sys.executable, "-m", "hand_tool", "demo", "--out", str(folder / "out"), "--json"]
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=240, check=False)
     assert ran.returncode == 0, ran.stderr
     summary = json.loads(ran.stdout)
     assert max(joint["replay_rms_deg"] for joint in summary["joints"].values()) < 0.05

@@ -16,7 +16,7 @@ class Hide:
         if name.split(".")[0] == "validation":
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 sys.meta_path.insert(0, Hide())
-from hand_tool.cli import main
+from hand_tool.main import main
 sys.argv[0] = "hand"
 main()
 """
@@ -27,7 +27,7 @@ main()
     [
         ("trial", "make", "{tmp}/trial"),
         ("trial", "reality", "{tmp}", "--out", "{tmp}/out"),
-        ("trial", "score", "{tmp}", "--key", "x"),
+        ("trial", "score", str(ROOT), "--key", "x"),
         ("reproduce", "--out", "{tmp}/paper"),
         ("magnet", "--out", "{tmp}/magnet"),
     ],
@@ -41,7 +41,7 @@ def test_one_line_says_what_to_install(tmp_path: Path, arguments: tuple[str, ...
     lines = done.stderr.strip().splitlines()
     assert done.returncode == 2, done.stderr
     assert len(lines) == 1
-    assert lines[0].startswith(f"hand {arguments[0]}: ")
+    assert lines[0].startswith(f"hand {arguments[0]}")
     assert "validation" in lines[0]
     assert "pip install" in lines[0]
     assert not list(tmp_path.iterdir())

@@ -32,7 +32,7 @@ FRAME_S = 0.01
 
 def hand(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "hand_tool.cli", *arguments],
+        [sys.executable, "-m", "hand_tool", *arguments],
         cwd=ROOT, env=os.environ | environment, capture_output=True, text=True, timeout=600, check=False,
     )  # fmt: skip
 
