@@ -1,7 +1,7 @@
-"""The law on a Cortex-M4: flash, RAM, and cycles of one tick, counted instruction by instruction in an emulator.
+"""The control law on a Cortex-M4: flash, RAM and cycles of one tick, counted per instruction in an emulator.
 
-Cycles are those of the Cortex-M4 technical reference manual's table (ARM DDI 0439), every taken branch with the
-longest refill of the pipeline: an upper estimate for memory without wait states.
+The cycles of an instruction are those of the table in the Cortex-M4 technical reference manual (ARM DDI 0439), and
+every taken branch counts the longest refill of the pipeline: an upper bound for memory without wait states.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SHARE = "share of a tick at 1 kHz, 168 MHz"
 
 
 def measure() -> dict[str, float]:
-    """Flash and RAM [B] of the law, cycles of its longest tick, and the share of a tick's time they take [%]."""
+    """Flash and RAM [B] of the law, cycles of its longest tick, and their share of the period at RATE_HZ [%]."""
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         (work / "data.h").write_text(data_header(), encoding="ascii")
@@ -117,7 +117,7 @@ def longest_tick(trace: Path, listing: str) -> int:
             spent += REFILL
         spent += cost.get(address, 1)
         last = address
-    return longest  # the last call runs into the end and is left out
+    return longest  # the last call includes the end of the program and does not count
 
 
 def _cycles(name: str, operands: str) -> int:

@@ -20,7 +20,7 @@ VELOCITY_TIME_CONSTANT_S = 0.01
 
 
 def step_response(hand: Hand, rate_hz: float, seed: int, plant: SimulatedPlant | None = None) -> Array:
-    """Measured angles (samples, joints) [degree] from the step on; every joint steps at once."""
+    """Measured angles (samples, joints) [deg] from the step on; all joints step at the same time."""
     plant = plant or SimulatedPlant(hand, rate_hz, seed)
     controller = Controller(hand, Settings.of(hand, {}))
     controller.enable(True)
@@ -44,7 +44,7 @@ def step_response(hand: Hand, rate_hz: float, seed: int, plant: SimulatedPlant |
 
 
 def figures(angles: Array, rate_hz: float) -> tuple[float, float]:
-    """Settling time [s] into the band for good, and overshoot [% of the step], of the worst joint."""
+    """Time [s] after which the worst joint stays within BAND_DEG, and its overshoot [% of the step]."""
     outside = np.abs(angles - HIGH_DEG) > BAND_DEG
     last = np.where(outside.any(axis=0), len(angles) - np.argmax(outside[::-1], axis=0), 0)
     overshoot = (angles.max(axis=0) - HIGH_DEG) / (HIGH_DEG - LOW_DEG) * 100.0

@@ -1,15 +1,25 @@
-"""Run every bench and write one list of results: python -m validation.bench [--quick] [--only NAME] [--out FILE]."""
+"""Run the benches and write one file of results: python -m validation.bench [--quick] [--only NAME] [--out FILE].
+
+Example: python -m validation.bench --only steps --out out/bench.json
+"""
 
 from __future__ import annotations
 
 import argparse
 import importlib
+import importlib.util
 import json
+import shutil
+import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
+
+from validation.bench.result import KEYS, reached
+from validation.results import provenance
 
 BENCHES = (
     "plant",
@@ -24,43 +34,88 @@ BENCHES = (
     "control",
     "firmware",
 )
+PROGRAMS = {"plant": ("cc",), "firmware": ("arm-none-eabi-gcc", "qemu-system-arm")}
+"""Programs that a bench starts and that this package does not install."""
+MODULES = {"codec": ("rclpy",), "loop": ("rclpy", "hand_msgs.msg")}
+"""Python modules of ROS 2 that a bench needs."""
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m validation.bench", description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("out/bench.json"), help="where the list of results goes")
-    parser.add_argument("--only", choices=BENCHES, action="append", help="run these only")
+def main() -> int:
+    """Run what the command line names; exit code 0 done, 2 bad usage, 130 interrupted."""
+    parser = argparse.ArgumentParser(
+        prog="python -m validation.bench",
+        description="Run the benches and write one file of results.",
+        epilog="Example: python -m validation.bench --only steps --out out/bench.json",
+    )
+    parser.add_argument("--out", type=Path, default=Path("out/bench.json"), help="file of results")
+    parser.add_argument("--only", choices=BENCHES, action="append", help="run this bench; may be repeated")
     parser.add_argument("--quick", action="store_true", help="fewer rounds: a smoke test, not a measurement")
     options = parser.parse_args()
     console = Console()
-    results: list[dict[str, Any]] = []
-    for name in options.only or BENCHES:
-        console.print(f"[bold]{name}[/bold] ...")
-        results += importlib.import_module(f"validation.bench.bench_{name}").run(options.quick)
-        options.out.parent.mkdir(parents=True, exist_ok=True)
-        options.out.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
-    console.print(table(results))
-    console.print(f"written to {options.out}")
+    done: dict[str, list[dict[str, Any]]] = {}
+    skipped: dict[str, str] = {}
+    command = " ".join(["python -m validation.bench", *sys.argv[1:]])
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        for name in options.only or BENCHES:
+            if missing := missing_tools(name):
+                skipped[name] = missing
+                console.print(f"{name}: skipped, it needs {missing}")
+                continue
+            console.print(f"[bold]{name}[/bold] ...")
+            done[name] = run(name, options.quick)
+            document = {**provenance(command), "quick": options.quick, "benches": done, "skipped": skipped}
+            options.out.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    except KeyboardInterrupt:
+        written = f"{options.out} holds {', '.join(done)}" if done else f"{options.out} was not written"
+        print(f"python -m validation.bench: interrupted; {written}", file=sys.stderr)
+        return 130
+    if not done:
+        print(f"python -m validation.bench: nothing was run, {options.out} was not written", file=sys.stderr)
+        return 2
+    console.print(table([result for results in done.values() for result in results]))
+    console.print(f"written: {options.out}")
+    return 0
+
+
+def run(name: str, quick: bool) -> list[dict[str, Any]]:
+    """Results of one bench of BENCHES, each with the keys of `validation.bench.result`."""
+    results: list[dict[str, Any]] = importlib.import_module(f"validation.bench.bench_{name}").run(quick)
+    return results
+
+
+@cache
+def quick_results(name: str) -> tuple[dict[str, Any], ...]:
+    """Results of a bench's quick form, run once a process."""
+    return tuple(run(name, quick=True))
+
+
+def missing_tools(name: str) -> str:
+    """What this machine lacks for a bench, as a phrase; empty where nothing is missing."""
+    missing = [program for program in PROGRAMS.get(name, ()) if shutil.which(program) is None]
+    missing += [f"the Python module {module}" for module in MODULES.get(name, ()) if not _importable(module)]
+    return " and ".join(missing)
+
+
+def _importable(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except ModuleNotFoundError:
+        return False
 
 
 def table(results: list[dict[str, Any]]) -> Table:
-    columns = ("name", "ours", "reference", "ratio", "goal", "unit")
-    view = Table(*columns, "met")
+    """The results for a terminal."""
+    view = Table(*KEYS, "met")
     for result in results:
-        met = "-" if result["goal"] is None else ("yes" if reached(result) else "NO")
-        view.add_row(*(_show(result[column]) for column in columns), met)
+        met = {None: "-", True: "yes", False: "NO"}[reached(result)]
+        view.add_row(*(_cell(result[key]) for key in KEYS), met)
     return view
 
 
-def reached(result: dict[str, Any]) -> bool:
-    """A goal bounds the ratio where there is a reference, else our own figure."""
-    value = result["ours"] if result["ratio"] is None else result["ratio"]
-    return bool(value <= result["goal"])
-
-
-def _show(value: object) -> str:
+def _cell(value: object) -> str:
     return "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -54,7 +54,7 @@ class _Rclpy:
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
-    """Equality first, then interleaved rounds; medians of the time a message [us]."""
+    """Equality first, then interleaved rounds; medians of the time per message [us]."""
     rng = np.random.default_rng(0)
     lists = {key: rng.normal(size=len(JOINTS)) for key in ("position", "velocity", "effort")}
     layout, reference = Layout(JOINT_STATE, "hand", JOINTS), _Rclpy()
@@ -72,7 +72,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     for name, pair in work.items():
         times = [[_microseconds(side, count) for side in pair] for _ in range(rounds)]
         medians = [statistics.median(column) for column in zip(*times, strict=True)]
-        label = f"{name} one joint_states message of 11 joints, fixed layout / rclpy"
+        label = f"{name} one joint_states message of 11 joints (reference: rclpy)"
         results.append(figure(label, medians[0], GOAL, "us", medians[1]))
     return results
 

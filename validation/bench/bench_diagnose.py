@@ -1,4 +1,4 @@
-"""Speed and memory of the diagnosis: one joint for a minute, the whole hand for ten, a Jacobian against a rollout."""
+"""Time and memory of the diagnosis: one joint for a minute, the whole hand for ten, a Jacobian beside one rollout."""
 
 from __future__ import annotations
 
@@ -25,21 +25,25 @@ SEED = 5
 PERIOD_S = 0.005
 JOINT = "index_distal"
 PARAMETERS = 8
+QUICK_S = 15.0
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
+    """Medians; quick: one joint of a shorter recording, once, compilation included."""
     print(f"seed {SEED}")
     hand = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
-    signals = _record(_rubbing(hand), 60.0)
-    _one_joint(signals, hand)  # compiles
+    duration_s = QUICK_S if quick else 60.0
+    signals = _record(_with_friction(hand), duration_s)
+    if not quick:
+        _one_joint(signals, hand)  # compiles
     seconds = statistics.median(_seconds(lambda: _one_joint(signals, hand)) for _ in range(1 if quick else 3))
-    results = [figure("diagnosis of one joint, 60 s at 200 Hz, full catalogue", seconds, 8.0, "s")]
+    results = [figure(f"diagnosis of one joint, {duration_s:g} s at 200 Hz, full catalogue", seconds, 8.0, "s")]
     results.append(_jacobian(signals, hand, 5 if quick else 25))
     if not quick:
         with multiprocessing.get_context("spawn").Pool(1) as pool:
             took_s, megabytes = pool.apply(_whole_hand)
         results.append(figure("diagnosis of eleven joints, 10 minutes at 200 Hz", took_s, 180.0, "s"))
-        results.append(figure("its memory, peak of the process", megabytes * 1e-3, 1.5, "GB"))
+        results.append(figure("peak memory of that process", megabytes * 1e-3, 1.5, "GB"))
     return results
 
 
@@ -51,7 +55,7 @@ def _one_joint(signals: Signals, hand: Hand) -> None:
 def _whole_hand() -> tuple[float, float]:
     """Seconds and peak memory [MB] in a process of its own."""
     hand = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
-    signals = _record(_rubbing(hand), 600.0)
+    signals = _record(_with_friction(hand), 600.0)
     seconds = _seconds(lambda: diagnose([signals], hand, tolerance=0.05, seed=0, sensor_curve=False))
     return seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
@@ -59,23 +63,17 @@ def _whole_hand() -> tuple[float, float]:
 def _jacobian(signals: Signals, hand: Hand, rounds: int) -> dict[str, Any]:
     """All columns of a finite-difference Jacobian are lanes of one rollout."""
     problem = joint_problem([signals], hand, JOINT)
-    one = problem.nominal[None]
-    all_columns = np.repeat(one, PARAMETERS, axis=0)  # the point itself was simulated before, as a trial step
+    point = problem.nominal[None]
+    all_columns = np.repeat(point, PARAMETERS, axis=0)  # the fit has simulated the point itself before
     all_columns[:, ROW["statics.a2_nm_per_pa"]] *= 1.0 + 1e-3 * np.arange(1, PARAMETERS + 1)
     single, jacobian = [], []
     for _ in range(rounds):
-        single.append(_seconds(lambda: problem.predict(one, problem.starts(1))))
+        single.append(_seconds(lambda: problem.predict(point, problem.starts(1))))
         jacobian.append(_seconds(lambda: problem.predict(all_columns, problem.starts(PARAMETERS))))
     ours, reference = statistics.median(jacobian), statistics.median(single)
-    name = f"Jacobian of {PARAMETERS} parameters against one rollout"
-    return {
-        "name": name,
-        "ours": 1e3 * ours,
-        "reference": 1e3 * reference,
-        "ratio": ours / reference,
-        "goal": 2.0,
-        "unit": "ms",
-    }
+    return figure(
+        f"Jacobian of {PARAMETERS} parameters (reference: one rollout)", 1e3 * ours, 2.0, "ms", 1e3 * reference
+    )
 
 
 def _seconds(action: Callable[[], Any]) -> float:
@@ -84,14 +82,14 @@ def _seconds(action: Callable[[], Any]) -> float:
     return time.perf_counter() - begun
 
 
-def _rubbing(hand: Hand) -> Hand:
+def _with_friction(hand: Hand) -> Hand:
     parameters = hand.parameters.copy()
     parameters[ROW["coulomb_friction.torque_nm"], hand.joints.index(JOINT)] = 0.01
     return replace(hand, parameters=parameters)
 
 
 def _record(hand: Hand, seconds: float) -> Signals:
-    """Random steps and slow ramps on every joint, with sensor noise."""
+    """Random steps and slow ramps of every joint in turn, with sensor noise."""
     rng = np.random.default_rng(SEED)
     count, joints = round(seconds / PERIOD_S), len(hand.joints)
     steps = np.repeat(rng.uniform(0, 4e5, (count // 300 + 1, joints)), 300, axis=0)[:count]
@@ -100,7 +98,7 @@ def _record(hand: Hand, seconds: float) -> Signals:
     commands = np.where((np.arange(count) // 6000 % 2 == 0)[:, None], steps, ramps)
     plant = HandPlant(hand, PERIOD_S)
     states = np.concatenate([plant.state[None], plant.advance(commands[:-1])])
-    shape, yes = commands.shape, np.ones(joints, dtype=bool)
+    shape, all_joints = commands.shape, np.ones(joints, dtype=bool)
     return Signals(
         "bench",
         hand.joints,
@@ -110,6 +108,6 @@ def _record(hand: Hand, seconds: float) -> Signals:
         states[:, PHI] + 5e-4 * rng.standard_normal(shape),
         np.full(shape, np.nan),
         np.ones(shape, dtype=bool),
-        yes,
-        yes,
+        all_joints,
+        all_joints,
     )

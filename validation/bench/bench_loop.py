@@ -1,9 +1,10 @@
 """The control loop over DDS between processes: missed periods, latency, and the round trip beside plain rclpy.
 
-Latency is from the frame's acquisition stamp to the valve command's source timestamp, both on this host. A
-period is missed when its frame was answered by no command, or by one published after the next frame was due.
-The round trip is from the source timestamp of joint_states to that of the valve command that answers it: the plain
-pair stamps a frame after its timer has woken, the stack at the board's tick, so acquisition stamps do not compare.
+Latency is the time from the acquisition stamp of a frame to the source timestamp of its valve command, both on this
+host. A period is missed if no command answers its frame, or if the command is published after the next frame is due.
+The round trip is the time from the source timestamp of joint_states to that of the valve command that answers it. The
+plain pair stamps a frame when its timer wakes and the driver at the tick of the board, so acquisition stamps of the two
+are not comparable.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import rclpy
@@ -29,15 +30,25 @@ from sensor_msgs.msg import JointState
 
 from validation.bench.result import figure
 
-WARM_UP_S = 3.0
+WARM_UP_S, QUICK_WARM_UP_S = 3.0, 0.5
 DEPTH = 1000
 TAKE_PERIOD_S = 0.05
 ROUND_TRIP_HZ = 200
+GOALS = ((200, 0.01), (500, 0.03), (1000, 0.05))
+"""Rates [Hz] with the largest share of missed periods."""
+
+
+class Length(NamedTuple):
+    """Measured seconds, seconds before them, and number of runs."""
+
+    seconds: float
+    warm_up_s: float
+    rounds: int
 
 
 @dataclass
 class Run:
-    """One run: latencies and answer times [s] of all answers, share of missed periods, CPU of both [cores]."""
+    """One run: latency and round trip [s] of all answers, share of missed periods, CPU of both processes [cores]."""
 
     latency_s: np.ndarray[Any, np.dtype[np.float64]]
     answer_s: np.ndarray[Any, np.dtype[np.float64]]
@@ -46,55 +57,55 @@ class Run:
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
-    seconds, rounds = (3.0, 1) if quick else (10.0, 5)
-    rclpy.init()
+    """Medians of five runs of 10 s at each rate; quick: one run of 1 s at 200 Hz."""
+    length = Length(1.0, QUICK_WARM_UP_S, 1) if quick else Length(10.0, WARM_UP_S, 5)
+    rates = GOALS[:1] if quick else GOALS
+    context = rclpy.Context()
+    rclpy.init(context=context)
     try:
         results = []
-        for rate_hz, goal in ((200, 0.01), (500, 0.03), (1000, 0.05)):
-            runs = [measure(stack(rate_hz), rate_hz, seconds) for _ in range(rounds)]
+        for rate_hz, goal in rates:
+            runs = [measure(context, stack(rate_hz), rate_hz, length) for _ in range(length.rounds)]
             results += loop_results(rate_hz, goal, runs)
-        return results + round_trip(seconds, rounds)
+        return results + round_trip(context, length)
     finally:
-        rclpy.try_shutdown()
+        context.try_shutdown()
 
 
 def loop_results(rate_hz: int, goal: float, runs: list[Run]) -> list[dict[str, Any]]:
     p50, p99 = (median(float(np.percentile(r.latency_s, q)) * 1e3 for r in runs) for q in (50, 99))
-    own = [
+    figures = [
         (f"loop {rate_hz} Hz missed periods", median(r.missed for r in runs), goal, "fraction"),
         (f"loop {rate_hz} Hz latency p50", p50, 3.0 if rate_hz == ROUND_TRIP_HZ else None, "ms"),
         (f"loop {rate_hz} Hz latency p99", p99, 10.0 if rate_hz == ROUND_TRIP_HZ else None, "ms"),
         (f"loop {rate_hz} Hz CPU", median(r.cpu for r in runs), None, "cores"),
     ]
-    return [figure(*one) for one in own]
+    return [figure(*arguments) for arguments in figures]
 
 
-def round_trip(seconds: float, rounds: int) -> list[dict[str, Any]]:
-    """Ours and plain rclpy in turn, compared pair by pair."""
+def round_trip(context: Any, length: Length) -> list[dict[str, Any]]:
+    """This stack and plain rclpy in turn, compared pair by pair."""
     pairs = [
-        (measure(stack(ROUND_TRIP_HZ), ROUND_TRIP_HZ, seconds), measure(plain(ROUND_TRIP_HZ), ROUND_TRIP_HZ, seconds))
-        for _ in range(rounds)
+        (
+            measure(context, stack(ROUND_TRIP_HZ), ROUND_TRIP_HZ, length),
+            measure(context, plain(ROUND_TRIP_HZ), ROUND_TRIP_HZ, length),
+        )
+        for _ in range(length.rounds)
     ]
     p50 = [(median(a.answer_s) * 1e3, median(b.answer_s) * 1e3) for a, b in pairs]
     cpu = [(a.cpu, b.cpu) for a, b in pairs]
     return [
-        {
-            "name": name,
-            "ours": median(a for a, _ in values),
-            "reference": median(b for _, b in values),
-            "ratio": median(a / b for a, b in values),
-            "goal": goal,
-            "unit": unit,
-        }
+        figure(name, median(own for own, _ in values), goal, unit, median(other for _, other in values))
+        | {"ratio": median(own / other for own, other in values)}
         for name, values, goal, unit in (
-            ("round trip p50, stack / plain rclpy", p50, 0.7, "ms"),
-            ("round trip CPU, stack / plain rclpy", cpu, 0.5, "cores"),
+            ("round trip p50 (reference: plain rclpy)", p50, 0.7, "ms"),
+            ("round trip CPU (reference: plain rclpy)", cpu, 0.5, "cores"),
         )
     ]
 
 
 def stack(rate_hz: int) -> list[list[str]]:
-    """Commands of the simulation and the controller at a frame rate."""
+    """Command lines of the simulation and the controller at a frame rate [Hz]."""
     folder = Path(get_package_prefix("fluidic_hand")) / "lib" / "fluidic_hand"
     config = Path(get_package_share_directory("fluidic_hand")) / "config"
     hand = Path(tempfile.gettempdir()) / f"hand_bench_{os.getpid()}_{rate_hz}.yaml"
@@ -108,7 +119,7 @@ def stack(rate_hz: int) -> list[list[str]]:
 
 
 def plain(rate_hz: int) -> list[list[str]]:
-    """Commands of the reference pair."""
+    """Command lines of the reference pair."""
     module = [sys.executable, "-m", "validation.bench.loop_reference"]
     return [[*module, "sensor", str(rate_hz)], [*module, "control"]]
 
@@ -124,21 +135,21 @@ def processes(commands: list[list[str]]) -> Iterator[list[subprocess.Popen[bytes
         for process in started:
             try:
                 process.wait(timeout=5)
-            except subprocess.TimeoutExpired:  # a plain spin now and then misses its signal
+            except subprocess.TimeoutExpired:  # a plain spin can miss its signal
                 process.kill()
                 process.wait()
 
 
-def measure(commands: list[list[str]], rate_hz: float, seconds: float) -> Run:
-    """Run two processes for some seconds after they have found each other."""
-    node = rclpy.create_node("loop_probe", namespace="hand")
+def measure(context: Any, commands: list[list[str]], rate_hz: float, length: Length) -> Run:
+    """Run two processes and measure after their discovery and the warm-up. TimeoutError where they do not connect."""
+    node = rclpy.create_node("loop_probe", namespace="hand", context=context)
     probe = node.create_subscription(ValveCommand, "valve_command", lambda _: None, DEPTH, raw=True)
     asked = node.create_subscription(JointState, "joint_states", lambda _: None, DEPTH, raw=True)
     try:
         with processes(commands) as started:
-            _take([probe, asked], 30.0, enough=round(rate_hz * WARM_UP_S))
+            _take([probe, asked], 30.0, enough=round(rate_hz * length.warm_up_s))
             begun, cpu = time.monotonic(), sum(map(_cpu_s, started))
-            seen, frames = _take([probe, asked], seconds)
+            seen, frames = _take([probe, asked], length.seconds)
             used = (sum(map(_cpu_s, started)) - cpu) / (time.monotonic() - begun)
     finally:
         node.destroy_node()
@@ -152,21 +163,21 @@ def measure(commands: list[list[str]], rate_hz: float, seconds: float) -> Run:
 
 
 def _take(probes: list[Any], seconds: float, enough: int | None = None) -> list[list[tuple[int, int]]]:
-    """Acquisition stamp and source timestamp [ns] of each probe's messages: of some seconds, or enough of the first's.
+    """Acquisition stamp and source timestamp [ns] of each probe's messages, for some seconds or until enough came.
 
-    Emptied in batches and without an executor, so that watching costs little of the two cores.
+    The probes are emptied in batches and without an executor, so that the measurement uses little of the two cores.
     """
     seen: list[list[tuple[int, int]]] = [[] for _ in probes]
     end = time.monotonic() + seconds
-    while time.monotonic() < end and (enough is None or len(seen[0]) < enough):
+    while time.monotonic() < end and (enough is None or min(map(len, seen)) < enough):
         time.sleep(TAKE_PERIOD_S)
         for probe, into in zip(probes, seen, strict=True):
             with probe.handle:
                 while (taken := probe.handle.take_message(probe.msg_type, True)) is not None:
                     sec, nanosec = np.frombuffer(taken[0], "<u4", 2, 4).tolist()
                     into.append((sec * 1_000_000_000 + nanosec, taken[1]["source_timestamp"]))
-    if len(seen[0]) < (enough or 2):
-        raise TimeoutError("the two processes exchanged no valve commands: are the packages built and sourced?")
+    if min(map(len, seen)) < (enough or 2):
+        raise TimeoutError("the two processes exchanged no messages: are the packages built and sourced?")
     return seen
 
 

@@ -1,4 +1,4 @@
-"""The reference of the loop bench: plain rclpy, the same messages, a SingleThreadedExecutor a process.
+"""The reference of the loop bench: plain rclpy, the same messages, one SingleThreadedExecutor per process.
 
 python -m validation.bench.loop_reference sensor RATE_HZ | control.  Runs until SIGINT or SIGTERM.
 """
@@ -23,7 +23,7 @@ CHANNELS = 33
 
 
 class Sensor(Node):
-    """Publishes what a driver publishes, at a timer, and takes valve commands."""
+    """Publishes the topics of the driver from a timer and subscribes to the valve commands."""
 
     def __init__(self, rate_hz: float) -> None:
         super().__init__("reference_sensor", namespace="hand")

@@ -25,18 +25,20 @@ GOALS = {
     "both": None, "false_alarm": ("<=", 0.02), "unknown_found": (">=", 0.80), "unknown_wrong": ("<=", 0.05),
     "clean": (">=", 0.90), "parameters": (">=", 0.85), "ece": ("<=", 0.06),
 }  # fmt: skip
-SAYS = {
+LABELS = {
     "place": "place correct",
     "joint": "joint correct",
-    "first": "effect first (one concealed)",
+    "first": "effect named first (one hidden)",
     "first_two": "effect among the first two",
     "both": "both of two effects named",
     "false_alarm": "false alarms on null cases",
-    "unknown_found": "unknown recognised (outside or deleted)",
-    "unknown_wrong": "known effects called unknown",
-    "clean": "held-out error at most 1.25 noise floors",
-    "parameters": "numbers of both forms within 15 %",
+    "unknown_found": "unknown physics reported as unknown",
+    "unknown_wrong": "known effects reported as unknown",
+    "clean": "validation error at most 1.25 noise floors",
+    "parameters": "parameters within 15 % (where both forms have them)",
+    "ece": "expected calibration error",
 }
+"""What each score counts, in the words of docs/proof.md."""
 BINS = (0.0, 0.5, 0.7, 0.85, 0.95, 1.0001)
 GRADED_FROM = 2.0
 
@@ -46,7 +48,7 @@ def score(folder: Path, key: bytes) -> dict[str, Any]:
     truth, commitment = unseal(folder, key)
     grades = [_grade(folder, case) for case in truth["cases"]]
     graded = [g for g in grades if g.kind == "null" or g.multiple >= GRADED_FROM]
-    scores = {name: _share(name, graded) for name in SAYS if name != "parameters"}
+    scores = {name: _share(name, graded) for name in LABELS if name not in {"parameters", "ece"}}
     numbers = [error <= WITHIN for g in graded for _, error in g.parameters]
     scores["parameters"] = _interval(numbers)
     claims = [claim for g in graded for claim in g.claims]

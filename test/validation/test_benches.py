@@ -1,0 +1,129 @@
+"""Every bench in its quick form: it runs, its results have their keys, and values that are no times are plausible."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from validation.bench.__main__ import BENCHES, missing_tools, quick_results, table
+from validation.bench.result import KEYS, figure, reached
+from validation.results import read_run
+
+ROOT = Path(__file__).parents[2]
+UNITS = {
+    "s",
+    "ms",
+    "us",
+    "ns",
+    "ns/joint-step",
+    "cores",
+    "fraction",
+    "share",
+    "%",
+    "deg",
+    "Pa",
+    "B",
+    "GB",
+    "cycles",
+    "1/h",
+    "",
+}
+PLAUSIBLE: dict[str, dict[str, tuple[float, float]]] = {
+    "steps": {"settling time": (0.2, 1.5), "overshoot": (0.0, 5.0)},
+    "loop": {"missed periods": (0.0, 1.0)},
+    "effects": {"not named first": (0.0, 0.0), "wrong place": (0.0, 0.0), "wrong joint": (0.0, 0.0)},
+    "compare": {"not named": (0.0, 0.0), "worst validation error": (0.0, 1.0)},
+    "control": {
+        "RMS error to the target": (0.2, 1.2),
+        "overshoot of this controller": (0.0, 8.0),
+        "swing": (0.0, 0.0),
+        "off its limit": (0.0, 20.0),
+        "missed": (0.0, 50.0),
+    },
+    "firmware": {"flash": (1e3, 64e3), "ram": (1e3, 64e3), "cycles": (1e3, 168e3)},
+}
+"""Bounds of values by a part of their name: no time of this machine is among them."""
+
+
+@pytest.mark.parametrize("name", BENCHES)
+def test_the_quick_form_runs(name: str) -> None:
+    """Fails when a bench no longer runs, a key is missing, a number is not finite, or a value is implausible."""
+    if missing := missing_tools(name):
+        pytest.skip(f"this machine lacks {missing}")
+    results = list(quick_results(name))
+    assert results
+    for result in results:
+        check_schema(result)
+    for part, (low, high) in PLAUSIBLE.get(name, {}).items():
+        found = [result["ours"] for result in results if part in result["name"]]
+        assert found, f"no result of {name} is named {part}"
+        assert all(low <= value <= high for value in found), (part, found)
+    json.dumps(results)
+    assert table(results).row_count == len(results)
+
+
+def check_schema(result: dict[str, Any]) -> None:
+    """Every key with its type; the ratio belongs to the reference."""
+    assert set(result) - {"rows"} == set(KEYS)
+    assert isinstance(result["name"], str) and result["name"] == result["name"].strip() != ""
+    assert result["unit"] in UNITS, result["unit"]
+    for key in ("ours", "reference", "ratio", "goal"):
+        value = result[key]
+        assert value is None or (isinstance(value, float | int) and math.isfinite(value)), (key, value)
+    assert result["ours"] is not None and result["ours"] >= 0.0
+    if result["reference"]:
+        assert result["ratio"] is not None and result["ratio"] > 0.0
+    reached(result)
+
+
+def test_every_bench_is_listed() -> None:
+    """Fails when a module of validation.bench is not run by `python -m validation.bench`."""
+    modules = {path.stem.removeprefix("bench_") for path in (ROOT / "validation" / "bench").glob("bench_*.py")}
+    assert modules == set(BENCHES)
+    for name in BENCHES:
+        assert callable(importlib.import_module(f"validation.bench.bench_{name}").run)
+
+
+def test_a_goal_bounds_the_ratio_or_the_value() -> None:
+    """Fails when a goal is compared with the wrong number."""
+    assert reached(figure("a", 3.0, 0.5, "s", 10.0)) is True
+    assert reached(figure("a", 3.0, 2.0, "s")) is False
+    assert reached(figure("a", 3.0, None, "s")) is None
+
+
+def bench(*arguments: str, path: str | None = None) -> subprocess.CompletedProcess[str]:
+    environment = None if path is None else {"PATH": path, "PYTHONPATH": ":".join(filter(None, sys.path))}
+    return subprocess.run(
+        [sys.executable, "-m", "validation.bench", *arguments],
+        cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+
+
+def test_a_missing_tool_is_one_line(tmp_path: Path) -> None:
+    """Fails when a machine without compiler or emulator gets a traceback, or a file of results without results."""
+    out = tmp_path / "bench.json"
+    done = bench("--only", "firmware", "--quick", "--out", str(out), path=str(tmp_path))
+    assert done.returncode == 2
+    assert "firmware: skipped, it needs arm-none-eabi-gcc and qemu-system-arm" in " ".join(done.stdout.split())
+    assert "Traceback" not in done.stderr and not out.exists()
+
+
+def test_quick_results_are_not_stored(tmp_path: Path) -> None:
+    """Fails when numbers of a quick bench could reach the documents as a measurement."""
+    out = tmp_path / "bench.json"
+    document = {"date": "", "commit": "", "machine": "", "quick": True, "benches": {"steps": []}, "skipped": {}}
+    out.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(ValueError, match="no measurement"):
+        read_run(out)
+    out.write_text(json.dumps(document | {"quick": False}), encoding="utf-8")
+    assert read_run(out)["bench/steps"]["command"] == "python -m validation.bench --only steps"
+    out.write_text("[]", encoding="utf-8")
+    with pytest.raises(ValueError, match="neither results of benches"):
+        read_run(out)

@@ -1,0 +1,230 @@
+"""Regenerate the generated sections and pictures of README and docs: python -m validation.figures [--check].
+
+A section stands between `<!-- generated: COMMAND -->` and `<!-- end -->`; a command that makes several sections has
+their names behind a `#`. The text comes from docs/figures/results.json, from the code (tables of parameters) or, for
+pictures, from the command itself.
+
+Examples: python -m validation.figures
+          python -m validation.figures --take out/bench.json
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from validation import tables
+from validation.bench.__main__ import BENCHES, missing_tools, quick_results
+from validation.results import ROOT, STORE, load, provenance, read_run, store
+from validation.trial import document
+
+PAGES = ("README.md", "CONTRIBUTING.md", "firmware/README.md", "docs/*.md")
+SECTION = re.compile(
+    r"<!-- generated: (?P<name>[^>]+?) -->(?P<gap>\n*)(?P<text>.*?)(?P<end>\n*<!-- end -->)", re.DOTALL
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One generated section.
+
+    source: its entry of results.json; empty where the code itself is the source.  render: the entry's Markdown.
+    picture: name of the picture in docs/figures that the section shows; its text is then not generated.
+    exact: the quick form gives the same text as the long one, so the check demands equality.
+    """
+
+    source: str
+    render: Callable[[Any], str] | None = None
+    picture: str = ""
+    exact: bool = False
+
+
+def _bench(name: str) -> str:
+    return f"python -m validation.bench --only {name}"
+
+
+def _code(module: str, function: str) -> Callable[[Any], str]:
+    """A table that a module of this tree renders; imported when it is needed."""
+
+    def render(_: Any) -> str:
+        return str(getattr(__import__(module, fromlist=[function]), function)()).strip("\n")
+
+    return render
+
+
+def _trial(render: Callable[[Any], str]) -> Callable[[Any], str]:
+    return lambda entry: f"{render(entry['results']).strip()}\n\n{tables.source_line(entry)}"
+
+
+PARTS: dict[str, Part] = {
+    **{_bench(name): Part(f"bench/{name}", tables.bench_table) for name in BENCHES},
+    _bench("loop"): Part("bench/loop", tables.loop_table),
+    _bench("steps"): Part("bench/steps", tables.steps_sentence, exact=True),
+    _bench("effects"): Part("bench/effects", tables.effects_table),
+    _bench("compare"): Part("bench/compare", tables.compare_table),
+    "make proof # summary": Part("trial", tables.trial_summary),
+    "make proof # scores": Part("trial", _trial(document.scores_table)),
+    "make proof # effects": Part("trial", _trial(document.effects_table)),
+    "make proof # failures": Part("trial", _trial(document.failures_table)),
+    "make proof # confusion": Part("trial", picture="proof_confusion.png"),
+    "make proof # reliability": Part("trial", picture="proof_reliability.png"),
+    "make proof DATA=folder # machines": Part("reality", _trial(document.reality_table)),
+    "make proof DATA=folder # seal": Part("reality", tables.machine_sentence),
+    "hand reproduce --out out/paper": Part("paper", tables.paper_table),
+    "hand reproduce --only fig14 --out out/paper": Part("", picture="fig14.png"),
+}
+PICTURES = {"confusion.png": "proof_confusion.png", "reliability.png": "proof_reliability.png"}
+"""Pictures of a trial's folder, by their names in docs/figures."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; exit code 0 done, 1 a check failed, 2 bad usage or bad input."""
+    parser = argparse.ArgumentParser(
+        prog="python -m validation.figures",
+        description="Regenerate the generated sections and pictures of README and docs.",
+        epilog="Example: python -m validation.figures --take out/bench.json",
+    )
+    parser.add_argument("--check", action="store_true", help="change nothing; say which section is not current")
+    parser.add_argument(
+        "--take", type=Path, action="append", default=[], metavar="RUN",
+        help="store a long run's results first: out/bench.json, a trial's folder, reality.json; may be repeated",
+    )  # fmt: skip
+    options = parser.parse_args(arguments)
+    if options.check:
+        faults = check(load())
+        for fault in faults:
+            print(fault, file=sys.stderr)
+        return 1 if faults else 0
+    try:
+        for run in options.take:
+            take(run)
+    except (OSError, ValueError) as error:
+        print(f"python -m validation.figures: {error}", file=sys.stderr)
+        return 2
+    regenerate()
+    return 0
+
+
+def take(run: Path) -> None:
+    """Store a long run's results, and a trial's pictures. Raises ValueError for what is no run."""
+    found = read_run(run)
+    if "trial" in found:
+        for name, kept in PICTURES.items():
+            (STORE.parent / kept).write_bytes((run / name).read_bytes())
+    store(found)
+    print(f"stored in {STORE.relative_to(ROOT)}: {', '.join(found)}")
+
+
+def regenerate() -> None:
+    """Run what takes about a minute (the paper's figures, the step response) and fill every page."""
+    quantities = draw_paper()
+    fresh = {"paper": {**provenance("hand reproduce --out out/paper"), "results": quantities}}
+    fresh["bench/steps"] = {**provenance(_bench("steps")), "results": list(quick_results("steps"))}
+    store(fresh)
+    entries = load()
+    for page in pages():
+        text = page.read_text(encoding="utf-8")
+        filled = fill(text, entries, page)
+        if filled != text:
+            page.write_text(filled, encoding="utf-8")
+            print(f"written: {page.relative_to(ROOT)}")
+
+
+def draw_paper() -> list[dict[str, Any]]:
+    """Reproduce every figure of the paper; writes docs/figures/fig14.png and returns all quantities."""
+    from dataclasses import asdict  # noqa: PLC0415 - only here
+
+    from validation.paper.catalogue import IDS, reproduce  # noqa: PLC0415 - matplotlib and finite elements are slow to load
+    from validation.paper.page import png  # noqa: PLC0415 - as above
+
+    quantities = []
+    for name in IDS:
+        result = reproduce(name, 0, lambda _: None)
+        quantities += [asdict(quantity) for quantity in result.quantities]
+        if name == "fig14":
+            (STORE.parent / "fig14.png").write_bytes(png(result))
+    return quantities
+
+
+def pages() -> list[Path]:
+    """README and docs."""
+    return [path for pattern in PAGES for path in sorted(ROOT.glob(pattern))]
+
+
+def sections(text: str) -> Iterator[tuple[str, str]]:
+    """Name (the command) and content of each generated section of a page."""
+    for found in SECTION.finditer(text):
+        yield found["name"], found["text"]
+
+
+def fill(text: str, entries: dict[str, Any], page: Path) -> str:
+    """A page with its sections rendered anew. Raises ValueError, with the page, for a name not in PARTS."""
+
+    def replaced(found: re.Match[str]) -> str:
+        part = PARTS.get(found["name"])
+        if part is None:
+            raise ValueError(f"{page.relative_to(ROOT)}: nothing generates {found['name']!r}")
+        content = found["text"] if part.render is None else part.render(entries.get(part.source))
+        return f"<!-- generated: {found['name']} -->{found['gap']}{content}{found['end']}"
+
+    return SECTION.sub(replaced, text)
+
+
+def check(entries: dict[str, Any], *, run: bool = True) -> list[str]:
+    """One line for each section that is not what its source gives; run: also the quick forms of the benches."""
+    faults = []
+    for page in pages():
+        name, text = str(page.relative_to(ROOT)), page.read_text(encoding="utf-8")
+        if text.count("<!-- generated:") != len(list(sections(text))):
+            faults.append(f"{name}: a generated section has no <!-- end -->")
+        for command, content in sections(text):
+            if fault := _fault(command, content, entries, run):
+                faults.append(f"{name}: section {command!r}: {fault}")
+    return faults
+
+
+def _fault(command: str, content: str, entries: dict[str, Any], run: bool) -> str:
+    part = PARTS.get(command)
+    if part is None:
+        return "no such command generates a section"
+    if part.render is None:
+        shown = part.picture in content and (STORE.parent / part.picture).is_file()
+        return "" if shown else f"it must show docs/figures/{part.picture}"
+    if part.source and part.source not in entries:
+        return f"{STORE.relative_to(ROOT)} has no {part.source}"
+    if part.render(entries.get(part.source)) != content:
+        return "the text is not what its source gives; run: python -m validation.figures"
+    if not (run and part.source.startswith("bench/")):
+        return ""
+    bench = part.source.removeprefix("bench/")
+    if missing_tools(bench):
+        return ""
+    return quick_fault(part, content, entries[part.source], list(quick_results(bench)))
+
+
+def quick_fault(part: Part, content: str, entry: dict[str, Any], quick: list[dict[str, Any]]) -> str:
+    """What the quick form's section has otherwise than the page's; empty where the format is the same."""
+    assert part.render is not None
+    text = part.render({**entry, "results": quick})
+    if part.exact and text != content:
+        return f"a run gives {text!r}"
+    return "" if layout(text) == layout(content) else f"a quick run gives another format: {layout(text)}"
+
+
+def layout(text: str) -> tuple[str, ...]:
+    """A section's format: headers of its tables, widths of their rows, or its sentences without the numbers."""
+    lines = text.splitlines()
+    heads = [lines[k - 1] for k, line in enumerate(lines) if re.match(r"\| ?---", line)]
+    if heads:
+        widths = {line.count("|") for line in lines if line.startswith("|")}
+        return (*heads, *map(str, sorted(widths)))
+    return tuple(re.sub(r"-?\d[\d.,]*(e[-+]?\d+)?", "#", line) for line in lines)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

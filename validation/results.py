@@ -1,0 +1,91 @@
+"""Results of long runs, kept in docs/figures/results.json: what README and docs print comes from there.
+
+The file maps a source ("bench/control", "trial", "reality", "paper") to its results, with the command that gave them,
+the date, the commit and the machine.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+STORE = ROOT / "docs" / "figures" / "results.json"
+
+
+def provenance(command: str) -> dict[str, str]:
+    """Command, date, commit and machine of a run that ends now; a commit with local changes ends in `+`."""
+    return {
+        "command": command,
+        "date": datetime.now(UTC).date().isoformat(),
+        "commit": _commit(),
+        "machine": f"{os.cpu_count()} cores, {_processor()}",
+    }
+
+
+def _commit() -> str:
+    found = _git("rev-parse", "--short=7", "HEAD").strip()
+    changed = _git("status", "--porcelain", "--untracked-files=no").strip()
+    return (found or "unknown") + ("+" if changed else "")
+
+
+def _git(*arguments: str) -> str:
+    try:
+        done = subprocess.run(["git", "-C", str(ROOT), *arguments], capture_output=True, text=True, check=False)
+    except FileNotFoundError:
+        return ""
+    return done.stdout if done.returncode == 0 else ""
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()
+
+
+def load() -> dict[str, Any]:
+    """The stored results, a source each."""
+    stored: dict[str, Any] = json.loads(STORE.read_text(encoding="utf-8"))
+    return stored
+
+
+def store(new: dict[str, Any]) -> None:
+    """Replace these sources in the file and keep the others."""
+    text = json.dumps(load() | new, indent=1, sort_keys=True, ensure_ascii=False)
+    STORE.write_text(text + "\n", encoding="utf-8")
+
+
+def read_run(path: Path) -> dict[str, Any]:
+    """Sources of a run's output: a bench file, a trial's folder, reality.json, or results.json of `hand reproduce`.
+
+    Raises ValueError for anything else, and for a quick bench, whose numbers are no measurement.
+    """
+    if path.is_dir():
+        path = path / "scores.json"
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, json.JSONDecodeError) as error:
+        raise ValueError(f"{path}: cannot be read as JSON ({error})") from None
+    if isinstance(data, dict) and "benches" in data:
+        if data["quick"]:
+            raise ValueError(f"{path} holds quick benches, which are no measurement; run them without --quick")
+        about = {key: data[key] for key in ("date", "commit", "machine")}
+        return {
+            f"bench/{name}": {**about, "command": f"python -m validation.bench --only {name}", "results": results}
+            for name, results in data["benches"].items()
+        }
+    if isinstance(data, dict) and "scores" in data:
+        return {"trial": {**provenance("make proof"), "results": data}}
+    if isinstance(data, list) and data and "baselines" in data[0]:
+        return {"reality": {**provenance("make proof DATA=folder"), "results": data}}
+    if isinstance(data, list) and data and "quantity" in data[0]:
+        return {"paper": {**provenance("hand reproduce --out out/paper"), "results": data}}
+    raise ValueError(f"{path}: neither results of benches, of a trial, of real machines nor of hand reproduce")

@@ -1,0 +1,153 @@
+"""Stored results as the Markdown that README and docs print: one function a section, each ending in its source line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+Entry = Mapping[str, Any]
+"""One source of docs/figures/results.json: results, with command, date, commit and machine."""
+Result = Mapping[str, Any]
+"""One result of a bench, with the keys of `validation.bench.result.KEYS`."""
+
+
+def source_line(entry: Entry) -> str:
+    """The sentence that names the command behind a section."""
+    machine = f", on {entry['machine']}" if entry.get("machine") else ""
+    return f"Made by `{entry['command']}` on {entry['date']}{machine}, at commit {entry['commit']}."
+
+
+def markdown(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """A Markdown table."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
+
+
+def number(value: float | None) -> str:
+    """Three significant digits, thousands in groups; empty for None."""
+    if value is None:
+        return ""
+    return f"{value:,.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
+
+
+def bench_table(entry: Entry) -> str:
+    """Any bench: this project's value beside the reference's, and the goal."""
+    rows = []
+    for result in entry["results"]:
+        own = f"{number(result['ours'])} {result['unit']}".strip()
+        other = "" if result["reference"] is None else f"{number(result['reference'])} {result['unit']}".strip()
+        of = "value" if result["ratio"] is None else "ratio"
+        goal = "" if result["goal"] is None else f"{of} ≤ {number(result['goal'])}"
+        rows.append((result["name"], own, other, number(result["ratio"]), goal))
+    table = markdown(("result", "this project", "reference", "ratio", "goal"), rows)
+    return f"{table}\n\n{source_line(entry)}"
+
+
+def loop_table(entry: Entry) -> str:
+    """The control loop at each rate that was measured."""
+    values = {result["name"]: float(result["ours"]) for result in entry["results"]}
+    rates = sorted({int(name.split()[1]) for name in values if name.startswith("loop ")})
+    rows = [
+        (
+            f"{rate} Hz",
+            f"{100.0 * values[f'loop {rate} Hz missed periods']:.2f} %",
+            f"{values[f'loop {rate} Hz latency p50']:.2f} / {values[f'loop {rate} Hz latency p99']:.2f} ms",
+            f"{values[f'loop {rate} Hz CPU']:.2f} cores",
+        )
+        for rate in rates
+    ]
+    header = ("rate", "periods missed", "frame acquired to valve command, p50 / p99", "CPU, both processes")
+    return f"{markdown(header, rows)}\n\n{source_line(entry)}"
+
+
+def steps_sentence(entry: Entry) -> str:
+    """Settling time and overshoot at the default rate."""
+    at_default = [result for result in entry["results"] if " 200 Hz" in result["name"]]
+    settling, overshoot = (
+        next(float(result["ours"]) for result in at_default if result["name"].endswith(what))
+        for what in ("settling time", "overshoot")
+    )
+    return (
+        f"A step from 30 to 80 degrees settles within 1 degree in {settling:.2f} s on every joint, with"
+        f" {overshoot:.2f} % overshoot (`{entry['command']}`)."
+    )
+
+
+def effects_table(entry: Entry) -> str:
+    """Each effect alone at twice its detection limit."""
+    rows = []
+    for row in entry["results"][0]["rows"]:
+        if row["shown"]:
+            instead = ", ".join(f"`{name}`" for name in row["instead"])
+            counts = (row["shown"], row["first"], row["joint"], row["place"], f"{row['probability']:.2f}")
+            rows.append((f"`{row['effect']}`", *counts, instead))
+        else:
+            rows.append((f"`{row['effect']}`", 0, "", "", "", "", "not visible in any recording"))
+    header = ("hidden", "recordings", "first", "joint", "place", "probability", "named instead")
+    return f"{markdown(header, rows)}\n\n{source_line(entry)}"
+
+
+def compare_table(entry: Entry) -> str:
+    """The diagnosis beside other methods on the same recordings: validation errors beyond the noise [deg]."""
+    rows = [
+        (
+            f"`{row['hidden']}`",
+            f"{row['nominal']:.2f}",
+            f"{row['reidentified']:.2f}",
+            f"{row['sparse']:.2f}",
+            f"{row['friction']:.2f} ({row['best_friction']})",
+            f"{row['ours']:.3f}",
+            f"`{row['named']}`, {'right' if row['joint'] else 'wrong'}",
+        )
+        for row in entry["results"][0]["rows"]
+    ]
+    header = (
+        "hidden", "nominal", "re-identified", "sparse regression", "best friction", "diagnosis", "named first, joint",
+    )  # fmt: skip
+    return f"{markdown(header, rows)}\n\n{source_line(entry)}"
+
+
+def trial_summary(entry: Entry) -> str:
+    """One sentence on the blind trial."""
+    result = entry["results"]
+    scores = result["scores"]
+    place, joint, first, alarm = (scores[name] for name in ("place", "joint", "first", "false_alarm"))
+    alarms = round(alarm["value"] * alarm["count"]) or "none"
+    return (
+        f"Of {result['recordings']} recordings of an independent plant, {place['count']} with an effect are graded:"
+        f" the place is correct in {place['value']:.0%} of them, the joint in {joint['value']:.0%}, and the first"
+        f" finding names a single effect in {first['value']:.0%}; of {alarm['count']} recordings without an effect,"
+        f" {alarms} gave a false alarm (`{entry['command']}`)."
+    )
+
+
+def paper_table(entry: Entry) -> str:
+    """Every quantity of `hand reproduce`, beside the paper's where the paper prints one."""
+    rows = [
+        (
+            f"`{row['id'].split('_')[0]}`",
+            row["quantity"],
+            "" if row["paper"] is None else f"{row['paper']:.3g}",
+            f"{row['ours']:.3g}",
+            row["unit"],
+            row["note"],
+        )
+        for row in entry["results"]
+    ]
+    table = markdown(("figure", "quantity", "paper", "this code", "unit", "note"), rows)
+    return f"{table}\n\n{source_line(entry)}"
+
+
+def machine_sentence(entry: Entry) -> str:
+    """What the diagnosis finds on the first machine: friction under pressure, and both validation errors."""
+    first = entry["results"][0]
+    values = {key: value for finding in first["findings"] for key, value in finding["parameters"].items()}
+    torque, slope, sliding = (
+        values[f"coulomb_friction.{key}"] for key in ("torque_nm", "torque_nm_per_pa", "presliding_deg")
+    )
+    return (
+        f"The diagnosis finds Coulomb friction of {torque['value']:.3g} {torque['unit']} that grows with pressure"
+        f" ({slope['value']:.2g} {slope['unit']}) and builds up over {sliding['value']:.2g} {sliding['unit']} of"
+        f" motion. The validation error falls from {first['before']:.3g} to {first['after']:.3g} {first['unit']}"
+        f" (`{entry['command']}`)."
+    )
