@@ -29,9 +29,9 @@ BUILD_INPUTS := $(wildcard hand_msgs/*/* hand_msgs/* config launch/* tools/nodes
 help:
 	@echo "make demo        simulated hand, controller and recorder over ROS 2; results in out/demo"
 	@echo "make test        lint, types and all tests"
-	@echo "make bench       speed and quality figures into out/bench.json"
-	@echo "make figures     every figure of README and docs, from the commands that made it"
-	@echo "make proof       the blind trial of the diagnosis, about an hour; scores into out/proof and docs/proof.md"
+	@echo "make bench       speed and quality into out/bench.json, about half an hour"
+	@echo "make figures     tables, numbers and pictures of README and docs, two minutes; TAKE=out/bench.json stores a run"
+	@echo "make proof       the blind trial of the diagnosis, about an hour; scores into out/proof and the documents"
 	@echo "make mutate      mutation tests: which changes of the code no test notices"
 	@echo "make build       set-up only; then: source env.bash"
 	@echo "make wheelhouse  all requirements as wheels into out/wheelhouse; offline: make demo WHEELHOUSE=out/wheelhouse"
@@ -50,7 +50,7 @@ bench: $(BUILT) $(FULL)
 	$(RUN) python -m validation.bench --out out/bench.json
 
 figures: $(BUILT) $(FULL)
-	$(RUN) python -m validation.figures
+	$(RUN) python -m validation.figures $(if $(TAKE),--take $(TAKE))
 
 mutate: $(BUILT) $(FULL)
 	$(RUN) python -m validation.mutation
@@ -62,7 +62,7 @@ proof: $(BUILT) $(FULL)
 	key=$$(echo "$$made" | sed -n 's/^key //p') && echo "$$made" | sed '/^key /d' && \
 	hand trial run out/proof && (echo "$$key" | hand trial score out/proof || [ $$? = 1 ]) && \
 	$(if $(DATA),hand trial reality $(DATA) --out out/reality &&) \
-	python -m validation.trial.document out/proof docs/proof.md $(if $(DATA),out/reality/reality.json)
+	python -m validation.figures --take out/proof $(if $(DATA),--take out/reality/reality.json)
 
 build: $(BUILT)
 

@@ -75,6 +75,9 @@ PARTS: dict[str, Part] = {
     "make proof # reliability": Part("trial", picture="proof_reliability.png"),
     "make proof DATA=folder # machines": Part("reality", _trial(document.reality_table)),
     "make proof DATA=folder # seal": Part("reality", tables.machine_sentence),
+    "python -m validation.figures # catalogue": Part("", _code("hand_model.effects", "markdown_table")),
+    "python -m validation.figures # parameters": Part("", _code("hand_model.kernel.rows", "markdown_table")),
+    "python -m validation.figures # settings": Part("", _code("hand_diagnosis.settings", "markdown_table")),
     "hand reproduce --out out/paper": Part("paper", tables.paper_table),
     "hand reproduce --only fig14 --out out/paper": Part("", picture="fig14.png"),
 }

@@ -27,7 +27,7 @@ def number(value: float | None) -> str:
     """Three significant digits, thousands in groups; empty for None."""
     if value is None:
         return ""
-    return f"{value:,.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
+    return f"{float(f'{value:.3g}'):,.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
 
 
 def bench_table(entry: Entry) -> str:
@@ -115,8 +115,9 @@ def trial_summary(entry: Entry) -> str:
     alarms = round(alarm["value"] * alarm["count"]) or "none"
     return (
         f"Of {result['recordings']} recordings of an independent plant, {place['count']} with an effect are graded:"
-        f" the place is correct in {place['value']:.0%} of them, the joint in {joint['value']:.0%}, and the first"
-        f" finding names a single effect in {first['value']:.0%}; of {alarm['count']} recordings without an effect,"
+        f" the place is correct in {100 * place['value']:.0f} % of them and the joint in {100 * joint['value']:.0f} %."
+        f" The first finding names the effect in {100 * first['value']:.0f} % of the {first['count']} recordings with a"
+        f" single effect. Of {alarm['count']} recordings without an effect,"
         f" {alarms} gave a false alarm (`{entry['command']}`)."
     )
 

@@ -1,22 +1,13 @@
-"""docs/model.md: its table is that of the code, its figures those of the model."""
+"""docs/model.md: its constants are those of the model; test/validation/test_figures.py compares its table."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from hand_model.kernel.rows import JOINT_PARAMETERS, STEP_S, markdown_table
+from hand_model.kernel.rows import JOINT_PARAMETERS, STEP_S
 from hand_model.plant import HISTORY
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "model.md").read_text(encoding="utf-8")
-
-
-def test_parameter_table_is_current() -> None:
-    """Broken by a parameter added, renamed or bounded anew without its row in the document."""
-    _, begun, rest = TEXT.partition("<!-- parameters: begin")
-    table, ended, _ = rest.partition("<!-- parameters: end -->")
-    assert begun
-    assert ended
-    assert table.partition("-->\n")[2] == markdown_table()
 
 
 def test_quoted_constants_are_current() -> None:

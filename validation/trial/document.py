@@ -7,6 +7,10 @@ from typing import Any
 from validation.trial.score import GOALS, LABELS, met
 
 
+def _percent(share: float, digits: int = 1) -> str:
+    return f"{100.0 * share:.{digits}f} %"
+
+
 def scores_table(result: dict[str, Any]) -> str:
     """The run and its scores, from scores.json."""
     timing = result["timing"]
@@ -24,14 +28,14 @@ def scores_table(result: dict[str, Any]) -> str:
         if score["value"] is None:
             continue
         goal = GOALS.get(name)
-        wanted = f"{goal[0]} {goal[1]:.0%}" if goal else ""
-        interval = f"{score['low']:.1%} to {score['high']:.1%}" if "low" in score else ""
+        wanted = f"{goal[0]} {_percent(goal[1], 0)}" if goal else ""
+        interval = f"{_percent(score['low'])} to {_percent(score['high'])}" if "low" in score else ""
         reached = {True: "reached", False: "**not reached**", None: ""}[met(name, score["value"])]
         lines.append(
-            f"| {LABELS[name]} | {score['value']:.1%} | {interval} | {score['count']} | {wanted} | {reached} |"
+            f"| {LABELS[name]} | {_percent(score['value'])} | {interval} | {score['count']} | {wanted} | {reached} |"
         )
     shares = ", ".join(
-        f"{LABELS[name]} {score['value']:.0%} of {score['count']}"
+        f"{LABELS[name]} {_percent(score['value'], 0)} of {score['count']}"
         for name, score in result["at_the_limit"].items()
         if score["value"] is not None
     )

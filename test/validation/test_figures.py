@@ -1,0 +1,101 @@
+"""Generated sections of README and docs: their commands exist, and their text is what the stored results give."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from validation.bench.__main__ import missing_tools, quick_results
+from validation.figures import PARTS, Part, check, fill, layout, main, pages, quick_fault, sections
+from validation.results import ROOT, STORE, load
+
+BENCH_PARTS = sorted(name for name, part in PARTS.items() if part.source.startswith("bench/"))
+PROVENANCE = {"command", "date", "commit", "machine", "results"}
+
+
+def shown() -> dict[str, str]:
+    """Content of every section of the pages by its command."""
+    return {name: content for page in pages() for name, content in sections(page.read_text(encoding="utf-8"))}
+
+
+def test_every_section_is_current() -> None:
+    """Fails when a page shows another number than docs/figures/results.json, or a command that makes nothing."""
+    assert check(load(), run=False) == []
+
+
+@pytest.mark.parametrize("name", [name for name in BENCH_PARTS if name in shown()])
+def test_the_quick_form_has_the_format_of_the_page(name: str) -> None:
+    """Fails when a bench's results no longer fit the section that the page shows, or an exact number has changed."""
+    part, bench = PARTS[name], PARTS[name].source.removeprefix("bench/")
+    if missing := missing_tools(bench):
+        pytest.skip(f"this machine lacks {missing}")
+    fault = quick_fault(part, shown()[name], load()[part.source], list(quick_results(bench)))
+    assert fault == ""
+
+
+def test_stored_results_name_their_origin() -> None:
+    """Fails when a stored result lacks command, date, commit or machine, or when no section uses it."""
+    entries = load()
+    for source, entry in entries.items():
+        assert set(entry) == PROVENANCE, source
+        assert re.fullmatch(r"\d{4}-\d\d-\d\d", entry["date"]), source
+        assert re.fullmatch(r"[0-9a-f]{7,}\+?", entry["commit"]), source
+    assert set(entries) <= {part.source for part in PARTS.values()}
+
+
+def test_every_picture_is_generated() -> None:
+    """Fails when a picture of docs/figures is shown outside a generated section, or is shown nowhere."""
+    contents = shown()
+    for picture in sorted(STORE.parent.glob("*.png")):
+        inside = sum(picture.name in content for content in contents.values())
+        anywhere = sum(page.read_text(encoding="utf-8").count(picture.name) for page in pages())
+        assert inside == anywhere > 0, picture.name
+
+
+def test_a_changed_number_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when the check overlooks an edited number, an unknown command or a section without an end."""
+    page = tmp_path / "page.md"
+    monkeypatch.setattr("validation.figures.ROOT", tmp_path)
+    monkeypatch.setattr("validation.figures.PAGES", ("page.md",))
+    command, entries = "python -m validation.bench --only steps", load()
+    page.write_text(f"a <!-- generated: {command} -->X<!-- end --> b\n", encoding="utf-8")
+    page.write_text(fill(page.read_text(encoding="utf-8"), entries, page), encoding="utf-8")
+    assert check(entries, run=False) == []
+    text = page.read_text(encoding="utf-8")
+    page.write_text(text.replace("0.", "1.", 1), encoding="utf-8")
+    assert "not what its source gives" in check(entries, run=False)[0]
+    page.write_text(text.replace("steps", "leaps"), encoding="utf-8")
+    assert "no such command" in check(entries, run=False)[0]
+    with pytest.raises(ValueError, match="nothing generates"):
+        fill(page.read_text(encoding="utf-8"), entries, page)
+    page.write_text(text.replace("<!-- end -->", ""), encoding="utf-8")
+    assert "has no <!-- end -->" in check(entries, run=False)[0]
+
+
+def test_formats_are_compared_without_their_numbers() -> None:
+    """Fails when another column, another sentence or another exact number passes as the same format."""
+    assert layout("It takes 0.5 s (`a`).") == layout("It takes 12 s (`a`).") != layout("It lasts 12 s (`a`).")
+    assert layout("| a | b |\n| --- | --- |\n| 1 | 2 |") == layout("| a | b |\n| --- | --- |\n| x | y |\n| z | 0 |")
+    assert layout("| a | b |\n| --- | --- |\n| 1 | 2 |") != layout("| a | b |\n| --- | --- |\n| 1 | 2 | 3 |")
+
+    def render(entry: dict[str, Any]) -> str:
+        return f"{entry['results'][0]} s"
+
+    assert quick_fault(Part("x", render), "1 s", {}, [{}]) != ""
+    assert quick_fault(Part("x", lambda entry: "2 s"), "1 s", {}, []) == ""
+    assert quick_fault(Part("x", lambda entry: "2 s", exact=True), "1 s", {}, []) != ""
+
+
+def test_bad_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Fails when a file that is no run gives a traceback, or changes the stored results."""
+    before = STORE.read_bytes()
+    (tmp_path / "run.json").write_text("{}", encoding="utf-8")
+    assert main(["--take", str(tmp_path / "run.json")]) == 2
+    assert main(["--take", str(tmp_path / "nowhere")]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 2 and "neither results of benches" in lines[0] and "nowhere" in lines[1]
+    assert STORE.read_bytes() == before
+    assert ROOT in STORE.parents
