@@ -59,7 +59,7 @@ def imposed_baselines(description: Mapping[str, Any], recordings: Recordings) ->
 
 def _errors(left: Array, keep: Flags) -> dict[str, float]:
     train, held = (float(np.sqrt(np.mean(left[part] ** 2))) for part in (keep, ~keep))
-    return {"train": train, "held_out": held}
+    return {"train": train, "validation": held}
 
 
 def _features(description: Mapping[str, Any], columns: dict[str, Array]) -> tuple[Array, Array, Array, Array, Array]:

@@ -25,7 +25,7 @@ GOALS = {
     "both": None, "false_alarm": ("<=", 0.02), "unknown_found": (">=", 0.80), "unknown_wrong": ("<=", 0.05),
     "clean": (">=", 0.90), "parameters": (">=", 0.85), "ece": ("<=", 0.06),
 }  # fmt: skip
-LABELS = {
+SAYS = {
     "place": "place correct",
     "joint": "joint correct",
     "first": "effect named first (one hidden)",
@@ -48,7 +48,7 @@ def score(folder: Path, key: bytes) -> dict[str, Any]:
     truth, commitment = unseal(folder, key)
     grades = [_grade(folder, case) for case in truth["cases"]]
     graded = [g for g in grades if g.kind == "null" or g.multiple >= GRADED_FROM]
-    scores = {name: _share(name, graded) for name in LABELS if name not in {"parameters", "ece"}}
+    scores = {name: _share(name, graded) for name in SAYS if name not in {"parameters", "ece"}}
     numbers = [error <= WITHIN for g in graded for _, error in g.parameters]
     scores["parameters"] = _interval(numbers)
     claims = [claim for g in graded for claim in g.claims]

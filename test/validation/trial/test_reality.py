@@ -32,10 +32,10 @@ def test_friction_models_of_a_free_swing_are_simulated() -> None:
     """Fails when a baseline is not given its best: the right form must come down to a fraction of a degree."""
     description = {"motion": "rotary", "inertia": 0.006, "weight": 0.5, "stiffness": 0.0, "gain": 1.0}
     errors = moved_baselines(description, {"a": swing(0.9, 1), "b": swing(-0.6, 2)})
-    assert errors["Coulomb"]["held_out"] < 0.2
-    assert errors["viscous"]["held_out"] > 3.0 * errors["Coulomb"]["held_out"]
+    assert errors["Coulomb"]["validation"] < 0.2
+    assert errors["viscous"]["validation"] > 3.0 * errors["Coulomb"]["validation"]
     assert errors["Coulomb, viscous, Stribeck, load, quadratic"]["train"] < 0.2
-    assert np.isfinite(errors["SINDy discrepancy"]["held_out"])
+    assert np.isfinite(errors["SINDy discrepancy"]["validation"])
 
 
 def test_friction_models_of_an_imposed_motion_are_regressed() -> None:
@@ -49,8 +49,8 @@ def test_friction_models_of_an_imposed_motion_are_regressed() -> None:
     columns = {"time": time, "position": x, "input": 1e5 * bar, "force": force + 0.3 * rng.standard_normal(len(time))}
     description = {"motion": "linear", "gain": 5e-4, "stiffness": 30.0, "inertia": 2.0}
     errors = imposed_baselines(description, {"a": columns})
-    assert errors["Coulomb"]["held_out"] < 0.8
-    assert errors["viscous"]["held_out"] > 2.0
+    assert errors["Coulomb"]["validation"] < 0.8
+    assert errors["viscous"]["validation"] > 2.0
 
 
 def test_the_servos_logs_are_two_machines(tmp_path: Path) -> None:
@@ -80,7 +80,7 @@ def test_the_servos_logs_are_two_machines(tmp_path: Path) -> None:
 
 def test_the_table_of_real_machines() -> None:
     """Fails when a part that is found beside an unknown, or a number that is not found, is told as more."""
-    errors, ours = {"held_out": 2.0, "train": 1.0}, {"value": 0.49, "std": 0.01, "unit": "N m"}
+    errors, ours = {"validation": 2.0, "train": 1.0}, {"value": 0.49, "std": 0.01, "unit": "N m"}
     one = {
         "machine": "rig", "verdict": "unknown_physics", "known": ["gravity"], "found": [], "found_in_part": ["gravity"],
         "decoys_taken": [], "before": 3.0, "after": 1.5, "unit": "deg", "findings": [{"statement": "said"}],
