@@ -32,6 +32,8 @@ from validation.bench.result import figure
 
 WARM_UP_S, QUICK_WARM_UP_S = 3.0, 0.5
 DEPTH = 1000
+START_S = 120.0
+"""Longest time for two processes to start, to compile and to find each other."""
 TAKE_PERIOD_S = 0.05
 ROUND_TRIP_HZ = 200
 GOALS = ((200, 0.01), (500, 0.03), (1000, 0.05))
@@ -147,7 +149,7 @@ def measure(context: Any, commands: list[list[str]], rate_hz: float, length: Len
     asked = node.create_subscription(JointState, "joint_states", lambda _: None, DEPTH, raw=True)
     try:
         with processes(commands) as started:
-            _take([probe, asked], 30.0, enough=round(rate_hz * length.warm_up_s))
+            _take([probe, asked], START_S, enough=round(rate_hz * length.warm_up_s))
             begun, cpu = time.monotonic(), sum(map(_cpu_s, started))
             seen, frames = _take([probe, asked], length.seconds)
             used = (sum(map(_cpu_s, started)) - cpu) / (time.monotonic() - begun)
