@@ -28,6 +28,7 @@ PACKAGES = [
     "validation",
     "validation.bench",
     "validation.magnet",
+    "validation.mutation",
     "validation.paper",
     "validation.trial",
 ]
@@ -64,7 +65,7 @@ setup(
     maintainer_email=maintainer.get("email"),
     python_requires=">=3.11",
     packages=PACKAGES,
-    package_data={package: ["*.dbc", "*.html", "*.json", "*.txt", "*.yaml", "*.c", "*.h"] for package in PACKAGES},
+    package_data={package: ["*.dbc", "*.html", "*.json", "*.txt", "*.yaml", "*.toml", "*.c", "*.h"] for package in PACKAGES},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
