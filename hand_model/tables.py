@@ -1,11 +1,13 @@
 """Write the tables of parameters and effects in the documents anew: `python -m hand_model.tables [TREE]`.
 
-docs/model.md holds the parameters, docs/diagnosis.md the catalogue, each between two comments.
+docs/model.md holds the parameters, docs/diagnosis.md the catalogue, each between the comments of a generated section.
+`python -m validation.figures` writes them too, with all other sections.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,16 +18,16 @@ TABLES: tuple[tuple[str, str, Callable[[], str]], ...] = (
     ("docs/model.md", "parameters", parameter_table),
     ("docs/diagnosis.md", "catalogue", effect_table),
 )
-"""Document, name in the comments that enclose the table, and the table."""
+"""Document, name of the section, and the table."""
 
 
 def with_table(text: str, name: str, table: str) -> str:
-    """A document's text with the table between its comments replaced. Raises ValueError where a comment is missing."""
-    begin, end = text.find(f"<!-- {name}: begin"), text.find(f"<!-- {name}: end -->")
-    if not 0 <= begin < end:
-        raise ValueError(f"the comments '{name}: begin' and '{name}: end' are not there")
-    first = text.index("-->\n", begin) + len("-->\n")
-    return text[:first] + table + text[end:]
+    """A document's text with the table of a section replaced. Raises ValueError where the section is missing."""
+    begin = f"<!-- generated: python -m hand_model.tables # {name} -->"
+    section = re.compile(rf"{re.escape(begin)}.*?<!-- end -->", re.DOTALL)
+    if section.search(text) is None:
+        raise ValueError(f"there is no section between {begin!r} and '<!-- end -->'")
+    return section.sub(lambda _: f"{begin}\n\n{table.strip()}\n\n<!-- end -->", text)
 
 
 def main(tree: Path) -> None:
@@ -37,4 +39,10 @@ def main(tree: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "."))
+    parser = argparse.ArgumentParser(
+        prog="python -m hand_model.tables",
+        description="Write the tables of parameters and effects in the documents anew.",
+        epilog="Example: python -m hand_model.tables",
+    )
+    parser.add_argument("tree", nargs="?", type=Path, default=Path(), help="source tree; default: this folder")
+    main(parser.parse_args().tree)

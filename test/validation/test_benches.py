@@ -14,7 +14,8 @@ import pytest
 
 from validation.bench.__main__ import BENCHES, missing_tools, quick_results, table
 from validation.bench.result import KEYS, figure, reached
-from validation.results import read_run
+from validation.figures import PARTS, pages, quick_fault, sections
+from validation.results import load, read_run
 
 ROOT = Path(__file__).parents[2]
 UNITS = {
@@ -53,12 +54,15 @@ PLAUSIBLE: dict[str, dict[str, tuple[float, float]]] = {
 
 
 # The reference of the plant bench in C lacks the parameter rows of the effects.
-OUTDATED = pytest.mark.xfail(reason="plant_reference.c is older than the model")
+MARKS: dict[str, list[Any]] = {
+    "plant": [pytest.mark.xfail(reason="plant_reference.c is older than the model")],
+    "loop": [pytest.mark.real_time],
+}
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[OUTDATED] * (name == "plant")) for name in BENCHES])
+@pytest.mark.parametrize("name", [pytest.param(name, marks=MARKS.get(name, [])) for name in BENCHES])
 def test_the_quick_form_runs(name: str) -> None:
-    """Fails when a bench no longer runs, a key is missing, a number is not finite, or a value is implausible."""
+    """Fails when a bench no longer runs, a key is missing, a value is implausible, or a document has another format."""
     if missing := missing_tools(name):
         pytest.skip(f"this machine lacks {missing}")
     results = list(quick_results(name))
@@ -71,6 +75,15 @@ def test_the_quick_form_runs(name: str) -> None:
         assert all(low <= value <= high for value in found), (part, found)
     json.dumps(results)
     assert table(results).row_count == len(results)
+    check_sections(name, results)
+
+
+def check_sections(name: str, results: list[dict[str, Any]]) -> None:
+    """The sections of the documents that show this bench have the format that the quick results give."""
+    for page in pages():
+        for command, content in sections(page.read_text(encoding="utf-8")):
+            if command in PARTS and PARTS[command].source == f"bench/{name}":
+                assert quick_fault(PARTS[command], content, load()[f"bench/{name}"], results) == ""
 
 
 def check_schema(result: dict[str, Any]) -> None:

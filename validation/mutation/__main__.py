@@ -26,7 +26,11 @@ GOAL = 0.9
 def main() -> int:
     """Run the chosen groups; 1 where a group stays below the goal, 2 for bad usage or tests that fail unmutated."""
     names = sorted(path.stem for path in HERE.glob("*.toml"))
-    parser = argparse.ArgumentParser(prog="python -m validation.mutation", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m validation.mutation",
+        description=__doc__.splitlines()[0],
+        epilog="Example: python -m validation.mutation --group effects --sample 20",
+    )
     parser.add_argument("--group", action="append", choices=names, help="a group; may be repeated; default: all")
     parser.add_argument("--sample", type=int, default=0, metavar="N", help="random mutants per group; default: all")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the random sample")
