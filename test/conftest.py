@@ -2,7 +2,7 @@
 
 `make test` runs the tests in several processes (pytest-xdist). A test in real time keeps deadlines, and a process that
 is delayed by 0.1 s makes the hand vent. So the processes share a lock: a module of such tests holds it alone, all other
-tests hold it together.
+tests hold it together. A separate process measures how long the machine itself stalls; a failed test states it.
 """
 
 from __future__ import annotations
@@ -10,7 +10,11 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import os
-from collections.abc import Iterator
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
@@ -62,6 +66,46 @@ class Lock:
 
 
 LOCK = Lock(ROOT / ".pytest_cache")
+STALL_CODE = """
+import os, time
+parent = os.getppid()
+while os.getppid() == parent:
+    begun = time.time()
+    time.sleep(0.005)
+    late = time.time() - begun - 0.005
+    if late > 0.01:
+        print(begun, late, flush=True)
+"""
+"""Sleeps 5 ms at a time and prints when, and by how much [s], it was woken too late."""
+
+
+class StallWatch:
+    """The independent clock of tests in real time: a process that does nothing but measure its own delays."""
+
+    def __init__(self) -> None:
+        """Begin to measure."""
+        self._stalls: list[tuple[float, float]] = []
+        self._process = subprocess.Popen([sys.executable, "-S", "-c", STALL_CODE], stdout=subprocess.PIPE, text=True)
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            begun_s, late_s = line.split()
+            self._stalls.append((float(begun_s), float(late_s)))
+
+    def longest_since(self, start_s: float) -> float:
+        """The longest stall [s] that ended after start_s [s] of time.time()."""
+        return max((late_s for begun_s, late_s in self._stalls if begun_s + late_s > start_s), default=0.0)
+
+    def stop(self) -> None:
+        """End the process."""
+        self._process.kill()
+        self._process.wait()
+
+
+STALL_WATCH: list[StallWatch] = []
+"""At most one: started by the first test in real time."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -72,6 +116,26 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path.relative_to(ROOT / "test").as_posix().startswith(REAL_TIME):
             item.add_marker(pytest.mark.real_time)
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Measure the stalls of the machine while a test in real time runs."""
+    if item.get_closest_marker("real_time") is not None:
+        if not STALL_WATCH:
+            STALL_WATCH.append(StallWatch())
+        item.user_properties.append(("started_s", time.time()))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Add to a failure in real time how long the machine stalled: more than 0.1 s is a cause of its own."""
+    report = yield
+    started_s = dict(item.user_properties).get("started_s")
+    if report.failed and STALL_WATCH and isinstance(started_s, float):
+        stall_s = STALL_WATCH[0].longest_since(started_s)
+        line = f"longest stall of the machine during this test: {stall_s:.3f} s (the hand vents after 0.1 s)"
+        report.sections.append(("real time", line))
+    return report
 
 
 @pytest.hookimpl(wrapper=True)
@@ -87,7 +151,9 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
-    """Name what failed in the very last lines: logs are often cut to their end."""
+    """Repeat the failures in the last lines: logs are often cut to their end."""
+    for watch in STALL_WATCH:
+        watch.stop()
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     for kind in ("failed", "error"):
         for report in reporter.stats.get(kind, []) if reporter else []:
