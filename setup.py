@@ -65,7 +65,9 @@ setup(
     maintainer_email=maintainer.get("email"),
     python_requires=">=3.11",
     packages=PACKAGES,
-    package_data={package: ["*.dbc", "*.html", "*.json", "*.txt", "*.yaml", "*.toml", "*.c", "*.h"] for package in PACKAGES},
+    package_data={
+        package: ["*.dbc", "*.html", "*.json", "*.txt", "*.yaml", "*.toml", "*.c", "*.h"] for package in PACKAGES
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
