@@ -15,7 +15,8 @@ from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
 from hand_model.statics import equilibrium_angle
-from hand_recording.signals import Signals, bridge, white_noise
+from hand_recording.interpolation import bridge
+from hand_recording.signals import Signals, white_noise
 
 FARTHEST_RAD, HIGHEST_PA = 2.0 * np.pi, 2e6
 """No joint is there, no actuator survives it."""

@@ -22,12 +22,14 @@ from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.yaml_reader import Section, read_yaml
 from hand_recording.hand_signals import SHORTEST_S, hand_signals
+from hand_recording.interpolation import bridge, in_force, interpolate
 from hand_recording.loader import load_recording
 from hand_recording.recording_files import RecordingError
-from hand_recording.rig_file import UNITS
-from hand_recording.signals import Signals, bridge, samples_on_grid
+from hand_recording.signals import Signals, samples_on_grid
+from hand_recording.table_file import TABLES, UNITS, read_table
 
-TABLES = {".csv", ".parquet", ".pq", ".npz"}
+LONGEST_GAP_S = 0.2
+"""Samples farther apart than this, and than three periods, are not joined by a line."""
 QUANTITIES = {"set_point": "pa", "pressure": "pa", "angle": "deg", "force": "n"}
 
 
@@ -46,7 +48,7 @@ def read_signals(paths: Sequence[Path], hand: Hand, mapping: Path | None) -> lis
 
 def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
     top = read_yaml(mapping, ("time", "joints"))
-    columns = table_columns(path)
+    columns = read_table(path).numbers
     time_s = _column(top.section("time", ("column", "unit")), path, columns, "s", signed=False)
     order = np.argsort(time_s, kind="stable")
     kept = order[np.concatenate([[True], np.diff(time_s[order]) > 0.0])]
@@ -78,28 +80,6 @@ def _joints(top: Section, hand: Hand, mapping: Path) -> list[tuple[str, Section]
     return joints
 
 
-def table_columns(path: Path) -> dict[str, Array]:
-    """Columns of a CSV, Parquet or NPZ file as floats; RecordingError, one line, for what cannot be read."""
-    import pyarrow.csv  # noqa: PLC0415 - large, and of no use to bags
-    import pyarrow.parquet  # noqa: PLC0415 - as above
-
-    try:
-        if path.suffix == ".npz":
-            with np.load(path) as archive:
-                return {name: np.asarray(archive[name], dtype=np.float64) for name in archive.files}
-        table = pyarrow.csv.read_csv(path) if path.suffix == ".csv" else pyarrow.parquet.read_table(path)
-        columns = {name: table.column(name) for name in table.column_names}
-    except (OSError, ValueError, pyarrow.ArrowException) as error:
-        raise RecordingError(f"{path} cannot be read: {str(error).splitlines()[0]}") from None
-    numbers = {}
-    for name, column in columns.items():
-        try:
-            numbers[name] = np.asarray(column.to_numpy(zero_copy_only=False), dtype=np.float64)
-        except (TypeError, ValueError):
-            continue  # text beside the numbers
-    return numbers
-
-
 def _column(section: Section, path: Path, columns: dict[str, Array], unit: str, *, signed: bool) -> Array:
     name = section.raw("column", "the name of a column")
     given = section.choice("unit", list(UNITS[unit]), unit)
@@ -114,18 +94,15 @@ def _column(section: Section, path: Path, columns: dict[str, Array], unit: str, 
 
 
 def _on_grid(grid: Array, time_s: Array, values: Array, *, held: bool) -> Array:
-    """Interpolated linearly where known on both sides within three periods, or held from the last one."""
+    """At the times of a grid: interpolated where the samples are close enough, or held from the last one."""
     known = np.isfinite(values)
     if held:
-        index = np.maximum(np.searchsorted(time_s[known], grid + 1e-9, side="right") - 1, 0)
-        held_values: Array = values[known][index]
+        held_values: Array = values[known][np.maximum(in_force(grid + 1e-9, time_s[known]), 0)]
         return held_values
-    result = np.interp(grid, time_s[known], values[known])
-    near = np.searchsorted(time_s[known], grid)
-    left = grid - time_s[known][np.maximum(near - 1, 0)]
-    right = time_s[known][np.minimum(near, known.sum() - 1)] - grid
-    result[(np.abs(left) > 0.1) & (np.abs(right) > 0.1)] = np.nan
-    return result
+    # The last time of a grid may lie a rounding error behind the last sample.
+    within = np.clip(grid, time_s[known][0], time_s[known][-1]) if len(grid) else grid
+    close = np.where(np.abs(within - grid) < grid[1] - grid[0], within, grid)
+    return interpolate(close, time_s[known], values[known], max(LONGEST_GAP_S, 3.0 * (grid[1] - grid[0])))
 
 
 def _signals(path: Path, joints: tuple[str, ...], period_s: float, data: dict[str, Array], share: float) -> Signals:

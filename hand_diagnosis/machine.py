@@ -33,7 +33,6 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from hand_diagnosis.findings import Finding, unit_of, unknown_statement
-from hand_diagnosis.inputs import table_columns
 from hand_diagnosis.report import small_statement
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
@@ -43,8 +42,10 @@ from hand_model.quantities import UnitMap, Wording
 from hand_model.yaml_reader import Section, read_yaml
 from hand_recording.hand_signals import SHORTEST_S
 from hand_recording.installed import default_model
+from hand_recording.interpolation import bridge
 from hand_recording.recording_files import RecordingError
-from hand_recording.signals import Signals, bridge, samples_on_grid
+from hand_recording.signals import Signals, samples_on_grid
+from hand_recording.table_file import read_table
 
 AXIS = "axis"
 TORQUE, TRAVEL, INPUT, FORCE = 0.5, 1.5, 4e5, 10.0
@@ -147,7 +148,7 @@ def _read(top: Section, recording: Path, imposed: bool) -> dict[str, Array]:
     section = top.section("columns", ("time", "input", "position", "force"))
     with_input = not imposed or "input" in section
     wanted = ("time", *(("input",) if with_input else ()), "position", *(("force",) if imposed else ()))
-    columns = table_columns(recording)
+    columns = read_table(recording).numbers
     data = {}
     for name in wanted:
         part = section.section(name, ("column", "scale"))

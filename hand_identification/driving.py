@@ -16,6 +16,7 @@ import numpy as np
 from hand_identification.free_parameters import FreeParameter
 from hand_identification.joint_problem import JointProblem, Segment
 from hand_model.arrays import Array
+from hand_recording.interpolation import bridge, refine
 from hand_recording.signals import slopes_over, smoothing_span, white_noise, without_noise
 
 
@@ -65,30 +66,24 @@ def _acceleration(segment: Segment, model_rad: Array) -> Array:
 
 
 def _bridged(segment: Segment, rest: Array) -> Array:
-    samples = np.arange(len(rest))
-    return np.interp(samples, samples[segment.known], rest[segment.known]) if segment.known.any() else rest
+    return bridge(np.where(segment.known, rest, np.nan))[0] if segment.known.any() else rest
 
 
 def _finer(segment: Segment, finer: int) -> Segment:
     """The inputs of the valve's stage alone, in steps of a `finer`-th of a sample."""
-    samples = len(segment.set_point_pa)
-    at = np.arange(finer * (samples - 1) + 1) / finer
-    around = [np.interp(at, np.arange(samples), column) for column in segment.exogenous.T]
-    pressure = np.interp(at, np.arange(samples), segment.pressure_pa)
+    pressure = refine(segment.pressure_pa, finer)
     return replace(
         segment,
         period_s=segment.period_s / finer,
-        set_point_pa=np.repeat(segment.set_point_pa, finer)[: len(at)],
+        set_point_pa=np.repeat(segment.set_point_pa, finer)[: len(pressure)],
         driving_pa=pressure,
-        exogenous=np.column_stack(around),
+        exogenous=refine(segment.exogenous, finer),
     )
 
 
 def _shaped(segment: Segment, model_pa: Array, finer: int) -> Segment:
-    samples = np.arange(len(segment.pressure_pa))
     rest = _bridged(segment, segment.pressure_pa - model_pa[::finer])
     if len(rest) < 3 or not np.mean(np.diff(rest, 2) ** 2) < np.mean(np.diff(segment.pressure_pa, 2) ** 2):
         return segment
     quiet, span = without_noise(rest, segment.period_s, white_noise(rest))
-    at = np.arange(len(model_pa)) / finer
-    return replace(segment, driving_pa=model_pa + np.interp(at, samples, quiet), span=span, smoothed=quiet != rest)
+    return replace(segment, driving_pa=model_pa + refine(quiet, finer), span=span, smoothed=quiet != rest)

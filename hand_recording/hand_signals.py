@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
+from hand_recording.interpolation import bridge
 from hand_recording.loader import Recording, RecordingError
-from hand_recording.signals import Signals, bridge, samples_on_grid
+from hand_recording.signals import Signals, samples_on_grid
 from hand_recording.time_base import TimeBase, nearest, published_on_stamp_clock
 from hand_sim.offline import Commands, Ticks, rebuild_ticks, set_points_in_force
 

@@ -69,17 +69,6 @@ class Signals:
         return np.asarray(np.arange(self.samples) * self.period_s, dtype=np.float64)
 
 
-def bridge(values: Array) -> tuple[Array, Flags]:
-    """Columns (T, J) with NaN replaced by linear interpolation, and where they were known; an empty column is 0."""
-    known = np.isfinite(values)
-    filled = np.zeros_like(values)
-    at = np.arange(len(values))
-    for j in range(values.shape[1]):
-        if known[:, j].any():
-            filled[:, j] = np.interp(at, at[known[:, j]], values[known[:, j], j])
-    return filled, known
-
-
 def derivatives(angle_rad: Array, period_s: float) -> tuple[Array, Array]:
     """Speed and acceleration (T, J) from angles by a cubic over a short moving window."""
     half = max(2, round(SMOOTHING_S / period_s / 2.0))

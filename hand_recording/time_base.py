@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from hand_model.arrays import Array
 from hand_recording.columns import TopicData
+from hand_recording.interpolation import in_force, interpolate
 from hand_recording.recording_files import RecordingError
 
 Times = NDArray[np.int64]
@@ -97,22 +98,6 @@ def resample(
     )
 
 
-def interpolate(times: Times, stamps: Times, values: Array, max_gap_ns: int) -> Array:
-    """Values (N, J) at rising `stamps` (N,), linearly onto `times` (T,): (T, J), by the rules above."""
-    after = np.clip(np.searchsorted(stamps, times), 1, max(len(stamps) - 1, 1))
-    after = np.minimum(after, len(stamps) - 1)
-    before = np.maximum(after - 1, 0)
-    span = stamps[after] - stamps[before]
-    share = ((times - stamps[before]) / np.maximum(span, 1))[:, np.newaxis]
-    result: Array = values[before] + share * (values[after] - values[before])
-    unknown = (times < stamps[0]) | (times > stamps[-1]) | (span > max_gap_ns)
-    result[unknown] = np.nan
-    for ends in (before, after):  # the sample itself, also beside a NaN or a gap
-        hit = times == stamps[ends]
-        result[hit] = values[ends[hit]]
-    return result
-
-
 def nearest(times: Times, data: TopicData, field: str, names: Sequence[str], most_ns: float) -> tuple[Array, Array]:
     """A field's sample nearest to each time (T, J), and by how much it is later (T,) [ns].
 
@@ -125,12 +110,6 @@ def nearest(times: Times, data: TopicData, field: str, names: Sequence[str], mos
     values = _named(data, field, names)[rows[at]]
     values[np.abs(late - np.median(late)) >= most_ns] = np.nan
     return values, late
-
-
-def in_force(times: Times, starts: Times) -> NDArray[np.intp]:
-    """Row of `starts` (rising) that began last at each time; -1 before the first."""
-    rows: NDArray[np.intp] = np.searchsorted(starts, times, side="right") - 1
-    return rows
 
 
 def _held(

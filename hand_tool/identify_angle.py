@@ -29,7 +29,7 @@ def angle(
     with running("identify angle", about=rig):
         check_file(rig)
         from hand_identification.angle_calibration import calibrate_angle
-        from hand_recording.rig_file import read_rig
+        from hand_recording.table_file import read_rig
 
         columns = read_rig(rig, ("angle_deg", "voltage_v"))
         found = calibrate_angle(columns["angle_deg"], columns["voltage_v"])

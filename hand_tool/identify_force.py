@@ -31,7 +31,7 @@ def force(
     with running("identify force", about=rig):
         check_file(rig)
         from hand_identification.force_calibration import calibrate_force
-        from hand_recording.rig_file import read_rig
+        from hand_recording.table_file import read_rig
 
         columns = read_rig(rig, ("force_n", "voltage_v"))
         found = calibrate_force(columns["force_n"], columns["voltage_v"], supply_v, divider_ohm)

@@ -65,13 +65,14 @@ def _columns(rig: Path, joint: str) -> dict[str, Array]:
     import numpy as np
 
     from hand_recording.loader import load_recording
-    from hand_recording.rig_file import RigError, read_rig
+    from hand_recording.recording_files import RecordingError
+    from hand_recording.table_file import read_rig
 
     if rig.is_dir() or rig.suffix in BAGS:
         recording = load_recording(rig)
         base = recording.on_time_base()
         if joint not in base.joints:
-            raise RigError(f"{rig}: --joint is {joint!r}; the recording has: {', '.join(base.joints)}")
+            raise RecordingError(f"{rig}: --joint is {joint!r}; the recording has: {', '.join(base.joints)}")
         j = base.joints.index(joint)
         table = np.array([base.pressure[:, j], np.degrees(base.position[:, j]), base.effort[:, j]])
         table = table[:, np.isfinite(table).all(axis=0)]

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hand_recording.columns import TopicData
+from hand_recording.interpolation import interpolate
 from hand_recording.loader import Recording, RecordingError, load_recording
-from hand_recording.time_base import interpolate
 
 MS = 1_000_000
 NAN = np.nan
