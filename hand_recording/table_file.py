@@ -7,6 +7,7 @@ are checked for degrees and radians being mixed up.
 from __future__ import annotations
 
 import csv
+import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -88,9 +89,14 @@ def read_table(path: Path) -> Table:
 
 
 def _parquet(path: Path) -> dict[str, Array]:
-    import pyarrow.parquet  # noqa: PLC0415 - large, and of no use to bags
-
-    table = pyarrow.parquet.read_table(path)
+    """Parquet is read where pyarrow is installed; what a robot runs does not need it."""
+    try:
+        parquet = importlib.import_module("pyarrow.parquet")
+    except ModuleNotFoundError:
+        raise RecordingError(
+            f"{path}: reading Parquet needs pyarrow; install it with: pip install 'fluidic_hand[analysis]'"
+        ) from None
+    table = parquet.read_table(path)
     columns = {}
     for name in table.column_names:
         try:
