@@ -181,8 +181,9 @@ def valve_lag(_: Any) -> None:
         begin, end = np.exp(-step * H / tau), np.exp(-(step + 1) * H / tau)
         assert m[0] == approx(2e5 + step_pa * (1.0 - end), rel=1e-5)
         assert mean == approx(2e5 + step_pa * (1.0 - tau / H * (begin - end)), rel=1e-5)
-    assert call("valve_lag", "valve_error", q, 1e4) == 1e4
-    assert call("valve_lag", "valve_error", q, -1e4) == approx(-1e4 / 2.0)
+    for error in (0.5, 1e4):
+        assert call("valve_lag", "valve_error", q, error) == error
+        assert call("valve_lag", "valve_error", q, -error) == approx(-error / 2.0)
 
 
 def valve_deadband(_: Any) -> None:
@@ -195,6 +196,7 @@ def valve_deadband(_: Any) -> None:
                 "valve_deadband", "valve_error", numbers("valve_deadband", width_pa=width, softness=soft), error
             )
             assert felt == approx((1.0 - soft) * sharp + soft * gradual, rel=1e-9, abs=1e-6)
+    assert call("valve_deadband", "valve_error", numbers("valve_deadband", softness=1.0), 0.0) == 0.0
 
 
 def iso_6358(ratio: float, critical: float) -> float:
@@ -240,6 +242,11 @@ def switching_valve(_: Any) -> None:
     volume = vented + growth * after + A2 * 0.5 + 0.5 * A3 * 0.25
     assert (after + ATMOSPHERE_PA) * volume == approx(held, rel=1e-3)
     assert call("switching_valve", "valve", q, (0.0, 0.0, 0.0), SUPPLY_PA, SUPPLY_PA + 1e5, REST, H)[0] == SUPPLY_PA
+    assert call("switching_valve", "valve", q, (1.0, 0.0, -0.01), -5e3, 0.0, REST, H)[0] == -5e3  # nothing to vent
+    tiny, closed = numbers("switching_valve", share=1.0, volume_m3=1e-7), (1.0, 0.0, 0.0)
+    after, _ = call("switching_valve", "valve", tiny, closed, 0.0, 0.0, around(angle=-1.0, speed=0.1), 1e-5)
+    smallest = 1e-7 + growth * ATMOSPHERE_PA  # the map's volume is negative here
+    assert after == approx(-1e-5 * ATMOSPHERE_PA * (A2 - A3) * 0.1 / smallest)
 
 
 def hydraulic(_: Any) -> None:
