@@ -14,21 +14,20 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from hand_model.kernel.inline import inline
 
 REFERENCE_PA = 1.0e5
 """rho_0 R T_0 of ISO 8778 reference conditions."""
-_FAST = {"contract", "nnan", "nsz"}
 
 
-@njit(forceinline=True, fastmath=_FAST, error_model="numpy")
+@inline
 def subsonic(ratio, critical, per_span):  # type: ignore[no-untyped-def]
     """psi of ISO 6358-1: flow as a share of the choked one at p2 / p1; per_span is 1 / (1 - critical)."""
     x = min(max((ratio - critical) * per_span, 0.0), 1.0)
     return math.sqrt(1.0 - x * x)
 
 
-@njit(forceinline=True, fastmath=_FAST, error_model="numpy")
+@inline
 def open_rate(upstream_abs, downstream_abs, conductance, critical, volume):  # type: ignore[no-untyped-def]
     """Pressure rate [Pa/s] of a volume [m^3] through an open valve between absolute pressures [Pa].
 
@@ -38,7 +37,7 @@ def open_rate(upstream_abs, downstream_abs, conductance, critical, volume):  # t
     return REFERENCE_PA * conductance * upstream_abs * psi / volume
 
 
-@njit(forceinline=True, fastmath=_FAST, error_model="numpy")
+@inline
 def pulse(error, saved, response, deadband, period, shortest, fill, vent):  # type: ignore[no-untyped-def]
     """Share of the next PWM period to open, positive to fill and negative to vent, and what is saved up.
 

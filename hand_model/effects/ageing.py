@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from hand_model.effects.effect import TIME, Effect
-from hand_model.kernel.inline import inline
+from hand_model.kernel.inline import inline, inlined
 from hand_model.kernel.plant_rows import Parameter
+from hand_model.statics import leverage
+
+_leverage = inlined(leverage)
 
 
 @inline
@@ -12,7 +15,7 @@ def torque(q, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     """Eq. 11 with coefficients that change in proportion to time."""
     stiffness_per_s, strength_per_s, a1, a2, a3 = q
     elastic, strong = stiffness_per_s * e[TIME], strength_per_s * e[TIME]
-    added = elastic * a1 * (phi - creep_angle) + strong * (a2 + a3 * phi) * p
+    added = elastic * a1 * (phi - creep_angle) + strong * _leverage(phi, a2, a3) * p
     return added, -elastic * a1 - strong * a3 * p
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from hand_model.effects.effect import ANGLE, ATMOSPHERE_PA, SPEED, Effect
 from hand_model.kernel.inline import inline, inlined
 from hand_model.kernel.plant_rows import Parameter
-from hand_model.statics import chamber_volume
+from hand_model.statics import chamber_volume, leverage
 
-_volume = inlined(chamber_volume)
+_volume, _leverage = inlined(chamber_volume), inlined(leverage)
 SMALLEST_M3 = 1e-7
 """No chamber is taken as smaller, whatever the parameters."""
 
@@ -21,7 +21,7 @@ def pressure_rate(q, rate, p, u, e):  # type: ignore[no-untyped-def]
     exponent, vented, growth, a2, a3 = q
     stiff = exponent * (p + ATMOSPHERE_PA)
     volume = max(_volume(p, e[ANGLE], vented, growth, a2, a3), SMALLEST_M3)
-    return rate - stiff * (a2 + a3 * e[ANGLE]) * e[SPEED] / (volume + stiff * growth)
+    return rate - stiff * _leverage(e[ANGLE], a2, a3) * e[SPEED] / (volume + stiff * growth)
 
 
 EFFECT = Effect(

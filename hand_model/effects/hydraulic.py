@@ -6,8 +6,11 @@ A search does not try it. The description chooses it with `fluid: hydraulic`.
 from __future__ import annotations
 
 from hand_model.effects.effect import ANGLE, SPEED, Effect
-from hand_model.kernel.inline import inline
+from hand_model.kernel.inline import inline, inlined
 from hand_model.kernel.plant_rows import Parameter
+from hand_model.statics import leverage
+
+_leverage = inlined(leverage)
 
 
 @inline
@@ -21,7 +24,7 @@ def prepare(q, h):  # type: ignore[no-untyped-def]
 def pressure_rate(q, rate, p, u, e):  # type: ignore[no-untyped-def]
     """Only the valve changes the volume c_V p + (a2 + a3 phi / 2) phi: motion changes the pressure at once."""
     a2, a3, per_volume = q[2], q[3], q[4]
-    return rate - per_volume * (a2 + a3 * e[ANGLE]) * e[SPEED]
+    return rate - per_volume * _leverage(e[ANGLE], a2, a3) * e[SPEED]
 
 
 EFFECT = Effect(

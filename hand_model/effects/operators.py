@@ -18,7 +18,7 @@ STEEP_PER_RAD_S = 1e6
 
 @inline
 def sine_cosine(x):  # type: ignore[no-untyped-def]
-    """Sine and cosine of x [rad] to 1e-7 within 1e6 rad, finite for every finite x.
+    """Sine and cosine of x [rad] to 3e-7 within 1e6 rad, finite for every finite x.
 
     The angle is reduced to half a turn. The series of half that angle are doubled: sin 2y = 2 sin y cos y.
     """

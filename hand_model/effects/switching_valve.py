@@ -9,9 +9,9 @@ from hand_model.effects.effect import ANGLE, ATMOSPHERE_PA, SPEED, Effect
 from hand_model.kernel.inline import inline, inlined
 from hand_model.kernel.plant_rows import Parameter
 from hand_model.pressure_loop import open_rate, pulse
-from hand_model.statics import chamber_volume
+from hand_model.statics import chamber_volume, leverage
 
-_volume, _open_rate, _pulse = inlined(chamber_volume), inlined(open_rate), inlined(pulse)
+_volume, _leverage = inlined(chamber_volume), inlined(leverage)
 GROWTH_M3_PER_PA = 1.2e-12
 """Growth of the chamber's volume with pressure."""
 SMALLEST_M3 = 1e-7
@@ -22,8 +22,8 @@ SMALLEST_M3 = 1e-7
 def _rates(p, supply, conductance, critical, volume):  # type: ignore[no-untyped-def]
     """Pressure rates [Pa/s] while the fill valve or the vent valve is open."""
     here, full = max(p, 0.0) + ATMOSPHERE_PA, supply + ATMOSPHERE_PA
-    fill = _open_rate(full, here, conductance, critical, volume)
-    return fill, _open_rate(here, ATMOSPHERE_PA, conductance, critical, volume)
+    fill = open_rate(full, here, conductance, critical, volume)
+    return fill, open_rate(here, ATMOSPHERE_PA, conductance, critical, volume)
 
 
 @inline
@@ -33,7 +33,7 @@ def _begun(q, m, p, u, h):  # type: ignore[no-untyped-def]
     remaining, saved, open_s = m
     if remaining < 0.5 * h:
         fill, vent = _rates(p, supply, conductance, critical, vented)
-        share, saved = _pulse(u - p, saved, response, deadband, period, shortest, fill, vent)
+        share, saved = pulse(u - p, saved, response, deadband, period, shortest, fill, vent)
         remaining, open_s = remaining + period, share * period
     return remaining, saved, open_s
 
@@ -51,7 +51,7 @@ def valve(q, m, p, u, e, h):  # type: ignore[no-untyped-def]
     volume += GROWTH_M3_PER_PA * (p + ATMOSPHERE_PA)
     fill, vent = _rates(p, supply, conductance, critical, volume)
     rate = (fill * max(opened, 0.0) + vent * min(opened, 0.0)) / h
-    rate -= (p + ATMOSPHERE_PA) * (a2 + a3 * e[ANGLE]) * e[SPEED] / volume
+    rate -= (p + ATMOSPHERE_PA) * _leverage(e[ANGLE], a2, a3) * e[SPEED] / volume
     return min(max(p + h * rate, -ATMOSPHERE_PA), supply), (remaining - h, saved, open_s - opened)
 
 

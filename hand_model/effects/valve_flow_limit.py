@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from hand_model.effects.effect import ATMOSPHERE_PA, Effect, Times
-from hand_model.kernel.inline import inline, inlined
+from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
 from hand_model.pressure_loop import subsonic
 
-_subsonic = inlined(subsonic)
 CRITICAL = 0.3
 """Critical pressure ratio of a small valve."""
 _PER_SPAN = 1.0 / (1.0 - CRITICAL)
@@ -24,8 +23,8 @@ def pressure_rate(q, rate, p, u, e):  # type: ignore[no-untyped-def]
     """Limits that follow the pressures on both sides of the valve."""
     choking, fill_rate, vent_rate, _, per_full = q
     here = p + ATMOSPHERE_PA
-    filling = _subsonic(here * per_full, CRITICAL, _PER_SPAN)
-    venting = _subsonic(ATMOSPHERE_PA / max(here, 1.0), CRITICAL, _PER_SPAN) * here * per_full
+    filling = subsonic(here * per_full, CRITICAL, _PER_SPAN)
+    venting = subsonic(ATMOSPHERE_PA / max(here, 1.0), CRITICAL, _PER_SPAN) * here * per_full
     fill = fill_rate * (1.0 - choking + choking * filling)
     vent = vent_rate * (1.0 - choking + choking * venting)
     return min(max(rate, -vent), fill)

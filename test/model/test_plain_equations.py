@@ -25,6 +25,7 @@ def test_static_map_is_equation_11(p: float, phi: float, creep: float) -> None:
     assert statics.torque(p, phi, creep, *coefficients) == approx(expected, abs=1e-15)
     assert statics.pressure_for_torque(expected, phi, creep, *coefficients) == approx(p, abs=1e-6)
     assert statics.equilibrium_angle(p, creep, expected, *coefficients) == approx(phi, abs=1e-12)
+    assert statics.leverage(phi, A2, A3) == approx(A2 + A3 * phi)
     assert statics.stiffness(p, A1, A3) == approx(A1 + A3 * p)
 
 
@@ -82,6 +83,13 @@ def test_pulse_asks_for_the_error_over_the_response_time() -> None:
     assert pulse(exactly)[0] == approx(0.05)
     still = pressure_loop.pulse(-600.0, 0.0, response, deadband, period, 0.0, fill, 0.0)
     assert still == (-1.0, 0.0)  # a valve without flow is opened wholly, not divided by
+    for error, share in ((0.5, 0.5 / 0.03 / 4e6), (-0.5, 0.0), (-0.9, -0.9 / 0.03 / 4e7)):  # each valve its own pulse
+        small = pressure_loop.pulse(error, 0.0, 0.03, 0.0, period, 3e-8, 4e6, 4e7)
+        assert small[0] + small[1] == approx(share)
+    for error, flow, share in ((0.036, 1.5, 0.8), (-0.036, 1.5, -0.8), (0.015, 0.5, 0.5), (-0.015, 0.5, -0.5)):
+        assert pressure_loop.pulse(error, 0.0, 0.03, 0.0, period, 0.0, flow, flow)[0] == approx(share)
+    for error, flow in ((0.01, 4e6), (-0.01, 4e7)):
+        assert pressure_loop.pulse(error, 0.0, 0.03, 0.0, period, 0.0, 4e6, 4e7)[0] == approx(error / 0.03 / flow)
     wide = pressure_loop.pulse(499.0, 0.3, response, deadband, period, 0.0, fill, vent)
     assert wide == (0.0, 0.0)
     assert pressure_loop.pulse(500.0, 0.3, response, deadband, period, 0.0, fill, vent)[0] > 0.3
