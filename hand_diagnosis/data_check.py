@@ -1,53 +1,50 @@
-"""The data check before any physics: gaps, spikes, rails, wrong units, swapped channels.
+"""The data check before any physics: gaps, spikes, saturation, wrong units, swapped channels; and repeatability.
 
-What is wrong with the data is said, and is not taken for physics: single samples are left out, and a joint whose
-channel is in another unit, swapped or mostly missing is not judged at all.
+Faults of the data are reported and are not taken for physics: single samples are left out, and a joint whose channel
+has another unit, is swapped or is mostly missing is not judged. What two recordings of the same commands differ by, no
+model can explain; it sets the repeatability below which nothing is claimed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from hand_diagnosis.settings import SETTINGS
+from hand_identification.joint_problem import FLOOR, SETTLING_S
 from hand_model.arrays import Array, Flags
-from hand_model.description import Hand
+from hand_model.chain import OUTPUTS
+from hand_model.joint_model import JointModel
 from hand_model.kernel.rows import ROW
 from hand_model.statics import equilibrium_angle
 from hand_recording.interpolation import bridge
 from hand_recording.signals import Signals, white_noise
 
-FARTHEST_RAD, HIGHEST_PA = 2.0 * np.pi, 2e6
-"""No joint is there, no actuator survives it."""
-SPIKES = 0.05
-"""Share of impossible samples up to which they are single errors, not another unit."""
-MOSTLY_MISSING = 0.5
-RAIL_S = 0.1
-"""A noisy signal that keeps its very highest or lowest value for so long is at a rail."""
-SCALE, NOTHING = 5.0, 3e-3
-"""Factor between what was measured and what was asked or expected from which it is another unit, and below which it
-is; a joint that is held or a valve that hardly opens is no unit."""
-EXCITED_PA, EXPECTED_RAD = 2e4, np.radians(10.0)
-OTHER, CLOSER = 0.9, 0.1
-"""Correlation with another joint's channel from which, and by how much above the own one's, channels are swapped."""
-
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """Signals whose bad samples are marked unknown, lines for the reader, joints that must not be judged."""
+    """Signals whose bad samples are marked unknown, lines for the reader, joints that are not judged."""
 
     signals: Signals
     lines: tuple[str, ...]
     unusable: frozenset[str]
 
+    def without_unusable(self) -> Signals:
+        """The signals with every sample of the unusable joints marked unknown."""
+        at_fault = [joint in self.unusable for joint in self.signals.joints]
+        return replace(self.signals, known=self.signals.known & ~np.array(at_fault, dtype=bool))
 
-def check(signals: Signals, hand: Hand) -> Checked:
-    """Look at one recording before it is diagnosed."""
+
+def check(signals: Signals, model: JointModel) -> Checked:
+    """Check one recording, (T, joints), before it is diagnosed; the ranges of a hand do not apply to a machine."""
     lines, unusable = [], set[str]()
     if signals.machine:
         return Checked(signals, tuple(f"{signals.name}: {line}" for line in _gaps(signals)), frozenset())
-    for joint, line in (*_missing(signals), *_units(signals, hand), *_swapped(signals)):
+    for joint, line in (*_missing(signals), *_units(signals, model), *_swapped(signals)):
         lines.append(f"{signals.name}: {line}; not judged")
         unusable.add(joint)
     kept, spikes = _without_spikes(signals, unusable)
@@ -58,8 +55,7 @@ def check(signals: Signals, hand: Hand) -> Checked:
 
 def _gaps(signals: Signals) -> list[str]:
     """The longest stretch without any reading."""
-    lost = np.asarray(~signals.known.any(axis=1))
-    runs = list(_runs(lost))
+    runs = list(_runs(np.asarray(~signals.known.any(axis=1))))
     if not runs:
         return []
     start, end = max(runs, key=lambda run: run[1] - run[0])
@@ -70,66 +66,81 @@ def _gaps(signals: Signals) -> list[str]:
 def _missing(signals: Signals) -> Iterator[tuple[str, str]]:
     for j, joint in enumerate(signals.joints):
         share = 1.0 - float(signals.known[:, j].mean())
-        if share > MOSTLY_MISSING:
+        if share > SETTINGS.max_missing_share:
             yield joint, f"{joint}: {share:.0%} of its readings are missing or not finite"
 
 
-def _units(signals: Signals, hand: Hand) -> Iterator[tuple[str, str]]:
+def _units(signals: Signals, model: JointModel) -> Iterator[tuple[str, str]]:
     for j, joint in enumerate(signals.joints):
         angle, pressure = signals.angle_rad[:, j], signals.pressure_pa[:, j]
-        far = float(np.mean(np.abs(angle) > FARTHEST_RAD))
-        if far > SPIKES:
-            yield joint, f"{joint}: angles up to {np.abs(angle).max():.3g} rad; degrees?"
+        if float(np.mean(np.abs(angle) > SETTINGS.max_plausible_angle_rad)) > SETTINGS.max_spike_share:
+            yield joint, f"{joint}: angles up to {np.abs(angle).max():.3g} rad; recorded in degrees?"
             continue
-        asked = float(np.quantile(signals.set_point_pa[:, j], 0.95))
-        given = float(np.quantile(np.abs(pressure), 0.95))
-        if signals.has_set_point[j] and signals.has_pressure[j] and asked > EXCITED_PA:
-            ratio = given / asked
-            if given > HIGHEST_PA or not NOTHING < ratio < SCALE:
-                yield joint, f"{joint}: pressures are {ratio:.2g} times their set-points; another unit?"
-                continue
-        expected, seen = _expected_travel(hand, joint, pressure), float(np.ptp(np.quantile(angle, [0.02, 0.98])))
-        if signals.has_pressure[j] and expected > EXPECTED_RAD and seen > SCALE * expected:
-            yield joint, f"{joint}: it moves {seen / expected:.2g} times as far as the model; another unit?"
+        ratio = _pressure_ratio(signals, j)
+        if ratio is not None:
+            yield joint, f"{joint}: pressures are {ratio:.2g} times their set-points; recorded in another unit?"
+            continue
+        expected, seen = _expected_travel(model, joint, pressure), float(np.ptp(np.quantile(angle, _ends())))
+        compared = signals.has_pressure[j] and expected > SETTINGS.unit_check_travel_rad
+        if compared and seen > SETTINGS.max_unit_ratio * expected:
+            yield joint, f"{joint}: it moves {seen / expected:.2g} times as far as the model; recorded in another unit?"
 
 
-def _expected_travel(hand: Hand, joint: str, pressure: Array) -> float:
-    """How far the nominal statics (Eq. 6) would move the joint between its lowest and highest pressure [rad]."""
-    column = hand.parameters[:, hand.joints.index(joint)]
+def _pressure_ratio(signals: Signals, j: int) -> float | None:
+    """Measured over commanded pressure of a joint, where it is implausible; None where it is not."""
+    commanded = float(np.quantile(signals.set_point_pa[:, j], SETTINGS.level_quantile))
+    measured = float(np.quantile(np.abs(signals.pressure_pa[:, j]), SETTINGS.level_quantile))
+    both = signals.has_set_point[j] and signals.has_pressure[j]
+    if not both or not commanded > SETTINGS.unit_check_pressure_pa:
+        return None
+    ratio = measured / commanded
+    usual = SETTINGS.min_unit_ratio < ratio < SETTINGS.max_unit_ratio
+    return ratio if measured > SETTINGS.max_plausible_pressure_pa or not usual else None
+
+
+def _ends() -> list[float]:
+    return [SETTINGS.travel_quantile, 1.0 - SETTINGS.travel_quantile]
+
+
+def _expected_travel(model: JointModel, joint: str, pressure_pa: Array) -> float:
+    """Travel [rad] of the nominal statics (Eq. 6) between the lowest and highest pressure (T,)."""
+    column = model.parameters[:, model.joints.index(joint)]
     a0, a1, a2, a3 = column[ROW["statics.a0_nm"] : ROW["statics.a3_nm_per_pa_rad"] + 1]
     low, high = column[ROW["end_stop.low_deg"]], column[ROW["end_stop.high_deg"]]
-    ends = np.clip(np.quantile(pressure, [0.02, 0.98]), 0.0, hand.supply_pressure_pa)
+    ends = np.clip(np.quantile(pressure_pa, _ends()), 0.0, column[ROW["supply.pressure_pa"]])
     angles = [float(np.clip(equilibrium_angle(p, 0.0, 0.0, a0, a1, a2, a3, 0.0), low, high)) for p in ends]
     return angles[1] - angles[0]
 
 
 def _swapped(signals: Signals) -> Iterator[tuple[str, str]]:
-    """Joints whose pressure follows another joint's set-point, or whose angle another joint's pressure."""
+    """Joints whose pressure follows another joint's set-point, or whose angle follows another joint's pressure."""
     for what, cause, effect, able in (
         ("pressure follows the set-point", signals.set_point_pa, signals.pressure_pa, signals.has_set_point),
         ("angle follows the pressure", signals.pressure_pa, signals.angle_rad, signals.has_pressure),
     ):
-        moving = np.flatnonzero(able & (np.ptp(cause, axis=0) > EXCITED_PA) & (effect.std(axis=0) > 0.0))
+        driven = np.ptp(cause, axis=0) > SETTINGS.unit_check_pressure_pa
+        moving = np.flatnonzero(able & driven & (effect.std(axis=0) > 0.0))
         if len(moving) < 2:
             continue
         count = len(moving)
         related = np.corrcoef(cause[:, moving], effect[:, moving], rowvar=False)[:count, count:]
         for k, j in enumerate(moving):
             other = int(np.argmax(related[:, k]))
-            if related[other, k] > max(OTHER, related[k, k] + CLOSER):
+            if related[other, k] > max(SETTINGS.swapped_correlation, related[k, k] + SETTINGS.swapped_margin):
                 joint = signals.joints[j]
                 yield joint, f"{joint}: its {what} of {signals.joints[moving[other]]}; swapped channels?"
 
 
 def _without_spikes(signals: Signals, unusable: set[str]) -> tuple[Signals, list[str]]:
-    """Impossible single samples, bridged and marked unknown."""
-    bad = (np.abs(signals.angle_rad) > FARTHEST_RAD) | (np.abs(signals.pressure_pa) > HIGHEST_PA)
+    """Implausible single samples, bridged and marked unknown."""
+    angle_limit, pressure_limit = SETTINGS.max_plausible_angle_rad, SETTINGS.max_plausible_pressure_pa
+    bad = (np.abs(signals.angle_rad) > angle_limit) | (np.abs(signals.pressure_pa) > pressure_limit)
     bad[:, [joint in unusable for joint in signals.joints]] = False
     if not bad.any():
         return signals, []
+    limits = f"beyond ±{np.degrees(angle_limit):.0f} degrees or {pressure_limit:.3g} Pa"
     lines = [
-        f"{joint}: {int(bad[:, j].sum())} impossible readings (beyond ±{np.degrees(FARTHEST_RAD):.0f} degrees or"
-        f" {HIGHEST_PA * 1e-5:.0f} bar); left out"
+        f"{joint}: {int(bad[:, j].sum())} impossible readings ({limits}); left out"
         for j, joint in enumerate(signals.joints)
         if bad[:, j].any()
     ]
@@ -139,22 +150,22 @@ def _without_spikes(signals: Signals, unusable: set[str]) -> tuple[Signals, list
 
 
 def _without_rails(signals: Signals, unusable: set[str]) -> tuple[Signals, list[str]]:
-    """Stretches in which a noisy signal keeps its extreme value exactly, marked unknown."""
+    """Stretches in which a noisy signal keeps its extreme value exactly (saturation), marked unknown."""
     known, lines = signals.known.copy(), []
-    shortest = max(3, round(RAIL_S / signals.period_s))
+    shortest = max(3, round(SETTINGS.min_rail_s / signals.period_s))
     for j, joint in enumerate(signals.joints):
         if joint in unusable:
             continue
         for name, values in (("angle", signals.angle_rad[:, j]), ("pressure", signals.pressure_pa[:, j])):
             if white_noise(values) == 0.0:
-                continue  # without noise, rest looks the same
+                continue  # a signal without noise at rest looks the same
             for extreme in (float(values.min()), float(values.max())):
                 runs = [run for run in _runs((values == extreme) & signals.known[:, j]) if run[1] - run[0] >= shortest]
                 for start, end in runs:
                     known[start:end, j] = False
                 if runs:
                     total = sum(end - start for start, end in runs) * signals.period_s
-                    lines.append(f"{joint}: {name} at a rail ({extreme:.4g}) for {total:.3g} s; left out")
+                    lines.append(f"{joint}: {name} saturated at {extreme:.4g} for {total:.3g} s; left out")
     return replace(signals, known=known), lines
 
 
@@ -162,3 +173,66 @@ def _runs(flags: Flags) -> Iterator[tuple[int, int]]:
     """Start and end of each stretch of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+
+
+def repeatability(signals: Sequence[Signals], reruns: Sequence[Signals]) -> dict[str, Array]:
+    """Repeatability (OUTPUTS,) [Pa, rad, N] of each joint: the largest of its re-runs, at least the practical floor.
+
+    Raises ValueError, one line, for a re-run whose commands are those of no recording.
+    """
+    found: dict[str, Array] = {}
+    for rerun in reruns:
+        first = next((recording for recording in signals if _lag(recording, rerun) is not None), None)
+        if first is None:
+            names = ", ".join(recording.name for recording in signals)
+            raise ValueError(f"{rerun.name} is not a re-run: its set-points match none of {names}")
+        lag = _lag(first, rerun) or 0
+        for joint in first.joints:
+            if joint in rerun.joints:
+                differing = _difference(first, rerun, joint, lag)
+                found[joint] = np.maximum(found.get(joint, np.array(FLOOR)), differing)
+    return found
+
+
+def _lag(first: Signals, rerun: Signals) -> int | None:
+    """Samples by which the commands of a re-run come later; None where the commands differ."""
+    alike = np.isclose(first.period_s, rerun.period_s, rtol=SETTINGS.rerun_period_tolerance)
+    if not alike or first.joints != rerun.joints:
+        return None
+    most = round(SETTINGS.rerun_max_lag_s / first.period_s)
+    errors = {}
+    for lag in range(-most, most + 1):
+        a, b = _overlap(first.set_point_pa, rerun.set_point_pa, lag)
+        if len(a) > most:
+            errors[lag] = float(np.sqrt(np.mean((a - b) ** 2)))
+    if not errors:
+        return None
+    best = min(errors, key=lambda lag: errors[lag])
+    return best if errors[best] <= SETTINGS.rerun_max_difference * float(first.set_point_pa.std()) else None
+
+
+def _overlap(first: NDArray[Any], second: NDArray[Any], lag: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The parts of two signals that overlap where the second comes `lag` samples later."""
+    a, b = (first, second[lag:]) if lag >= 0 else (first[-lag:], second)
+    count = min(len(a), len(b))
+    return a[:count], b[:count]
+
+
+def _difference(first: Signals, rerun: Signals, joint: str, lag: int) -> Array:
+    """Scatter (OUTPUTS,) of one run: RMS difference of two runs over the root of two, without white noise."""
+    i, j = first.joints.index(joint), rerun.joints.index(joint)
+    scatter = np.zeros(OUTPUTS)
+    known = _overlap(first.known[:, i], rerun.known[:, j], lag)
+    for stage, (a, b) in enumerate(
+        (
+            (first.pressure_pa[:, i], rerun.pressure_pa[:, j]),
+            (first.angle_rad[:, i], rerun.angle_rad[:, j]),
+            (first.force_n[:, i], rerun.force_n[:, j]),
+        )
+    ):
+        early, late = _overlap(a, b, lag)
+        change = np.where(known[0] & known[1], early - late, np.nan)[round(SETTLING_S / first.period_s) :]
+        change = change[np.isfinite(change)]
+        if len(change) > 3:
+            scatter[stage] = np.sqrt(max(float(np.mean(change**2)) - white_noise(change) ** 2, 0.0) / 2.0)
+    return scatter

@@ -1,4 +1,7 @@
-"""Findings: which effect, where, how sure, with what numbers; and what it could be mistaken for."""
+"""Findings: which effect, where, with which probability and numbers; what it could be mistaken for; the verdict.
+
+A finding's numbers and sentence are in the units and words of the hand or machine it is about (hand_model/quantities).
+"""
 
 from __future__ import annotations
 
@@ -7,30 +10,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hand_diagnosis.correction import Correction
-from hand_diagnosis.search import Hypothesis, JointSearch
-from hand_diagnosis.verdict import StageResult, Structure
-from hand_identification.joint_problem import BLOCK_S, SHOWN, STAGES, UNITS
+from hand_diagnosis.hypotheses import Hypothesis
+from hand_diagnosis.search import JointSearch
+from hand_diagnosis.settings import SETTINGS
+from hand_diagnosis.verdict import Correction, StageResult, Structure, describe, sparse_correction
+from hand_identification.joint_problem import BLOCK_S
 from hand_identification.map_fit import MapFit
 from hand_model.effects.effect import Effect
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
-from hand_model.quantities import HAND
+from hand_model.quantities import Wording
+from hand_recording.signals import Signals
 
-TEMPERATURE = 1.25
-"""Log evidences are divided by it: equations that are only nearly right make differences look larger than they are."""
-OUTSIDE = 0.04
-"""Share kept for physics that the catalogue does not hold and that the named effect stands in for."""
-SEVERAL = 0.85
-"""Share by which each of several effects of one joint is less probable: two can conspire to be a third, left out."""
-UNKNOWN = 0.94
-"""Probability of an `unknown`: how often it was right in trials with concealed effects, like OUTSIDE."""
-MENTIONED = 0.02
-"""Alternatives less probable than this are left out."""
+STAGE_PLACES = ("valve", "joint", "force_sensor")
+"""Place of an `unknown` finding by the signal in which it shows."""
 
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """One parameter of a finding, in the unit of its key."""
+    """One parameter of a finding, with its key, value, standard error and unit on the hand or machine."""
 
     key: str
     value: float
@@ -40,21 +37,11 @@ class Number:
 
 
 @dataclass(frozen=True, slots=True)
-class Unexplained:
-    """What is left, its size and its difference between the directions of motion in `unit`."""
-
-    size: float
-    unit: str
-    structure: Structure
-    direction: float
-    correction: Correction
-
-
-@dataclass(frozen=True, slots=True)
 class Finding:
     """One finding. joint None: the whole hand.  alternatives: (effect, probability, experiment that separates).
 
-    numbers: the effect's, or of an `unknown` those of effects that explain a part of it.
+    when: stretches of the first recording [s].  numbers: the effect's, or of an `unknown` those of effects that explain
+    a part of it.
     """
 
     joint: str | None
@@ -67,150 +54,180 @@ class Finding:
     condition: str
     numbers: tuple[Number, ...]
     statement: str
-    unexplained: Unexplained | None = None
 
 
-def unit_of(key: str) -> str:
-    """The unit that a key's name ends in."""
-    return HAND.units.quantity(key).unit
+@dataclass(frozen=True, slots=True)
+class JointResult:
+    """A joint to report on: its search, its signals on the validation data, and the words for it."""
+
+    joint: str
+    search: JointSearch
+    results: tuple[StageResult, ...]
+    wording: Wording
+
+    def rmse(self, fit: MapFit, stage: int) -> float:
+        """Validation error of a fit in the unit in which the signal is shown."""
+        held = self.search.problem.held_out
+        count = max(float(self.search.problem.block_counts[stage, held].sum()), 1.0)
+        return self.wording.signal_units[stage][0] * float(np.sqrt(fit.squares[stage, held].sum() / count))
 
 
-def joint_findings(joint: str, search: JointSearch, results: Sequence[StageResult]) -> list[Finding]:
-    """A finding for every accepted effect of a joint."""
+def ranked_findings(joints: Sequence[JointResult], signals: Sequence[Signals]) -> list[Finding]:
+    """Dropped frames first, then the findings of every joint by how much they explain; one of the hand only once."""
+    scored: list[tuple[float, Finding]] = []
+    for result in joints:
+        gain, weight = result.search.nominal.cost - result.search.final.cost, result.search.final.cost
+        worst = max(result.results, key=lambda r: r.excess_after * r.unexplained, default=None)
+        if worst is not None and worst.unexplained:
+            scored.append((gain + weight, unknown_finding(result, worst)))
+            continue
+        scored += [(gain / (order + 1.0), finding) for order, finding in enumerate(joint_findings(result))]
+    scored.sort(key=lambda pair: -pair[0])
+    unique = _dropped_frames(signals)
+    for _, finding in scored:
+        if finding.joint is None and any(f.joint is None and f.effect == finding.effect for f in unique):
+            continue
+        unique.append(finding)
+    return unique
+
+
+def verdict(findings: Sequence[Finding], joints: Sequence[JointResult]) -> str:
+    """agrees, explained, partly_explained or unknown_physics."""
+    names = {finding.effect for finding in findings}
+    if not names:
+        return "agrees"
+    if "unknown" in names:
+        return "unknown_physics" if names <= {"unknown", "dropped_frames"} else "partly_explained"
+    left = any(stage.leftover for joint in joints for stage in joint.results if joint.search.accepted)
+    return "partly_explained" if left else "explained"
+
+
+def _dropped_frames(signals: Sequence[Signals]) -> list[Finding]:
+    """Missing frames, as the time stamps show them."""
     found = []
-    for index, accepted in enumerate(search.accepted):
-        noise = next(result.noise for result in results if result.stage == accepted.stage)
-        found.append(_finding(joint, search, accepted, noise, index))
+    for recording in signals:
+        share = max(recording.dropped, _lost(recording))
+        if share > SETTINGS.max_dropped_share:
+            statement = f"{recording.name}: {share:.2%} of the frames are missing; gaps are bridged and not judged."
+            probability = SETTINGS.dropped_frames_probability
+            where = ("stamps", "gaps between stamps")
+            found.append(Finding(None, "timing", "dropped_frames", probability, (), (), *where, (), statement))
     return found
 
 
-def unknown_finding(
-    joint: str, search: JointSearch, result: StageResult, structure: Structure, correction: Correction
-) -> Finding:
-    """Something is there that no effect explains; numbers: of effects that explain a part of it."""
-    scale = SHOWN[result.stage]
-    rest = Unexplained(
-        scale * result.excess_after, UNITS[result.stage], structure, scale * structure.direction, correction
-    )
-    held = [accepted.effect for accepted in search.accepted]
-    own = [parameter_numbers(search, effect) for effect in held]
-    near = list({one.name: one for one in [*held, *(one.effect for one in _first_round(search))]}.values())[:2]
-    # Twice as probable as the other; what is named here is what the unknown is not.
-    names = [(e.name, (1.0 - UNKNOWN) * (2 - k) / 3.0, e.experiments[0]) for k, e in enumerate(near)]
-    place = "valve" if result.stage == 0 else "force_sensor" if result.stage == 2 else "joint"
-    errors = f"{scale * result.before:.3g} to {scale * result.after:.3g} {UNITS[result.stage]}"
-    parts = [said(effect, numbers) for effect, numbers in zip(held, own, strict=True)]
-    statement = unknown_statement(joint, rest, parts, errors)
-    return Finding(
-        joint, place, "unknown", UNKNOWN, tuple(names), _when(search, search.nominal, result.stage), structure.signal,
-        f"mostly with {structure.state}", tuple(number for numbers in own for number in numbers), statement, rest,
-    )  # fmt: skip
+def _lost(recording: Signals) -> float:
+    """Share of samples without any reading between the first and the last; topics need not begin or end together."""
+    read = np.flatnonzero(recording.known.any(axis=1))
+    return 1.0 - len(read) / (read[-1] - read[0] + 1) if len(read) else 0.0
 
 
-def said(effect: Effect, numbers: Sequence[Number]) -> str:
-    """The catalogue's sentence about an effect, with its numbers and their units."""
-    return HAND.sentence(effect.says, [(n.key, n.value, n.std) for n in numbers])
+def joint_findings(result: JointResult) -> list[Finding]:
+    """A finding for every accepted effect of a joint."""
+    return [_finding(result, index) for index in range(len(result.search.accepted))]
 
 
-def unknown_statement(joint: str, rest: Unexplained, parts: Sequence[str], errors: str) -> str:
-    """In words. parts: what the catalogue says of effects that explain a part.  errors: before and after them."""
-    structure, unit = rest.structure, rest.unit
-    memory = "changes slowly" if structure.frequency_hz < 0.2 else f"around {structure.frequency_hz:.1f} Hz"
-    held = f" A part of it may be: {'; '.join(parts)}; with that the error falls from {errors}." if parts else ""
-    return (
-        f"{joint}: {rest.size:.3g} {unit} RMS of the {structure.signal} on held-out data is more than noise and fits no"
-        f" effect of the catalogue; it depends most on {structure.state}"
-        f" ({structure.share:.0%} of its variance), {memory},"
-        f" and differs by {rest.direction:.2g} {unit} between flexing and extending.{held}"
-        f" Data-driven correction, no physics: {rest.correction.text} {unit}, which takes away"
-        f" {rest.correction.held_out_share:.0%} of it on held-out data."
-    )
-
-
-def _first_round(search: JointSearch) -> list[Hypothesis]:
-    return search.rounds[0] if search.rounds else []
-
-
-def _rivals(search: JointSearch, accepted: Hypothesis) -> list[tuple[Effect, float]]:
-    """Effects and probabilities of the round in which the effect was accepted, the model without it included."""
-    for hypotheses, without in reversed(list(zip(search.rounds, search.evidences, strict=True))):
-        names = [one.effect.name for one in hypotheses]
-        if accepted.effect.name in names and hypotheses[names.index(accepted.effect.name)].log_evidence > without:
-            logs = np.array([one.log_evidence for one in hypotheses] + [without])
-            weights = np.exp((logs - logs.max()) / TEMPERATURE)
-            weights *= (1.0 - OUTSIDE) / weights.sum()
-            return [(one.effect, float(w)) for one, w in zip(hypotheses, weights, strict=False)]
-    return [(accepted.effect, 0.9)]
-
-
-def _finding(joint: str, search: JointSearch, accepted: Hypothesis, noise: float, index: int) -> Finding:
-    """noise: of the stage that gains most, SI.  index: of the effect among those accepted."""
-    effect, share = accepted.effect, SEVERAL if len(search.accepted) > 1 else 1.0
-    rivals = [(one, share * p) for one, p in _rivals(search, accepted)]
-    probability = next(p for e, p in rivals if e.name == effect.name)
-    others = [(e, p) for e, p in rivals if e.name != effect.name and p > MENTIONED]
-    alternatives = tuple((e.name, p, _separating(effect, e)) for e, p in sorted(others, key=lambda pair: -pair[1]))
-    numbers = tuple(parameter_numbers(search, effect))
-    stage, bare = accepted.stage, search.with_effects_off(effect.name)
+def _finding(result: JointResult, index: int) -> Finding:
+    """The finding of the accepted effect of that index."""
+    search, wording = result.search, result.wording
+    accepted = search.accepted[index]
+    effect, stage = accepted.effect, accepted.stage
+    rivals = _rivals(search, accepted)
+    alternatives = _alternatives(effect, rivals)
+    numbers = tuple(parameter_numbers(search, effect, wording))
+    off = search.with_effects_off(effect.name)
     before = search.nominal if index == 0 else search.accepted[index - 1].fit
-    fall = _fall(search, before, accepted.fit, stage)
-    says = said(effect, numbers)
-    floor = f"{SHOWN[stage] * noise:.3g} {UNITS[stage]}"
-    statement = f"{joint}: {says}. The held-out error of the {STAGES[stage]} falls from {fall}; the noise is {floor}."
-    if alternatives:
-        statement += (
-            f" It could also be {alternatives[0][0]} ({alternatives[0][1]:.0%}); {alternatives[0][2]} would tell."
-        )
+    low = SETTINGS.min_probability
     return Finding(
-        None if effect.everywhere or effect.place == "supply" else joint,
+        None if effect.everywhere or effect.place == "supply" else result.joint,
         effect.place,
         effect.name,
-        min(max(probability, 0.01), 0.99),
+        min(max(rivals[effect.name][1], low), 1.0 - low),
         alternatives,
-        _when(search, bare, stage),
-        STAGES[stage],
-        _condition(search, bare, stage),
+        _when(search, off, stage),
+        wording.signals[stage],
+        _condition(search, off, stage, wording),
         numbers,
-        statement,
+        _statement(result, index, said(effect, numbers, wording), before, alternatives),
     )
 
 
-def _separating(one: Effect, other: Effect) -> str:
-    """An experiment that shows the one better than the other, by what the catalogue says of both."""
-    own = [name for name in one.experiments if name not in other.experiments]
-    theirs = [name for name in other.experiments if name not in one.experiments]
-    return (own or theirs or list(one.experiments) or ["slow_triangle"])[0]
+def _statement(
+    result: JointResult, index: int, says: str, before: MapFit, alternatives: Sequence[tuple[str, float, str]]
+) -> str:
+    """The sentence of a finding. before: the model without the effect."""
+    accepted = result.search.accepted[index]
+    stage = accepted.stage
+    noise = next(r.noise for r in result.results if r.stage == stage)
+    factor, unit = result.wording.signal_units[stage]
+    fall = f"{result.rmse(before, stage):.3g} to {result.rmse(accepted.fit, stage):.3g} {unit}"
+    text = (
+        f"{result.joint}: {says}. The validation error of the {result.wording.signals[stage]} falls from {fall};"
+        f" the noise floor is {factor * noise:.3g} {unit}."
+    )
+    if alternatives:
+        name, probability, experiment = alternatives[0]
+        text += f" The alternative is {name} ({probability:.0%}); the experiment {experiment} separates them."
+    return text
 
 
-def parameter_numbers(search: JointSearch, effect: Effect) -> list[Number]:
-    """The effect's parameters in the final fit with standard errors, in the units of their keys."""
+def _rivals(search: JointSearch, accepted: Hypothesis) -> dict[str, tuple[Effect, float]]:
+    """Effects and probabilities of the round in which the effect was accepted, the model without it included."""
+    share = SETTINGS.several_effects_factor if len(search.accepted) > 1 else 1.0
+    for hypotheses, without in reversed(list(zip(search.rounds, search.evidences, strict=True))):
+        names = [hypothesis.effect.name for hypothesis in hypotheses]
+        if accepted.effect.name in names and hypotheses[names.index(accepted.effect.name)].log_evidence > without:
+            logs = np.array([hypothesis.log_evidence for hypothesis in hypotheses] + [without])
+            weights = np.exp((logs - logs.max()) / SETTINGS.evidence_temperature)
+            weights *= (1.0 - SETTINGS.outside_catalogue) / weights.sum()
+            return {h.effect.name: (h.effect, share * float(w)) for h, w in zip(hypotheses, weights, strict=False)}
+    return {accepted.effect.name: (accepted.effect, share * SETTINGS.sole_probability)}
+
+
+def _alternatives(effect: Effect, rivals: dict[str, tuple[Effect, float]]) -> tuple[tuple[str, float, str], ...]:
+    """The other effects, the most probable first, each with an experiment that separates it from this one."""
+    others = [pair for name, pair in rivals.items() if name != effect.name and pair[1] > SETTINGS.min_alternative]
+    others.sort(key=lambda pair: -pair[1])
+    return tuple((other.name, probability, _separating(effect, other)) for other, probability in others)
+
+
+def _separating(effect: Effect, other: Effect) -> str:
+    """An experiment that shows one of two effects better than the other, by what the catalogue says of both."""
+    own = [name for name in effect.experiments if name not in other.experiments]
+    theirs = [name for name in other.experiments if name not in effect.experiments]
+    return (own or theirs or list(effect.experiments) or ["slow_triangle"])[0]
+
+
+def said(effect: Effect, numbers: Sequence[Number], wording: Wording) -> str:
+    """The catalogue's sentence about an effect, with its numbers and their units."""
+    keys = {wording.units.quantity(key).key: key for key in effect.keys}
+    return wording.sentence(effect.says, [(keys[n.key], n.value, n.std) for n in numbers if n.key in keys])
+
+
+def parameter_numbers(search: JointSearch, effect: Effect, wording: Wording) -> list[Number]:
+    """The effect's parameters in the final fit with standard errors, in the units of the hand or machine."""
     fit = search.final
     columns, _ = search.problem.columns(fit.free, fit.z[None])
     deviation = np.sqrt(np.diag(fit.covariance))
+    index = {parameter.row: k for k, parameter in enumerate(fit.free)}
     numbers = []
     for key in effect.keys:
-        row, scale = ROW[key], JOINT_PARAMETERS[ROW[key]].scale
-        index = next((k for k, parameter in enumerate(fit.free) if parameter.row == row), None)
-        if index is None:
+        row = ROW[key]
+        if row not in index:
             continue
-        parameter, value = fit.free[index], float(columns[0, row])
-        std = (abs(value) * parameter.scale if parameter.log else parameter.scale) * float(deviation[index])
-        numbers.append(Number(key, value / scale, std / scale, unit_of(key), bool(deviation[index] < 0.5)))
+        own = wording.units.quantity(key)
+        factor = own.factor / JOINT_PARAMETERS[row].scale
+        parameter, value, error = fit.free[index[row]], float(columns[0, row]), float(deviation[index[row]])
+        std = (abs(value) * parameter.scale if parameter.log else parameter.scale) * error
+        determined = error < SETTINGS.determined_deviation
+        numbers.append(Number(own.key, factor * value, factor * std, own.unit, determined))
     return numbers
 
 
-def _fall(search: JointSearch, before: MapFit, after: MapFit, stage: int) -> str:
-    held = search.problem.held_out
-    counts = max(float(search.problem.block_counts[stage, held].sum()), 1.0)
-    errors = [SHOWN[stage] * float(np.sqrt(fit.squares[stage, held].sum() / counts)) for fit in (before, after)]
-    return f"{errors[0]:.3g} to {errors[1]:.3g} {UNITS[stage]}"
-
-
-def _when(search: JointSearch, bare: MapFit, stage: int) -> tuple[tuple[float, float], ...]:
-    """Stretches of the first recording in which the model without the effect misses clearly, [s]."""
+def _when(search: JointSearch, off: MapFit, stage: int) -> tuple[tuple[float, float], ...]:
+    """Stretches [s] of the first recording in which the model without the effect clearly misses."""
     segment = search.problem.segments[0]
     count = search.problem.block_counts[stage]
-    rms = np.sqrt(bare.squares[stage] / np.maximum(count, 1))
+    rms = np.sqrt(off.squares[stage] / np.maximum(count, 1))
     blocks = np.unique(segment.block)
     level = max(0.5 * float(rms[blocks].max(initial=0.0)), 1e-300)
     spans: list[tuple[float, float]] = []
@@ -224,12 +241,66 @@ def _when(search: JointSearch, bare: MapFit, stage: int) -> tuple[tuple[float, f
     return tuple((round(a, 2), round(b, 2)) for a, b in spans)
 
 
-def _condition(search: JointSearch, bare: MapFit, stage: int) -> str:
-    from hand_diagnosis.verdict import describe  # noqa: PLC0415 - verdict and findings look at each other's words
-
-    structure = describe(search.problem, bare, stage)
+def _condition(search: JointSearch, off: MapFit, stage: int, wording: Wording) -> str:
+    structure = describe(search.problem, off, stage)
     low = "below" if structure.direction < 0 else "above"
+    factor, unit = wording.signal_units[stage]
     return (
-        f"varies most with {structure.state} ({structure.share:.0%} of the residual's variance); while flexing"
-        f" {abs(SHOWN[stage] * structure.direction):.2g} {UNITS[stage]} {low} extending"
+        f"depends most on the {wording.state(structure.state)} ({structure.share:.0%} of the residual's variance);"
+        f" while {wording.positive} it is {abs(factor * structure.direction):.2g} {unit} {low} its value while"
+        f" {wording.negative}"
+    )
+
+
+def unknown_finding(result: JointResult, stage: StageResult) -> Finding:
+    """A residual that no effect explains; numbers: of effects that explain a part of it."""
+    search, wording = result.search, result.wording
+    structure = describe(search.problem, search.final, stage.stage)
+    held = [accepted.effect for accepted in search.accepted]
+    own = [parameter_numbers(search, effect, wording) for effect in held]
+    first_round = [hypothesis.effect for hypothesis in search.rounds[0]] if search.rounds else []
+    near = list({effect.name: effect for effect in [*held, *first_round]}.values())[:2]
+    # What is named here is what the unknown is not; the first is twice as probable as the second.
+    other = 1.0 - SETTINGS.unknown_probability
+    names = [(effect.name, other * (2 - k) / 3, effect.experiments[0]) for k, effect in enumerate(near)]
+    parts = [said(effect, numbers, wording) for effect, numbers in zip(held, own, strict=True)]
+    correction = sparse_correction(search.problem, search.final, stage.stage, wording)
+    return Finding(
+        result.joint,
+        STAGE_PLACES[stage.stage],
+        "unknown",
+        SETTINGS.unknown_probability,
+        tuple(names),
+        _when(search, search.nominal, stage.stage),
+        wording.signals[stage.stage],
+        f"depends most on the {wording.state(structure.state)}",
+        tuple(number for numbers in own for number in numbers),
+        unknown_statement(result, stage, structure, parts, correction),
+    )
+
+
+def unknown_statement(
+    result: JointResult, stage: StageResult, structure: Structure, parts: Sequence[str], correction: Correction
+) -> str:
+    """The sentences of an `unknown`. parts: the catalogue's sentences about effects that explain a part."""
+    wording = result.wording
+    factor, unit = wording.signal_units[stage.stage]
+    slow = structure.frequency_hz < SETTINGS.slow_hz
+    pace = "varies slowly" if slow else f"has its spectrum around {structure.frequency_hz:.1f} Hz"
+    held = ""
+    if parts:
+        errors = f"{factor * stage.before:.3g} to {factor * stage.after:.3g} {unit}"
+        held = (
+            f" A part of it may be explained: {'; '.join(parts)}; with that the validation error falls from {errors}."
+        )
+    (_, angle), (_, pressure) = wording.symbol_units
+    position, drive, speed = wording.symbols
+    return (
+        f"{result.joint}: a residual of the {wording.signals[stage.stage]} of {factor * stage.excess_after:.3g} {unit}"
+        f" RMS on the validation data exceeds the noise, and no effect of the catalogue explains it. It depends most on"
+        f" the {wording.state(structure.state)} ({structure.share:.0%} of its variance), {pace}, and differs by"
+        f" {factor * structure.direction:.2g} {unit} between {wording.positive} and {wording.negative}.{held}"
+        f" A data-driven correction without physical meaning, {correction.text} {unit} ({position} in {angle}, {drive}"
+        f" in {pressure}, {speed} in {angle}/s), removes {correction.validation_share:.0%} of its mean square on the"
+        f" validation data."
     )

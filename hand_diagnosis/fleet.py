@@ -17,11 +17,11 @@ from typing import Any
 import numba
 
 from hand_diagnosis.diagnose import diagnose
-from hand_diagnosis.inputs import read_signals
 from hand_diagnosis.page import write_page
 from hand_diagnosis.report import write_report
 from hand_model.description import load_hand
 from hand_model.kernel.hooks import equations_key
+from hand_recording.signal_files import read_signals
 
 KEY = "made_from"
 COLUMNS = ("recording", "verdict", "rank", "joint", "place", "effect", "probability", "statement", "error")

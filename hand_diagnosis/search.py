@@ -1,8 +1,8 @@
-"""From a joint's problem to the effects that explain it: forward, one effect at a time, then backward.
+"""From a joint's problem to the effects that explain it: forward, one effect at a time, then backward elimination.
 
 First the nominal numbers move within their tolerance. Then every effect is screened, the promising ones are fitted, and
-the one with the most evidence is taken, if held-out data confirm it; up to MOST effects. An effect that the others make
-superfluous is dropped again. No effect is treated differently from another.
+the one with the most evidence is accepted if the validation data confirm it, up to SETTINGS.max_effects. Redundant
+effects are removed by backward elimination. All effects are treated alike. The last fit goes below the practical floor.
 """
 
 from __future__ import annotations
@@ -12,72 +12,33 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hand_diagnosis.evidence import block_bootstrap, held_out_rmse, log_evidence
-from hand_diagnosis.polish import coloured, polished
-from hand_diagnosis.screen import Screened, screen
+from hand_diagnosis.hypotheses import (
+    Hypothesis,
+    amounts,
+    fit_roughly,
+    judged,
+    log_evidence,
+    promising,
+    refined,
+    validation_rmse,
+)
+from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import shape_driving
-from hand_identification.free_parameters import START_CREEP, FreeParameter, effect_free_parameters, merged, probe_values
+from hand_identification.free_parameters import FreeParameter, effect_free_parameters, merged
 from hand_identification.joint_problem import STAGES, JointProblem
-from hand_identification.map_fit import MapFit, costs_at, map_fit
+from hand_identification.map_fit import MapFit, map_fit
 from hand_model.arrays import Array
-from hand_model.effects import EFFECTS
 from hand_model.effects.effect import Effect
-from hand_model.kernel.plant_rows import PLANT_PARAMETERS
 from hand_model.kernel.rows import ROW
+from hand_recording.signals import white_noise
 
-MOST = 4
-
-
-@dataclass(frozen=True, slots=True)
-class FitPass:
-    """Fits of the `most` best hypotheses of the pass before. step_s: largest step of integration, longer is cheaper.
-
-    tolerance: fall of the cost below which a fit ends.
-    """
-
-    most: int
-    iterations: int
-    tolerance: float
-    step_s: float
-
-
-BEHIND = 60.0
-"""Log evidence behind the best hypothesis from which another one is not fitted to the end."""
-WORTH_A_FIT = 8.0
-"""Cost that a probe must promise to save."""
-FORETOLD = 0.1
-"""Share of the cost that the best probe must promise to save; else screening, which is linear, missed what is large."""
-ACCEPTED = 6.0
-"""Log evidence by which an effect must beat the model without it."""
-CLAIMABLE = 0.03
-"""Fall of the held-out error relative to itself that is worth a claim."""
-STARTS, JITTER, ITERATIONS = 1, 0.5, 12
-"""Further starts of the fit of an effect to be accepted; how far off they are, in priors' widths; their iterations."""
-PROBES, SHARES = 6, (0.1, 0.3, 1.0, 2.5, 6.0)
-"""Starts of a fit: probes of the effect, and shares of the way to them."""
-LISTED, WORTH_LISTING = 3, 0.2
-"""Improvements too small to be claimed that are listed, and what they must take away, in floors."""
-FIT_PASSES = (FitPass(8, 7, 2.0, 5.2e-3), FitPass(5, 10, 0.5, 5.2e-3), FitPass(3, 20, 0.02, 2.6e-3))
-"""Of every round: the first ones are rough, to see what is worth the last."""
-
-
-@dataclass(frozen=True, slots=True)
-class Hypothesis:
-    """An effect beside those already accepted: its fit and log evidence, and what held-out data say.
-
-    fall: 95 % interval of the relative fall of the held-out mean square, of the stage that gains most.
-    """
-
-    effect: Effect
-    fit: MapFit
-    log_evidence: float
-    stage: int
-    fall: tuple[float, float]
+SCATTER = "the scatter of the fit over its starting points"
+REPEATABILITY = "the repeatability"
 
 
 @dataclass(frozen=True, slots=True)
 class NotClaimable:
-    """An improvement that held-out data confirm and that is too small to be claimed, SI; below: what it is below."""
+    """An improvement that the validation data confirm and that is too small to be claimed, SI; below: than what."""
 
     effect: Effect
     stage: int
@@ -88,7 +49,10 @@ class NotClaimable:
 
 @dataclass(slots=True)
 class JointSearch:
-    """What was found on a joint. rounds: the hypotheses of each round, the most evident first."""
+    """What was found on a joint. rounds: the hypotheses of each round, the most evident first.
+
+    evidences: log evidence of the model at the beginning of each round.
+    """
 
     problem: JointProblem
     nominal: MapFit
@@ -105,15 +69,15 @@ class JointSearch:
 
     @property
     def effect_keys(self) -> frozenset[str]:
-        """Numbers of the effects found; what else moved is a nominal number."""
-        return frozenset(key for one in self.accepted for key in one.effect.keys)
+        """Parameters of the effects found; every other one that moved is a nominal number."""
+        return frozenset(key for hypothesis in self.accepted for key in hypothesis.effect.keys)
 
     def with_effects_off(self, *names: str) -> MapFit:
-        """The best model with effects switched off (all, where none is named): what is left shows where they act.
+        """The best model with effects switched off (all, where none is named); its residuals show where they act.
 
-        The nominal model, fitted without them, has spread over everything what they do at one place.
+        The nominal model, fitted without the effects, has spread their local error over everything.
         """
-        off = [one.effect for one in self.accepted if not names or one.effect.name in names]
+        off = [found.effect for found in self.accepted if not names or found.effect.name in names]
         if not off:
             return self.final
         columns, starts = self.problem.columns(self.final.free, self.final.z[None])
@@ -123,6 +87,13 @@ class JointSearch:
         squares = self.problem.block_squares(residuals)[0]
         return replace(self.final, squares=squares, residuals=tuple(r[0] for r in residuals), sensitivity=())
 
+    def forget_sensitivities(self) -> None:
+        """Drop the large sensitivities; residuals are still needed for figures."""
+        self.nominal = replace(self.nominal, sensitivity=())
+        if self.accepted:
+            last = self.accepted[-1]
+            self.accepted[-1] = replace(last, fit=replace(last.fit, sensitivity=()))
+
 
 def search_joint(
     problem: JointProblem,
@@ -131,234 +102,134 @@ def search_joint(
     rng: np.random.Generator,
     start: Array,
 ) -> JointSearch:
-    """Explain one joint by the effects given. base: free parameters of its nominal numbers; the fit begins at start."""
-    nominal = map_fit(problem, base, start, 8)
+    """Explain one joint by the effects given.
+
+    base: free parameters of its nominal numbers.  start: (base,) coordinates at which their fit begins.
+    """
+    nominal = map_fit(problem, base, start, SETTINGS.nominal_iterations)
     found = JointSearch(problem, nominal, log_evidence(problem, nominal))
     current, evidence = nominal, found.nominal_evidence
     left = list(effects)
-    for _ in range(MOST):
-        hypotheses = _round(problem, current, left, rng)
-        found.rounds.append(hypotheses)
-        found.evidences.append(evidence)
-        best = next((one for one in hypotheses if _confirmed(problem, current, one)), None)
-        if best is not None and not best.fit.residuals:  # only fitted roughly so far
-            best = _refine(problem, current, best, FIT_PASSES[-1], rng)
-        if best is None or best.log_evidence < evidence + ACCEPTED:
-            found.not_claimable += _too_small(problem, current, hypotheses)
-            break
-        best, scatter = _from_other_starts(problem, current, best, rng)
-        if _taken(problem, current, best) < scatter:
-            taken = _taken(problem, current, best)
-            below = "the scatter of the fit over its starting points"
-            found.not_claimable.append(NotClaimable(best.effect, best.stage, taken, scatter, below))
+    for _ in range(SETTINGS.max_effects):
+        best = _best_of_round(found, current, evidence, left, rng)
+        if best is None:
             break
         found.accepted.append(best)
         current, evidence = best.fit, best.log_evidence
         if STAGES[best.stage] == "pressure":
             current, evidence = _driven_anew(found, current)
         left = [effect for effect in left if effect.name != best.effect.name]
-    _prune(found)
-    _polish(found)
-    found.rounds = [[replace(one, fit=one.fit.without_arrays()) for one in hypotheses] for hypotheses in found.rounds]
-    found.accepted[:-1] = [replace(one, fit=one.fit.without_arrays()) for one in found.accepted[:-1]]
+    _eliminate_backward(found)
+    _refit_below_floor(found)
+    found.rounds = [[replace(h, fit=h.fit.without_arrays()) for h in hypotheses] for hypotheses in found.rounds]
+    found.accepted[:-1] = [replace(h, fit=h.fit.without_arrays()) for h in found.accepted[:-1]]
     return found
 
 
 def rough_evidence(
     problem: JointProblem, effects: Sequence[Effect], base: Sequence[FreeParameter], rng: np.random.Generator
 ) -> float:
-    """Log evidence of the best model with one effect at most, fitted roughly."""
-    nominal = map_fit(problem, base, np.zeros(len(base)), 8)
-    fits = [_fit(problem, nominal, one, FIT_PASSES[0], rng) for one in _promising(problem, nominal, effects)]
-    return max([log_evidence(problem, nominal), *(one.log_evidence for one in fits)])
+    """Log evidence of the best model with one effect at most, fitted by the coarse pass."""
+    nominal = map_fit(problem, base, np.zeros(len(base)), SETTINGS.nominal_iterations)
+    fits = [fit_roughly(problem, nominal, screened, rng) for screened in promising(problem, nominal, effects)]
+    return max([log_evidence(problem, nominal), *(fit.log_evidence for fit in fits)])
+
+
+def _best_of_round(
+    found: JointSearch, current: MapFit, evidence: float, effects: Sequence[Effect], rng: np.random.Generator
+) -> Hypothesis | None:
+    """The hypothesis to accept beside the current model of log evidence `evidence`; None ends the search."""
+    problem = found.problem
+    hypotheses = _round(problem, current, effects, rng)
+    found.rounds.append(hypotheses)
+    found.evidences.append(evidence)
+    best = next((hypothesis for hypothesis in hypotheses if _confirmed(problem, current, hypothesis)), None)
+    if best is not None and not best.fit.residuals:  # only the coarse passes fitted it
+        best = refined(problem, current, best, SETTINGS.passes[-1], rng)
+    if best is None or best.log_evidence < evidence + SETTINGS.min_log_evidence:
+        found.not_claimable += _too_small(problem, current, hypotheses)
+        return None
+    best, scatter = _from_other_starts(problem, current, best, rng)
+    taken = _taken(problem, current, best)
+    if taken < scatter:
+        found.not_claimable.append(NotClaimable(best.effect, best.stage, taken, scatter, SCATTER))
+        return None
+    return best
 
 
 def _driven_anew(found: JointSearch, current: MapFit) -> tuple[MapFit, float]:
-    """The current model and its evidence, the joint driven by the pressure that a now better valve's model gives.
+    """The current model and its evidence after the joint's driving pressure is shaped by the improved valve model.
 
-    What the first model left of the readings had steps, and could not be smoothed for long.
+    The residual of the first valve model had steps and could only be smoothed over short windows.
     """
     problem = found.problem
     shape_driving(problem, current.free, current.z)
-    found.nominal = map_fit(problem, found.nominal.free, found.nominal.z, 8)
-    current = map_fit(problem, current.free, current.z, 8)
+    found.nominal = map_fit(problem, found.nominal.free, found.nominal.z, SETTINGS.nominal_iterations)
+    current = map_fit(problem, current.free, current.z, SETTINGS.nominal_iterations)
     found.accepted[-1] = replace(found.accepted[-1], fit=current)
-    return current, log_evidence(problem, current, _amounts(current))
+    return current, log_evidence(problem, current, amounts(current))
 
 
 def _round(
     problem: JointProblem, current: MapFit, effects: Sequence[Effect], rng: np.random.Generator
 ) -> list[Hypothesis]:
-    first, *further = FIT_PASSES
-    ranked = _ranked([_fit(problem, current, one, first, rng) for one in _promising(problem, current, effects)])
-    for fit_pass in further:
-        ranked = [replace(one, fit=one.fit.without_arrays()) for one in ranked]
+    ranked = _ranked([fit_roughly(problem, current, s, rng) for s in promising(problem, current, effects)])
+    for fit_pass in SETTINGS.passes[1:]:
+        ranked = [replace(hypothesis, fit=hypothesis.fit.without_arrays()) for hypothesis in ranked]
         near = ranked[: fit_pass.most]
-        if fit_pass is FIT_PASSES[-1]:
-            near = [one for one in near if one.log_evidence > ranked[0].log_evidence - BEHIND]
-        refined = [_refine(problem, current, one, fit_pass, rng) for one in near]
-        ranked = _ranked(refined + ranked[len(near) :])
+        if fit_pass is SETTINGS.passes[-1]:
+            near = [h for h in near if h.log_evidence > ranked[0].log_evidence - SETTINGS.max_evidence_gap]
+        further = [refined(problem, current, hypothesis, fit_pass, rng) for hypothesis in near]
+        ranked = _ranked(further + ranked[len(near) :])
     return ranked
 
 
-def _promising(problem: JointProblem, current: MapFit, effects: Sequence[Effect]) -> list[Screened]:
-    """Effects worth a fit, by what probes promise; where all promise little of much, also by their cheapest starts."""
-    fit_pass = FIT_PASSES[0]
-    screened = screen(problem, current, effects)
-    worth = [one for one in screened if one.gain > WORTH_A_FIT]
-    if not worth or worth[0].gain > FORETOLD * current.cost:
-        return worth[: fit_pass.most]
-    rest = screened[len(worth[: fit_pass.most]) :]
-    others = [(float(_begin(problem, current, one, fit_pass)[2].min()), one) for one in rest]
-    others = sorted((pair for pair in others if pair[0] < current.cost - WORTH_A_FIT), key=lambda pair: pair[0])
-    return worth[: fit_pass.most] + [one for _, one in others[: fit_pass.most]]
-
-
 def _ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-    return sorted(hypotheses, key=lambda one: -one.log_evidence)
-
-
-def _fit(
-    problem: JointProblem, current: MapFit, screened: Screened, fit_pass: FitPass, rng: np.random.Generator
-) -> Hypothesis:
-    rough = replace(problem, step_s=fit_pass.step_s)
-    free, starts, costs = _begin(problem, current, screened, fit_pass)
-    cheapest = starts[1 + int(np.argmin(costs[1:]))]
-    tried = [map_fit(rough, free, start, fit_pass.iterations, fit_pass.tolerance) for start in (starts[0], cheapest)]
-    best = min(tried, key=lambda fit: fit.cost)
-    return _judge(problem, current, screened.effect, best.without_arrays(), rng)
-
-
-def _refine(
-    problem: JointProblem, current: MapFit, rough: Hypothesis, fit_pass: FitPass, rng: np.random.Generator
-) -> Hypothesis:
-    """A hypothesis fitted further."""
-    stepped = replace(problem, step_s=fit_pass.step_s)
-    fit = map_fit(stepped, rough.fit.free, rough.fit.z, fit_pass.iterations, fit_pass.tolerance)
-    return _judge(problem, current, rough.effect, fit, rng)
-
-
-def _judge(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, rng: np.random.Generator) -> Hypothesis:
-    rmse = held_out_rmse(problem, current.squares), held_out_rmse(problem, fit.squares)
-    with np.errstate(invalid="ignore"):
-        gain = np.nan_to_num((rmse[0] - rmse[1]) / problem.floor)
-    stage = int(np.argmax(gain))
-    fall = block_bootstrap(problem, current.squares, fit.squares, stage, rng)
-    return Hypothesis(effect, fit, log_evidence(problem, fit, _amounts(fit)), stage, fall)
-
-
-def _amounts(fit: MapFit) -> list[list[int]]:
-    """Numbers of each effect that say how much; each may be neutral while others of its effect act."""
-    amounts: dict[str, list[int]] = {}
-    for k, parameter in enumerate(fit.free):
-        name = parameter.key.partition(".")[0]
-        own = len(PLANT_PARAMETERS) <= parameter.row < START_CREEP and not parameter.log
-        if own and parameter.key not in EFFECTS[name].shape:
-            amounts.setdefault(name, []).append(k)
-    return list(amounts.values())
-
-
-def _begin(
-    problem: JointProblem, current: MapFit, screened: Screened, fit_pass: FitPass
-) -> tuple[list[FreeParameter], Array, Array]:
-    """Free parameters of the model with an effect, points to start from (k, free), the screen's first, costs (k,)."""
-    free = merged(current.free, effect_free_parameters(screened.effect, problem.nominal))
-    starts = np.array(_starts(problem, current, screened, free))
-    return free, starts, costs_at(replace(problem, step_s=fit_pass.step_s), free, starts)
-
-
-def _starts(
-    problem: JointProblem, current: MapFit, screened: Screened, free: Sequence[FreeParameter]
-) -> list[list[float]]:
-    """Coordinates to start from: the screen's own first, then probes at several shares of them, the nominal numbers
-    as they are, and released.
-
-    A large effect has dragged the nominal numbers along; from where they are expected the way is shorter.
-    """
-    columns, _ = problem.columns(current.free, current.z[None])
-    here = {parameter.row: float(z) for parameter, z in zip(current.free, current.z, strict=True)}
-    own = {ROW[key] for key in screened.effect.keys}
-    others = [probe for probe in probe_values(screened.effect, columns[0]) if probe != screened.start]
-    liked, shape = min(max(screened.share, 0.1), 2.0), screened.effect.shape
-    starts = [[_coordinate(parameter, screened.start, liked, columns[0], here, shape) for parameter in free]]
-    for probe in [screened.start, *others][:PROBES]:
-        for share in SHARES:
-            start = [_coordinate(parameter, probe, share, columns[0], here, shape) for parameter in free]
-            released = [
-                0.0 if parameter.row not in own and _expected(parameter) else z
-                for parameter, z in zip(free, start, strict=True)
-            ]
-            starts += [start, released]
-    return starts
-
-
-def _expected(parameter: FreeParameter) -> bool:
-    """Whether it has an expected value to be released to: nominal numbers and first speeds."""
-    return not parameter.log and (parameter.row < len(PLANT_PARAMETERS) or parameter.row > START_CREEP)
-
-
-def _coordinate(
-    parameter: FreeParameter,
-    probe: dict[int, float],
-    share: float,
-    values: Array,
-    here: dict[int, float],
-    shape: Sequence[str],
-) -> float:
-    """A probe's value, a share of the way to it but for its shape; other coordinates as they are."""
-    if parameter.row in probe:
-        now, there = float(values[parameter.row]), probe[parameter.row]
-        return parameter.coordinate(there if parameter.key in shape else now + share * (there - now))
-    if parameter.row in here:
-        return here[parameter.row]
-    return parameter.coordinate(float(values[parameter.row])) if parameter.row < len(values) else 0.0
+    return sorted(hypotheses, key=lambda hypothesis: -hypothesis.log_evidence)
 
 
 def _confirmed(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -> bool:
-    """Held-out data improve for sure, by something worth saying."""
-    before = held_out_rmse(problem, current.squares)[hypothesis.stage]
-    after = held_out_rmse(problem, hypothesis.fit.squares)[hypothesis.stage]
-    enough = before - after > CLAIMABLE * before and _large(problem, current, hypothesis)
+    """Whether the validation error falls significantly, by at least SETTINGS.min_relative_improvement and a floor."""
+    before = validation_rmse(problem, current.squares)[hypothesis.stage]
+    after = validation_rmse(problem, hypothesis.fit.squares)[hypothesis.stage]
+    large = _taken(problem, current, hypothesis) > float(problem.claimable[hypothesis.stage])
+    enough = large and before - after > SETTINGS.min_relative_improvement * before
     return bool(hypothesis.fall[0] > 0.0 and enough and _worst_improves(problem, current, hypothesis))
 
 
 def _taken(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -> float:
-    """Held-out error that an effect takes away, SI: the root of the fall of the mean square."""
-    before, after = (held_out_rmse(problem, fit.squares)[hypothesis.stage] for fit in (current, hypothesis.fit))
+    """Validation error that an effect removes, SI: the root of the fall of the mean square."""
+    before, after = (validation_rmse(problem, fit.squares)[hypothesis.stage] for fit in (current, hypothesis.fit))
     return float(np.sqrt(max(before**2 - after**2, 0.0)))
 
 
-def _large(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -> bool:
-    return _taken(problem, current, hypothesis) > float(problem.claimable[hypothesis.stage])
-
-
 def _too_small(problem: JointProblem, current: MapFit, hypotheses: Sequence[Hypothesis]) -> list[NotClaimable]:
-    """What held-out data confirm, below the repeatability."""
+    """Improvements that the validation data confirm and that are below the repeatability."""
     small = []
-    for one in hypotheses:
-        taken, claimable = _taken(problem, current, one), float(problem.claimable[one.stage])
-        if one.fall[0] > 0.0 and WORTH_LISTING * problem.floor[one.stage] < taken <= claimable:
-            small.append(NotClaimable(one.effect, one.stage, taken, claimable, "what re-runs differ by"))
-    return small[:LISTED]
+    for h in hypotheses:
+        taken, claimable = _taken(problem, current, h), float(problem.claimable[h.stage])
+        if h.fall[0] > 0.0 and SETTINGS.min_listed_floors * problem.floor[h.stage] < taken <= claimable:
+            small.append(NotClaimable(h.effect, h.stage, taken, claimable, REPEATABILITY))
+    return small[: SETTINGS.listed_improvements]
 
 
 def _from_other_starts(
     problem: JointProblem, current: MapFit, best: Hypothesis, rng: np.random.Generator
 ) -> tuple[Hypothesis, float]:
-    """The best of several starts, and by how much those that fit as well differ from it in held-out error, SI."""
+    """The best of several starts, and the range of the validation errors [SI] of those that fit equally well."""
     fits = [best.fit]
-    for _ in range(STARTS):
-        start = best.fit.z + JITTER * rng.standard_normal(len(best.fit.z))
-        fits.append(map_fit(problem, best.fit.free, start, ITERATIONS))
+    for _ in range(SETTINGS.further_starts):
+        start = best.fit.z + SETTINGS.start_jitter * rng.standard_normal(len(best.fit.z))
+        fits.append(map_fit(problem, best.fit.free, start, SETTINGS.restart_iterations))
     fits.sort(key=lambda fit: fit.cost)
-    alike = [fit for fit in fits if fit.cost < fits[0].cost + ACCEPTED]
-    errors = [held_out_rmse(problem, fit.squares)[best.stage] for fit in alike]
-    chosen = best if fits[0] is best.fit else _judge(problem, current, best.effect, fits[0], rng)
+    alike = [fit for fit in fits if fit.cost < fits[0].cost + SETTINGS.min_log_evidence]
+    errors = [validation_rmse(problem, fit.squares)[best.stage] for fit in alike]
+    chosen = best if fits[0] is best.fit else judged(problem, current, best.effect, fits[0], rng)
     return chosen, float(np.ptp(errors))
 
 
 def _worst_improves(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -> bool:
-    """The held-out window that was worst gets better, and no window becomes a worse one."""
+    """Whether the worst validation block improves and no block becomes worse than it was."""
     counts = problem.block_counts[hypothesis.stage]
     usable = problem.held_out & (counts > 0)
     before = current.squares[hypothesis.stage, usable] / counts[usable]
@@ -366,35 +237,60 @@ def _worst_improves(problem: JointProblem, current: MapFit, hypothesis: Hypothes
     return bool(len(before) and after[int(np.argmax(before))] < before.max() and after.max() < before.max())
 
 
-def _polish(found: JointSearch) -> None:
-    """The first and the last model fitted below the practical floor, too, where more than noise is left."""
-    if not coloured(found.problem, found.final):
+def _eliminate_backward(found: JointSearch) -> None:
+    """Remove redundant effects, the least needed first."""
+    while len(found.accepted) > 1:
+        trials = [_fit_without(found, index) for index in range(len(found.accepted) - 1)]
+        index = max(range(len(trials)), key=lambda k: trials[k][0])
+        evidence, fit = trials[index]
+        if evidence < found.accepted[-1].log_evidence - SETTINGS.min_log_evidence / 2.0:
+            return
+        kept = [hypothesis for k, hypothesis in enumerate(found.accepted) if k != index]
+        kept[-1] = replace(kept[-1], fit=fit, log_evidence=evidence)
+        found.accepted = kept
+
+
+def _fit_without(found: JointSearch, index: int) -> tuple[float, MapFit]:
+    """Log evidence and fit of the best model without one of its effects."""
+    free = list(found.nominal.free)
+    for k, hypothesis in enumerate(found.accepted):
+        if k != index:
+            free = merged(free, effect_free_parameters(hypothesis.effect, found.problem.nominal))
+    final = found.final
+    start = {parameter.row: z for parameter, z in zip(final.free, final.z, strict=True)}
+    at = np.array([start.get(parameter.row, 0.0) for parameter in free])
+    fit = map_fit(found.problem, free, at, SETTINGS.nominal_iterations)
+    return log_evidence(found.problem, fit, amounts(fit)), fit
+
+
+def _refit_below_floor(found: JointSearch) -> None:
+    """Fit the first and the last model below the practical floor, where more than white noise is left."""
+    if not residual_is_correlated(found.problem, found.final):
         return
     if found.accepted:
         last = found.accepted[-1]
-        found.accepted[-1] = replace(last, fit=polished(found.problem, last.fit))
-    found.nominal = polished(found.problem, found.nominal)
+        found.accepted[-1] = replace(last, fit=refit_below_floor(found.problem, last.fit))
+    found.nominal = refit_below_floor(found.problem, found.nominal)
 
 
-def _prune(found: JointSearch) -> None:
-    """Drop effects that the later ones made superfluous, the least needed first."""
-    while len(found.accepted) > 1:
-        names = [one.effect.name for one in found.accepted]
-        evidence = found.accepted[-1].log_evidence
-        trials = []
-        for index in range(len(names) - 1):
-            kept = [one.effect for k, one in enumerate(found.accepted) if k != index]
-            free = list(found.nominal.free)
-            for effect in kept:
-                free = merged(free, effect_free_parameters(effect, found.problem.nominal))
-            final = found.final
-            start = {parameter.row: z for parameter, z in zip(final.free, final.z, strict=True)}
-            fit = map_fit(found.problem, free, np.array([start.get(parameter.row, 0.0) for parameter in free]), 8)
-            trials.append((log_evidence(found.problem, fit, _amounts(fit)), index, fit))
-        best = max(trials, key=lambda trial: trial[0])
-        if best[0] < evidence - ACCEPTED / 2.0:
-            return
-        kept_hypotheses = [one for k, one in enumerate(found.accepted) if k != best[1]]
-        last = kept_hypotheses[-1]
-        kept_hypotheses[-1] = Hypothesis(last.effect, best[2], best[0], last.stage, last.fall)
-        found.accepted = kept_hypotheses
+def refit_below_floor(problem: JointProblem, fit: MapFit) -> MapFit:
+    """The fit continued with larger weights of the data; cost and covariance stay those of the practical floor.
+
+    Which effects are missing is decided against the floor. Once that is decided, there is no reason to leave, for the
+    sake of priors, what the same numbers explain.
+    """
+    sharp = replace(problem, weight=SETTINGS.refit_weight * problem.weight)
+    done = map_fit(sharp, fit.free, fit.z, SETTINGS.refit_iterations)
+    train = ~problem.held_out
+    cost = float((problem.weight[:, None] * done.squares[:, train]).sum() + done.z @ done.z)
+    return replace(done, cost=cost, normal=done.normal / SETTINGS.refit_weight)
+
+
+def residual_is_correlated(problem: JointProblem, fit: MapFit) -> bool:
+    """Whether any residual is clearly more than white noise."""
+    for segment, residual in zip(problem.segments, fit.residuals, strict=True):
+        for stage in np.flatnonzero(segment.use.any(axis=1)):
+            left = residual[stage][segment.use[stage]]
+            if float(np.sqrt(np.mean(left**2))) > SETTINGS.min_correlated_ratio * white_noise(left):
+                return True
+    return False

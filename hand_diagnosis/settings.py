@@ -262,6 +262,9 @@ class Settings:
     noise_parts: tuple[int, ...] = _setting(
         (1, 2, 5, 10, 20), "-", "The fastest 1/n of the samples, whose noise is estimated apart.", CHOICE,
         "Jitter of fast samples is averaged out.", "Parts too small to estimate.")
+    noise_part_samples: int = _setting(
+        4, "samples", "Samples of the smallest part for which the parts are estimated apart.", CHOICE,
+        "Unstable estimates.", "Jitter of fast samples is averaged out in short recordings.")
     median_of_noise: float = _setting(
         0.6745, "-", "Median of |x| for a unit normal x.", "definition", "Meaningless.", "Meaningless.")
     third_difference_variance: float = _setting(
@@ -303,10 +306,15 @@ class Settings:
         0.05, "-", "Terms of the data-driven correction below this share of the residual's RMS are dropped.", CHOICE,
         "Longer formulas.", "Shorter formulas.")
     correction_ridge: float = _setting(
-        1e-3, "-", "Weight of the ridge penalty of that regression.", "PySINDy's STLSQ",
+        1e-3, "-", "Weight of the ridge penalty of that regression.", "Brunton et al., PNAS 113(15), 2016",
         "No visible change.", "No visible change.")
     correction_iterations: int = _setting(
-        10, "iterations", "Iterations of its thresholding.", "PySINDy's STLSQ", "Ends early.", "No change.")
+        10, "iterations", "Iterations of its thresholding.", "as above", "Ends early.", "No change.")
+    strong_correlation: float = _setting(
+        0.8, "-", "Correlation of two estimates from which the page lists the pair.", CHOICE,
+        "Longer lists.", "Not possible above 1.")
+    figure_bins: int = _setting(
+        24, "bins", "Bins of the residual over a state in figures.", CHOICE, "Coarser curves.", "Noisier curves.")
     experiment_s: float = _setting(
         40.0, "s", "Length of a simulated experiment.", CHOICE, "Creep is not excited.", "Slower.")
     min_experiment_pressure_pa: float = _setting(

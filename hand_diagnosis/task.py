@@ -1,4 +1,9 @@
-"""What is diagnosed and how; and each joint's problem made ready: what drives it, what shakes it, what pulls at it."""
+"""The task of a diagnosis: which joints are judged, by which effects, and each joint's problem made ready.
+
+A joint's problem is ready when its inputs are: the pressure that drives it (shaped by the valve's model), the
+acceleration of the joint that shares inertia with it, the neighbour that may be coupled to it, and the flow that all
+joints draw from the supply.
+"""
 
 from __future__ import annotations
 
@@ -7,25 +12,69 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hand_diagnosis.partners import put_partner
+from hand_diagnosis.data_check import Checked
+from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import accelerations, inflow, shape_driving
 from hand_identification.free_parameters import FreeParameter, nominal_free_parameters, speed_free_parameters
 from hand_identification.joint_data import driving_pressure, joint_problem
 from hand_identification.joint_problem import FLOOR, JointProblem, Segment
 from hand_identification.map_fit import MapFit, map_fit
 from hand_model.arrays import Array
-from hand_model.description import Hand
-from hand_model.effects.effect import INFLOW, NEIGHBOUR, Effect
-from hand_recording.signals import Signals
+from hand_model.effects import CATALOGUE, EFFECTS
+from hand_model.effects.effect import INFLOW, NEIGHBOUR, PARTNER, Effect
+from hand_model.joint_model import JointModel
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
+from hand_recording.signals import Signals, derivatives
 
-RESTED_PA = 5e3
-ROUGHLY = 3
-"""Iterations of a first fit of the nominal numbers."""
+_ANGLE_SENSOR = [ROW[key] for effect in CATALOGUE if effect.place == "angle_sensor" for key in effect.keys]
+
+
+def effects_without(names: Sequence[str]) -> list[Effect]:
+    """The effects of the catalogue that have parameters, without those named. Raises ValueError for unknown names."""
+    for name in names:
+        if name not in EFFECTS:
+            raise ValueError(f"--without is {name!r}; the effects are: {', '.join(EFFECTS)}")
+    return [effect for effect in CATALOGUE if effect.keys and effect.name not in names]
+
+
+def moving_joints(
+    signals: Sequence[Signals], model: JointModel, joints: Sequence[str], unusable: frozenset[str]
+) -> list[str]:
+    """Those of the joints asked for (all recorded ones, where none is) that are usable and move enough.
+
+    Raises ValueError for a joint that was not recorded.
+    """
+    recorded = [joint for joint in model.joints if any(joint in recording.joints for recording in signals)]
+    for joint in joints:
+        if joint not in recorded:
+            raise ValueError(f"--joints: {joint!r} was not recorded; the recordings hold: {', '.join(recorded)}")
+    able = [joint for joint in joints or recorded if joint not in unusable]
+    return [joint for joint in able if any(_is_excited(recording, joint) for recording in signals)]
+
+
+def _is_excited(recording: Signals, joint: str) -> bool:
+    """Whether a joint moves by pressure, or far enough by an external cause; a vented joint that is shaken does not."""
+    if joint not in recording.joints:
+        return False
+    column = recording.joints.index(joint)
+    travel = np.ptp(recording.angle_rad[:, column])
+    pressed = np.ptp(recording.pressure_pa[:, column]) > SETTINGS.min_excited_pressure_pa or recording.driven
+    return bool(
+        travel > SETTINGS.min_pushed_travel_rad or (travel > SETTINGS.min_travel_rad and pressed),
+    )
+
+
+def still_joints(checked: Checked, judged: Sequence[str], asked: Sequence[str]) -> list[str]:
+    """A line that names the joints of a recording that move too little to be judged, or none."""
+    recording = checked.signals
+    named = {*judged, *checked.unusable}
+    still = [joint for joint in asked or recording.joints if joint in recording.joints and joint not in named]
+    return [f"{recording.name}: {', '.join(still)} moved too little to be judged"] if still else []
 
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """A joint's problem, the free parameters of its nominal numbers, and coordinates (free,) near their best ones."""
+    """A joint's problem, the free parameters of its nominal numbers, and coordinates (free,) near the best ones."""
 
     problem: JointProblem
     free: list[FreeParameter]
@@ -34,14 +83,14 @@ class Prepared:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Recordings of a hand. tolerance: relative standard deviation of its nominal numbers.
+    """Recordings of a hand or machine, and how they are diagnosed.
 
-    joints: those that are judged.
-    floors: repeatability (OUTPUTS,) SI of joints, from re-runs.
+    joints: those that are judged.  tolerance: relative standard deviation of the nominal numbers [-].
+    floors: repeatability (OUTPUTS,) [Pa, rad, N] of joints, from re-runs.
     """
 
     signals: Sequence[Signals]
-    hand: Hand
+    model: JointModel
     joints: Sequence[str]
     effects: Sequence[Effect]
     tolerance: float
@@ -51,12 +100,13 @@ class Task:
     _inflows: dict[int, Array] = field(default_factory=dict)
 
     def prepare(self, joint: str) -> Prepared:
-        """The problem of a joint beside its partner, whose acceleration its own model tells."""
+        """The problem of a joint, with the acceleration of its partner as the partner's own model gives it."""
         rough = self._roughly(joint)
         other = self.partner(joint)
         if other and self._holding(joint) == self._holding(other):
             beside = self._roughly(other)
-            # The partner's model is shaken by the noise of this joint's acceleration; that of its model has none.
+            # The measured acceleration of this joint is noisy and would disturb the partner's model; the modelled one
+            # is not.
             quiet = replace(beside.problem, segments=[_copied(segment) for segment in beside.problem.segments])
             put_partner(quiet, accelerations(rough.problem, rough.free, rough.start))
             put_partner(rough.problem, accelerations(quiet, beside.free, beside.start))
@@ -65,17 +115,17 @@ class Task:
         return rough
 
     def partner(self, joint: str) -> str:
-        """The joint that is coupled to one by inertia, or none."""
-        index = int(self.hand.partner[self.hand.joints.index(joint)])
-        return self.hand.joints[index] if index >= 0 else ""
+        """The joint that shares inertia with one; empty where there is none."""
+        index = int(self.model.partner[self.model.joints.index(joint)])
+        return self.model.joints[index] if index >= 0 else ""
 
     def _roughly(self, joint: str) -> Prepared:
         if joint not in self._rough:
-            problem = joint_problem(self.signals, self.hand, joint, self.floors.get(joint, np.array(FLOOR)))
-            free = nominal_free_parameters(problem.nominal, self.tolerance, rested(self.signals, joint))
+            problem = joint_problem(self.signals, self.model, joint, self.floors.get(joint, np.array(FLOOR)))
+            free = nominal_free_parameters(problem.nominal, self.tolerance, initial_rest_angle(self.signals, joint))
             if not problem.driven:
                 free += speed_free_parameters(problem.starts(1)[0, 1:].tolist())
-            fit = map_fit(problem, free, np.zeros(len(free)), ROUGHLY)
+            fit = map_fit(problem, free, np.zeros(len(free)), SETTINGS.rough_iterations)
             _choose_neighbour([self.signals[number] for number in self._holding(joint)], joint, problem, fit)
             shape_driving(problem, free, fit.z)
             self._rough[joint] = Prepared(problem, free, fit.z)
@@ -84,47 +134,82 @@ class Task:
     def _inflow(self, number: int) -> Array:
         """Rise of all pressures of a recording together (T,) [Pa/s]."""
         if number not in self._inflows:
-            one = self.signals[number]
-            rises = [inflow(self._driving(number, joint), one.samples, one.period_s) for joint in one.joints]
+            recording = self.signals[number]
+            rises = [
+                inflow(self._driving(number, joint), recording.samples, recording.period_s)
+                for joint in recording.joints
+            ]
             self._inflows[number] = np.asarray(np.sum(rises, axis=0))
         return self._inflows[number]
 
     def _driving(self, number: int, joint: str) -> Array:
-        """Driving pressure of a joint in a recording; shaped by its valve's model, where it is one of those judged."""
+        """Driving pressure of a joint in a recording; shaped by its valve's model where the joint is judged."""
         if joint not in self.joints:
-            one = self.signals[number]
-            return driving_pressure(one, one.joints.index(joint))[0]
+            recording = self.signals[number]
+            return driving_pressure(recording, recording.joints.index(joint))[0]
         return self._roughly(joint).problem.segments[self._holding(joint).index(number)].driving_pa
 
     def _holding(self, joint: str) -> list[int]:
         """Numbers of the recordings that hold a joint; their names need not differ."""
-        return [number for number, one in enumerate(self.signals) if joint in one.joints]
+        return [number for number, recording in enumerate(self.signals) if joint in recording.joints]
 
 
 def _copied(segment: Segment) -> Segment:
     return replace(segment, exogenous=segment.exogenous.copy())
 
 
-def rested(signals: Sequence[Signals], joint: str) -> bool:
-    """Whether a joint was vented when every recording of it began."""
-    return all(one.pressure_pa[0, one.joints.index(joint)] < RESTED_PA for one in signals if joint in one.joints)
+def put_partner(problem: JointProblem, partner_rad_s2: Sequence[Array]) -> None:
+    """Set the partner's acceleration (T,) [rad/s^2] in every segment."""
+    for segment, acceleration in zip(problem.segments, partner_rad_s2, strict=True):
+        segment.exogenous[:, PARTNER] = acceleration
 
 
-def _choose_neighbour(segments: Sequence[Signals], joint: str, problem: JointProblem, fit: MapFit) -> None:
-    """Put the angle into e that best explains what the nominal model leaves: what pulls, pulls with its motion."""
-    names = [name for name in segments[0].joints if name != joint and all(name in one.joints for one in segments)]
+def model_accelerations(problem: JointProblem, fit: MapFit) -> list[Array]:
+    """Acceleration (T,) [rad/s^2] of a joint in every segment by its fitted model, without its sensor's faults.
+
+    A joint is moved by the acceleration of its partner (Eq. 8 with the coupling inertia). Taken from the partner's
+    measured angle, a fault of that sensor would look like missing physics of this joint.
+    """
+    columns, starts = problem.columns(fit.free, fit.z[None])
+    for row in _ANGLE_SENSOR:
+        columns[:, row] = (JOINT_PARAMETERS[row].neutral or 0.0) * JOINT_PARAMETERS[row].scale
+    return [
+        derivatives(predicted[0, 1][:, None], segment.period_s)[1][:, 0]
+        for predicted, segment in zip(problem.predict(columns, starts), problem.segments, strict=True)
+    ]
+
+
+def initial_rest_angle(signals: Sequence[Signals], joint: str) -> bool:
+    """Whether a joint was vented, and so at its rest angle, when every recording of it began."""
+    return all(
+        recording.pressure_pa[0, recording.joints.index(joint)] < SETTINGS.vented_pressure_pa
+        for recording in signals
+        if joint in recording.joints
+    )
+
+
+def _choose_neighbour(recordings: Sequence[Signals], joint: str, problem: JointProblem, fit: MapFit) -> None:
+    """Put the angle into the exogenous inputs whose motion best explains what the nominal model leaves."""
     best, chosen = 0.0, None
-    for name in names:
-        together = []
-        for one, segment, residual in zip(segments, problem.segments, fit.residuals, strict=True):
-            use = segment.use[1]
-            other = one.angle_rad[use, one.joints.index(name)]
-            own = np.column_stack([segment.angle_rad[use], segment.pressure_pa[use] * 1e-5, np.ones(use.sum())])
-            rest = other - own @ np.linalg.lstsq(own, other, rcond=None)[0]
-            norm = float(np.linalg.norm(rest)) * float(np.linalg.norm(residual[1][use]))
-            together.append(abs(float(rest @ residual[1][use])) / max(norm, 1e-300))
+    for name in recordings[0].joints:
+        if name == joint or not all(name in recording.joints for recording in recordings):
+            continue
+        together = [
+            _correlation(recording, name, segment, residual[1])
+            for recording, segment, residual in zip(recordings, problem.segments, fit.residuals, strict=True)
+        ]
         if float(np.mean(together)) > best:
             best, chosen = float(np.mean(together)), name
     if chosen is not None:
-        for one, segment in zip(segments, problem.segments, strict=True):
-            segment.exogenous[:, NEIGHBOUR] = one.angle_rad[:, one.joints.index(chosen)]
+        for recording, segment in zip(recordings, problem.segments, strict=True):
+            segment.exogenous[:, NEIGHBOUR] = recording.angle_rad[:, recording.joints.index(chosen)]
+
+
+def _correlation(recording: Signals, other: str, segment: Segment, residual_rad: Array) -> float:
+    """Of the residual (T,) with another joint's angle, without what the joint's own angle and pressure explain."""
+    use = segment.use[1]
+    angle = recording.angle_rad[use, recording.joints.index(other)]
+    own = np.column_stack([segment.angle_rad[use], segment.pressure_pa[use] * 1e-5, np.ones(use.sum())])
+    remainder = angle - own @ np.linalg.lstsq(own, angle, rcond=None)[0]
+    norm = float(np.linalg.norm(remainder)) * float(np.linalg.norm(residual_rad[use]))
+    return abs(float(remainder @ residual_rad[use])) / max(norm, 1e-300)

@@ -1,36 +1,46 @@
-"""What remains after the best model: nothing but noise, a part, or physics that the catalogue does not hold."""
+"""What remains after the best model: noise, a part, or physics outside the catalogue; and where the model misses.
+
+No model can fit better than the noise of the reading and the noise of the measured inputs on which a stage runs. A
+second draw of the same input noise moves the predictions by as much as the first one has moved them already.
+
+Each signal of a joint is tested as a whole, by direction of motion, in thirds of each state and by frequency. A region
+is missed where its error beyond the noise is larger than the repeatability and significant. Squares of blocks, not of
+samples, are compared with the noise, so that correlation within a block does not count one event many times.
+
+Where no effect explains a residual, a data-driven correction is fitted to it by sparse regression on polynomials of
+angle, pressure and speed with the sign of the motion. It describes and does not explain; the report says so.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hand_diagnosis.evidence import held_out_rmse
-from hand_diagnosis.noise import noise_of_inputs, noise_of_reading
+from hand_diagnosis.hypotheses import validation_rmse
+from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import STAGES, JointProblem, Segment
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array, Flags
-from hand_model.effects.effect import SPEED
+from hand_model.chain import OUTPUTS
+from hand_model.effects.effect import ACCELERATION, ANGLE, SPEED
+from hand_model.quantities import Wording
+from hand_recording.signals import derivatives, smoothed_over, white_noise
 
-UNEXPLAINED, PART = 1.3, 0.55
-"""Held-out error beyond the noise, in practical floors, from which something is left to explain; and from which it is
-where effects took a part of it away: there was something, and this is more of it."""
-MOSTLY, HARDLY, UNTOUCHED = 0.15, 0.3, 0.9
-"""Share of the first model's excess that may remain for one effect to count as the explanation, where much is left and
-where little is (for several effects less, by the square of their number: many terms come near anything); and the share
-from which they have no part in this stage."""
-TIME_SAYS_MORE = 0.25
-"""Share of variance by which time must explain more than any state."""
+THIRDS = ("low", "middle", "high")
+BOTH_WAYS = {"angle", "pressure", "set-point"}
+"""States on which a residual may depend differently in the two directions of motion."""
 
 
 @dataclass(frozen=True, slots=True)
 class StageResult:
-    """A stage on held-out data, SI: error before and after, noise, excess over the noise before and after.
+    """One signal on the validation data, SI: error before and after, noise, excess over the noise before and after.
 
+    noise: white noise of the reading, and what the noise of the measured inputs makes of the prediction.
     floor: repeatability.  effects: how many were found on the joint.
-    noise: the white noise of the reading, and what the noise of the stage's measured inputs
-    makes of its prediction.
     """
 
     stage: int
@@ -44,26 +54,31 @@ class StageResult:
 
     @property
     def name(self) -> str:
-        """Of the signal."""
+        """Of the signal: pressure, angle or force."""
         return STAGES[self.stage]
 
     @property
     def unexplained(self) -> bool:
-        """Whether structure is left that is worth a word."""
+        """Whether an unexplained residual is left that is reported as `unknown`.
+
+        More parameters fit more residual, so the limit on the remaining share tightens with each effect.
+        """
         left = self.excess_after / max(self.excess_before, 1e-300)
-        share = (MOSTLY if self.leftover else HARDLY) / max(self.effects, 1) ** 2
-        enough = UNEXPLAINED if left > UNTOUCHED else PART
-        return left > share and self.excess_after > enough * self.floor
+        share = SETTINGS.max_remaining_share if self.leftover else SETTINGS.max_remaining_share_small
+        floors = SETTINGS.unexplained_floors
+        if left <= SETTINGS.untouched_share:
+            floors = SETTINGS.unexplained_part_floors
+        return left > share / max(self.effects, 1) ** 2 and self.excess_after > floors * self.floor
 
     @property
     def leftover(self) -> bool:
         """Whether anything beyond the floor is left, explained mostly or not."""
-        return self.excess_after > UNEXPLAINED * self.floor
+        return self.excess_after > SETTINGS.unexplained_floors * self.floor
 
 
 def stage_results(problem: JointProblem, nominal: MapFit, final: MapFit, effects: int) -> list[StageResult]:
     """Pressure, angle and force, those that the recording holds. effects: how many the final model has."""
-    before, after = held_out_rmse(problem, nominal.squares), held_out_rmse(problem, final.squares)
+    before, after = validation_rmse(problem, nominal.squares), validation_rmse(problem, final.squares)
     inputs = noise_of_inputs(problem, final)
     results = []
     for stage in range(len(STAGES)):
@@ -71,7 +86,7 @@ def stage_results(problem: JointProblem, nominal: MapFit, final: MapFit, effects
             continue
         white = max(
             noise_of_reading(r[stage][p.use[stage]], (p.measured[stage] - r[stage])[p.use[stage]])
-            for p, r in _pairs(problem, final, stage)
+            for p, r in _long_segments(problem, final, stage)
         )
         noise = float(np.hypot(white, inputs[stage]))
         excess = [float(np.sqrt(max(rmse[stage] ** 2 - noise**2, 0.0))) for rmse in (before, after)]
@@ -81,69 +96,291 @@ def stage_results(problem: JointProblem, nominal: MapFit, final: MapFit, effects
     return results
 
 
-def _pairs(problem: JointProblem, fit: MapFit, stage: int):  # type: ignore[no-untyped-def]
-    return [(p, r) for p, r in zip(problem.segments, fit.residuals, strict=True) if p.use[stage].sum() > 10]
+def _long_segments(problem: JointProblem, fit: MapFit, stage: int) -> list[tuple[Segment, Array]]:
+    """Segments that hold enough samples of a signal, with their residuals (OUTPUTS, T)."""
+    pairs = zip(problem.segments, fit.residuals, strict=True)
+    return [(segment, r) for segment, r in pairs if segment.use[stage].sum() > SETTINGS.min_stage_samples]
+
+
+def noise_of_inputs(problem: JointProblem, fit: MapFit) -> Array:
+    """RMS (OUTPUTS,) [Pa, rad, N] by which input noise moves the predictions of a fit on the validation blocks."""
+    rng = np.random.default_rng(SETTINGS.noise_seed)
+    columns, starts = problem.columns(fit.free, fit.z[None])
+    plain = problem.predict(columns, starts)
+    noisy = replace(problem, segments=[_disturbed(segment, rng, problem.driven) for segment in problem.segments])
+    squares, count = np.zeros(OUTPUTS), np.zeros(OUTPUTS)
+    for segment, first, second in zip(problem.segments, plain, noisy.predict(columns, starts), strict=True):
+        counts = segment.use & problem.held_out[segment.block]
+        squares += (((second[0] - first[0]) * counts) ** 2).sum(axis=1)
+        count += counts.sum(axis=1)
+    return np.asarray(np.sqrt(squares / np.maximum(count, 1.0)), dtype=np.float64)
+
+
+def noise_of_reading(residual: Array, predicted: Array) -> float:
+    """RMS [SI] of the white part of a residual (T,), which may grow with the speed of the signal, as jitter makes it.
+
+    Samples are parted by the slope of the prediction (T,); in a part, third differences separate noise from structure.
+    """
+    if len(residual) < SETTINGS.noise_part_samples * SETTINGS.noise_parts[-1]:
+        return white_noise(residual)
+    slope = np.abs(np.gradient(predicted))
+    slope = np.maximum(slope[1:-2], slope[2:-1])
+    rough = np.abs(np.diff(residual, 3)) / np.sqrt(SETTINGS.third_difference_variance)
+    order = np.argsort(slope, kind="stable")
+    parts = [order[len(order) * (k - 1) // k :] for k in SETTINGS.noise_parts[1:]]
+    square = 0.0
+    for part, smaller in zip([order, *parts], [*parts, order[:0]], strict=True):
+        inside = np.setdiff1d(part, smaller, assume_unique=True)
+        square += len(inside) * (float(np.median(rough[inside])) / SETTINGS.median_of_noise) ** 2
+    return max(float(np.sqrt(square / len(order))), white_noise(residual))
+
+
+def _disturbed(segment: Segment, rng: np.random.Generator, driven: bool) -> Segment:
+    """The segment with a second draw of the noise on its inputs, smoothed as the first one was."""
+    white = white_noise(segment.pressure_pa) * rng.standard_normal(len(segment.pressure_pa))
+    kept = white if driven else np.where(segment.smoothed, smoothed_over(white, segment.span), white)
+    samples = np.arange(len(kept))
+    kept = np.interp(np.linspace(0.0, samples[-1], len(segment.driving_pa)), samples, kept)
+    angle = white_noise(segment.angle_rad) * rng.standard_normal(len(white))
+    speed, acceleration = derivatives(angle[:, None], segment.period_s)
+    exogenous = segment.exogenous.copy()
+    exogenous[:, ANGLE] += angle
+    exogenous[:, SPEED] += speed[:, 0]
+    exogenous[:, ACCELERATION] += acceleration[:, 0]
+    return replace(segment, driving_pa=segment.driving_pa + kept, exogenous=exogenous)
 
 
 @dataclass(frozen=True, slots=True)
 class Structure:
-    """An unexplained residual in words and numbers: signal, state it depends on most, share of variance, memory, size.
+    """An unexplained residual in numbers, SI.
 
-    direction: mean residual while the joint flexes minus while it extends, SI.  frequency_hz: centroid of its spectrum.
+    state: on which it depends most.  share: of its variance that this state explains [-].
+    direction: mean residual while the joint moves forward minus while it moves back.
+    frequency_hz: centroid of its spectrum.
     """
 
-    signal: str
     state: str
     share: float
     direction: float
-    memory_s: float
     frequency_hz: float
-    size: float
 
 
 def describe(problem: JointProblem, fit: MapFit, stage: int) -> Structure:
-    """Where in state space a residual lives, by binned means over each candidate state."""
-    segment, residual = max(_pairs(problem, fit, stage), key=lambda pair: pair[0].use[stage].sum())
+    """Where in state space the residual of a signal lives, by means over bins of each candidate state."""
+    segment, residual = max(_long_segments(problem, fit, stage), key=lambda pair: pair[0].use[stage].sum())
     use = segment.use[stage]
     r = residual[stage][use]
     states = states_of(segment, use)
-    flexing = states["speed"] > 0.0
-    both = {"angle", "pressure", "set-point"}  # of these a residual may depend in one way or the other by direction
-    shares = {name: _explained(r, values, flexing & (name in both)) for name, values in states.items()}
-    # Any residual that lasts a while goes with time somewhat; it must clearly say more than the states do.
-    state = max(shares, key=lambda name: shares[name] - (TIME_SAYS_MORE if name == "time" else 0.0))
     speed = states["speed"]
-    moving = np.abs(speed) > 0.1
+    forward = speed > 0.0
+    shares = {name: _explained(r, values, forward & (name in BOTH_WAYS)) for name, values in states.items()}
+    # Any lasting residual correlates with time; time must explain clearly more than the states do.
+    state = max(shares, key=lambda name: shares[name] - (SETTINGS.time_margin if name == "time" else 0.0))
+    moving = np.abs(speed) > SETTINGS.moving_rad_s
     direction = 0.0
     if (moving & (speed > 0)).any() and (moving & (speed < 0)).any():
         direction = float(r[moving & (speed > 0)].mean() - r[moving & (speed < 0)].mean())
     spectrum = np.abs(np.fft.rfft(r - r.mean())) ** 2
     frequency = np.fft.rfftfreq(len(r), segment.period_s)
     centroid = float((spectrum * frequency).sum() / max(float(spectrum.sum()), 1e-300))
-    memory = 0.5 / max(centroid, 1e-3)
-    return Structure(STAGES[stage], state, shares[state], direction, memory, centroid, float(np.sqrt(np.mean(r**2))))
+    return Structure(state, shares[state], direction, centroid)
 
 
 def states_of(segment: Segment, use: Flags) -> dict[str, Array]:
-    """What a residual may depend on, at the samples that count."""
+    """The states [rad, Pa, rad/s, Pa, s] on which a residual may depend, at the samples that count, use (T,)."""
     time = np.asarray(np.arange(len(use)) * segment.period_s, dtype=np.float64)
-    speed = segment.exogenous[:, SPEED]
     return {
         "angle": segment.angle_rad[use],
         "pressure": segment.pressure_pa[use],
-        "speed": speed[use],
+        "speed": segment.exogenous[:, SPEED][use],
         "set-point": segment.set_point_pa[use],
         "time": time[use],
     }
 
 
-def _explained(residual: Array, values: Array, flexing: Flags, bins: int = 20) -> float:
-    """Share of the residual's variance that its mean over bins of a state, and over direction, takes away."""
-    edges = np.unique(np.quantile(values, np.linspace(0, 1, bins + 1)))
+def _explained(residual: Array, values: Array, forward: Flags) -> float:
+    """Share [-] of the residual's variance that its mean over bins of a state, and over direction, explains."""
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, SETTINGS.state_bins + 1)))
     if len(edges) < 3:
         return 0.0
     index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
-    index = 2 * index + flexing
+    index = 2 * index + forward
     counts = np.bincount(index, minlength=2 * len(edges))
     means = np.bincount(index, residual, minlength=2 * len(edges)) / np.maximum(counts, 1)
     return float(1.0 - np.var(residual - means[index]) / max(float(np.var(residual)), 1e-300))
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A part of a signal's data, SI: RMS of the residual there, noise, standard errors above it, whether it is missed.
+
+    state: "everywhere", "direction", "frequency" or a state; part: which part of it.
+    """
+
+    stage: int
+    state: str
+    part: str
+    rms: float
+    noise: float
+    sigma: float
+    missed: bool
+
+    @property
+    def signal(self) -> str:
+        """Pressure, angle or force."""
+        return STAGES[self.stage]
+
+
+def locate(problem: JointProblem, fit: MapFit, results: Sequence[StageResult]) -> list[Region]:
+    """Every region of every signal that the recordings hold, for the residuals of a fit."""
+    return [region for result in results for region in _regions(problem, fit, result)]
+
+
+def _regions(problem: JointProblem, fit: MapFit, result: StageResult) -> Iterator[Region]:
+    residual, block, states = _joined(problem, fit, result.stage)
+    if len(residual) < SETTINGS.min_region_samples:
+        return
+    parts = [(state, part, residual[inside], block[inside]) for state, part, inside in _parts(states)]
+    parts += [("frequency", part, band, block) for part, band in _bands(problem, fit, result.stage)]
+    for state, part, values, blocks in parts:
+        region = _tested(state, part, values, blocks, result)
+        if region is not None:
+            yield region
+
+
+def _joined(problem: JointProblem, fit: MapFit, stage: int) -> tuple[Array, NDArray[np.int64], dict[str, Array]]:
+    """Residuals, blocks and states of all segments, at the samples that count."""
+    parts = [
+        (r[stage][p.use[stage]], p.block[p.use[stage]], states_of(p, p.use[stage]))
+        for p, r in zip(problem.segments, fit.residuals, strict=True)
+    ]
+    states = {name: np.concatenate([part[2][name] for part in parts]) for name in parts[0][2]}
+    return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts]), states
+
+
+def _parts(states: dict[str, Array]) -> Iterator[tuple[str, str, Flags]]:
+    speed, standing = states["speed"], SETTINGS.standing_rad_s
+    yield "everywhere", "all", np.ones(len(speed), dtype=bool)
+    yield "direction", "forward", speed > standing
+    yield "direction", "back", speed < -standing
+    yield "direction", "at rest", np.abs(speed) <= standing
+    for name, values in states.items():
+        values = np.abs(values) if name == "speed" else values
+        edges = np.quantile(values, [1 / 3, 2 / 3])
+        third = np.searchsorted(edges, values)
+        for k, part in enumerate(THIRDS):
+            yield name, part, third == k
+
+
+def _bands(problem: JointProblem, fit: MapFit, stage: int) -> Iterator[tuple[str, Array]]:
+    """The residuals of all segments within each band of frequencies, at the samples that count."""
+    edges = SETTINGS.band_edges_hz
+    for low, high in pairwise(edges):
+        filtered = [
+            _band(p.use[stage] * r[stage], p.period_s, low, high)[p.use[stage]]
+            for p, r in zip(problem.segments, fit.residuals, strict=True)
+        ]
+        yield f"above {low:g} Hz" if np.isinf(high) else f"{low:g} to {high:g} Hz", np.concatenate(filtered)
+
+
+def _tested(state: str, part: str, residual: Array, block: NDArray[np.int64], result: StageResult) -> Region | None:
+    """The region of these residuals; None where too few blocks hold enough of them."""
+    counts = np.bincount(block)
+    full = counts >= SETTINGS.min_region_samples
+    if full.sum() < SETTINGS.min_region_samples:
+        return None
+    squares = np.bincount(block, residual**2)[full] / counts[full]
+    error = max(float(squares.std(ddof=1)) / np.sqrt(len(squares)), 1e-300)
+    rms = float(np.sqrt(np.mean(residual**2)))
+    sigma = (float(squares.mean()) - result.noise**2) / error
+    missed = sigma > SETTINGS.min_missed_sigma and rms**2 - result.noise**2 > result.floor**2
+    return Region(result.stage, state, part, rms, result.noise, sigma, bool(missed))
+
+
+def _band(residual: Array, period_s: float, low_hz: float, high_hz: float) -> Array:
+    """The part of a signal (T,) within a band of frequencies."""
+    spectrum = np.fft.rfft(residual)
+    frequency = np.fft.rfftfreq(len(residual), period_s)
+    spectrum[(frequency < low_hz) | (frequency >= high_hz)] = 0.0
+    inside: Array = np.fft.irfft(spectrum, len(residual))
+    return inside
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """residual [unit] = sum of coefficient times term; validation_share: of its mean square that it removes [-]."""
+
+    unit: str
+    terms: tuple[tuple[str, float], ...]
+    validation_share: float
+
+    @property
+    def text(self) -> str:
+        """The formula."""
+        return " ".join(f"{value:+.3g} {name}" for name, value in self.terms) or "0"
+
+
+def sparse_correction(problem: JointProblem, fit: MapFit, stage: int, wording: Wording) -> Correction:
+    """Fit the residual of a signal on training blocks, in its shown unit, and judge it on validation blocks."""
+    factor, unit = wording.signal_units[stage]
+    libraries, targets, held = [], [], []
+    for segment, residual in zip(problem.segments, fit.residuals, strict=True):
+        use = segment.use[stage]
+        states = segment.angle_rad[use], segment.pressure_pa[use], segment.exogenous[use, SPEED]
+        libraries.append(correction_terms(*states, wording))
+        targets.append(factor * residual[stage][use])
+        held.append(problem.held_out[segment.block[use]])
+    table = np.concatenate([np.column_stack(list(library.values())) for library in libraries])
+    target, validation = np.concatenate(targets), np.concatenate(held)
+    scale = np.maximum(np.abs(table).max(axis=0), 1e-12)
+    rms = float(np.sqrt(np.mean(target**2))) or 1.0
+    train = ~validation
+    weights = thresholded_least_squares((table / scale)[train], (target / rms)[train]) * rms / scale
+    left = target[validation] - table[validation] @ weights
+    share = 1.0 - float(np.mean(left**2)) / max(float(np.mean(target[validation] ** 2)), 1e-300)
+    terms = tuple((name, float(w)) for name, w in zip(libraries[0], weights, strict=True) if w != 0.0)
+    return Correction(unit, terms, max(share, 0.0))
+
+
+def thresholded_least_squares(table: Array, target: Array, threshold: float | None = None) -> Array:
+    """Coefficients (n,) of the columns of a table (m, n) for a target (m,); those below a threshold are zero.
+
+    Ridge regression and removal of small coefficients in turn, until none is small; then ordinary least squares on the
+    columns that are left. Sequentially thresholded least squares: Brunton, Proctor and Kutz, PNAS 113(15), 2016.
+    threshold: in units of target over table; None: SETTINGS.correction_threshold.
+    """
+    threshold = SETTINGS.correction_threshold if threshold is None else threshold
+    kept = np.ones(table.shape[1], dtype=bool)
+    for _ in range(SETTINGS.correction_iterations):
+        ridge = np.sqrt(SETTINGS.correction_ridge) * np.eye(kept.sum())
+        part = np.vstack([table[:, kept], ridge])
+        found = np.linalg.lstsq(part, np.concatenate([target, np.zeros(len(ridge))]), rcond=None)[0]
+        large = np.abs(found) >= threshold
+        kept[kept] = large
+        if large.all() or not kept.any():
+            break
+    coefficients = np.zeros(table.shape[1])
+    if kept.any():
+        coefficients[kept] = np.linalg.lstsq(table[:, kept], target, rcond=None)[0]
+    return coefficients
+
+
+def correction_terms(angle_rad: Array, pressure_pa: Array, speed_rad_s: Array, wording: Wording) -> dict[str, Array]:
+    """Candidate terms (T,) of a correction by name, in the units of `wording.symbol_units`."""
+    direction = np.tanh(speed_rad_s / SETTINGS.standing_rad_s)
+    x, p, v = wording.symbols
+    (per_angle, _), (per_pressure, _) = wording.symbol_units
+    angle, pressure, speed = per_angle * angle_rad, per_pressure * pressure_pa, per_angle * speed_rad_s
+    return {
+        "1": np.ones_like(angle),
+        x: angle,
+        p: pressure,
+        v: speed,
+        f"{x}^2": angle**2,
+        f"{x} {p}": angle * pressure,
+        f"{p}^2": pressure**2,
+        f"{x}^3": angle**3,
+        f"sign({v})": direction,
+        f"{p} sign({v})": pressure * direction,
+        f"{v} |{v}|": speed * np.abs(speed),
+    }

@@ -17,8 +17,8 @@ from hand_identification.joint_problem import (
 )
 from hand_model.arrays import Array, Flags
 from hand_model.chain import OMEGA, OUTPUTS, PHI, STATES, P
-from hand_model.description import Hand
 from hand_model.effects.effect import ACCELERATION, ANGLE, EXOGENOUS, NEIGHBOUR, PARTNER, SPEED, TIME
+from hand_model.joint_model import JointModel
 from hand_recording.signals import (
     SMOOTHED_S,
     Signals,
@@ -37,7 +37,7 @@ STARTING_S, STARTING_ORDER, IN_MOTION_RAD_S = 0.15, 4, 0.3
 
 
 def joint_problem(
-    signals: Sequence[Signals], hand: Hand, joint: str, floor: Sequence[float] | Array = FLOOR
+    signals: Sequence[Signals], hand: JointModel, joint: str, floor: Sequence[float] | Array = FLOOR
 ) -> JointProblem:
     """The problem of one joint over all recordings that hold it, with the hand's nominal parameters.
 
@@ -56,13 +56,13 @@ def joint_problem(
         segments,
         hand.parameters[:, index].copy(),
         initial_weights(segments[0].period_s, noise),
-        _lever_m(hand, index),
+        hand.lever_arm_m(index),
         driven=signals[0].driven,
         floor=np.asarray(floor),
     )
 
 
-def _piece(signals: Signals, hand: Hand, joint: str, first_block: int) -> Segment:
+def _piece(signals: Signals, hand: JointModel, joint: str, first_block: int) -> Segment:
     j = signals.joints.index(joint)
     force = signals.force_n[:, j]
     driving, span = driving_pressure(signals, j)
@@ -104,7 +104,7 @@ def driving_pressure(signals: Signals, j: int) -> tuple[Array, int]:
     return (pressure, 1) if signals.driven else without_noise(pressure, signals.period_s, white_noise(pressure))
 
 
-def _surroundings(signals: Signals, hand: Hand, joint: str) -> Array:
+def _surroundings(signals: Signals, hand: JointModel, joint: str) -> Array:
     """Columns of e, (T, EXOGENOUS); the hand's inflow is not among them (driving.py)."""
     j = signals.joints.index(joint)
     speed, acceleration = derivatives(signals.angle_rad[:, j : j + 1], signals.period_s)
@@ -147,8 +147,3 @@ def _use(signals: Signals, j: int, force: Array) -> Flags:
 def _noise(segment: Segment) -> Array:
     """White noise of each measured signal (OUTPUTS,), from the data."""
     return np.array([white_noise(signal) for signal in segment.measured])
-
-
-def _lever_m(hand: Hand, joint: int) -> float:
-    sites = np.flatnonzero(hand.sensors.site_joint == joint)
-    return float(hand.sensors.lever_arm_m[sites[0]]) if len(sites) else 1.0

@@ -15,12 +15,9 @@ from hand_model.chain import CREEP, OMEGA, OUTPUTS, open_chain
 
 STAGES = ("pressure", "angle", "force")
 """What each stage predicts, in the order of the chain's outputs."""
-UNITS = ("Pa", "deg", "N")
-SHOWN = (1.0, 180.0 / np.pi, 1.0)
-"""From SI to the unit a person reads."""
 FLOOR = (300.0, np.radians(0.05), 0.05)
 """Practical repeatability of each signal, correlated over CORRELATION_S: smaller differences claim nothing."""
-CLAIMABLE = 0.6
+MIN_FLOORS_TAKEN = 0.6
 """Error that an effect must take away (the root of the fall of the mean square) relative to the practical floor."""
 CORRELATION_S = 0.5
 SETTLING_S = 0.5
@@ -82,7 +79,7 @@ class JointProblem:
     def claimable(self) -> Array:
         """(OUTPUTS,) SI: the error that an effect must take away; all of what re-runs differ by, where that is more."""
         practical = np.array(FLOOR)
-        return np.where(self.floor > practical, self.floor, CLAIMABLE * practical)
+        return np.where(self.floor > practical, self.floor, MIN_FLOORS_TAKEN * practical)
 
     @property
     def blocks(self) -> int:

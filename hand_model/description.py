@@ -86,6 +86,11 @@ class Hand:
         """Number of ADC channels."""
         return self.sensors.channel_count
 
+    def lever_arm_m(self, joint: int) -> float:
+        """Lever arm [m] of the first force sensor of a joint; 1 where it has none."""
+        sites = np.flatnonzero(self.sensors.site_joint == joint)
+        return float(self.sensors.lever_arm_m[sites[0]]) if len(sites) else 1.0
+
     def row(self, key: str) -> Array:
         """One parameter of every joint, (joints,), SI."""
         row: Array = self.parameters[ROW[key]]

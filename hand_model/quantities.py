@@ -116,17 +116,19 @@ def _power(name: str, sign: str, power: int) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wording:
-    """How the report of one kind of machine speaks: units, and the names of its parts, signals and motions.
+    """Units and words in the report of one kind of machine.
 
-    signals: names of the predicted signals pressure, angle, force, with the factor from SI and the unit in
-    `signal_units`.  states: names of the states a residual may depend on.  symbols: of angle, pressure and speed in a
-    formula, with the factors from SI and the units of angle and pressure in `symbol_units`.
+    axis, whole: names of a joint and of the machine.  excitable: whether `hand excite` can drive it.
+    signals: names of the predicted signals (pressure, angle, force of a hand); signal_units: factor from SI, and unit.
+    states: names of the states on which a residual may depend.
+    symbols: of angle, pressure and speed in a formula; symbol_units: factor from SI, and unit, of angle and pressure.
     positive, negative: words for motion in either direction.  words: fields of the catalogue's sentences.
     """
 
     units: UnitMap = field(default_factory=UnitMap)
     axis: str = "joint"
     whole: str = "the hand"
+    excitable: bool = True
     signals: tuple[str, str, str] = ("pressure", "angle", "force")
     signal_units: tuple[tuple[float, str], ...] = ((1.0, "Pa"), (180.0 / math.pi, "deg"), (1.0, "N"))
     states: Mapping[str, str] = field(default_factory=dict)
@@ -135,7 +137,13 @@ class Wording:
     positive: str = "flexing"
     negative: str = "extending"
     words: Mapping[str, str] = field(
-        default_factory=lambda: {"angle": "angle", "pressure": "pressure", "torque": "torque", "flexion": "flexion"}
+        default_factory=lambda: {
+            "angle": "angle",
+            "pressure": "pressure",
+            "torque": "torque",
+            "flexion": "flexion",
+            "joint": "joint",
+        }
     )
 
     def state(self, name: str) -> str:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import base64
-import html
-import io
 from collections.abc import Sequence
 from pathlib import Path
-from string import Template
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from hand_pages.page import png, write_html
 from hand_recording.loader import Recording
 from hand_recording.replay import Replay
 from hand_tool.demo_summary import Summary
@@ -30,17 +27,11 @@ def write_page(path: Path, recording: Recording, result: Replay, summary: Summar
         "pressures": _pressures(recording, result),
         "forces": _forces(recording),
     }
-    pictures = {}
-    for name, figure in figures.items():
-        buffer = io.BytesIO()
-        figure.savefig(buffer, dpi=110)
-        path.with_name(f"{name}.png").write_bytes(buffer.getvalue())
-        pictures[name] = base64.b64encode(buffer.getvalue()).decode()
-    template = Template(Path(__file__).with_name("demo_page.html").read_text(encoding="utf-8"))
-    page = template.substitute(
-        pictures, headline=html.escape(_headline(summary)), rows=_rows(summary), **_loop(summary)
-    )
-    path.write_text(page, encoding="utf-8")
+    pictures = {name: png(figure) for name, figure in figures.items()}
+    for name, picture in pictures.items():
+        path.with_name(f"{name}.png").write_bytes(picture)
+    values = {"headline": _headline(summary), "loop": summary.loop, "joints": summary.joints, "pictures": pictures}
+    write_html(path, "hand_tool", "demo_page.html", **values)
 
 
 def _headline(summary: Summary) -> str:
@@ -48,24 +39,6 @@ def _headline(summary: Summary) -> str:
         return f"These joints did not follow: {', '.join(summary.not_followed)}"
     worst = max(joint.tracking_rms_deg for joint in summary.joints.values())
     return f"{len(summary.joints)} joints followed three grasps, each within {worst:.2f}° RMS of its reference"
-
-
-def _loop(summary: Summary) -> dict[str, str]:
-    loop = summary.loop
-    return {
-        "rate": f"{loop.rate_hz:.1f}",
-        "missed": f"{100.0 * loop.missed_fraction:.2f}",
-        "p50": f"{loop.latency_p50_ms:.2f}",
-        "p99": f"{loop.latency_p99_ms:.2f}",
-    }
-
-
-def _rows(summary: Summary) -> str:
-    return "\n".join(
-        f"<tr><th scope='row'>{html.escape(name)}</th><td>{joint.moved_deg:.1f}</td>"
-        f"<td>{joint.tracking_rms_deg:.2f}</td><td>{joint.replay_rms_deg:.3f}</td></tr>"
-        for name, joint in summary.joints.items()
-    )
 
 
 def _grid(titles: Sequence[str], unit: str) -> tuple[Figure, list[mpl.axes.Axes]]:

@@ -1,4 +1,4 @@
-"""`hand diagnose`: where simulation and recording differ, what physics is missing, and a model with it."""
+"""`hand diagnose`: where simulation and recording differ, which physics is missing, and a model that has it."""
 
 from __future__ import annotations
 
@@ -26,24 +26,26 @@ def diagnose(
     ] = None,
     machine: Annotated[Path | None, typer.Option(help="Another single-axis machine's file instead of a hand.")] = None,
     joints: Annotated[str, typer.Option(help="Comma-separated joints. Default: all that move.")] = "",
-    tolerance: Annotated[float, typer.Option(help="Expected relative error of the nominal numbers.")] = 0.05,
+    tolerance: Annotated[float, typer.Option(help="Expected relative error of the nominal numbers, 0 to 1.")] = 0.05,
     without: Annotated[str, typer.Option(help="Comma-separated effects to leave out of the search.")] = "",
     sensor_curve: Annotated[
-        bool | None, typer.Option(help="Angles are readings of the described Hall sensors. Default: what fits.")
+        bool | None,
+        typer.Option(help="Angles are readings of the described Hall sensors. Default: what fits better."),
     ] = None,
     rerun: Annotated[
-        list[Path] | None, typer.Option(help="The same commands recorded again: what differs is never claimed.")
+        list[Path] | None,
+        typer.Option(help="A recording of the same commands; differences to it are never claimed."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the bootstrap and of the fits' further starts.")] = 0,
-    each: Annotated[bool, typer.Option("--each", help="Every recording for itself, into one table.")] = False,
-    jobs: Annotated[int, typer.Option(help="Processes; more than 1 means --each.")] = 1,
-    scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler; means --each.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the bootstrap and of the further starts of fits.")] = 0,
+    each: Annotated[bool, typer.Option("--each", help="Diagnose every recording by itself, into one table.")] = False,
+    jobs: Annotated[int, typer.Option(help="Number of processes; more than 1 implies --each.")] = 1,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler; implies --each.")] = None,
     ask: Annotated[bool, typer.Option("--ask", help="Print the command of the experiment to record next.")] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Locate the mismatch, name the missing physics, model it, and show the fit improve.
+    """Locate the mismatch, name the missing physics, model it, and show how the fit improves.
 
     Example: hand diagnose recording.mcap --model config/hand.yaml --out out/diagnosis
 
@@ -72,9 +74,9 @@ def diagnose(
             _print_fleet(summary | {"model_file": chosen.as_json()}, out, as_json)
             return
         from hand_diagnosis.diagnose import diagnose as run
-        from hand_diagnosis.inputs import read_signals
         from hand_diagnosis.page import write_page
         from hand_diagnosis.report import write_report
+        from hand_recording.signal_files import read_signals
 
         signals = read_signals(recordings, hand, mapping)
         repeated = read_signals(rerun or [], hand, mapping)
@@ -109,7 +111,7 @@ def _check(
     if not 1 <= jobs <= 256:
         raise ValueError(f"--jobs is {jobs}; the allowed range is 1 to 256")
     if rerun and fleet:
-        raise ValueError("--rerun belongs to the diagnosis of one hand; it cannot be used with --each or --jobs")
+        raise ValueError("--rerun cannot be used with --each, --jobs or --scheduler")
     if mapping is not None:
         check_file(mapping)
     for path in rerun if fleet else [*recordings, *rerun]:
@@ -130,29 +132,21 @@ def _machine(
     without: list[str],
     as_json: bool,
 ) -> dict[str, Any]:
-    """Diagnose a machine that is not a hand; report and page in its units, parameters instead of a hand's model."""
+    """Diagnose another machine; report and page in its units, model.yaml with the parameters found."""
     from hand_diagnosis.diagnose import diagnose as run
-    from hand_diagnosis.machine import in_own_units, load_machine
     from hand_diagnosis.page import write_page
-    from hand_diagnosis.report import document
-    from hand_model.yaml_document import yaml_text
+    from hand_diagnosis.report import document, write_json
+    from hand_machine.machine import load_machine, write_machine_model
 
     loaded = load_machine(chosen.path, recordings)
     chosen.print(as_json)
-    result = run(loaded.signals, loaded.hand, tolerance=tolerance, seed=seed, without=without, sensor_curve=False)
-    content = in_own_units(
-        document(result, [str(path) for path in recordings], str(chosen.path)), result.findings, loaded
-    )
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "report.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    effects = {
-        key: {"value": number["value"], "unit": number["unit"]}
-        for finding in content["findings"]
-        if finding["effect"] != "unknown"
-        for key, number in finding["parameters"].items()
-    }
-    (out / "model.yaml").write_text(yaml_text({"machine": loaded.name, "effects": effects}), encoding="utf-8")
-    write_page(result, content, out, loaded.units)
+    result = run(loaded.signals, loaded.model, tolerance=tolerance, seed=seed, without=without, wording=loaded.wording)
+    content = document(result, [str(path) for path in recordings], str(chosen.path))
+    write_json(content, out)
+    found = [finding for finding in result.findings if finding.effect != "unknown"]
+    numbers = [(number.key, number.value, number.unit) for finding in found for number in finding.numbers]
+    write_machine_model(loaded.name, numbers, out / "model.yaml")
+    write_page(result, content, out)
     return content
 
 
@@ -201,7 +195,7 @@ def _list(text: str) -> list[str]:
 
 
 def _summary(content: dict[str, Any], out: Path, ask: bool) -> list[str]:
-    """At most LINES lines; what comes last is never cut."""
+    """At most LINES lines; the next experiment, the notes and the paths are always printed."""
     lines = [f"verdict: {content['verdict']}"]
     for finding in content["findings"]:
         lines.append(f"{finding['rank']}. {finding['effect']} ({finding['probability']:.0%}): {finding['statement']}")
@@ -213,7 +207,7 @@ def _summary(content: dict[str, Any], out: Path, ask: bool) -> list[str]:
         last.append(f"record next: {following['name']} - {following['why']}")
         if ask:
             last.append(f"  {following['command']}")
-    last += [f"not claimable: {one['statement']}" for one in content["not_claimable"][:2]]
+    last += [f"not claimable: {row['statement']}" for row in content["not_claimable"][:2]]
     last += [f"note: {line}" for line in content["data_check"][:3]]
     last.append(f"written: {out / 'report.html'}, {out / 'report.json'}, {out / 'model.yaml'}")
     room = LINES - len(last)

@@ -24,7 +24,7 @@ NAMES = (
     "staircase", "slow_triangle", "steps", "multisine", "chirp", "hold", "free_decay", "closed_valve_push",
     "reversals", "taps",
 )  # fmt: skip
-"""The experiments of hand_diagnosis.excitation, for the help text; a test compares them."""
+"""The experiments of hand_identification.excitation, for the help text; a test compares them."""
 
 
 def excite(
@@ -55,7 +55,7 @@ def excite(
             raise ValueError(f"experiment is {name!r}; it must be one of {', '.join(NAMES)}")
         check_new(out)
         chosen = choose_model(model)
-        from hand_diagnosis.excitation import set_points
+        from hand_identification.excitation import set_points
         from hand_model.description import load_hand
         from hand_recording.replay import record_offline
 

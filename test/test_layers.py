@@ -13,6 +13,7 @@ ROBOT = {"hand_model", "hand_messages", "hand_ros", "hand_driver", "hand_sim"}
 BELOW: dict[str, set[str]] = {
     "hand_model": set(),
     "hand_messages": set(),
+    "hand_pages": set(),
     "hand_ros": {"hand_messages"},
     "hand_driver": {"hand_model", "hand_messages", "hand_ros"},
     "hand_control": {"hand_model", "hand_messages", "hand_ros"},
@@ -20,9 +21,17 @@ BELOW: dict[str, set[str]] = {
     "hand_recording": ROBOT,
     "hand_machine": ROBOT | {"hand_recording"},
     "hand_identification": ROBOT | {"hand_recording", "hand_machine"},
-    "hand_diagnosis": ROBOT | {"hand_recording", "hand_machine", "hand_identification"},
+    "hand_diagnosis": ROBOT | {"hand_pages", "hand_recording", "hand_machine", "hand_identification"},
     "hand_tool": ROBOT
-    | {"hand_control", "hand_recording", "hand_machine", "hand_identification", "hand_diagnosis", "validation"},
+    | {
+        "hand_control",
+        "hand_pages",
+        "hand_recording",
+        "hand_machine",
+        "hand_identification",
+        "hand_diagnosis",
+        "validation",
+    },
 }
 """From below to above; a package that is not there yet is passed over."""
 VALIDATION_COMMANDS = {"trial.py", "reproduce.py", "magnet.py"}

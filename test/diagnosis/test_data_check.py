@@ -75,7 +75,7 @@ def test_spikes_rails_and_gaps_are_left_out(signals: Signals, hand: Hand) -> Non
     found = check(broken, hand)
     text = "\n".join(found.lines)
     assert "1 impossible readings" in text
-    assert "at a rail" in text
+    assert "saturated at" in text
     assert "1 gaps, the longest of 0.5 s at 3 s" in text
     judged = found.signals
     assert not judged.known[300, JOINT]

@@ -14,9 +14,9 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from hand_diagnosis.diagnose import Diagnosis
-from hand_diagnosis.excitation import EXPERIMENTS, pressure_ceiling_pa, set_points
 from hand_diagnosis.findings import Finding
 from hand_diagnosis.report import next_experiment, schema
+from hand_identification.excitation import EXPERIMENTS, pressure_ceiling_pa, set_points
 from hand_model.description import Hand, load_hand
 from hand_model.effects import CATALOGUE
 from hand_model.kernel.rows import ROW

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from hand_diagnosis.evidence import log_evidence
-from hand_diagnosis.search import FIT_PASSES, search_joint
+from hand_diagnosis.hypotheses import log_evidence
+from hand_diagnosis.search import search_joint
+from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.task import Task
 from hand_identification.free_parameters import effect_free_parameters, merged
 from hand_identification.map_fit import MapFit, map_fit
@@ -62,4 +63,4 @@ def test_nominal_numbers_stay_within_three_tolerances(hand: Hand) -> None:
     found = search_joint(ready.problem, effects, ready.free, np.random.default_rng(0), ready.start)
     assert np.abs(found.nominal.z).max() <= 3.0 + 1e-9
     assert [one.effect.name for one in found.accepted] == ["valve_delay"]
-    assert FIT_PASSES[0].step_s > FIT_PASSES[-1].step_s
+    assert SETTINGS.passes[0].step_s > SETTINGS.passes[-1].step_s

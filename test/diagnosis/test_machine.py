@@ -1,4 +1,4 @@
-"""Machines that are no hand: a rig that imposes the motion, a pendulum driven by a torque."""
+"""Machines other than a hand: a rig that imposes the motion, an arm and a pendulum moved by a torque."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ import pytest
 from typer.testing import CliRunner
 
 from hand_diagnosis import findings
-from hand_diagnosis.correction import Correction, _library
 from hand_diagnosis.diagnose import diagnose
 from hand_diagnosis.findings import joint_findings
 from hand_diagnosis.report import schema
-from hand_diagnosis.verdict import describe
+from hand_diagnosis.verdict import correction_terms
+from hand_machine.wording import wording_of
 from hand_model.description import Hand
 from hand_model.effects import EFFECTS
+from hand_model.quantities import HAND
 from hand_tool.cli import app
 from test.diagnosis.conftest import changed, off_by_a_little, record
 
@@ -74,9 +75,9 @@ def test_seal_friction_of_a_cylinder(tmp_path: Path) -> None:
     first = content["findings"][0]  # type: ignore[index]
     assert first["effect"] == "coulomb_friction"
     parameters = first["parameters"]
-    total = parameters["coulomb_friction.torque_nm"]["value"]
-    total += 3e5 * parameters["coulomb_friction.torque_nm_per_pa"]["value"]
-    assert parameters["coulomb_friction.torque_nm"]["unit"] == "N"
+    total = parameters["coulomb_friction.force_n"]["value"]
+    total += 3e5 * parameters["coulomb_friction.force_n_per_input"]["value"]
+    assert parameters["coulomb_friction.force_n"]["unit"] == "N"
     assert total == pytest.approx(8.0, rel=0.1)
 
 
@@ -159,25 +160,23 @@ def test_a_part_that_is_known_stands_beside_the_unknown(tmp_path: Path) -> None:
     first = content["findings"][0]  # type: ignore[index]
     assert first["effect"] == "unknown"
     assert first["parameters"]["coulomb_friction.torque_nm"]["value"] == pytest.approx(0.12, rel=0.1)
-    assert "A part of it may be: Coulomb friction of 0." in first["statement"]
-    assert first["probability"] + sum(one["probability"] for one in first["alternatives"]) <= 1.0
+    assert "A part of it may be explained: Coulomb friction of 0." in first["statement"]
+    assert first["probability"] + sum(rival["probability"] for rival in first["alternatives"]) <= 1.0
     held = next(row for row in content["fit"] if row["split"] == "held_out" and row["signal"] == "angle")  # type: ignore[attr-defined]
     assert f"to {held['rmse_after']:.3g} deg" in first["statement"]
 
 
 def test_a_correction_in_other_units_is_the_same_curve() -> None:
-    """Fails when a term is scaled by another power of its states than it has."""
+    """Fails when a term of the correction is not built from the states in the machine's own units and symbols."""
     rng = np.random.default_rng(5)
-    angle, pressure_bar, speed = rng.uniform(0.1, 2.0, (3, 7))
-    library = _library(angle, pressure_bar, speed)
-    terms = tuple((name, float(w)) for (name, _), w in zip(library, rng.standard_normal(len(library)), strict=True))
-    own = Correction("deg", terms, 0.5).scaled("mm", 20.0, 0.1, 3.0)
-    scaled = dict(_library(0.1 * angle, 3.0 * pressure_bar, 0.1 * speed))
-    steep = {name: np.sign(value) for name, value in library if "sign" in name}  # the direction is no size
-    scaled |= {name: value * (3.0 * pressure_bar if name.startswith("p ") else 1.0) for name, value in steep.items()}
-    plain = dict(library) | {n: v * (pressure_bar if n.startswith("p ") else 1.0) for n, v in steep.items()}
-    want = 20.0 * sum(weight * plain[name] for name, weight in terms)
-    np.testing.assert_allclose(sum(weight * scaled[name] for name, weight in own.terms), want, rtol=1e-12)
+    angle, pressure, speed = rng.uniform(0.1, 2.0, (3, 7))
+    linear = wording_of(True, per_torque=20.0, per_angle=0.1, per_input=3.0, per_force=1.0)
+    own = correction_terms(angle, pressure, speed, linear)
+    hand = correction_terms(0.1 * angle, 3e5 * pressure, 0.1 * speed, HAND)
+    assert list(own) == ["1", "x", "u", "v", "x^2", "x u", "u^2", "x^3", "sign(v)", "u sign(v)", "v |v|"]
+    for (name, values), (_, same) in zip(own.items(), hand.items(), strict=True):
+        if "sign" not in name:  # the direction of motion has no size
+            np.testing.assert_allclose(values, same, rtol=1e-12)
 
 
 def test_two_effects_on_one_joint(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -189,22 +188,20 @@ def test_two_effects_on_one_joint(hand: Hand, monkeypatch: pytest.MonkeyPatch) -
     result = diagnose([signals], nominal, tolerance=0.05, seed=0, joints=["index_distal"], sensor_curve=False)
     assert {finding.effect for finding in result.findings} == {"coulomb_friction", "valve_deadband"}
     assert all(finding.probability > 0.5 for finding in result.findings)
-    one = result.joints[0]
-    assert len(joint_findings(one.joint, one.search, one.results)) == 2
-    # Two effects whose numbers have the same short names: each sentence says its own.
-    one.search.accepted[1] = replace(one.search.accepted[1], effect=EFFECTS["hysteresis"])
+    joint = result.joints[0]
+    assert len(joint_findings(joint)) == 2
+    # Two effects whose numbers have the same short names: each sentence has its own numbers.
+    joint.search.accepted[1] = replace(joint.search.accepted[1], effect=EFFECTS["hysteresis"])
     sizes = {"coulomb_friction": 1.0, "hysteresis": 2.0}
     monkeypatch.setattr(
         findings,
         "parameter_numbers",
-        lambda _, effect: [findings.Number(key, sizes[effect.name], 0.1, "N m", True) for key in effect.keys],
+        lambda _, effect, __: [findings.Number(key, sizes[effect.name], 0.1, "N m", True) for key in effect.keys],
     )
-    stage = one.search.accepted[0].stage
-    rest = next(each for each in one.results if each.stage == stage)
-    structure = describe(one.search.problem, one.search.final, stage)
-    told = findings.unknown_finding(one.joint, one.search, rest, structure, Correction("deg", (), 0.0))
-    assert "Coulomb friction of 1 ± 0.1 N m" in told.statement
-    assert "a hysteresis loop of 2 ± 0.1 N m" in told.statement
+    stage = next(result for result in joint.results if result.stage == joint.search.accepted[0].stage)
+    statement = findings.unknown_finding(joint, stage).statement
+    assert "Coulomb friction of 1 ± 0.1 N m" in statement
+    assert "a hysteresis loop of 2 ± 0.1 N m" in statement
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hand_diagnosis.diagnose import diagnose
-from hand_diagnosis.polish import polished
+from hand_diagnosis.search import refit_below_floor
 from hand_diagnosis.task import Task
 from hand_identification.map_fit import map_fit
 from hand_model.description import Hand
@@ -25,7 +25,7 @@ def test_the_last_fit_goes_below_the_practical_floor(hand: Hand, monkeypatch: py
     nominal = off_by_a_little(hand, rng, 0.06)
     ready = Task([record(hand, rng, 16.0)], nominal, [JOINT], [], 0.05, 0, {}).prepare(JOINT)
     fit = map_fit(ready.problem, ready.free, ready.start, 12, 1e-4)
-    last = polished(ready.problem, fit)
+    last = refit_below_floor(ready.problem, fit)
     train = ~ready.problem.held_out
     print(last.squares[1, train].sum() / fit.squares[1, train].sum(), last.cost - fit.cost)
     assert last.squares[1, train].sum() < 0.95 * fit.squares[1, train].sum()

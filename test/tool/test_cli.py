@@ -18,7 +18,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 from typer.testing import CliRunner, Result
 
-from hand_diagnosis.excitation import EXPERIMENTS
+from hand_identification.excitation import EXPERIMENTS
 from hand_model.description import load_hand
 from hand_model.effects.effect import PLACES
 from hand_recording.installed import differing_source

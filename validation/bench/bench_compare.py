@@ -14,16 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from hand_diagnosis.correction import sparse_correction
 from hand_diagnosis.diagnose import JointDiagnosis, diagnose
-from hand_diagnosis.evidence import held_out_rmse
+from hand_diagnosis.hypotheses import validation_rmse
 from hand_diagnosis.search import search_joint
+from hand_diagnosis.verdict import sparse_correction
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_model.effects import EFFECTS
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
+from hand_model.quantities import HAND
 from hand_recording.signals import Signals, white_noise
 from hand_sim.plant import PHI, HandPlant, P
 from validation.bench.result import figure
@@ -87,7 +88,7 @@ def compare(hand: Hand, hidden: str, seconds: float, joints: tuple[str, ...]) ->
     frictions = {name: _friction(problem, judged, name) for name in FRICTIONS}
     best = min(frictions, key=lambda name: frictions[name])
     before = beyond_noise(problem, judged.search.nominal)
-    share = sparse_correction(problem, judged.search.nominal, 1).held_out_share
+    share = sparse_correction(problem, judged.search.nominal, 1, HAND).validation_share
     return Row(
         hidden,
         first.effect if first else "agrees",
@@ -110,13 +111,13 @@ def _friction(problem: JointProblem, judged: JointDiagnosis, name: str) -> float
 
 def beyond_noise(problem: JointProblem, fit: MapFit) -> float:
     """RMS error of the angle on the validation data beyond its white noise [deg]."""
-    return _beyond(problem, held_out_rmse(problem, fit.squares)[1])
+    return _beyond(problem, validation_rmse(problem, fit.squares)[1])
 
 
 def _unfitted(problem: JointProblem) -> float:
     """The same for the nominal model without any fit."""
     squares = problem.block_squares(problem.residuals(problem.nominal[None], problem.starts(1)))[0]
-    return _beyond(problem, held_out_rmse(problem, squares)[1])
+    return _beyond(problem, validation_rmse(problem, squares)[1])
 
 
 def _beyond(problem: JointProblem, rmse: float) -> float:

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis.diagnose import diagnose
-from hand_diagnosis.inputs import read_signals
 from hand_diagnosis.report import document
 from hand_model.description import load_hand
+from hand_recording.signal_files import read_signals
 from validation.bench.result import figure
 from validation.trial.catalogue import KNOWN
 from validation.trial.grade import Grade, grade

@@ -139,8 +139,7 @@ def examine(machine: Machine, out: Path, command: list[str]) -> dict[str, Any]:
         raise RuntimeError(f"{machine.name}: {done.stderr.strip().splitlines()[-1]}")
     report = json.loads(done.stdout)
     imposed = machine.description["imposed"]
-    signal = "force" if imposed else "angle"
-    held = next(f for f in report["fit"] if f["split"] == "held_out" and f["signal"] == signal)
+    held = next(row for row in report["fit"] if row["split"] == "held_out")  # an axis has one predicted signal
     numbers = {key: number for finding in report["findings"] for key, number in finding["parameters"].items()}
     told = [finding["effect"] for finding in report["findings"]]
     # An `unknown` has the numbers of effects that explain a part of it.

@@ -1,4 +1,4 @@
-"""Recordings of either kind as signals: rosbag2, or CSV and Parquet through a mapping file.
+"""Recordings of either kind as signals: rosbag2, or CSV, Parquet and NPZ through a mapping file (docs/machines.md).
 
 A mapping names, per joint, the columns of a table with their units and signs:
 
@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hand_model.arrays import Array
 from hand_model.description import Hand
@@ -50,14 +51,8 @@ def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
     top = read_yaml(mapping, ("time", "joints"))
     columns = read_table(path).numbers
     time_s = _column(top.section("time", ("column", "unit")), path, columns, "s", signed=False)
-    order = np.argsort(time_s, kind="stable")
-    kept = order[np.concatenate([[True], np.diff(time_s[order]) > 0.0])]
+    kept, grid = uniform_clock(path, time_s)
     time_s = time_s[kept]
-    if len(time_s) < 3 or time_s[-1] - time_s[0] < SHORTEST_S:
-        raise RecordingError(f"{path} has {len(time_s)} different times; {SHORTEST_S:g} s of samples are needed")
-    period_s = float(np.median(np.diff(time_s)))
-    count = samples_on_grid(path, time_s[0], time_s[-1], period_s)
-    grid = time_s[0] + period_s * np.arange(count)
     joints = _joints(top, hand, mapping)
     data = {name: np.full((len(grid), len(joints)), np.nan) for name in QUANTITIES}
     for j, (_, section) in enumerate(joints):
@@ -66,16 +61,32 @@ def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
                 part = section.section(name, ("column", "unit", "sign"))
                 values = _column(part, path, columns, unit, signed=True)[kept]
                 data[name][:, j] = _on_grid(grid, time_s, values, held=name == "set_point")
+    period_s = float(np.median(np.diff(time_s)))
     return _signals(path, tuple(name for name, _ in joints), period_s, data, len(time_s) / len(grid))
+
+
+def uniform_clock(path: Path, time_s: Array) -> tuple[NDArray[np.intp], Array]:
+    """Indices (n,) of the rows with increasing times among all, and the uniform grid (T,) [s] of their median period.
+
+    Raises RecordingError where too few different times are left, or one is not finite.
+    """
+    order = np.argsort(time_s, kind="stable")
+    kept = order[np.concatenate([[True], np.diff(time_s[order]) > 0.0])]
+    times = time_s[kept]
+    if len(times) < 3 or not np.isfinite(times).all() or times[-1] - times[0] < SHORTEST_S:
+        raise RecordingError(f"{path} has {len(times)} different times; {SHORTEST_S:g} s of samples are needed")
+    period_s = float(np.median(np.diff(times)))
+    count = samples_on_grid(path, times[0], times[-1], period_s)
+    return kept, times[0] + period_s * np.arange(count)
 
 
 def _joints(top: Section, hand: Hand, mapping: Path) -> list[tuple[str, Section]]:
     section = top.section("joints", hand.joints)
     joints = [(name, section.section(name, tuple(QUANTITIES))) for name in hand.joints if name in section]
     if not joints:
-        raise RecordingError(f"{mapping}: joints names none; known here: {', '.join(hand.joints)}")
-    for name, one in joints:
-        if "angle" not in one or "pressure" not in one:
+        raise RecordingError(f"{mapping}: joints names no joint; known here: {', '.join(hand.joints)}")
+    for name, named in joints:
+        if "angle" not in named or "pressure" not in named:
             raise RecordingError(f"{mapping}: joints.{name} must name angle and pressure")
     return joints
 

@@ -1,0 +1,380 @@
+"""Hypotheses: effects beside the accepted ones, screened, fitted, and weighed by their evidence.
+
+Screening is of first order. A probe of an effect changes the prediction by s; the residual r is explained by
+alpha s + J dz, with alpha within 0 ... SETTINGS.max_probe_share and dz, the change of the free parameters, under its
+prior. What the free parameters explain alone is not counted for the probe.
+
+The scale of the correlated noise is not known beforehand, only its floor (joint_problem.FLOOR). With n independent
+samples of a signal and the weighted sum of squares chi2, log p = -n/2 log(1 + chi2 / n): a parabola near the floor, and
+a logarithm far above it, where no model fits and differences of squares overstate what is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_diagnosis.settings import SETTINGS, FitPass
+from hand_identification.free_parameters import (
+    START_CREEP,
+    FreeParameter,
+    effect_free_parameters,
+    merged,
+    probe_values,
+)
+from hand_identification.joint_problem import JointProblem
+from hand_identification.map_fit import MapFit, costs_at, map_fit
+from hand_model.arrays import Array, Flags
+from hand_model.effects import EFFECTS
+from hand_model.effects.effect import Effect
+from hand_model.kernel.plant_rows import PLANT_PARAMETERS
+from hand_model.kernel.rows import ROW
+
+
+@dataclass(frozen=True, slots=True)
+class Screened:
+    """An effect, the fall of the cost that its best probe promises, and where to start: values by row (SI), share."""
+
+    effect: Effect
+    gain: float
+    start: dict[int, float]
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """An effect beside those already accepted: its fit and log evidence, and what the validation data say.
+
+    stage: that gains most.  fall: 95 % interval of the relative fall of its validation mean square.
+    """
+
+    effect: Effect
+    fit: MapFit
+    log_evidence: float
+    stage: int
+    fall: tuple[float, float]
+
+
+def log_likelihood(problem: JointProblem, squares: Array, blocks: Flags) -> float:
+    """Log likelihood of the blocks chosen (blocks,), from sums of squares (OUTPUTS, blocks) in SI."""
+    counts = np.maximum(problem.effective_counts(blocks), 1.0)
+    chi2 = problem.weight * squares[:, blocks].sum(axis=1)
+    return float(-0.5 * (counts * np.log1p(chi2 / counts)).sum())
+
+
+def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[Sequence[int]] = ()) -> float:
+    """Log evidence of a fit by Laplace's approximation, training and validation blocks together.
+
+    The likelihood of the validation blocks at the point fitted without them is added: p(all) = p(train) p(val | train).
+    optional: for each effect, indices of free parameters of which each may be needed or not. The evidence is the mean
+    over these models; each follows from the full one by the ratio of posterior to prior density at the neutral values
+    (Dickey, Ann. Math. Stat. 42(1), 1971), effects taken one by one: a number that is not needed costs nothing.
+    """
+    train = ~problem.held_out
+    counts = np.maximum(problem.effective_counts(train), 1.0)
+    chi2 = problem.weight * fit.squares[:, train].sum(axis=1)
+    # Far above the floor the noise is larger than its weight says; the curvature shrinks by the same ratio.
+    shrink = float((counts.sum()) / (counts.sum() + chi2.sum()))
+    precision = np.eye(len(fit.z)) + shrink * fit.normal
+    _, logdet = np.linalg.slogdet(precision)
+    likelihood = log_likelihood(problem, fit.squares, train) + log_likelihood(problem, fit.squares, ~train)
+    whole = likelihood - 0.5 * float(fit.z @ fit.z) - 0.5 * float(logdet)
+    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+    return whole + sum(_mean_over_subsets(fit.z, covariance, group) for group in optional)
+
+
+def _mean_over_subsets(z: Array, covariance: Array, optional: Sequence[int]) -> float:
+    """Log of the mean evidence of the models without some of the optional parameters, over that of the full one."""
+    off = [list(chosen) for k in range(len(optional)) for chosen in combinations(optional, k)]
+    ratios = np.array([_density_ratio(z[chosen], covariance[np.ix_(chosen, chosen)]) for chosen in off])
+    return float(np.logaddexp.reduce(ratios) - np.log(len(ratios)))
+
+
+def _density_ratio(z: Array, covariance: Array) -> float:
+    """Log of posterior over prior density at the neutral point, of coordinates (k,) with a unit prior around it."""
+    if not len(z):
+        return 0.0
+    _, logdet = np.linalg.slogdet(covariance)
+    return -0.5 * float(z @ np.linalg.solve(covariance, z)) - 0.5 * float(logdet)
+
+
+def validation_rmse(problem: JointProblem, squares: Array) -> Array:
+    """RMS error (OUTPUTS,) [Pa, rad, N] over the validation blocks from squares (OUTPUTS, blocks); NaN without data."""
+    held = problem.held_out
+    counts = problem.block_counts[:, held].sum(axis=1)
+    return np.sqrt(np.where(counts > 0, squares[:, held].sum(axis=1) / np.maximum(counts, 1), np.nan))
+
+
+def block_bootstrap(
+    problem: JointProblem, before: Array, after: Array, stage: int, rng: np.random.Generator
+) -> tuple[float, float]:
+    """95 % interval of the relative fall [-] of the validation mean square, by drawing validation blocks in pairs.
+
+    before, after: sums of squares (OUTPUTS, blocks).
+    """
+    held = np.flatnonzero(problem.held_out & (problem.block_counts[stage] > 0))
+    if len(held) < 2:
+        return -np.inf, np.inf
+    drawn = rng.choice(held, size=(SETTINGS.bootstrap_draws, len(held)))
+    a, b = before[stage][drawn].sum(axis=1), after[stage][drawn].sum(axis=1)
+    fall = 1.0 - b / np.maximum(a, 1e-300)
+    low, high = np.quantile(fall, [SETTINGS.bootstrap_tail, 1.0 - SETTINGS.bootstrap_tail])
+    return float(low), float(high)
+
+
+@dataclass(frozen=True, slots=True)
+class Probes:
+    """Probes of effects around a fit: (effect, values by row) of each, and their parameter sets (probes, rows)."""
+
+    probes: list[tuple[Effect, dict[int, float]]]
+    columns: Array
+    starts: Array
+
+    def changed_residuals(self, problem: JointProblem, at_once: int) -> Iterator[tuple[slice, list[Array]]]:
+        """Residuals (k, OUTPUTS, T) by segment, of `at_once` probes at a time, with their places among the probes."""
+        for begin in range(0, len(self.probes), at_once):
+            part = slice(begin, begin + at_once)
+            count = len(self.columns[part])
+            yield part, problem.residuals(self.columns[part], np.repeat(self.starts, count, axis=0))
+
+
+def probes_at(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> Probes:
+    """Every probe of the effects, each set into the fit's parameters."""
+    base, starts = problem.columns(fit.free, fit.z[None])
+    probes = [(effect, values) for effect in effects for values in probe_values(effect, base[0])]
+    columns = np.repeat(base, len(probes), axis=0)
+    for column, (_, values) in zip(columns, probes, strict=True):
+        for row, value in values.items():
+            column[row] = value
+    return Probes(probes, columns, starts)
+
+
+def screen(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> list[Screened]:
+    """Every effect by its best probe, the most promising first."""
+    tried = probes_at(problem, fit, effects)
+    if not tried.probes:
+        return []
+    gains, shares = np.zeros(len(tried.probes)), np.zeros(len(tried.probes))
+    long = sum(len(segment.angle_rad) for segment in problem.segments) >= SETTINGS.long_recording_samples
+    at_once = SETTINGS.probes_at_once_long if long else SETTINGS.probes_at_once
+    for part, changed in tried.changed_residuals(problem, at_once):
+        gains[part], shares[part] = _gains(problem, fit, changed)
+    best: dict[str, Screened] = {}
+    for (effect, values), gain, share in zip(tried.probes, gains, shares, strict=True):
+        if effect.name not in best or gain > best[effect.name].gain:
+            best[effect.name] = Screened(effect, float(gain), values, float(share))
+    for effect in effects:
+        relief = _relief(fit, effect)
+        if relief > (best[effect.name].gain if effect.name in best else 0.0):
+            best[effect.name] = Screened(effect, relief, {}, 1.0)
+    return sorted(best.values(), key=lambda screened: -screened.gain)
+
+
+def _relief(fit: MapFit, effect: Effect) -> float:
+    """Prior cost of the nominal numbers that an effect sets free: what they paid for leaving their tolerance."""
+    rows = {ROW[key] for key in effect.keys}
+    return float(sum(z * z for parameter, z in zip(fit.free, fit.z, strict=True) if parameter.row in rows))
+
+
+def _gains(problem: JointProblem, fit: MapFit, changed: Sequence[Array]) -> tuple[Array, Array]:
+    """Fall of the cost by each probe and the share of it that brings most, (probes,) each."""
+    train = (~problem.held_out).astype(float)
+    count, free = len(changed[0]), len(fit.z)
+    ss, sr = np.zeros(count), np.zeros(count)
+    cross, slope = np.zeros((count, free)), np.zeros(free)
+    for segment, residual, slopes, other in zip(problem.segments, fit.residuals, fit.sensitivity, changed, strict=True):
+        root = np.sqrt(problem.weight)[:, None] * train[segment.block][None]
+        r = (residual * root).ravel()
+        j = (slopes * root).reshape(free, -1)
+        other -= residual  # in place: these arrays are large for recordings of ten minutes
+        other *= root
+        s = np.nan_to_num(other, copy=False, posinf=0.0, neginf=0.0).reshape(count, -1)
+        ss += (s * s).sum(axis=1)
+        sr += s @ r
+        cross += s @ j.T
+        slope += j @ r
+    prior = np.linalg.inv(fit.normal + np.eye(free))
+    own = np.maximum(ss - np.einsum("pm,mn,pn->p", cross, prior, cross), 1e-9 * ss + 1e-12)
+    toward = -(sr - cross @ prior @ (slope + fit.z))
+    share = np.clip(toward / own, 0.0, SETTINGS.max_probe_share)
+    return share * (2.0 * toward - share * own), share
+
+
+def promising(problem: JointProblem, current: MapFit, effects: Sequence[Effect]) -> list[Screened]:
+    """Effects worth a fit, by what their probes promise; where all promise little, also by their cheapest starts."""
+    coarse = SETTINGS.passes[0]
+    screened = screen(problem, current, effects)
+    worth = [found for found in screened if found.gain > SETTINGS.min_promised_gain]
+    if not worth or worth[0].gain > SETTINGS.min_promised_share * current.cost:
+        return worth[: coarse.most]
+    others = [(float(_begin(problem, current, s, coarse)[2].min()), s) for s in screened[len(worth[: coarse.most]) :]]
+    limit = current.cost - SETTINGS.min_promised_gain
+    others = sorted((pair for pair in others if pair[0] < limit), key=lambda pair: pair[0])
+    return worth[: coarse.most] + [found for _, found in others[: coarse.most]]
+
+
+def fit_roughly(problem: JointProblem, current: MapFit, screened: Screened, rng: np.random.Generator) -> Hypothesis:
+    """The hypothesis of an effect by the first, coarse pass, from the screen's start and from the cheapest one."""
+    coarse = SETTINGS.passes[0]
+    rough = replace(problem, step_s=coarse.step_s)
+    free, starts, costs = _begin(problem, current, screened, coarse)
+    cheapest = starts[1 + int(np.argmin(costs[1:]))]
+    tried = [map_fit(rough, free, start, coarse.iterations, coarse.tolerance) for start in (starts[0], cheapest)]
+    best = min(tried, key=lambda fit: fit.cost)
+    return judged(problem, current, screened.effect, best.without_arrays(), rng)
+
+
+def refined(
+    problem: JointProblem, current: MapFit, rough: Hypothesis, fit_pass: FitPass, rng: np.random.Generator
+) -> Hypothesis:
+    """A hypothesis whose fit is continued by a later pass."""
+    stepped = replace(problem, step_s=fit_pass.step_s)
+    fit = map_fit(stepped, rough.fit.free, rough.fit.z, fit_pass.iterations, fit_pass.tolerance)
+    return judged(problem, current, rough.effect, fit, rng)
+
+
+def judged(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, rng: np.random.Generator) -> Hypothesis:
+    """A fit with an effect, compared with the current one on the validation data."""
+    rmse = validation_rmse(problem, current.squares), validation_rmse(problem, fit.squares)
+    with np.errstate(invalid="ignore"):
+        gain = np.nan_to_num((rmse[0] - rmse[1]) / problem.floor)
+    stage = int(np.argmax(gain))
+    fall = block_bootstrap(problem, current.squares, fit.squares, stage, rng)
+    return Hypothesis(effect, fit, log_evidence(problem, fit, amounts(fit)), stage, fall)
+
+
+def amounts(fit: MapFit) -> list[list[int]]:
+    """For each effect, indices of the parameters that say how much; each may be neutral while others act."""
+    found: dict[str, list[int]] = {}
+    for k, parameter in enumerate(fit.free):
+        name = parameter.key.partition(".")[0]
+        own = len(PLANT_PARAMETERS) <= parameter.row < START_CREEP and not parameter.log
+        if own and parameter.key not in EFFECTS[name].shape:
+            found.setdefault(name, []).append(k)
+    return list(found.values())
+
+
+def _begin(
+    problem: JointProblem, current: MapFit, screened: Screened, fit_pass: FitPass
+) -> tuple[list[FreeParameter], Array, Array]:
+    """Free parameters of the model with an effect, points to start from (k, free), the screen's first, costs (k,)."""
+    free = merged(current.free, effect_free_parameters(screened.effect, problem.nominal))
+    starts = np.array(_starts(problem, current, screened, free))
+    return free, starts, costs_at(replace(problem, step_s=fit_pass.step_s), free, starts)
+
+
+def _starts(
+    problem: JointProblem, current: MapFit, screened: Screened, free: Sequence[FreeParameter]
+) -> list[list[float]]:
+    """Coordinates to start from: the screen's own first, then probes at several shares of the way to them.
+
+    Each of the latter twice: with the nominal numbers as they are, and released to their expected values. A large
+    effect has shifted the nominal numbers; from their expected values the way to the solution is shorter.
+    """
+    columns, _ = problem.columns(current.free, current.z[None])
+    here = {parameter.row: float(z) for parameter, z in zip(current.free, current.z, strict=True)}
+    own = {ROW[key] for key in screened.effect.keys}
+    others = [probe for probe in probe_values(screened.effect, columns[0]) if probe != screened.start]
+    share = min(max(screened.share, SETTINGS.start_share_low), SETTINGS.start_share_high)
+    way = _Way(columns[0], here, screened.effect.shape)
+    starts = [[way.coordinate(parameter, screened.start, share) for parameter in free]]
+    for probe in [screened.start, *others][: SETTINGS.probes_tried]:
+        for share in SETTINGS.probe_shares:
+            start = [way.coordinate(parameter, probe, share) for parameter in free]
+            released = [
+                0.0 if parameter.row not in own and _has_expected_value(parameter) else z
+                for parameter, z in zip(free, start, strict=True)
+            ]
+            starts += [start, released]
+    return starts
+
+
+def _has_expected_value(parameter: FreeParameter) -> bool:
+    """Whether a parameter can be released to an expected value: nominal numbers and first speeds can."""
+    return not parameter.log and (parameter.row < len(PLANT_PARAMETERS) or parameter.row > START_CREEP)
+
+
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """From the current point to a probe. values: (rows,) SI.  here: coordinates by row.  shape: keys of no size."""
+
+    values: Array
+    here: dict[int, float]
+    shape: Sequence[str]
+
+    def coordinate(self, parameter: FreeParameter, probe: dict[int, float], share: float) -> float:
+        """A share of the way to the probe's value (all of it for a shape); other coordinates as they are."""
+        if parameter.row in probe:
+            now, there = float(self.values[parameter.row]), probe[parameter.row]
+            return parameter.coordinate(there if parameter.key in self.shape else now + share * (there - now))
+        if parameter.row in self.here:
+            return self.here[parameter.row]
+        return parameter.coordinate(float(self.values[parameter.row])) if parameter.row < len(self.values) else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Isolability:
+    """Which effects these data can separate, from each other and from a change of the nominal numbers.
+
+    Each probe changes the prediction by s. The part that the nominal numbers can produce within their tolerance is
+    removed from s; the cosine between the remainders of two effects says how alike they look.
+    names (n,); visible (n,): size of each effect's most visible remainder [sigma of the practical noise].
+    absorbed (n,): share [-] that the nominal numbers take.  alike (n, n): largest cosine between probes of two effects.
+    """
+
+    names: tuple[str, ...]
+    visible: Array
+    absorbed: Array
+    alike: Array
+
+    def group_of(self, name: str) -> list[str]:
+        """The other effects that these data cannot separate from the one named."""
+        k = self.names.index(name)
+        return [other for i, other in enumerate(self.names) if i != k and self.alike[k, i] > SETTINGS.alike_cosine]
+
+
+def isolability(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> Isolability:
+    """What a recording can separate, from its own sensitivities at a fit that still has them."""
+    tried = probes_at(problem, fit, effects)
+    names = [effect.name for effect in effects]
+    owner = np.array([names.index(effect.name) for effect, _ in tried.probes], dtype=int)
+    count, free = len(tried.probes), len(fit.z)
+    gram, cross, normal = np.zeros((count, count)), np.zeros((count, free)), np.zeros((free, free))
+    stride = max(1, sum(len(segment.angle_rad) for segment in problem.segments) // SETTINGS.isolability_samples)
+    thinned = [
+        [np.nan_to_num((b - a)[:, :, ::stride]) for a, b in zip(fit.residuals, changed, strict=True)]
+        for _, changed in tried.changed_residuals(problem, SETTINGS.probes_at_once)
+    ]
+    for index, slopes in enumerate(fit.sensitivity):
+        root = np.sqrt(problem.weight * stride)[:, None]
+        s = (np.concatenate([part[index] for part in thinned]) * root).reshape(count, -1)
+        j = (slopes[:, :, ::stride] * root).reshape(free, -1)
+        gram += s @ s.T
+        cross += s @ j.T
+        normal += j @ j.T
+    left = gram - cross @ np.linalg.inv(normal + np.eye(free)) @ cross.T
+    return _isolability(names, owner, gram, left)
+
+
+def _isolability(names: Sequence[str], owner: NDArray[np.int64], gram: Array, left: Array) -> Isolability:
+    """From the products (probes, probes) of the probes, and of their remainders, by the effect that owns each."""
+    size = np.sqrt(np.maximum(np.diag(left), 0.0))
+    seen = np.where(size > SETTINGS.min_visible_sigma, size, np.inf)  # what is too small is alike to nothing
+    cosine = np.abs(left / np.outer(seen, seen))
+    count = len(names)
+    alike, visible, absorbed = np.eye(count), np.zeros(count), np.ones(count)
+    own = [np.flatnonzero(owner == k) for k in range(count)]
+    for a in range(count):
+        if not len(own[a]):
+            continue
+        best = own[a][int(np.argmax(size[own[a]]))]
+        visible[a] = size[best]
+        absorbed[a] = 1.0 - left[best, best] / max(gram[best, best], 1e-12)
+        for b in range(count):
+            if a != b and len(own[b]):
+                alike[a, b] = min(float(cosine[np.ix_(own[a], own[b])].max()), 1.0)
+    return Isolability(tuple(names), visible, np.clip(absorbed, 0.0, 1.0), alike)

@@ -1,0 +1,191 @@
+"""A machine of one axis as a model for diagnosis, with its recordings and its wording.
+
+The equations of a joint are those of any single axis. Force, travel and input are scaled to the size they have in a
+finger, so that tolerances, floors and typical sizes of effects fit; the wording scales every result back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from hand_machine.description import MachineDescription, load_description
+from hand_machine.wording import AXIS, wording_of
+from hand_model.arrays import Array
+from hand_model.kernel.rows import DEGREE, JOINT_PARAMETERS, ROW
+from hand_model.quantities import Wording
+from hand_model.yaml_document import yaml_text
+from hand_recording.interpolation import bridge
+from hand_recording.recording_files import RecordingError
+from hand_recording.signal_files import uniform_clock
+from hand_recording.signals import Signals
+from hand_recording.table_file import read_table
+
+TORQUE, TRAVEL, INPUT, FORCE = 0.5, 1.5, 4e5, 10.0
+"""Sizes in a finger: torque [N m], travel [rad], input [Pa], force at the pad [N]."""
+LEVER_M = TORQUE / FORCE
+EFFECT_SHARE = 0.1
+"""Share of the torque of a finger that effects may have."""
+SMOOTHED_S = 0.05
+"""Half the window over which positions are differentiated, to see what force the nominal model lacks."""
+LACKING_QUANTILE = 0.99
+LEAST_DAMPING, LEAST_STIFFNESS, LEAST_INERTIA = 1e-4, 1e-6, 1e-9
+"""Of a finger [N m s/rad, N m/rad, kg m^2], where the file gives none: too small to see, enough to start a fit from."""
+WITHOUT_PART = {
+    "valve.dead_time_s": 0.005,
+    "valve.time_constant_s": 0.05,
+    "valve.fill_rate_pa_per_s": 1e7,
+    "valve.vent_rate_pa_per_s": 8e6,
+    "statics.a0_nm": 0.0,
+    "statics.a3_nm_per_pa_rad": 0.0,
+    "end_stop.low_deg": -np.pi,
+    "end_stop.high_deg": 2.0 * np.pi,
+    "end_stop.stiffness_nm_per_rad": 5.0,
+    "end_stop.damping_nm_s_per_rad": 0.02,
+    "end_stop.engagement_deg": DEGREE,
+    "supply.pressure_pa": 2e6,
+}
+"""Parameters (SI) of a joint that have no part in a machine: a valve that is not judged, stops out of reach."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scales:
+    """The machine's SI units in one N m, rad and Pa of its model [-]."""
+
+    torque: float
+    angle: float
+    input: float
+
+
+@dataclass(frozen=True, slots=True)
+class AxisModel:
+    """The nominal model of the axis. parameters: (rows of JOINT_PARAMETERS, 1), scaled to the size of a finger."""
+
+    path: Path
+    name: str
+    joints: tuple[str, ...]
+    parameters: Array
+    partner: NDArray[np.int64]
+
+    def lever_arm_m(self, joint: int) -> float:
+        """Lever arm [m] that makes the scaled torque of a finger its scaled force."""
+        del joint
+        return LEVER_M
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """A machine: its model, its scaled recordings, and the wording of its report."""
+
+    name: str
+    model: AxisModel
+    signals: tuple[Signals, ...]
+    wording: Wording
+
+
+def load_machine(path: Path, recordings: Sequence[Path]) -> Machine:
+    """Read a machine's description and recordings (CSV, Parquet or NPZ).
+
+    Raises DescriptionError or RecordingError, one line, for what cannot be used.
+    """
+    described = load_description(path)
+    tables = [_read(described, recording) for recording in recordings]
+    scales = _scales(described, tables)
+    wording = wording_of(
+        described.linear,
+        per_torque=scales.torque,
+        per_angle=scales.angle,
+        per_input=scales.input,
+        per_force=scales.torque * LEVER_M,
+    )
+    named = zip(recordings, tables, strict=True)
+    signals = tuple(_signals(recording, table, described.imposed, scales) for recording, table in named)
+    return Machine(described.name, _model(described, scales), signals, wording)
+
+
+def _read(described: MachineDescription, recording: Path) -> dict[str, Array]:
+    """Columns (T,) on a uniform clock, SI: time, input, position, force (where the motion is imposed)."""
+    columns = read_table(recording).numbers
+    data = {}
+    for name, column in described.columns.items():
+        if column.name not in columns:
+            raise RecordingError(f"{recording} has no column {column.name!r}; it has: {', '.join(columns)}")
+        data[name] = column.scale * columns[column.name]
+    kept, grid = uniform_clock(recording, data["time"])
+    time_s = data["time"][kept]
+    names = [name for name in described.columns if name != "time"]
+    known = {name: _interpolated(recording, name, grid, time_s, data[name][kept]) for name in names}
+    return {"time": grid, "input": np.zeros(len(grid))} | known
+
+
+def _interpolated(recording: Path, name: str, grid: Array, time_s: Array, values: Array) -> Array:
+    """Values (n,) at times (n,) [s], on the grid (T,) [s]; values that are not finite are bridged."""
+    finite = np.isfinite(values)
+    if not finite.any():
+        raise RecordingError(f"{recording}: {name} holds no finite number")
+    if name == "position" and np.ptp(values[finite]) == 0.0:
+        raise RecordingError(f"{recording}: position is constant at {values[finite][0]:g}; the axis must move")
+    return np.asarray(np.interp(grid, time_s[finite], values[finite]), dtype=np.float64)
+
+
+def _scales(described: MachineDescription, tables: Sequence[dict[str, Array]]) -> Scales:
+    travel = max(float(np.ptp(np.concatenate([table["position"] for table in tables]))), 1e-12)
+    # An angle stays an angle: gravity and harmonic errors are sines of it.
+    per_angle = travel / TRAVEL if described.linear else 1.0
+    largest = float(np.abs(np.concatenate([table["input"] for table in tables])).max())
+    lacking = max(_lacking(described, table) for table in tables)
+    per_torque = max(described.gain * largest / TORQUE, lacking / (EFFECT_SHARE * TORQUE), 1e-12)
+    # An input at rest still has a usual gain.
+    per_input = (largest or TORQUE * per_torque / described.gain) / INPUT
+    return Scales(per_torque, per_angle, per_input)
+
+
+def _lacking(described: MachineDescription, table: dict[str, Array]) -> float:
+    """Largest force [N] or torque [N m] that the nominal model lacks, by its balance over the recorded motion."""
+    period = float(np.median(np.diff(table["time"])))
+    window = min(2 * round(SMOOTHED_S / period) + 1, (len(table["time"]) - 1) // 2 * 2 + 1)
+    if window < 5:
+        return 0.0
+    x, v, a = (savgol_filter(table["position"], window, 3, deriv=k, delta=period) for k in range(3))
+    passive = described.stiffness * x + described.damping * v + described.inertia * a + described.weight * np.sin(x)
+    lacking = described.gain * table["input"] - passive - table.get("force", 0.0)
+    return float(np.quantile(np.abs(lacking), LACKING_QUANTILE))
+
+
+def _model(described: MachineDescription, scales: Scales) -> AxisModel:
+    scale = scales.angle / scales.torque
+    own = {
+        "statics.a1_nm_per_rad": -max(described.stiffness * scale, LEAST_STIFFNESS),
+        "statics.a2_nm_per_pa": described.gain * scales.input / scales.torque,
+        "dynamics.inertia_kg_m2": max(described.inertia * scale, LEAST_INERTIA),
+        "dynamics.viscous_friction_nm_s_per_rad": max(described.damping * scale, LEAST_DAMPING),
+        "gravity.sine_nm": described.weight / scales.torque,
+    }
+    parameters = np.array([(p.neutral or 0.0) * p.scale for p in JOINT_PARAMETERS])
+    for key, value in (WITHOUT_PART | own).items():
+        parameters[ROW[key]] = value
+    return AxisModel(described.path, described.name, (AXIS,), parameters[:, None], np.array([-1]))
+
+
+def _signals(recording: Path, table: dict[str, Array], imposed: bool, scales: Scales) -> Signals:
+    drive, known = bridge(table["input"][:, None] / scales.input)
+    force = np.full_like(drive, np.nan)
+    if imposed:
+        force = table["force"][:, None] / scales.torque / LEVER_M
+    yes = np.ones(1, dtype=bool)
+    period = float(np.median(np.diff(table["time"])))
+    position = table["position"][:, None] / scales.angle
+    return Signals(
+        recording.name, (AXIS,), period, drive, drive, position, force, known, ~yes, yes, driven=imposed, machine=True
+    )
+
+
+def write_machine_model(name: str, numbers: Iterable[tuple[str, float, str]], path: Path) -> None:
+    """Write the parameters found, (key, value, unit) each, as a YAML file."""
+    effects = {key: {"value": value, "unit": unit} for key, value, unit in numbers}
+    path.write_text(yaml_text({"machine": name, "effects": effects}), encoding="utf-8")
