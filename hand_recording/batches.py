@@ -1,4 +1,4 @@
-"""Messages of a recording as blocks of bytes with positions in them."""
+"""Messages of a recording as blocks of bytes and the positions of the messages in them."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 BATCH_BYTES = 4 * 1024 * 1024
-SPARE = 8  # zero bytes behind every buffer, so that the last message can be read in words of 8
+SPARE = 8  # zero bytes after every buffer, so that the last message can be read in words of 8
 
 
 class RawTopic(NamedTuple):
-    """A topic as the recording declares it; `definition` is empty when the storage holds none."""
+    """A topic as the recording declares it; `definition` is empty where the storage has none."""
 
     name: str
     type: str
@@ -32,7 +32,10 @@ class RawMessage(NamedTuple):
 
 @dataclass(frozen=True)
 class Batch:
-    """Messages of one topic: message i is buffer[starts[i] : starts[i] + sizes[i]]; times in ns."""
+    """N messages of one topic.
+
+    Message i is buffer[starts[i] : starts[i] + sizes[i]]; starts, sizes, log_ns, publish_ns: (N,), times in ns.
+    """
 
     topic: RawTopic
     buffer: NDArray[np.uint8]
@@ -42,7 +45,7 @@ class Batch:
     publish_ns: NDArray[np.int64]
 
     def message(self, index: int) -> bytes:
-        """Payload of one message."""
+        """The bytes of one message."""
         return self.buffer[self.starts[index] : self.starts[index] + self.sizes[index]].tobytes()
 
 
@@ -50,12 +53,12 @@ Wanted = Callable[[RawTopic], bool]
 
 
 def padded(parts: Iterable[bytes]) -> NDArray[np.uint8]:
-    """The parts behind each other, and the spare bytes."""
+    """The concatenated parts, followed by the spare bytes."""
     return np.frombuffer(b"".join([*parts, bytes(SPARE)]), np.uint8)
 
 
 def gather(messages: Iterable[RawMessage]) -> Iterator[Batch]:
-    """Batches of messages that a library hands over one by one."""
+    """Batches of messages that arrive one by one, of at most about BATCH_BYTES."""
     waiting: dict[RawTopic, list[RawMessage]] = {}
     size = 0
     for message in messages:

@@ -1,4 +1,4 @@
-"""One topic's messages as arrays with a column for each name."""
+"""The messages of one topic as arrays with a column for each name."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from hand_recording.message_types import typestore_of
 from hand_recording.recording_files import RecordingError
 
 Columns = dict[str, NDArray[Any]]
-BLOCK = 4096  # rows unpacked at once, to stay in the cache
-MAX_LAYOUTS = 4  # layouts a topic may have before its other messages are decoded one by one
+BLOCK = 4096  # rows decoded at once, so that they stay in the processor's cache
+MAX_LAYOUTS = 4  # layouts of a topic; messages with other layouts are decoded one by one
 
 
 @dataclass(frozen=True)
 class TopicData:
     """A topic of N messages in order of their log times.
 
-    stamp_ns, log_ns, publish_ns: int64 (N,), the header's stamp (of /clock: its time), receipt, sending.
-    names: J joints, sensor sites or ADC channel numbers. fields: by name, (N, J) where the message has a
-    list and (N,) where it has a number; NaN (flags: False) where a message does not list the name.
-    malformed: messages left out because they do not decode or their lists do not fit their names.
+    stamp_ns, log_ns, publish_ns: int64 (N,), header stamp (of /clock: its time), time of receipt, time of sending.
+    names: J joints, sensor sites or ADC channel numbers.  fields: by name, in the message's units, (N, J) where the
+    message has a list and (N,) where it has a number; NaN (flags: False) where a message does not list the name.
+    malformed: number of messages left out because they do not decode, or their lists do not fit their names.
     """
 
     name: str
@@ -41,7 +41,7 @@ class TopicData:
     malformed: int
 
     def __getitem__(self, field: str) -> NDArray[Any]:
-        """A field's values."""
+        """The values of a field."""
         return self.fields[field]
 
     def __len__(self) -> int:
@@ -60,7 +60,7 @@ class _Block:
 
 
 class TopicDecoder:
-    """Takes a topic's batches and makes a TopicData of them."""
+    """Decodes the batches of a topic into one TopicData."""
 
     def __init__(self, name: str, spec: MessageSpec) -> None:
         self._name = name
@@ -72,22 +72,22 @@ class TopicDecoder:
         self._named_by = "name" if any(f == "name" for f, _ in spec.fields) else "channel"
 
     def add(self, batch: Batch) -> None:
-        """Decode a batch: by the known layouts, by new ones learnt from it, and what remains one by one."""
-        rest = np.arange(len(batch.starts))
+        """Decode a batch: by the known layouts, by layouts read from its own messages, and the others one by one."""
+        others = np.arange(len(batch.starts))
         for decoder in self._decoders:
-            rest = self._fixed(decoder, batch, rest)
-        while rest.size and len(self._decoders) < MAX_LAYOUTS:
+            others = self._fixed(decoder, batch, others)
+        while others.size and len(self._decoders) < MAX_LAYOUTS:
             try:
-                decoder = RowDecoder(Layout.like(self._spec, batch.message(int(rest[0]))))
+                decoder = RowDecoder(Layout.like(self._spec, batch.message(int(others[0]))))
             except LayoutError:
                 break
             self._decoders.append(decoder)
-            rest = self._fixed(decoder, batch, rest)
-        for index in rest:
+            others = self._fixed(decoder, batch, others)
+        for index in others:
             self._ordinary(batch, int(index))
 
     def _fixed(self, decoder: RowDecoder, batch: Batch, indices: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Decode those of the messages that have the layout; return the others."""
+        """Decode the messages that have the layout; returns the indices of the others."""
         fits = decoder.fits(batch.sizes[indices])
         if not fits.any():
             return indices
@@ -106,7 +106,7 @@ class TopicDecoder:
         return np.sort(np.concatenate(left))
 
     def _ordinary(self, batch: Batch, index: int) -> None:
-        """Decode one message as rosbags does."""
+        """Decode one message by rosbags."""
         try:
             message: Any = typestore_of(self._spec.type).deserialize_cdr(batch.message(index), self._spec.type)
         except SerdeError:
@@ -124,7 +124,7 @@ class TopicDecoder:
         self._append(tuple(getattr(message, "name", ())), values, batch, np.array([index]))
 
     def _append(self, names: tuple[str, ...], values: Columns, batch: Batch, indices: NDArray[np.intp]) -> None:
-        """Keep decoded messages, unless their lists do not fit their names."""
+        """Keep decoded messages whose lists fit their names. Raises RecordingError where the ADC channels change."""
         if self._named_by == "channel" and "channel" in values:
             channels = values.pop("channel")
             if (channels != channels[0]).any():
@@ -137,7 +137,7 @@ class TopicDecoder:
         self._blocks.append(_Block(names, values, batch.log_ns[indices], batch.publish_ns[indices]))
 
     def finish(self) -> TopicData:
-        """All messages in order of their log times. Raises RecordingError when none could be decoded."""
+        """All messages in the order of their log times. Raises RecordingError where none could be decoded."""
         if self._malformed and not self._blocks:
             raise RecordingError(f"{self._name}: none of its {self._malformed} messages decodes as {self._spec.type}")
         names = tuple(dict.fromkeys(name for block in self._blocks for name in block.names))
@@ -157,7 +157,7 @@ class TopicDecoder:
         )
 
     def _spread(self, block: _Block, key: str, names: tuple[str, ...]) -> NDArray[Any]:
-        """A block's values with a column for each of `names`."""
+        """The values of a block with a column for each of `names`."""
         values = block.values[key]
         if key not in self._lists or (block.names == names and values.shape[1] == len(names)):
             return values
@@ -171,7 +171,7 @@ class TopicDecoder:
 
 
 def _joined(parts: list[NDArray[Any]]) -> NDArray[Any]:
-    """The parts behind each other."""
+    """The concatenated parts."""
     if not parts:
         return np.empty(0, np.int64)
     return parts[0] if len(parts) == 1 else np.concatenate(parts)

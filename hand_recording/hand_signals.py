@@ -1,4 +1,4 @@
-"""Signals from a recording of a hand: stamps to ticks, set-points by the board's rules, forces by joint."""
+"""Signals from a recording of a hand: stamps become ticks, set-points follow the board's rules, forces go to joints."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from hand_sim.offline import Commands, Ticks, rebuild_ticks, set_points_in_force
 SHORTEST_S = 2.0
 LONGEST_GAP_S = 0.1
 FOREIGN_CLOCK_NS = 1e9
-"""Publish times further than this from the stamps are of another clock and say nothing; the stamps then count."""
+"""Publish times further than this from the stamps belong to another clock; the stamps are used instead."""
 ON_GRID, STEADY = 0.02, 0.1
-"""Shares of a period: by which stamps of pressures may lie beside the ticks, and up to which they do so steadily."""
+"""Shares of a period: distance of pressure stamps from the ticks that is ignored; largest scatter of a steady one."""
 OFFSET_NS = 2e6
-"""Difference between the delays of two topics, stamp to receipt, from which their clocks differ."""
+"""Smallest difference of two topics' delays from stamp to receipt that is reported as different clocks."""
 
 
 def hand_signals(recording: Recording, hand: Hand) -> Signals:
-    """Every joint of the hand that the recording holds. RecordingError: one line, where it cannot be used."""
+    """The signals of every joint of the hand in the recording. Raises RecordingError where it cannot be used."""
     states = recording["joint_states"]
     joints = tuple(joint for joint in hand.joints if joint in states.names)
     if not joints:
@@ -69,8 +69,8 @@ def hand_signals(recording: Recording, hand: Hand) -> Signals:
 def _pressures(recording: Recording, base: TimeBase, joints: tuple[str, ...]) -> tuple[Array, float]:
     """Pressures (T, J), and by how much they are later than the ticks [s].
 
-    Where their stamps lie steadily beside those of the angles, each tick has its nearest reading: between two of them
-    no straight line tells what was there.
+    Where their stamps have a steady distance from those of the angles, each tick gets its nearest reading, because a
+    straight line between two readings would smooth steps.
     """
     if "pressures" not in recording or len(recording["pressures"]) < 2:
         return base.pressure, 0.0
@@ -83,7 +83,7 @@ def _pressures(recording: Recording, base: TimeBase, joints: tuple[str, ...]) ->
 
 
 def _rate_hz(stamps: NDArray[np.int64], nominal_hz: float) -> float:
-    """The nominal rate, unless the stamps say clearly another one."""
+    """The nominal rate, unless the stamps clearly have another one."""
     seen = 1e9 / float(np.median(np.diff(stamps)))
     return nominal_hz if 0.8 < seen / nominal_hz < 1.25 else seen
 
@@ -108,7 +108,7 @@ def _set_points(recording: Recording, joints: tuple[str, ...], ticks: Ticks) -> 
 
 
 def _forces(base: TimeBase, hand: Hand, joints: tuple[str, ...]) -> Array:
-    """Forces (T, J) of the site on each joint; NaN where there is none."""
+    """Forces (T, J) [N] of the sensor site on each joint; NaN where there is none."""
     forces = np.full((len(base.time_ns), len(joints)), np.nan)
     for column, site in enumerate(base.sites):
         if site in hand.sensors.sites:
@@ -122,18 +122,18 @@ def _notes(recording: Recording) -> tuple[str, ...]:
     notes = []
     for topic in ("pressures", "valve_command"):
         if topic not in recording or not len(recording[topic]):
-            notes.append(f"no {topic}: the stages that need them are not judged")
+            notes.append(f"no {topic}: the stages that need them are not evaluated")
     return (*notes, *_clocks(recording))
 
 
 def _clocks(recording: Recording) -> list[str]:
-    """Topics whose stamps are another clock's than those of joint_states: all are received by one recorder."""
+    """Topics stamped by another clock than joint_states, seen by the delay to their receipt by the one recorder."""
     delays = {}
     for topic in ("joint_states", "pressures", "contact_forces", "valve_command"):
         if topic in recording and len(recording[topic]):
             behind = (recording[topic].log_ns - recording[topic].stamp_ns).astype(np.float64)
             low, middle, high = np.quantile(behind, [0.25, 0.5, 0.75])
-            if abs(middle) < FOREIGN_CLOCK_NS:  # else stamps and receipt are on clocks of their own
+            if abs(middle) < FOREIGN_CLOCK_NS:  # else stamps and receipt times have different clocks
                 delays[topic] = middle, high - low
     common, scatter = delays.pop("joint_states", (0.0, np.inf))
     return [
@@ -145,7 +145,7 @@ def _clocks(recording: Recording) -> list[str]:
 
 
 def without_sensor_curve(signals: Signals, hand: Hand) -> Signals:
-    """The angles behind the readings, where sensor and calibration are as described: the line's error taken back."""
+    """The same signals with the true angles: the error of the sensor's calibration line (Eq. 1, 3) is inverted."""
     grid = np.radians(np.linspace(-40.0, 130.0, 1701))
     line, hall = hand.sensors.angle_line, hand.sensors.hall
     curves = line.angle_rad(hall.ratio(np.repeat(grid[:, None], len(hand.joints), axis=1)))

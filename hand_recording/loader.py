@@ -33,14 +33,14 @@ CLOCK = "/clock"
 
 @dataclass(frozen=True)
 class Recording:
-    """The topics of one hand, by the last part of their names; `clock` when the time was simulated."""
+    """The topics of one hand by the last part of their names; `clock` is among them where the time was simulated."""
 
     path: Path
     namespace: str
     topics: dict[str, TopicData]
 
     def __getitem__(self, topic: str) -> TopicData:
-        """A topic. Raises RecordingError when the recording lacks it."""
+        """A topic. Raises RecordingError where the recording does not have it."""
         if topic not in self.topics:
             raise RecordingError(f"{self.path} has no topic {self.namespace}/{topic}")
         return self.topics[topic]
@@ -58,9 +58,10 @@ class Recording:
     ) -> TimeBase:
         """Every signal on one time base, by the rules of time_base.py.
 
-        period_s: a sample every so many seconds; or stamps_ns: at these times, rising; neither: at the
-        stamps of joint_states. joints: order of the columns; without, that of joint_states.
-        Raises RecordingError when there is nothing to lay on the base.
+        period_s: distance of the samples [s]; or stamps_ns: rising times (T,) [ns]; without both, the stamps of
+        joint_states are used.  joints: order of the columns (default: that of joint_states).
+        max_gap_s: longest distance of two samples that are joined by a straight line [s].
+        Raises RecordingError where the recording has none of the joints, or the times are not valid.
         """
         return resample(self.path, self.topics, period_s, stamps_ns, joints, max_gap_s)
 
@@ -68,8 +69,8 @@ class Recording:
 def load_recording(path: Path, namespace: str | None = None) -> Recording:
     """Load the topics of one hand: a rosbag2 folder, or a bare .mcap or .db3 file.
 
-    namespace: which hand, when several were recorded. SQLite3 keeps no publish times: publish_ns is log_ns there.
-    Raises RecordingError: one line that names the file and what is wrong.
+    namespace: of the hand to load, needed where several were recorded.  SQLite3 keeps no publish times: publish_ns
+    then equals log_ns.  Raises RecordingError, one line that names the file and the problem.
     """
     path = Path(path)
     declared = list_topics(path)
@@ -116,7 +117,7 @@ def _listing(names: object) -> str:
 
 
 def _check_type(path: Path, topic: RawTopic) -> None:
-    """Raises RecordingError when a topic of ours has a type that is not the one we know."""
+    """Raises RecordingError where a topic of a hand has another type, or another version of it, than expected."""
     spec = layouts.CLOCK if topic.name == CLOCK else HAND_TOPICS[topic.name.rpartition("/")[2]]
     if topic.type != spec.type:
         raise RecordingError(f"{path}: {topic.name} is {topic.type or 'of no type'}, not {spec.type}")

@@ -1,8 +1,8 @@
-"""A recording in MCAP that survives the death of its writer.
+"""A recording in MCAP that stays readable when its writer is killed.
 
-Chunks are small and closed by size and by age, and behind the last one always stands a provisional end
-mark, overwritten by the next chunk: at any moment the file on disk is a complete MCAP file without
-index. Closing it puts the index and the summary in place of the end mark.
+Chunks are small; they are closed by size and by age. A provisional end mark always follows the last chunk, and the next
+chunk overwrites it: at any moment the file on disk is a complete MCAP file without index. When the file is closed,
+index and summary replace the end mark.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from hand_recording.bag_contents import Contents, Topic, TopicCount, metadata, q
 
 CHUNK_BYTES = 64 * 1024
 CHUNK_AGE_NS = 500_000_000
-_BUFFER_BYTES = 1024 * 1024  # more than a chunk with its index, so that both leave in one write
+_BUFFER_BYTES = 1024 * 1024  # more than a chunk with its index, so that both are written at once
 
 
 def _end_mark() -> bytes:
-    """The shortest lawful end of an MCAP file: no summary."""
+    """The shortest valid end of an MCAP file: no summary."""
     builder = RecordBuilder()
     DataEnd(0).write(builder)
     Footer(0, 0, 0).write(builder)
@@ -35,7 +35,7 @@ END_MARK = _end_mark()
 
 
 def claim(stream: BinaryIO) -> bool:
-    """Lock a recording's file for this process, as long as it is open; False when another one writes it."""
+    """Lock a recording's file for this process while it is open; False where another process has locked it."""
     try:
         fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -46,7 +46,7 @@ def claim(stream: BinaryIO) -> bool:
 
 
 class _Unflushed:
-    """A stream whose flush does nothing: chunk and end mark must leave in one write."""
+    """A stream whose flush does nothing: chunk and end mark must be written at once."""
 
     def __init__(self, stream: BinaryIO) -> None:
         self.write, self.tell = stream.write, stream.tell
@@ -59,13 +59,13 @@ class McapBag:
     """A BagWriter of one file; `folder`: where metadata.yaml is written when it is closed, None: nowhere."""
 
     def __init__(self, path: Path, folder: Path | None) -> None:
-        """Start `path`, which must not exist. Raises OSError."""
+        """Create the file `path`, which must not exist. Raises OSError."""
         self.path = path
         self.contents = Contents()
         self._folder = folder
         self._stream: BinaryIO = path.open("xb", buffering=_BUFFER_BYTES)
         claim(self._stream)
-        # The library never closes a chunk by itself here: this class does, to place the end mark.
+        # This class closes the chunks, never the library, so that the end mark follows each of them.
         self._writer = Writer(
             cast(BinaryIO, _Unflushed(self._stream)), chunk_size=1 << 40, compression=CompressionType.LZ4
         )
@@ -78,7 +78,7 @@ class McapBag:
 
     @classmethod
     def file(cls, path: Path) -> McapBag:
-        """A bare file."""
+        """A bare file NAME.mcap."""
         path.parent.mkdir(parents=True, exist_ok=True)
         return cls(path, None)
 
@@ -132,7 +132,7 @@ class McapBag:
             write_metadata(self._folder, content)
 
     def _settle(self) -> None:
-        """Close the chunk, hand all to the operating system and stand before the end mark."""
+        """Close the chunk, write everything to the operating system, and set the position to before the end mark."""
         self._open_bytes = 0
         self._writer.flush()
         position = self._stream.tell()

@@ -1,6 +1,6 @@
-"""Definitions of message types: the Jazzy set that rosbags carries, hand_msgs, and what is installed.
+"""Definitions of message types: the Jazzy set of rosbags, hand_msgs, and the packages of sourced workspaces.
 
-A bag holds the full text of each type, so that it can be read where the type is not installed.
+A recording contains the full text of each type, so that it can be read where the type is not installed.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ INTERFACES = Path("share") / "fluidic_hand" / "interfaces"
 
 
 class Definition(NamedTuple):
-    """A type as a bag stores it: the text with all types it refers to, and its RIHS01 hash."""
+    """A type as a recording stores it: the text with all types it refers to, and its RIHS01 hash (REP 2011)."""
 
     text: str
     type_hash: str
@@ -43,9 +43,9 @@ def _jazzy() -> Typestore:
 
 
 def definition(type_name: str, folders: Iterable[Path] | None = None) -> Definition:
-    """Definition of `pkg/msg/Name`, looked for in rosbags' Jazzy set and in `folders` (share_folders()).
+    """Definition of `pkg/msg/Name`, searched in the Jazzy set of rosbags and in `folders` (default: share_folders()).
 
-    Raises UnknownType when no definition exists or one does not parse.
+    Raises UnknownType where there is no definition or it does not parse.
     """
     store = _jazzy()
     try:
@@ -62,7 +62,7 @@ def typestore_of(type_name: str) -> Typestore:
 
 
 def same_definition(type_name: str, text: str) -> bool:
-    """Whether `text`, as a bag stores it, defines this type and all it refers to as they are known here."""
+    """Whether `text`, as a recording stores it, defines this type and all types it refers to as they are known here."""
     try:
         theirs = get_types_from_msg(text, type_name)
     except TypesysError:
@@ -72,7 +72,7 @@ def same_definition(type_name: str, text: str) -> bool:
 
 
 def _learn(store: Typestore, type_name: str, folders: list[Path]) -> None:
-    """Register a type that the store lacks, and those it refers to, from its .msg file."""
+    """Register a type that the store lacks, and the types it refers to, from its .msg file."""
     if type_name in store.fielddefs:
         return
     package, _, name = type_name.partition("/msg/")

@@ -1,7 +1,7 @@
-"""The recorder: every topic of a hand into a rosbag2 recording, as the bytes came in.
+"""The recorder node: writes every topic of a hand, as serialized bytes, into a rosbag2 recording.
 
-No executor runs here. Subscriptions are emptied fifty times a second, which costs a fraction of waking
-for every message; the middleware stamps receipt and keeps what waits. The only module of hand_recording
+No executor runs here. The recorder empties its subscriptions fifty times a second, which costs a fraction of waking up
+for every message; the middleware stamps the receipt and queues the messages. This is the only module of hand_recording
 that imports rclpy.
 """
 
@@ -39,7 +39,7 @@ PARAMETERS = (
     NodeParameter("rosout", False, "record /rosout too"),
     NodeParameter("duration_s", 0.0, "end after this time [s]; 0: record until stopped", low=0.0, high=1e9),
 )
-QUEUE = 2000  # messages a topic may pile up between two rounds, seconds of them at any rate in use
+QUEUE = 2000  # messages of a topic that the middleware may queue between two rounds: seconds at any rate in use
 
 
 def record(
@@ -48,10 +48,11 @@ def record(
     progress: Callable[[RecordSummary], None] | None = None,
     args: Sequence[str] | None = None,
 ) -> RecordSummary:
-    """Record until the duration is over or `until` says so.
+    """Record until the duration is over or `until` returns True.
 
-    until: waits for the given seconds at most and returns whether to stop, as threading.Event.wait.
-    args: ROS arguments. Raises BagError when the recording cannot be written.
+    until: waits for at most the given seconds and returns whether to stop, like threading.Event.wait.
+    progress: called twice a second with the summary so far.  args: ROS arguments.
+    Raises BagError where the recording cannot be written.
     """
     rclpy.init(args=list(args or ()), signal_handler_options=SignalHandlerOptions.NO)
     try:
@@ -142,7 +143,7 @@ def _run(
 
 
 class _Subscribed:
-    """One recorded topic's subscription; replaced when the offered QoS no longer suits it."""
+    """The subscription of one recorded topic; replaced where the offered QoS is no longer compatible with it."""
 
     def __init__(self, node: Node, topic: str, kind: Any, qos: QoSProfile) -> None:
         self.qos = qos
@@ -152,7 +153,7 @@ class _Subscribed:
         self._handle = node.create_subscription(kind, topic, lambda _: None, qos, raw=True)
 
     def take(self) -> Iterator[tuple[bytes, dict[str, int]]]:
-        """Every message that waits, with its times."""
+        """Every queued message, with its times."""
         with self._handle.handle:
             while (taken := self._handle.handle.take_message(self._kind, True)) is not None:
                 yield taken
@@ -163,7 +164,7 @@ class _Subscribed:
 
 
 class _Recorder:
-    """Discovers, subscribes, takes and writes."""
+    """Discovers topics, subscribes to them, takes their messages and writes them."""
 
     def __init__(self, node: Node, options: RecordOptions) -> None:
         self._node = node
@@ -174,7 +175,7 @@ class _Recorder:
         self._skipped: dict[str, str] = {}
 
     def discover(self) -> None:
-        """Subscribe to what appeared, and anew where a publisher offers less than is asked."""
+        """Subscribe to new topics, and again to those whose publishers now offer a weaker QoS."""
         chosen = self._options.selection.choose(self._node.get_topic_names_and_types())
         for name, types in chosen.items():
             offers = self._node.get_publishers_info_by_topic(name)
@@ -190,24 +191,24 @@ class _Recorder:
                 self._subscribed[name].publishers = len(offers)
 
     def collect(self, now_ns: int, monotonic_ns: int) -> None:
-        """Take all that waits and write what was received by now_ns."""
+        """Take all queued messages and write those received by now_ns [ns]."""
         for name in self._subscribed:
             self._take(name)
         self._arrivals.write(now_ns)
         self._bag.tick(monotonic_ns)
 
     def summary(self, duration_s: float) -> RecordSummary:
-        """Numbers so far."""
+        """The summary so far."""
         return summarize(self._options.out, duration_s, self._bag.contents, self._arrivals.missed, self._skipped)
 
     def finish(self, duration_s: float) -> RecordSummary:
-        """Write what still waits and close the bag."""
+        """Write the remaining messages and close the bag."""
         self.collect(sys.maxsize, time.monotonic_ns())
         self._bag.close()
         return self.summary(duration_s)
 
     def abandon(self) -> None:
-        """Close the bag after a failure, as far as it can be; harmless after finish."""
+        """Close the bag after a failure, as far as possible; without effect after finish."""
         with suppress(OSError):  # a full disk was reported already
             self._bag.close()
 
@@ -245,7 +246,7 @@ class _Recorder:
 
 
 def _suiting(offers: Sequence[Any]) -> QoSProfile:
-    """The strictest QoS that every publisher of a topic meets."""
+    """The strictest QoS that is compatible with every publisher of a topic."""
     profiles = [offer.qos_profile for offer in offers]
     reliable = all(profile.reliability == ReliabilityPolicy.RELIABLE for profile in profiles)
     kept = all(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for profile in profiles)

@@ -1,4 +1,4 @@
-"""Opening a recording of any storage and handing over its messages, in bulk or one by one."""
+"""Reading the messages of a recording of any storage, in bulk or one by one."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from hand_recording.batches import Batch, RawMessage, RawTopic, Wanted, gather
 from hand_recording.mcap_chunks import indexed_batches, is_indexed, topics_of
 from hand_recording.recording_files import RecordingError, RecordingFiles, damaged, locate
 
-# What the libraries raise on bytes that are not what they should be (lz4: RuntimeError).
+# What the libraries raise on damaged bytes (lz4: RuntimeError).
 _LIBRARY_ERRORS = (
     McapError,
     CRCValidationError,
@@ -40,7 +40,7 @@ _LIBRARY_ERRORS = (
 
 @contextmanager
 def _one_line(file: Path) -> Iterator[None]:
-    """Turn what a library raises on bad bytes into a RecordingError."""
+    """Turn what a library raises on damaged bytes into a RecordingError."""
     try:
         yield
     except RecordingError:
@@ -67,7 +67,7 @@ def list_topics(path: Path) -> list[RawTopic]:
 
 
 def read_batches(path: Path, wanted: Wanted) -> Iterator[Batch]:
-    """The messages of wanted topics in bulk, in file order. Raises RecordingError."""
+    """The messages of the topics for which `wanted` is true, in bulk and in file order. Raises RecordingError."""
     found = locate(path)
     if found.storage != ".mcap" or found.compressed:
         yield from gather(_rosbags_messages(found, wanted))
@@ -82,7 +82,10 @@ def read_batches(path: Path, wanted: Wanted) -> Iterator[Batch]:
 
 
 def iter_raw(path: Path, wanted: Wanted = lambda _: True) -> Iterator[RawMessage]:
-    """The messages of wanted topics one by one, in order of their log times. Raises RecordingError."""
+    """The messages of the topics for which `wanted` is true, one by one in the order of their log times.
+
+    Raises RecordingError.
+    """
     found = locate(path)
     if found.storage == ".mcap" and not found.compressed:
         for file in found.files:
@@ -120,7 +123,7 @@ def _rosbags_topics(reader: Reader) -> dict[int, RawTopic]:
 
 
 def _rosbags_messages(found: RecordingFiles, wanted: Wanted) -> Iterator[RawMessage]:
-    """SQLite3 and compressed recordings keep no publish times: the log time stands in."""
+    """SQLite3 and compressed recordings keep no publish times: the log time is used instead."""
     with _one_line(found.path), Reader(found.path) as reader:
         topics = _rosbags_topics(reader)
         chosen = [connection for connection in reader.connections if wanted(topics[connection.id])]

@@ -1,4 +1,4 @@
-"""Finding the files of a recording, and saying in one line why there is nothing to read."""
+"""Finding the files of a recording, and one-line errors where there is nothing to read."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ _MAGIC = {".mcap": MCAP0_MAGIC, ".db3": _SQLITE_MAGIC}
 
 
 class RecordingError(ValueError):
-    """A recording cannot be read; the message is one line that names file and reason."""
+    """A recording cannot be read; the message is one line that names the file and the reason."""
 
     def __init__(self, message: str) -> None:
-        # Names of topics and types come from the file and may hold anything.
+        # Names of topics and types come from the file and may contain any character.
         super().__init__("".join(letter if letter.isprintable() else "?" for letter in message))
 
 
 @dataclass(frozen=True)
 class RecordingFiles:
-    """Storage files in order; `compressed` when rosbag2 compressed messages or files as a whole."""
+    """Storage files in their order. compressed: whether rosbag2 compressed messages or whole files."""
 
     path: Path
     files: tuple[Path, ...]
@@ -52,9 +52,9 @@ def _in_folder(folder: Path) -> RecordingFiles:
     if not metadata.is_file():
         if any(folder.glob("*.mcap")) or any(folder.glob("*.db3")):
             raise RecordingError(
-                f"{folder} was never closed (no {METADATA}); mend it with: hand record --repair {folder}"
+                f"{folder} was never closed (no {METADATA}); repair it with: hand record --repair {folder}"
             )
-        raise RecordingError(f"{folder} is no recording: it holds no {METADATA}")
+        raise RecordingError(f"{folder} is not a recording: it contains no {METADATA}")
     try:
         content = yaml.safe_load(metadata.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
         files = tuple(folder / PurePath(name).name for name in content["relative_file_paths"])
@@ -69,23 +69,25 @@ def _in_folder(folder: Path) -> RecordingFiles:
 
 def _check(file: Path) -> None:
     if file.suffix not in _MAGIC:
-        raise RecordingError(f"{file} is no recording: neither a folder nor a .mcap or .db3 file")
+        raise RecordingError(f"{file} is not a recording: neither a folder nor a .mcap or .db3 file")
     magic = _MAGIC[file.suffix]
     with file.open("rb") as stream:
         head = stream.read(len(magic))
         if not head:
             raise RecordingError(f"{file} is empty (0 bytes)")
         if head != magic:
-            raise RecordingError(f"{file} is no {file.suffix} file: it begins with other bytes")
+            raise RecordingError(f"{file} is not a {file.suffix} file: it begins with other bytes")
         if file.suffix == ".mcap":
             stream.seek(-min(len(magic), file.stat().st_size), 2)
             if stream.tell() < len(magic) or stream.read() != magic:
-                raise RecordingError(f"{file} is cut off: no end mark; mend it with: hand record --repair {file}")
+                raise RecordingError(f"{file} is cut off: no end mark; repair it with: hand record --repair {file}")
 
 
 def damaged(file: Path, error: Exception) -> RecordingError:
-    """The error for a file that a library choked on."""
-    remedy = f"; what is whole can be saved with: hand record --repair {file}" if file.suffix == ".mcap" else ""
+    """The error for a file whose bytes a library could not read."""
+    remedy = (
+        f"; the undamaged messages can be saved with: hand record --repair {file}" if file.suffix == ".mcap" else ""
+    )
     return RecordingError(f"{file} is damaged: {_brief(error)}{remedy}")
 
 

@@ -1,4 +1,4 @@
-"""Mending a recording whose writer died: every complete message is kept, index and metadata are made anew."""
+"""Repairing a recording whose writer was killed: complete messages are kept, index and metadata are written again."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from hand_recording.mcap_bag import McapBag, claim
 from hand_recording.mcap_chunks import indexed_batches, is_indexed
 
 _RECORD = struct.Struct("<BQ")  # opcode and length before every record
-# What the library and the decompressors (lz4: RuntimeError) raise on bytes that are not what they should be.
+# What the library and the decompressors (lz4: RuntimeError) raise on damaged bytes.
 _BROKEN = (
     McapError,
     CRCValidationError,
@@ -59,7 +59,11 @@ _READ: dict[int, type[Any]] = {
 
 @dataclass(frozen=True)
 class Repair:
-    """What mending did. `lost_bytes` of the file could not be read; `damaged` keeps them, if any."""
+    """The outcome of a repair.
+
+    messages: number of messages kept, by topic.  lost_bytes: bytes of the file that could not be read.
+    damaged: the file as it was, where bytes were lost.  changed: whether anything was written.
+    """
 
     path: Path
     messages: dict[str, int]
@@ -73,24 +77,24 @@ class Repair:
 
 
 def repair(path: Path) -> Repair:
-    """Make the recording at `path` (a folder, or a bare .mcap file) whole.
+    """Repair the recording at `path`: a folder, or a bare .mcap file.
 
-    A sound recording is left as it is. Where bytes could not be read, the file as it was is kept beside
-    the new one with `.damaged` behind its name. Raises BagError when there is nothing to work on.
+    An intact recording is not changed. Where bytes could not be read, the original file is kept beside the new one,
+    `.damaged` appended to its name. Raises BagError where there is nothing to repair.
     """
     if path.is_dir():
         return _repair_folder(path)
     if not path.is_file():
         raise BagError(f"{path} does not exist")
     if path.suffix != ".mcap":
-        raise BagError(f"{path} is no MCAP file; only .mcap files and recording folders can be mended")
+        raise BagError(f"{path} is not an MCAP file; only .mcap files and recording folders can be repaired")
     return _repair_mcap(path, None)
 
 
 def _repair_folder(folder: Path) -> Repair:
     files = [file for suffix in ("*.mcap", "*.db3") for file in sorted(folder.glob(suffix))]
     if len(files) != 1:
-        raise BagError(f"{folder} holds {len(files)} recording files; a folder with exactly one can be mended")
+        raise BagError(f"{folder} holds {len(files)} recording files; a folder with exactly one can be repaired")
     if files[0].suffix == ".mcap":
         return _repair_mcap(files[0], folder)
     return _repair_sqlite(files[0], folder)
@@ -104,7 +108,7 @@ def _repair_mcap(path: Path, folder: Path | None) -> Repair:
         if not claim(stream):
             raise BagError(f"{path} is still being recorded")
         if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-            raise BagError(f"{path} is no MCAP file: it does not begin with the MCAP magic")
+            raise BagError(f"{path} is not an MCAP file: it does not begin with the MCAP magic")
         bag = McapBag(new, None)
         try:
             for record in scan.records(stream, path.stat().st_size):
@@ -127,7 +131,7 @@ def _repair_mcap(path: Path, folder: Path | None) -> Repair:
 
 
 def _summary_agrees(path: Path, contents: Contents) -> bool:
-    """Whether the file's summary and index are undamaged and lead to the very messages it holds."""
+    """Whether the file's summary and index are undamaged and list exactly the messages of the file."""
     with path.open("rb") as stream:
         try:
             summary = make_reader(stream).get_summary()
@@ -143,7 +147,7 @@ def _summary_agrees(path: Path, contents: Contents) -> bool:
 
 
 def _summary_crc_holds(stream: BinaryIO, size: int) -> bool:
-    """The footer ends with a checksum, 0 for none, of all from the summary's start to itself."""
+    """The footer ends with a checksum (0: none) of the bytes from the start of the summary to the checksum itself."""
     end = size - len(MCAP0_MAGIC) - 4
     stream.seek(end - 16)
     summary_start, _, crc = struct.unpack("<QQI", stream.read(20))
@@ -152,11 +156,11 @@ def _summary_crc_holds(stream: BinaryIO, size: int) -> bool:
 
 
 class _Scan:
-    """Reads what is whole in an MCAP file from front to back and hands it to a new one."""
+    """Reads the complete records of an MCAP file from front to back and copies them into a new file."""
 
     def __init__(self) -> None:
         self.lost_bytes = 0
-        self.intact = True  # every record is whole and consistent, up to the footer and the closing magic
+        self.intact = True  # every record is complete and consistent, up to the footer and the closing magic
         self._chunked = False
         self._schemas: dict[int, Schema] = {}
         self._topics: dict[int, str] = {}
@@ -195,7 +199,7 @@ class _Scan:
         record = _READ[opcode].read(stream)
         again = RecordBuilder()
         record.write(again)
-        self.intact &= again.end() == head + body  # lengths within the record agree with its own
+        self.intact &= again.end() == head + body  # the lengths within the record agree with its own length
         if isinstance(record, Header):
             self.intact &= record.profile == "ros2"
         if not isinstance(record, Chunk):
@@ -207,7 +211,7 @@ class _Scan:
         return records
 
     def copy(self, record: McapRecord, bag: McapBag) -> None:
-        """Write a record on."""
+        """Write a record to the new file."""
         if isinstance(record, Schema):
             self._schemas[record.id] = record
         elif isinstance(record, Channel):
@@ -236,7 +240,7 @@ class _Scan:
 
 
 def _repair_sqlite(path: Path, folder: Path) -> Repair:
-    """Let SQLite roll back what was not committed, and write metadata.yaml."""
+    """SQLite itself rolls back what was not committed; metadata.yaml is written again."""
     contents = Contents()
     try:
         with closing(sqlite3.connect(path)) as database:
@@ -248,7 +252,7 @@ def _repair_sqlite(path: Path, folder: Path) -> Repair:
                 " GROUP BY topics.id ORDER BY topics.id"
             ).fetchall()
     except sqlite3.Error as error:
-        raise BagError(f"{path} is no recording that can be mended: {error}") from error
+        raise BagError(f"{path} is not a recording that can be repaired: {error}") from error
     for name, type_name, type_hash, qos, messages, first_ns, last_ns, size in rows:
         topic = Topic(name, type_name, "", type_hash, tuple(parse_qos(qos)))
         contents.topics[name] = TopicCount(topic, messages, size or 0, first_ns or 0, last_ns or 0)

@@ -47,7 +47,7 @@ class Replay:
 
 
 def replay_recording(recording: Recording, hand: Hand) -> Replay:
-    """Drive the plant with what was commanded. RecordingError where the recording does not fit the hand."""
+    """Simulate the hand with the recorded valve commands. Raises RecordingError where the recording does not fit it."""
     states, pressures = recording["joint_states"], recording["pressures"]
     position = _by_name(recording, "joint_states", "position", hand)
     velocity = _by_name(recording, "joint_states", "velocity", hand)
@@ -79,9 +79,9 @@ def record_offline(hand: Hand, set_point_pa: Array, out: Path, seed: int, storag
 
 
 def messages(result: Replay, seed: int | None) -> Iterator[tuple[int, tuple[bytes, ...]]]:
-    """Stamp and serialized topics, in the order of TOPICS, of each replayed frame.
+    """Stamp [ns] and serialized topics, in the order of TOPICS, of each replayed frame.
 
-    Sensors, ADC and calibration are the driver's; seed adds their noise, None leaves it out.
+    Sensors, ADC and calibration are those of the driver.  seed: of the sensor noise; None: no noise.
     """
     hand = result.hand
     sensors = SimulatedPlant(hand if seed is not None else without_noise(hand), hand.rate_hz, seed or 0)
@@ -95,7 +95,7 @@ def messages(result: Replay, seed: int | None) -> Iterator[tuple[int, tuple[byte
 
 
 def write_replay(result: Replay, out: Path, storage: str, seed: int | None) -> Iterator[float]:
-    """Write the replay as a recording with the commands it answers; yields the share done, 0 ... 1."""
+    """Write the replay and its commands as a recording; yields the share done, 0 ... 1. Raises BagError."""
     names = [f"{result.namespace}/{topic}" for topic in TOPICS]
     bag = open_bag(out, storage)
     try:
@@ -126,7 +126,7 @@ def _encoded_commands(result: Replay) -> Iterator[tuple[int, bytes]]:
 
 
 def _commands(recording: Recording, hand: Hand) -> Commands:
-    """Set-points in the order they were sent; those with a number that is none are left out, as a board does."""
+    """Set-points in the order of their sending; those with a NaN or infinite value are left out, as a board does."""
     data = recording["valve_command"]
     pressure = _by_name(recording, "valve_command", "pressure", hand)
     sent_ns = published_on_stamp_clock(recording.topics)
@@ -142,7 +142,7 @@ def _by_name(recording: Recording, topic: str, field: str, hand: Hand) -> Array:
     if missing:
         raise RecordingError(
             f"{recording.path}: {topic} has no joint {missing[0]!r}; it has {', '.join(data.names)}: "
-            "is the model of another hand?"
+            "is this the model of another hand?"
         )
     values: Array = data[field][:, [data.names.index(joint) for joint in hand.joints]]
     return values

@@ -1,4 +1,4 @@
-"""What the diagnosis works on: the measured signals of every joint on one uniform clock, without gaps, with weights."""
+"""The measured signals of every joint on one uniform clock without gaps, and estimates of their noise."""
 
 from __future__ import annotations
 
@@ -12,20 +12,18 @@ from hand_model.arrays import Array, Flags
 from hand_recording.recording_files import RecordingError
 
 SMOOTHING_S = 0.045
-"""Window over which speed and acceleration are taken from measured angles; short against any motion of a finger."""
-
-
+"""Window over which speed and acceleration are computed from measured angles; short against any motion of a finger."""
 LONGEST = 1_000_000
-"""Samples of a recording (83 minutes at 200 Hz); the memory of a fit grows with them."""
+"""Largest number of samples of a recording (83 minutes at 200 Hz); the memory of a fit grows with it."""
 
 
 def samples_on_grid(name: object, first_s: float, last_s: float, period_s: float) -> int:
-    """Samples from the first time to the last. RecordingError where they are too many to fit."""
+    """Number of samples from the first time to the last [s]. Raises RecordingError where it exceeds LONGEST."""
     count = int((last_s - first_s) / period_s + 0.5) + 1
     if count > LONGEST:
         raise RecordingError(
             f"{name} has {count} samples on a uniform clock; the allowed range is up to {LONGEST};"
-            " cut it into several recordings, and judge each with --each"
+            " cut it into several recordings and diagnose them with --each"
         )
     return count
 
@@ -34,12 +32,12 @@ def samples_on_grid(name: object, first_s: float, last_s: float, period_s: float
 class Signals:
     """One recording. T samples, J joints; every array (T, J).
 
-    set_point_pa: in force from its sample to the next.  pressure_pa, angle_rad: as read, gaps bridged.
-    force_n: NaN where no sensor.  known: False where a reading was bridged.  has_*: (J,) whether the stage can be
-    judged at all.  notes: what the data check found.  dropped: share of frames that never came.
-    driven: the motion was imposed, and force_n is what the machine answered.
-    machine: of another machine than a hand; ranges of a hand say nothing about it.
-    pressure_late_s: by how much the pressures of a sample were read after its angles, by their stamps.
+    set_point_pa: in force from its sample to the next.  pressure_pa, angle_rad: measured, gaps bridged.
+    force_n: NaN where there is no sensor.  known: False where a reading was bridged.  has_*: (J,) whether the signal
+    was recorded at all.  notes: findings of the data check.  dropped: share of frames that are missing, 0 ... 1.
+    driven: the motion was imposed from outside, and force_n is the machine's reaction.
+    machine: the signals are those of another machine than a hand, to which the ranges of a hand do not apply.
+    pressure_late_s: time from the reading of the angles of a sample to that of its pressures, by their stamps.
     """
 
     name: str
@@ -60,17 +58,17 @@ class Signals:
 
     @property
     def samples(self) -> int:
-        """T."""
+        """Number of samples, T."""
         return len(self.angle_rad)
 
     @property
     def time_s(self) -> Array:
-        """(T,) [s] from 0."""
+        """Times of the samples (T,) [s], from 0."""
         return np.asarray(np.arange(self.samples) * self.period_s, dtype=np.float64)
 
 
 def derivatives(angle_rad: Array, period_s: float) -> tuple[Array, Array]:
-    """Speed and acceleration (T, J) from angles by a cubic over a short moving window."""
+    """Speed [rad/s] and acceleration [rad/s^2], (T, J) each, from angles (T, J) by a cubic over a moving window."""
     half = max(2, round(SMOOTHING_S / period_s / 2.0))
     window = min(2 * half + 1, (len(angle_rad) - 1) // 2 * 2 + 1)
     if window < 5:
@@ -81,7 +79,10 @@ def derivatives(angle_rad: Array, period_s: float) -> tuple[Array, Array]:
 
 
 def white_noise(values: Array, known: Flags | None = None) -> float:
-    """Standard deviation of the white part of a signal (T,), from its third differences (robust against motion)."""
+    """Standard deviation of the white noise of a signal (T,), from its third differences, which motion hardly affects.
+
+    known: (T,) the samples to use.
+    """
     difference = np.diff(values, 3)
     if known is not None:
         inside = known[3:] & known[2:-1] & known[1:-2] & known[:-3]
@@ -95,9 +96,9 @@ def white_noise(values: Array, known: Flags | None = None) -> float:
 
 
 SMOOTHED_S = (0.07, 0.15, 0.3, 0.6, 1.2)
-"""Spans of the smoothing of an input to choose from; mechanics and valves are slower than the first."""
+"""Windows of the smoothing of an input to choose from; mechanics and valves are slower than the first."""
 LEFT_ALONE = 3.5
-"""Where smoothing would move a signal by more than so many standard deviations of its noise, it is no noise."""
+"""Where smoothing changes a signal by more than so many standard deviations of its noise, the signal is kept."""
 
 
 def smoothed_over(values: Array, span: int) -> Array:
@@ -106,16 +107,17 @@ def smoothed_over(values: Array, span: int) -> Array:
 
 
 def slopes_over(values: Array, span: int, order: int, period_s: float) -> Array:
-    """A derivative (T,) of a signal by quadratics over an odd number of samples; 0 where there are too few."""
+    """A derivative (T,) of a signal by quadratics over an odd number of samples; 0 where the signal is too short."""
     span = max(span, 5)
     return savgol_filter(values, span, 2, order, period_s) if len(values) > span else np.zeros(len(values))
 
 
 def without_noise(values: Array, period_s: float, noise: float) -> tuple[Array, int]:
-    """A signal (T,) that is an input of a model, with less of its white noise and none of its edges; and the span.
+    """A signal (T,) with its white noise reduced and its edges kept, and the window in samples (1: not smoothed).
 
-    Noise of an input is no error of the model, but would look like one: quadratics by least squares (Savitzky and
-    Golay 1964), without lag, over the span that foretells left-out samples best; around edges the signal stays.
+    The noise of a model's input would otherwise appear as an error of the model. The filter fits quadratics by least
+    squares (Savitzky and Golay 1964), without lag, over the window with the lowest cross-validation error.
+    noise: standard deviation of the white noise, see white_noise.
     """
     span = smoothing_span(values, period_s, noise)
     if span == 1:
@@ -127,19 +129,19 @@ def without_noise(values: Array, period_s: float, noise: float) -> tuple[Array, 
 
 
 def smoothing_span(values: Array, period_s: float, noise: float) -> int:
-    """Samples over which the smoothing of a signal (T,) foretells left-out ones best; 1 where it shall not be."""
+    """Window [samples] with the lowest cross-validation error of a signal (T,); 1 where smoothing does not apply."""
     spans = _spans(values, period_s)
     return min(spans, key=lambda span: _left_out_error(values, span)) if spans and noise > 0.0 else 1
 
 
 def _spans(values: Array, period_s: float) -> list[int]:
-    """SMOOTHED_S in samples, odd numbers; those too short to smooth and too long for the signal are left out."""
+    """SMOOTHED_S in samples, odd numbers, without windows below 5 samples or longer than the signal."""
     spans = [2 * round(0.5 * seconds / period_s) + 1 for seconds in SMOOTHED_S]
     return [span for span in spans if 5 <= span < len(values)]
 
 
 def _left_out_error(values: Array, span: int) -> float:
-    """Mean square by which the smoothing foretells a sample from its neighbours alone; a tenth at edges is left out."""
+    """Mean square error of each sample as predicted from its neighbours alone; the largest tenth is clipped."""
     own = float(savgol_coeffs(span, 2)[span // 2])
     error = np.abs(values - smoothed_over(values, span)) / (1.0 - own)
     return float(np.mean(np.minimum(error, np.quantile(error, 0.9)) ** 2))

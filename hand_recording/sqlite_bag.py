@@ -57,7 +57,7 @@ class SqliteBag:
             self._writer.close()
 
     def _commit(self) -> None:
-        """End the transaction that rosbags would keep open until it closes the bag."""
+        """Commit the transaction, which rosbags would otherwise keep open until the bag is closed."""
         assert isinstance(self._writer.storage, Sqlite3Writer)
         self._writer.storage.conn.commit()
         self._open = False

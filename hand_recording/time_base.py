@@ -1,16 +1,16 @@
 """Every signal of a recording on one time base.
 
 Rules:
-- Times are header stamps. Measured signals (position, velocity, effort, pressure, force) are interpolated
-  linearly between the two samples around a time. They are NaN before the first sample, after the last, and
+- Times are header stamps. Measured signals (position, velocity, effort, pressure, force) are interpolated linearly
+  between the two samples around a time (interpolation.py). They are NaN before the first sample, after the last, and
   inside gaps longer than max_gap_s. A time that equals a stamp gets that very sample.
-- reference (controller_state) holds from its stamp until the next sample; NaN before the first, and once the
-  last one is older than max_gap_s.
-- valve_command holds from the moment it was published, not from its stamp: that is when the board can have
-  known it. Past its lifetime the board vents: 0 Pa until the next command. NaN before the first.
-- Under simulated time (/clock was recorded) publish times are moved onto that clock: a command published
-  between two ticks counts from the former.
-- Samples that share a stamp: the last one counts. Samples are put in order of their stamps.
+- reference (controller_state) holds from its stamp until the next sample. It is NaN before the first sample, and
+  where the last one is older than max_gap_s.
+- valve_command holds from its publish time, not from its stamp, because the board cannot have received it before.
+  After its lifetime the board vents: 0 Pa until the next command. It is NaN before the first command.
+- Under simulated time (/clock was recorded) publish times are converted to that clock: a command published between
+  two ticks counts from the earlier tick.
+- Of samples that share a stamp the last one counts. Samples are sorted by their stamps.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ NS = 1_000_000_000
 
 @dataclass(frozen=True)
 class TimeBase:
-    """T times and J joints; NaN where a signal is not known. Every array is (T, J), force (T, sites).
+    """Signals at T times of J joints; NaN where a signal is not known. Every array is (T, J), force is (T, sites).
 
-    time_ns: header clock. position, reference [rad]; velocity [rad/s]; effort [N.m]; pressure and
+    time_ns: (T,) int64, header clock.  position, reference [rad]; velocity [rad/s]; effort [N.m]; pressure and
     valve_command [Pa gauge]; force [N].
     """
 
@@ -99,9 +99,9 @@ def resample(
 
 
 def nearest(times: Times, data: TopicData, field: str, names: Sequence[str], most_ns: float) -> tuple[Array, Array]:
-    """A field's sample nearest to each time (T, J), and by how much it is later (T,) [ns].
+    """The sample of a field nearest to each time (T, J), and its time minus that time (T,) [ns].
 
-    most_ns: how far from the median lateness a sample may be; NaN where it is farther.
+    most_ns: largest deviation of that difference from its median; samples farther away are NaN.
     """
     stamps, rows = _in_order(data.stamp_ns)
     at = np.clip(np.searchsorted(stamps, times), 1, len(stamps) - 1)
@@ -143,12 +143,12 @@ def _reference(times: Times, topics: Mapping[str, TopicData], joints: Sequence[s
 
 
 def published_on_stamp_clock(topics: Mapping[str, TopicData]) -> Times:
-    """When each valve command was published [ns], on the clock that the headers bear."""
+    """Publish time of each valve command [ns], on the clock of the headers."""
     return _on_stamp_clock(topics["valve_command"].publish_ns, topics.get("clock"))
 
 
 def _on_stamp_clock(publish_ns: Times, clock: TopicData | None) -> Times:
-    """Publish times as the clock of the stamps showed them."""
+    """Publish times, converted to the clock of the stamps."""
     if clock is None or not len(clock):
         return publish_ns
     ticks, rows = _in_order(clock.publish_ns)
@@ -158,7 +158,7 @@ def _on_stamp_clock(publish_ns: Times, clock: TopicData | None) -> Times:
 
 
 def _in_order(stamps: Times) -> tuple[Times, NDArray[np.intp]]:
-    """Rising stamps without repetitions, and the rows they come from: of equal stamps the last."""
+    """Rising stamps without repetitions, and their rows in the original order; of equal stamps the last row."""
     rows = np.argsort(stamps, kind="stable")
     ordered = stamps[rows]
     last = np.append(ordered[1:] != ordered[:-1], True)
@@ -178,11 +178,11 @@ def _named(data: TopicData, field: str, names: Sequence[str]) -> Array:
 
 
 def _times(path: Path, topics: Mapping[str, TopicData], period_s: float | None, stamps_ns: Times | None) -> Times:
-    """The time base asked for."""
+    """The times that were asked for, see Recording.on_time_base."""
     if stamps_ns is not None:
         times = np.asarray(stamps_ns, np.int64)
         if times.ndim != 1 or (np.diff(times) <= 0).any():
-            raise RecordingError("stamps_ns must be one rising row of times")
+            raise RecordingError("stamps_ns must be rising times in one row")
         return times
     stamps = [topic.stamp_ns for name, topic in topics.items() if name != "clock" and len(topic)]
     if period_s is None:

@@ -210,10 +210,10 @@ def test_what_is_no_recording_of_a_hand_is_refused(tmp_path: Path, make_bag: Mak
     for name, reason in {
         "gone": "does not exist",
         "text.txt": "neither a folder nor",
-        "text.mcap": "no .mcap file",
-        "text.db3": "no .db3 file",
+        "text.mcap": "not a .mcap file",
+        "text.db3": "not a .db3 file",
         "zero.mcap": "is empty",
-        "folder": "holds no metadata.yaml",
+        "folder": "not a recording: it contains no metadata.yaml",
         "cut.mcap": "cut off.* --repair",
         "open": "never closed.* --repair",
         "lacking": "lacks its file dead_0.mcap",

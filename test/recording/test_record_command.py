@@ -46,7 +46,7 @@ def test_bad_input_is_one_line_and_exit_2(arguments: list[str], reason: str) -> 
 
 
 def test_repair_says_what_it_did(make_bag: Callable[..., Path]) -> None:
-    """Breaks when mending does not report what was recovered and what was lost."""
+    """Breaks when repairing does not report what was recovered and what was lost."""
     path = make_bag("a.mcap")
     whole = path.read_bytes()
     assert "nothing to repair" in _run("--repair", str(path))[1]

@@ -1,4 +1,4 @@
-"""Mending recordings that were cut off or damaged."""
+"""Repairing recordings that were cut off or damaged."""
 
 from __future__ import annotations
 
@@ -77,9 +77,9 @@ def test_what_stands_before_the_cut_is_recovered(sound: Sound, data: st.DataObje
     cut = data.draw(st.integers(8, len(sound.content) - 1))
     with _file(sound.content[:cut]) as path:
         outcome = repair(path)
-        mended = _messages(path)
-        assert mended == sound.messages[: max((count for end, count in sound.chunks if end <= cut), default=0)]
-        assert {name: n for name, n in outcome.messages.items() if n} == Counter(topic for topic, *_ in mended)
+        repaired = _messages(path)
+        assert repaired == sound.messages[: max((count for end, count in sound.chunks if end <= cut), default=0)]
+        assert {name: n for name, n in outcome.messages.items() if n} == Counter(topic for topic, *_ in repaired)
         assert outcome.changed
         assert (outcome.damaged is not None) == (outcome.lost_bytes > 0)
         if outcome.damaged:
@@ -94,15 +94,15 @@ def test_after_a_flipped_byte_no_message_is_false(sound: Sound, where: float, fl
     content[8 + round(where * (len(content) - 9))] ^= flip
     with _file(bytes(content)) as path:
         outcome = repair(path)
-        mended = _messages(path)
-        assert set(mended) <= set(sound.messages)
-        assert outcome.lost_bytes or mended == sound.messages
+        repaired = _messages(path)
+        assert set(repaired) <= set(sound.messages)
+        assert outcome.lost_bytes or repaired == sound.messages
         with AnyReader([path]) as reader:
-            assert reader.message_count == len(mended)
+            assert reader.message_count == len(repaired)
 
 
 def test_a_sound_recording_is_left_alone(make_bag: MakeBag) -> None:
-    """Breaks when mending rewrites what needs none."""
+    """Breaks when repairing rewrites what needs none."""
     folder = make_bag()
     before = {path: path.read_bytes() for path in folder.iterdir()}
     outcome = repair(folder)
@@ -139,7 +139,7 @@ def test_killed_recording_becomes_a_whole_folder(tmp_path: Path, make_bag: MakeB
 
 
 def test_a_recording_in_progress_is_not_touched(tmp_path: Path) -> None:
-    """Breaks when mending takes the file away from a recorder that still writes it."""
+    """Breaks when repairing takes the file away from a recorder that still writes it."""
     bag = open_bag(tmp_path / "bag")
     with pytest.raises(BagError, match="still being recorded"):
         repair(tmp_path / "bag")
@@ -156,11 +156,11 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     (tmp_path / "sql").mkdir()
     (tmp_path / "sql" / "a.db3").write_bytes(b"not a database, but long enough to be looked at" * 9)
     for name, reason in {
-        "a.txt": "no MCAP file",
+        "a.txt": "not an MCAP file",
         "a.mcap": "MCAP magic",
         "zero.mcap": "MCAP magic",
         "empty": "0 recording files",
-        "sql": "cannot|no recording",
+        "sql": "not a recording that can be repaired",
         "gone": "does not exist",
     }.items():
         with pytest.raises(BagError, match=reason):

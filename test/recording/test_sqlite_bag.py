@@ -28,7 +28,7 @@ def test_closed_recording_opens_with_metadata(make_bag: Callable[..., Path]) -> 
 
 
 def test_messages_are_committed_within_half_a_second(tmp_path: Path) -> None:
-    """Breaks when a killed recorder loses more than a second; and when mending does not make the folder readable."""
+    """Breaks when a killed recorder loses more than a second; and when repairing does not make the folder readable."""
     bag = open_bag(tmp_path / "bag", "sqlite3")
     bag.add_topic(Topic.of("/clock", CLOCK))
     bag.tick(0)
