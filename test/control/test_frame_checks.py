@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from hand_control.frame_checks import (
 )
 from hand_model.arrays import Array, Flags
 from hand_model.description import load_hand
+from hand_model.kernel.rows import ROW
 
 HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
 COUNT = len(HAND.joints)
@@ -98,9 +100,9 @@ def test_a_valve_follows_within_20_kpa_and_10_percent_for_half_a_second(expected
     band = 2e4 + 0.1 * expected
     frames = 130
     for sign, verdict in ((1.0, STUCK_HIGH), (-1.0, STUCK_LOW)):
-        count, found = first(watched(expected, [expected + sign * 1.01 * band] * frames))
-        assert found == verdict and count == pytest.approx(101, abs=1)
-        assert first(watched(expected, [expected + sign * 0.99 * band] * frames)) == (0, FOLLOWING)
+        count, found = first(watched(expected, [expected] * 5 + [expected + sign * (band + 0.5)] * frames))
+        assert found == verdict and count == pytest.approx(106, abs=1)
+        assert first(watched(expected, [expected + sign * (band - 0.5)] * frames)) == (0, FOLLOWING)
         interrupted = ([expected + sign * 1.01 * band] * 95 + [expected]) * 2
         assert first(watched(expected, interrupted)) == (0, FOLLOWING)
 
@@ -116,6 +118,21 @@ def test_the_expectation_is_the_set_point_through_the_lag_of_the_valve() -> None
     until_outside = -LAG_S * math.log(1.0 - 2e4 / (0.9 * command))  # the expectation leaves the band of the dead valve
     assert verdict == STUCK_LOW
     assert count * DT_S == pytest.approx(0.5 + until_outside, abs=3 * DT_S)
+
+
+def test_the_lag_of_the_expectation_is_time_constant_plus_dead_time() -> None:
+    """Fails when the expectation follows faster or slower than the valve of the description: 0.2 s and 0.1 s here."""
+    parameters = HAND.parameters.copy()
+    parameters[ROW["valve.time_constant_s"]], parameters[ROW["valve.dead_time_s"]] = 0.2, 0.1
+    watch, command = PressureWatch(replace(HAND, parameters=parameters)), full(2.5e4)
+    watch.start(full(0.0))
+    verdicts = [watch.check(command, full(0.0), DT_S)[0] for _ in range(400)]
+    expected, outside = 0.0, 0
+    while expected <= 2e4 + 0.1 * expected:  # the dead valve is within the band of the expectation
+        expected += DT_S / (DT_S + 0.3) * (2.5e4 - expected)
+        outside += 1
+    assert outside > 100
+    assert verdicts.index(STUCK_LOW) + 1 == pytest.approx(outside + 100, abs=1)
 
 
 def test_the_start_forgets_earlier_deviations() -> None:
@@ -203,6 +220,14 @@ def test_only_joints_of_the_trajectory_count() -> None:
     for _ in range(100):
         assert not watch.check(off(0, 20.0), mine, NONE, TOLERANT, DT_S)
         assert not watch.check(off(0, 20.0), NONE, mine, TOLERANT, DT_S)
+
+
+def test_a_tolerance_below_one_degree_aborts() -> None:
+    """Fails when a small tolerance counts as none."""
+    small = Settings.of(HAND, {"path_tolerance_deg": 0.5, "goal_tolerance_deg": 0.5, "goal_time_s": 0.3})
+    for on_path, at_goal in ((ALL, NONE), (NONE, ALL)):
+        watch = ToleranceWatch(HAND)
+        assert any(watch.check(off(0, 0.6), on_path, at_goal, small, DT_S) for _ in range(100))
 
 
 def test_a_tolerance_of_zero_never_aborts() -> None:

@@ -42,7 +42,11 @@ def different_joints(rng: np.random.Generator) -> Array:
     g[G.i_max] = rng.uniform(0.01, 0.2, JOINTS)
     g[G.p_rate, ::5] = 2e6
     g[G.partner, [0, 1]] = 1.0, 0.0
+    g[G.coupling] = 0.5 * g[G.inertia]
     g[G.b1, 8] *= 20.0  # creep reaches its upper bound
+    g[G.extension_rate, 8] *= 1e3
+    g[G.recovery_rate, 12] *= 1e3
+    g[G.creep, [8, 12]] = 1.0
     g[[G.a0, G.a1, G.a2, G.a3, G.viscous]] *= rng.uniform(0.7, 1.3, (5, JOINTS))
     g[G.a3, [6, 7]] *= -0.5
     g[G.residual_std] *= rng.uniform(0.3, 1.0, JOINTS)
@@ -64,7 +68,7 @@ def driven_inputs(rng: np.random.Generator) -> Array:
     inputs[:, U.position] = lagging + 2e-4 * rng.standard_normal((TICKS, JOINTS))
     inputs[:, U.pressure] = np.maximum(1.3e5 * inputs[:, U.position] + 4e4 * np.sin(2.0 * t + phase), 0.0)
     inputs[:, U.limit] = np.where(np.sin(3.0 * t + phase) > 0.6, 0.01, 0.5)
-    inputs[20:40, U.pressure, 12] = -5e3  # noise of a vented sensor: creep stays at its lower bound
+    inputs[:40, U.pressure, 12] = -5e3  # noise of a vented sensor: creep stays at its lower bound
     inputs[200:260, U.pressure, ::2] += 1.5e5  # an obstacle: pressure without motion
     inputs[200:260, U.position, ::2] = inputs[200, U.position, ::2]
     inputs[280:330, U.reference] = inputs[280:330, U.position] + 4e-3 * rng.standard_normal((50, JOINTS))
@@ -79,6 +83,7 @@ def test_the_law_is_the_law_in_c_in_every_branch() -> None:
     g, inputs = different_joints(rng), driven_inputs(rng)
     python, other = Law(g), CLaw("double", g)
     saturated = contact = contradicted = adapted = 0
+    bounds = set()
     for k in range(TICKS):
         dt = 0.0 if k % 97 == 96 else 0.012 if k % 41 == 40 else DT_S
         integrate, drive = k % 53 < 48, k % 71 < 68
@@ -96,7 +101,12 @@ def test_the_law_is_the_law_in_c_in_every_branch() -> None:
         contact += int(got[OUT.contact].sum())
         contradicted += int(((before != 0.0) & (python.state[S.contact] == 0.0)).sum())
         adapted += int((python.state[S.d_a0] != 0.0).sum())
-    assert min(saturated, contact, contradicted, adapted) > 20  # the inputs reach what they are meant to reach
+        bounds |= set(python.state[S.creep, [8, 12]].tolist())
+    # The inputs reach what they are meant to reach.
+    assert min(saturated, contact, contradicted, adapted) > 20 and bounds >= {
+        0.0,
+        1.0,
+    }
 
 
 def at(reference: float, position: float, pressure: float, limit: float = 0.6) -> Array:

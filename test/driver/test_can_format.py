@@ -86,7 +86,7 @@ def test_every_number_of_channels_makes_a_round_trip(count: int) -> None:
     (payload,), _ = assembled(messages)
     assert isinstance(payload, SamplePayload) and payload.counts.tolist() == counts.tolist()
     if count <= 16:
-        (payload,), _ = assembled(encode_set_points(SetPointPayload(1, 0.1, 10.0 * counts)))
+        (payload,), _ = assembled(encode_set_points(SetPointPayload(1, 0.1, 10.0 * counts.astype(np.float64))))
         assert isinstance(payload, SetPointPayload) and payload.pressure_pa == pytest.approx(10.0 * counts)
 
 

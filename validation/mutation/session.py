@@ -7,7 +7,6 @@ libraries once: that takes a fraction of the time of a new interpreter for each 
 from __future__ import annotations
 
 import json
-import math
 import os
 import random
 import re
@@ -74,16 +73,17 @@ def _mutations(config: Any) -> list[MutationSpec]:
     modules = [module for pattern in patterns for module in sorted(Path().glob(pattern))]
     left_out = [re.compile(text) for text in config["filters"]["operators-filter"]["exclude-operators"]]
     last = config["filters"].get("lines-filter", {}).get("skip-from", "")
-    ends = {module: _end(module, last) for module in modules}
+    lines = {module: _lines(module, last) for module in modules}
     every = (mutation for item in _all_work_items(modules, {}) for mutation in item.mutations)
-    inside = (m for m in every if m.start_pos[0] < ends[Path(m.module_path)])
+    inside = (m for m in every if m.start_pos[0] in lines[Path(m.module_path)])
     return [m for m in inside if not any(pattern.match(m.operator_name) for pattern in left_out)]
 
 
-def _end(module: Path, text: str) -> float:
-    """The first line of a module that begins with a text, from which on nothing is mutated; infinite without one."""
+def _lines(module: Path, last: str) -> set[int]:
+    """Numbers of the lines to mutate: no decorators, and nothing from the first line on that begins with `last`."""
     lines = module.read_text(encoding="utf-8").splitlines()
-    return next((number for number, line in enumerate(lines, 1) if text and line.startswith(text)), math.inf)
+    end = next((number for number, line in enumerate(lines) if last and line.startswith(last)), len(lines))
+    return {number for number, line in enumerate(lines[:end], 1) if not line.startswith("@")}
 
 
 def _survivor(mutation: MutationSpec, tests: list[str], timeout_s: float) -> dict[str, Any] | None:
