@@ -148,7 +148,7 @@ def test_a_message_of_another_length_is_corrupt(length: int) -> None:
 def test_a_header_with_an_impossible_count_is_corrupt(messages: list[CanMessage], most: int) -> None:
     """Fails when a header announces no channels or more than the layout has, and is believed."""
     for count, corrupt in ((0, 1), (most + 1, 1), (1, 0), (most, 0)):
-        header = bytes([1, count]) + messages[0].data[2:]
+        header = bytes([1, count, 0, 0, 0, 0, 0, 9])
         assert count_of([replace(messages[0], data=header)]) == (0, corrupt)
 
 

@@ -30,6 +30,12 @@ SET_POINTS = SetPointPayload(0x01020304, 0.1, np.array([0.0, 1e5, 655350.0]))
 SET_POINT_BYTES = bytes([1, 2, 4, 3, 2, 1, 100, 0, 3, 0, 0, 0x10, 0x27, 255, 255])
 
 
+def test_the_bits_of_the_status() -> None:
+    """Fails when a status bit that firmware relies on changes."""
+    bits = (Status.VENTED, Status.SUPPLY_LOW, Status.OVER_PRESSURE, Status.ADC_FAULT)
+    assert [int(bit) for bit in bits] == [1, 2, 4, 8]
+
+
 def packet(payload: bytes) -> bytes:
     return bytes(cobs.encode(payload + struct.pack("<I", zlib.crc32(payload)))) + b"\0"
 
