@@ -183,7 +183,7 @@ def complete_shape(
 ) -> Shape:
     """A shape with every list of the message: a number list not named has as many elements as names.
 
-    Raises LayoutError for a field that is none of the message's and for a length that is not known.
+    Raises LayoutError for a field that the message does not have and for an unknown length.
     """
     texts = [field for field, kind in spec.fields if kind == "string[]"]
     numbers = [field for field, kind in spec.fields if kind.endswith("[]") and kind != "string[]"]

@@ -78,7 +78,7 @@ class Hand:
 
     @property
     def valve_count(self) -> int:
-        """Number of valves: one a joint."""
+        """Number of valves: one per joint."""
         return len(self.joints)
 
     @property

@@ -1,4 +1,4 @@
-"""Write the tables of parameters and effects in the documents anew: `python -m hand_model.tables [TREE]`.
+"""Update the tables of parameters and effects in the documents: `python -m hand_model.tables [TREE]`.
 
 docs/model.md holds the parameters, docs/diagnosis.md the catalogue, each between the comments of a generated section.
 `python -m validation.figures` writes them too, with all other sections.
@@ -41,7 +41,7 @@ def main(tree: Path) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(
         prog="python -m hand_model.tables",
-        description="Write the tables of parameters and effects in the documents anew.",
+        description="Update the tables of parameters and effects in the documents.",
         epilog="Example: python -m hand_model.tables",
     )
     parser.add_argument("tree", nargs="?", type=Path, default=Path(), help="source tree; default: this folder")

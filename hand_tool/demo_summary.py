@@ -52,7 +52,7 @@ class Summary:
 
     @property
     def not_followed(self) -> list[str]:
-        """Joints that did not do what they were told; NaN counts as not followed."""
+        """Joints that did not follow their commands; NaN counts as not followed."""
         return [
             name
             for name, joint in self.joints.items()

@@ -20,6 +20,6 @@ inline = njit(forceinline=True, fastmath=FAST, error_model="numpy")
 
 
 def inlined(function: Any) -> Any:
-    """The equation, whether compiled already or plain Python, compiled anew with the flags of the kernel."""
+    """The equation, whether compiled already or plain Python, compiled again with the flags of the kernel."""
     plain: Callable[..., Any] = getattr(function, "py_func", function)
     return inline(plain)

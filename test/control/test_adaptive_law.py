@@ -170,7 +170,7 @@ def test_steps_on_wrong_plants_beat_a_fixed_pid() -> None:
 
 
 def test_torque_and_contact_at_an_obstacle() -> None:
-    """Fails when an identified joint holds another torque than its limit, goes far above it, or feels nothing."""
+    """Fails when an identified joint holds another torque than its limit, goes far above it, or reports no contact."""
     settings = Settings.of(HAND, {})
     trial = close_on_obstacles(HAND, 8, settings, seed=6)
     there = ~np.isnan(trial.met) & trial.able

@@ -47,7 +47,7 @@ def full(value: float) -> np.ndarray:
 @settings(max_examples=300, deadline=None)
 @given(st.lists(st.tuples(anything, anything, anything, anything, anything, anything), min_size=1, max_size=5))
 def test_whatever_comes_in_a_finite_pressure_within_limits_goes_out(ticks: list[tuple[float, ...]]) -> None:
-    """Fails when any input makes the law send a number that is none, or one outside 0 ... the limit."""
+    """Fails when any input makes the law send a NaN or infinite value, or one outside 0 ... the limit."""
     made = law()
     for reference, speed, limit, position, velocity, pressure in ticks:
         with np.errstate(all="ignore"):

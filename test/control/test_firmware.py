@@ -74,7 +74,7 @@ def test_both_laws_agree_on_recorded_inputs(name: str) -> None:
 
 
 def test_not_a_number_keeps_the_last_command() -> None:
-    """Fails when a measurement that is no number gets through the C law."""
+    """Fails when a NaN or infinite measurement gets through the C law."""
     g, inputs = recorded({}, 50)
     law = CLaw("float", g)
     for given in inputs:

@@ -40,7 +40,7 @@ def full(value: float) -> Array:
 @pytest.mark.parametrize("which", range(3))
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_the_first_value_that_is_not_finite_is_named(which: int, bad: float) -> None:
-    """Fails when a measurement that is no number passes, or another joint is named."""
+    """Fails when a NaN or infinite measurement passes, or another joint is named."""
     measured = [full(0.3), full(0.1), full(1e5)]
     measured[which][[4, 7]] = bad
     measured[0][2] = 3.0  # a jump does not come first

@@ -84,7 +84,7 @@ def test_latch_keeps_its_own_pose() -> None:
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_latch_of_what_is_no_number(bad: float) -> None:
-    """Broken by a target that is no number: the joint keeps its target, first the lower limit."""
+    """Broken by a NaN or infinite target: the joint keeps its target, first the lower limit."""
     pose = np.full(COUNT, 0.5)
     pose[IA] = bad
     fresh = References(HAND)

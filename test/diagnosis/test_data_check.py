@@ -64,7 +64,7 @@ def test_swapped_channels_are_named(signals: Signals, hand: Hand) -> None:
 
 
 def test_spikes_rails_and_gaps_are_left_out(signals: Signals, hand: Hand) -> None:
-    """Fails when an impossible sample, a rail or a gap stays in what is judged, or is not reported."""
+    """Fails when an impossible sample, a rail or a gap stays in the fitted data, or is not reported."""
     angle = signals.angle_rad[:, JOINT].copy()
     angle[300] = 40.0
     rail = float(np.quantile(angle, 0.9))

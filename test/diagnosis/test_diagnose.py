@@ -61,7 +61,7 @@ def test_a_missing_effect_is_named_placed_and_measured(effect: str, hand: Hand) 
 
 
 def test_what_looks_alike_is_named_together(hand: Hand) -> None:
-    """Fails when one of two explanations that these data cannot tell apart is claimed with confidence."""
+    """Fails when one of two explanations that these data cannot separate is claimed with confidence."""
     rng = np.random.default_rng(102)
     nominal = off_by_a_little(hand, rng)
     # A leak through a gap is a share of the pressure: a span error and a valve a little faster do just that.
@@ -180,7 +180,7 @@ def test_what_the_catalogue_lacks_is_unknown(effect: str, values: dict[str, floa
 
 
 def test_fig_13_creep_comes_first(hand: Hand) -> None:
-    """Fails when a model without the material law is not told so, or phi_max or a time constant is off by 10 %."""
+    """Fails when a model without the material law is not reported, or phi_max or a time constant is off by 10 %."""
     rng = np.random.default_rng(40)
     creepless = replace(hand, parameters=hand.parameters.copy())
     creepless.parameters[ROW["material.phi_max_deg"]] = 0.0
@@ -215,7 +215,7 @@ def test_the_same_seed_gives_the_same_answer(hand: Hand) -> None:
 
 
 def test_a_constant_recording_gives_no_finding(hand: Hand) -> None:
-    """Fails when a hand that did not move is judged."""
+    """Fails when a hand that did not move gets a finding."""
     count, joints = 2000, len(hand.joints)
     still, yes = np.zeros((count, joints)), np.ones(joints, dtype=bool)
     known = np.ones((count, joints), dtype=bool)

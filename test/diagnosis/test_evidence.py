@@ -46,7 +46,7 @@ def test_numbers_that_data_do_not_ask_for_cost_little(hand: Hand) -> None:
 
 
 def test_held_out_blocks_speak(hand: Hand) -> None:
-    """Fails when a fit that misses what it was not fitted to has the same evidence as one that foretells it."""
+    """Fails when a fit with a large validation error has the same evidence as one with a small validation error."""
     fit, task, _ = _fit(hand, extra=False)
     problem = task.prepare(JOINT).problem
     worse = fit.squares.copy()

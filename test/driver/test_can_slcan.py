@@ -171,7 +171,7 @@ def test_extended_frames_do_not_reach_the_assembler(tmp_path: Path) -> None:
 
 
 class PressedPlant:
-    """A plant that remembers what its valves were told."""
+    """A plant that stores the set-points of its valves."""
 
     def __init__(self) -> None:
         self.applied: list[Pressures] = []

@@ -83,7 +83,7 @@ def test_the_rate_is_judged_against_the_description(rate_hz: float, level: Level
 
 @pytest.mark.parametrize(("kind", "words"), [("dropped", "missing"), ("corrupt", "cable")])
 def test_losses_warn_while_they_are_recent_and_stay_counted(kind: str, words: str) -> None:
-    """Fails when a loss is not told, is blamed on something else, or warns for ever."""
+    """Fails when a loss is not reported, is blamed on something else, or warns for ever."""
     now = after(1.5, losses={kind: 3})
     assert now.level == Level.WARN
     assert words in now.message
@@ -103,7 +103,7 @@ def test_the_sensor_supply_is_judged_both_ways(supply_v: float, level: Level) ->
 
 
 def test_channels_at_the_rail_are_named_until_they_recover() -> None:
-    """Fails when a broken wire is not named, or stays named once mended."""
+    """Fails when a broken wire is not named, or stays named after its repair."""
     health = DriverHealth(HAND, 0.0)
     health.frame(frame(), ["index_proximal angle", "palm_pad force"], 0.0)
     said = by_name(health.statuses(link(), 0.0))["channels"]
@@ -125,7 +125,7 @@ def test_channels_at_the_rail_are_named_until_they_recover() -> None:
     ],
 )
 def test_every_fault_bit_of_the_board_has_its_words(status: Status, level: Level, words: tuple[str, ...]) -> None:
-    """Fails when a fault the board reports is not told, or hides another one."""
+    """Fails when a fault of the board is not reported, or hides another one."""
     health = DriverHealth(HAND, 0.0)
     health.frame(frame(status=status), [], 0.0)
     said = by_name(health.statuses(link(), 0.0))["board"]
@@ -134,7 +134,7 @@ def test_every_fault_bit_of_the_board_has_its_words(status: Status, level: Level
 
 
 def test_a_refused_command_shows_for_a_while_and_stays_counted() -> None:
-    """Fails when a refusal is not told, or looks current long after."""
+    """Fails when a refusal is not reported, or looks current long after."""
     health = DriverHealth(HAND, 0.0)
     health.refused("valve_command refused: lifetime is 0 s", 10.0)
     said = by_name(health.statuses(link(), 10.0 + REFUSAL_S - 0.1))["commands"]

@@ -35,7 +35,7 @@ WAIT_S = 20.0
 
 
 class PressedPlant:
-    """A plant that remembers what its valves were told."""
+    """A plant that stores the set-points of its valves."""
 
     def __init__(self) -> None:
         self.applied: list[Pressures] = []
@@ -123,7 +123,7 @@ def test_a_pulled_cable_is_a_lost_link(tmp_path: Path) -> None:
 
 
 def test_close_ends_a_read_in_another_thread(serial_board: SerialBoard) -> None:
-    """Fails when a driver that is told to stop hangs in its read."""
+    """Fails when a driver that is asked to stop hangs in its read."""
     begun = threading.Event()
     ended: list[BaseException] = []
 

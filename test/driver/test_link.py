@@ -40,7 +40,7 @@ class FailingBoard(Board):
 
 
 def test_reopens_with_growing_pauses_and_counts_on() -> None:
-    """Fails when the pause does not grow, does not end, or counters start anew."""
+    """Fails when the pause does not grow, does not end, or counters restart."""
     now = [0.0]
     tries: list[float] = []
 

@@ -1,4 +1,4 @@
-"""Calibrations and the static map from rigs: they recover what made the data, and say what data cannot tell."""
+"""Calibrations and the static map from rigs: they recover the true parameters, and report what the data cannot determine."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def test_bad_commands_are_refused_and_the_rest_goes_on(stack: Stack, client: Cli
 
 
 def test_bad_valve_commands_never_reach_a_valve(stack: Stack, client: Client) -> None:
-    """Fails when the driver takes a set-point that is no number, out of range, stale, partial or without end."""
+    """Fails when the driver takes a set-point that is NaN or infinite, out of range, stale, partial or without end."""
     stack.node("simulation")
     client.until(lambda: client.joints and client.valve_publisher.get_subscription_count() > 0)
     names = list(client.joints[-1].name)
@@ -128,7 +128,7 @@ def test_lost_sensors_vent_and_only_a_request_re_arms(stack: Stack, client: Clie
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_controller_vents_when_it_ends(stack: Stack, client: Client, number: signal.Signals) -> None:
-    """Fails when a controller that ends leaves pressure behind, says nothing, or ends with an error."""
+    """Fails when a controller that ends leaves pressure in the hand, logs nothing, or ends with an error."""
     stack.node("simulation")
     controller = stack.node("controller")
     client.controlling()

@@ -1,4 +1,4 @@
-"""The loader against ordinary decoding, and on recordings that are none."""
+"""The loader against ordinary decoding, and on files that are not recordings."""
 
 from __future__ import annotations
 

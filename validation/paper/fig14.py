@@ -12,7 +12,7 @@ from validation.paper.step_rig import RATE_HZ, draw, run_law, run_pid
 
 PID = (9.94e5, 2.82e7, 2.41e4, 1.6e-3)
 """Kp [Pa/rad], Ki [Pa/(rad s)], Kd [Pa s/rad], filter [s]: the best fixed gains on the nominal plant, found by
-differential evolution (`python -m validation.bench --only control` finds them anew)."""
+differential evolution (`python -m validation.bench --only control` finds them again)."""
 HANDS, ERROR = 10, 0.3
 
 
