@@ -116,7 +116,10 @@ class Controller:
         return self.safety.reset()
 
     def command(self, times: Times, names: Sequence[str], position: Sequence[float], effort: Sequence[float]) -> None:
-        """Follow a joint command (partial lists allowed). ValueError: the whole command is refused, one line."""
+        """Follow a joint command (partial lists allowed) of positions [rad] and efforts [N m].
+
+        Raises ValueError, one line, where the whole command is refused.
+        """
         try:
             self._accept()
             checked = check_joint_command(self.hand, names, position, effort, times.stamp_ns, times.now_ns)
@@ -140,7 +143,10 @@ class Controller:
         self.safety.command(times.host_ns)
 
     def grasp(self, grasp: Grasp, closure: float, max_torque_nm: float, host_ns: int) -> None:
-        """Begin a grasp from the present reference; a running one is preempted. ValueError: refused, one line."""
+        """Begin a grasp of a closure 0 to 1 [-] from the present reference; a running one is preempted.
+
+        Raises ValueError, one line, where it is refused.
+        """
         self._accept()
         approach = Approach(math.radians(self.settings.grasp_speed_deg_per_s), self.settings.grasp_torque_nm)
         started = Grasping(self.hand, grasp.shape(closure), max_torque_nm, self._shaper.r, approach)

@@ -347,7 +347,7 @@ def thresholded_least_squares(table: Array, target: Array, threshold: float | No
 
     Ridge regression and removal of small coefficients in turn, until none is small; then ordinary least squares on the
     columns that are left. Sequentially thresholded least squares: Brunton, Proctor and Kutz, PNAS 113(15), 2016.
-    threshold: in units of target over table; None: SETTINGS.correction_threshold.
+    threshold: [unit of target over that of table]; None: SETTINGS.correction_threshold.
     """
     threshold = SETTINGS.correction_threshold if threshold is None else threshold
     kept = np.ones(table.shape[1], dtype=bool)

@@ -75,7 +75,7 @@ def encode_set_points(set_points: SetPointPayload) -> bytes:
 
 
 def pressure_codes(pressure_pa: Array) -> NDArray[np.uint16]:
-    """Pressures [Pa] in units of 10 Pa. ValueError for NaN or infinity, which must never reach a board."""
+    """Pressures (n,) [Pa] in units of 10 Pa, (n,). ValueError for NaN or infinity, which must never reach a board."""
     if not np.isfinite(pressure_pa).all():
         raise ValueError("a set-point is not a finite number")
     return np.clip(np.rint(pressure_pa / PRESSURE_UNIT_PA), 0, 0xFFFF).astype(np.uint16)

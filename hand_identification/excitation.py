@@ -1,8 +1,8 @@
-"""Experiments: set-points that show an effect, within the joint's pressure, torque and angle limits.
+"""Experiments: set-points that excite an effect, within the joint's pressure, torque and angle limits.
 
-Each is a function of time for one joint; several joints get it with shifted phases, so that coupled ones do not move
-alike. The torque limit is kept by a pressure ceiling: a joint at rest against an obstacle gives at most Eq. 6's torque
-at its own angle, so the ceiling is taken at the angle where that torque is largest.
+Each is a function of time for one joint. Several joints run it with shifted phases, so that coupled joints move
+differently. The torque limit is kept by a pressure ceiling: a joint at rest against an obstacle gives at most Eq. 6's
+torque at its own angle, so the ceiling is taken at the angle where that torque is largest.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ EXPERIMENTS: dict[str, Shape] = {
 def set_points(
     name: str, hand: Hand, joints: Sequence[str], duration_s: float, max_pressure_pa: float, seed: int
 ) -> Array:
-    """Set-points (T, joints of the hand) [Pa] at the board's rate; joints not named stay vented.
+    """Set-points (T, joints) [Pa] of all joints of a hand at the board's rate; joints that are not named stay vented.
 
     Raises ValueError for an unknown experiment or joint, or a duration or pressure outside its range.
     """

@@ -55,7 +55,7 @@ class ForceCalibration:
 
 
 def resistance_ohm(voltage_v: Array, supply_v: float, divider_ohm: float) -> Array:
-    """R_S [ohm] behind a divider voltage, Eq. 5's U_D = U_0 R_D / (R_S + R_D); inf at 0 V."""
+    """R_S (n,) [ohm] behind divider voltages (n,), Eq. 5's U_D = U_0 R_D / (R_S + R_D); infinite at 0 V."""
     with np.errstate(divide="ignore"):
         resistance: Array = divider_ohm * (supply_v / np.asarray(voltage_v, dtype=np.float64) - 1.0)
     return resistance

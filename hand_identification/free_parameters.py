@@ -66,7 +66,7 @@ class FreeParameter:
     high: float
 
     def value(self, z: Array) -> Array:
-        """Values at coordinates z, within the bounds."""
+        """Values at coordinates z (k,), within the bounds, (k,)."""
         raw = self.centre * np.exp(self.scale * z) if self.log else self.centre + self.scale * z
         return np.asarray(np.clip(raw, self.low, self.high))
 
@@ -90,7 +90,7 @@ class FreeParameter:
 
 
 def nominal_free_parameters(nominal: Array, tolerance: float, rested: bool) -> list[FreeParameter]:
-    """Free parameters of the plain plant around its nominal parameters (rows,), each by a relative tolerance.
+    """Free parameters of the plain plant around its nominal parameters (rows,), each by a relative tolerance [-].
 
     None goes farther than FARTHEST tolerances: what needs more is no wrong number but another thing.
     """
@@ -122,7 +122,7 @@ def speed_free_parameters(speeds: Sequence[float]) -> list[FreeParameter]:
 
 
 def effect_free_parameters(effect: Effect, nominal: Array) -> list[FreeParameter]:
-    """Free parameters of an effect's own parameters and of the plain numbers that it sets free."""
+    """Free parameters of an effect's own parameters and of the nominal numbers (rows,) that it sets free."""
     free = []
     for key in effect.keys:
         row = ROW[key]
@@ -144,7 +144,7 @@ def effect_free_parameters(effect: Effect, nominal: Array) -> list[FreeParameter
 
 
 def probe_values(effect: Effect, nominal: Array) -> list[dict[int, float]]:
-    """Starting points of an effect as values by row, SI; those that change nothing are left out."""
+    """Starting points of an effect as values by row, SI; those equal to the nominal ones (rows,) are left out."""
     probes = []
     for probe in effect.probes:
         values = {}

@@ -89,7 +89,7 @@ def _piece(signals: Signals, hand: JointModel, joint: str, first_block: int) -> 
 
 
 def speed_at_start(angle_rad: Array, period_s: float) -> float:
-    """Of a recording that begins in motion [rad/s]; 0 at rest, where an estimate would be noise."""
+    """First speed [rad/s] of angles (T,) that begin in motion; 0 at rest, where an estimate would be noise."""
     count = min(round(STARTING_S / period_s) + 1, len(angle_rad))
     if count < 2 * STARTING_ORDER:
         return 0.0

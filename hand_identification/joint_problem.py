@@ -174,7 +174,7 @@ def initial_weights(period_s: float, noise: Array) -> Array:
 
 
 def block_numbers(samples: int, period_s: float, first: int) -> NDArray[np.int64]:
-    """Block of each sample of a recording, numbered from `first`; at least six blocks a recording."""
+    """Block of each sample (samples,) of a recording, numbered from `first`; at least six blocks per recording."""
     length = max(1, min(round(BLOCK_S / period_s), samples // 6))
     numbers: NDArray[np.int64] = first + np.minimum(np.arange(samples) // length, max(samples // length - 1, 0))
     return numbers

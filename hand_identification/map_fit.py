@@ -62,7 +62,7 @@ class MapFit:
 def map_fit(
     problem: JointProblem, free: Sequence[FreeParameter], start: Array, iterations: int = 12, tolerance: float = 0.02
 ) -> MapFit:
-    """Fit from start (free,). Stops when the cost falls by less than `tolerance` of a unit (or 1e-4 of itself)."""
+    """Fit from start (free,). Stops when the cost [-] falls by less than `tolerance` (or 1e-4 of itself)."""
     bounds = _bounds(free)
     here = _usable(problem, free, np.clip(start, *bounds))
     for done in range(1, iterations + 1):
@@ -101,7 +101,7 @@ def _usable(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> _
 def multi_start(
     problem: JointProblem, free: Sequence[FreeParameter], starts: Sequence[Array], first: int = 4, iterations: int = 25
 ) -> MapFit:
-    """Fit briefly from every start, then to the end from the two best: simulation error has local minima."""
+    """Fit briefly from every start (free,), then to the end from the two best: simulation error has local minima."""
     tried = sorted((map_fit(problem, free, start, first) for start in starts), key=lambda fit: fit.cost)
     ended = [map_fit(problem, free, fit.z, iterations) for fit in tried[:2]]
     return min(ended, key=lambda fit: fit.cost)

@@ -105,7 +105,7 @@ def residual_map(
 
 
 def correlation_time(residual: Array) -> float:
-    """Integrated autocorrelation time in samples, at least 1, by the first zero crossing of the autocorrelation."""
+    """Autocorrelation time of a residual (n,) in samples, at least 1, integrated to its first zero crossing."""
     centred = residual - residual.mean()
     power = np.abs(np.fft.rfft(centred, 2 * len(centred))) ** 2
     correlation = np.fft.irfft(power)[: len(centred)]

@@ -186,6 +186,6 @@ def _signals(recording: Path, table: dict[str, Array], imposed: bool, scales: Sc
 
 
 def write_machine_model(name: str, numbers: Iterable[tuple[str, float, str]], path: Path) -> None:
-    """Write the parameters found, (key, value, unit) each, as a YAML file."""
+    """Write the parameters found as a YAML file. numbers: (key, value, unit) of each, [unit] as the key names it."""
     effects = {key: {"value": value, "unit": unit} for key, value, unit in numbers}
     path.write_text(yaml_text({"machine": name, "effects": effects}), encoding="utf-8")

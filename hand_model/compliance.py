@@ -31,11 +31,11 @@ class Actuator:
     c_v: float = 1.2e-12
 
     def volume_m3(self, pressure_pa: Array | float, phi: Array | float) -> Array:
-        """V_a [m^3] at gauge pressures and angles; the map measured with Eq. 6."""
+        """V_a [m^3] at gauge pressures (n,) and angles (n,), or single ones; the map measured with Eq. 6."""
         return np.asarray(chamber_volume(pressure_pa, phi, self.v0, self.c_v, self.a2, self.a3))
 
     def torque_nm(self, pressure_pa: Array, phi: Array) -> Array:
-        """M_a [N m], Eq. 6."""
+        """M_a (n,) [N m] at gauge pressures (n,) and angles (n,), Eq. 6."""
         return np.asarray(torque(pressure_pa, phi, 0.0, self.a0, self.a1, self.a2, self.a3, 0.0))
 
 

@@ -54,7 +54,7 @@ class LaneMap:
 
 
 def map_lanes(partner: NDArray[np.int64]) -> LaneMap:
-    """Lay out joints; partner[j] is the joint coupled with j, or -1. Raises ValueError if not mutual."""
+    """Lay out joints. partner (joints,): index of the coupled joint, or -1. Raises ValueError if not mutual."""
     count = len(partner)
     block = np.zeros(count, dtype=np.int64)
     lane = np.zeros(count, dtype=np.int64)

@@ -186,13 +186,13 @@ class Adc:
         return (1 << self.bits) - 1
 
     def counts(self, voltage_v: Array) -> NDArray[np.uint16]:
-        """Quantise voltages [V]; what lies outside 0 ... reference sits at the rail."""
+        """Quantise voltages (n,) [V] as counts (n,); what lies outside 0 ... reference sits at the rail."""
         out = np.empty(np.size(voltage_v), np.uint16)
         _adc_codes(np.ascontiguousarray(voltage_v, dtype=np.float64).ravel(), self.reference_v, self.full_scale, out)
         return out.reshape(np.shape(voltage_v))
 
     def voltage_v(self, counts: NDArray[np.uint16]) -> Array:
-        """Volts from counts."""
+        """Voltages (n,) [V] from counts (n,)."""
         return counts.astype(np.float64) * (self.reference_v / self.full_scale)
 
 

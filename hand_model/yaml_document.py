@@ -84,8 +84,9 @@ def yaml_text(data: Mapping[str, Any] | Sequence[Any]) -> str:
 def number_text(value: float, resolution: float = math.nan) -> str:
     """A number rounded to a tenth of its resolution, as YAML 1.1 and 1.2 read it.
 
-    resolution: the standard deviation of the number while all others keep their values; the rounding then changes
-    no prediction noticeably. Where it is not known (NaN) or 0, DIGITS significant digits are written.
+    value, resolution: in the same unit [any].  resolution: the standard deviation of the number while all others keep
+    their values; the rounding then changes no prediction noticeably. Where it is not known (NaN) or 0, DIGITS
+    significant digits are written.
     """
     digits = DIGITS
     if value != 0.0 and resolution > 0.0 and math.isfinite(resolution):

@@ -60,7 +60,7 @@ class Section:
         return default
 
     def number(self, key: str, low: float, high: float, default: float | None = None) -> float:
-        """A finite number in low ... high, both included."""
+        """A finite number in low ... high, both included, in the unit of the key [as its name says]."""
         allowed = f"a number from {low:g} to {high:g}"
         value = self.raw(key, allowed, default)
         if isinstance(value, bool) or not isinstance(value, int | float):

@@ -53,7 +53,7 @@ Wanted = Callable[[RawTopic], bool]
 
 
 def padded(parts: Iterable[bytes]) -> NDArray[np.uint8]:
-    """The concatenated parts, followed by the spare bytes."""
+    """The concatenated parts, followed by the spare bytes, (bytes,)."""
     return np.frombuffer(b"".join([*parts, bytes(SPARE)]), np.uint8)
 
 

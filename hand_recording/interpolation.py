@@ -16,8 +16,8 @@ Times = NDArray[Any]
 def interpolate(times: Times, stamps: Times, values: Array, max_gap: float) -> Array:
     """Values at rising `stamps` (N,), (N,) or (N, J), linearly at `times` (T,): (T,) or (T, J).
 
-    NaN before the first stamp, behind the last, and between stamps that are farther apart than max_gap (in the unit
-    of the times). A time that equals a stamp gets that very sample, also beside a NaN or a gap.
+    NaN before the first stamp, behind the last, and between stamps that are farther apart than max_gap [unit
+    of the times]. A time that equals a stamp gets that very sample, also beside a NaN or a gap.
     """
     if not len(stamps):
         return np.full((len(times), *values.shape[1:]), np.nan)

@@ -74,7 +74,7 @@ def simulate_recording(hand: Hand, set_point_pa: Array, start_ns: int = START_NS
 
 
 def record_offline(hand: Hand, set_point_pa: Array, out: Path, seed: int, storage: str = "mcap") -> Iterator[float]:
-    """Write the recording of simulate_recording, sensor noise drawn from the seed; yields the share done, 0 ... 1."""
+    """Write simulate_recording's recording of set-points (T, joints) [Pa]; yields the share done, 0 to 1."""
     yield from write_replay(simulate_recording(hand, set_point_pa), out, storage, seed)
 
 

@@ -117,7 +117,7 @@ def without_noise(values: Array, period_s: float, noise: float) -> tuple[Array, 
 
     The noise of a model's input would otherwise appear as an error of the model. The filter fits quadratics by least
     squares (Savitzky and Golay 1964), without lag, over the window with the lowest cross-validation error.
-    noise: standard deviation of the white noise, see white_noise.
+    noise: standard deviation of the white noise [unit of the values], see white_noise.
     """
     span = smoothing_span(values, period_s, noise)
     if span == 1:

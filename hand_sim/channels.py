@@ -77,7 +77,7 @@ def contact_rows(hand: Hand) -> Array:
 
 
 def contact_force_n(hand: Hand, state: Array) -> Array:
-    """Normal force [N] (..., sites) on the pads from states (..., STATES, joints); sites on no joint feel nothing."""
+    """Normal force [N] (T, sites) on the pads from states (T, STATES, joints), or of one state; 0 off joints."""
     states = np.ascontiguousarray(state).reshape(-1, *state.shape[-2:])
     force = np.empty((len(states), len(hand.sensors.sites)))
     _contact_forces(states, contact_rows(hand), hand.sensors.site_joint, hand.sensors.lever_arm_m, force)

@@ -209,7 +209,7 @@ def compose(effects: tuple[Effect, ...]) -> Hooks:
 def active_effects(parameters: NDArray[np.float64]) -> tuple[Effect, ...]:
     """Effects with an own parameter that differs from its neutral value at any joint, in the catalogue's order.
 
-    parameters: (rows of JOINT_PARAMETERS, ...) in SI. The other effects are identities and need not be compiled in.
+    parameters: (rows of JOINT_PARAMETERS, joints) in SI. The other effects are identities and need not be compiled in.
     """
     return tuple(
         effect
