@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from validation.paper.result import Reproduction
 
 NAMES = ("table1", "fig06", "fig07", "fig08", "fig09", "fig10", "fig13", "fig14", "prony")
-"""The figures and tables of validation.paper.catalogue, for the help text; a test compares them."""
+"""The figures and tables of validation.paper.result, for the help text; a test compares them."""
 WORKERS = 2
 
 
@@ -73,8 +73,8 @@ def _run_one(name: str, seed: int) -> tuple[Reproduction, bytes]:
 
 
 def _reproduced(name: str, seed: int, progress: Callable[[float], None]) -> tuple[Reproduction, bytes]:
-    from validation.paper.catalogue import reproduce as run
     from validation.paper.page import png
+    from validation.paper.result import reproduce as run
 
     result = run(name, seed, progress)
     return result, png(result)

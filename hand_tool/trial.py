@@ -62,7 +62,7 @@ def make(
         key = new_key()
         master = secrets.randbits(31) if seed is None else seed
         with _bar("cases") as advance:
-            promised = make_trial(out, chosen.path, cases, master, key, jobs, advance)
+            promised = make_trial(out, chosen.path, cases, master, key, jobs=jobs, progress=advance)
         outputs.complete(out / "recordings", out / "plan.json")
     print(f"commitment {promised}")
     print(f"key {key.decode()}")
@@ -134,7 +134,7 @@ def score(
 
 def _score_lines(result: dict[str, Any], reached: dict[str, bool | None]) -> list[str]:
     """One line per score: its value, its interval, its count and its goal."""
-    from validation.trial.score import GOALS, SAYS
+    from validation.trial.score import GOALS, LABELS
 
     lines = [f"seed {result['seed']}, commitment {result['commitment']} kept, {result['recordings']} recordings"]
     for name, figure in result["scores"].items():
@@ -144,7 +144,7 @@ def _score_lines(result: dict[str, Any], reached: dict[str, bool | None]) -> lis
         interval = f" ({figure['low']:.1%} to {figure['high']:.1%})" if "low" in figure else ""
         verdict = {True: "reached", False: "NOT reached", None: ""}[reached[name]]
         wanted = f"  goal {sign} {goal:.0%} {verdict}" if sign else ""
-        title = SAYS.get(name, "expected calibration error")
+        title = LABELS[name]
         lines.append(f"{title:45s} {figure['value']:.1%}{interval} of {figure['count']}{wanted}")
     return lines
 

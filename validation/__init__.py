@@ -1,1 +1,1 @@
-"""What proves the rest and no robot needs: the blind trial, the paper's figures, the magnet's design, benches."""
+"""Proofs that a robot does not need: the blind trial, the figures of the paper, the design of the magnet, benches."""

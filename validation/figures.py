@@ -142,8 +142,8 @@ def draw_paper() -> list[dict[str, Any]]:
     """Reproduce every figure of the paper; writes docs/figures/fig14.png and returns all quantities."""
     from dataclasses import asdict  # noqa: PLC0415 - only here
 
-    from validation.paper.catalogue import IDS, reproduce  # noqa: PLC0415 - matplotlib and finite elements are slow to load
     from validation.paper.page import png  # noqa: PLC0415 - as above
+    from validation.paper.result import IDS, reproduce  # noqa: PLC0415 - matplotlib and finite elements are slow to load
 
     quantities = []
     for name in IDS:

@@ -27,7 +27,7 @@ from hand_tool import excite, magnet, new_effect, reproduce
 from hand_tool.cli import app
 from hand_tool.version import version
 from validation.magnet.contour import METHODS
-from validation.paper.catalogue import IDS
+from validation.paper.result import IDS
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "config" / "hand.yaml"

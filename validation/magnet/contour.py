@@ -1,4 +1,4 @@
-"""The magnet's contour as Eq. 4, and its optimisation for linearity: the paper's genetic algorithm beside CMA-ES.
+"""The magnet's contour as Eq. 4, and its optimisation for linearity: the genetic algorithm of the paper, and CMA-ES.
 
 Genes stand every 10 degrees over the half circle and are mirrored, evaluated every degree. The goal is the largest
 and the RMS position error of the straight line through the ends of -90 ... 90 degrees of the magnet angle.
@@ -69,7 +69,10 @@ class Optimum:
 
 
 def optimise(method: str, budget: int, seed: int, progress: Progress) -> Optimum:
-    """Search with so many evaluations. progress is told each one. ValueError for a method that is not known."""
+    """Search with `budget` field evaluations. progress is called with 1 after each.
+
+    ValueError for an unknown method.
+    """
     if method not in METHODS:
         raise ValueError(f"method is {method!r}; it must be one of {', '.join(METHODS)}")
     seen: list[tuple[float, Array]] = []
@@ -87,7 +90,7 @@ def optimise(method: str, budget: int, seed: int, progress: Progress) -> Optimum
 
 
 def _genetic(evaluate: Callable[[Array], float], budget: int, seed: int) -> None:
-    """Steady state: two parents by tournament give one child, which replaces the worst if it is better."""
+    """Steady state: two parents chosen by tournament give a child, which replaces the worst contour if it is better."""
     rng = np.random.default_rng(seed)
     random.seed(seed)  # DEAP draws from Python's generator
     if not hasattr(creator, "LeastError"):
@@ -95,8 +98,8 @@ def _genetic(evaluate: Callable[[Array], float], budget: int, seed: int) -> None
         creator.create("Contour", list, fitness=creator.LeastError)
     population = [creator.Contour(rng.uniform(0.0, 0.5 * HIGHEST_GENE_M, GENES)) for _ in range(POPULATION)]
     population = population[: max(2, budget)]
-    for one in population:
-        one.fitness.values = (evaluate(np.array(one)),)
+    for contour in population:
+        contour.fitness.values = (evaluate(np.array(contour)),)
     for _ in range(budget - len(population)):
         parents = tools.selTournament(population, 2, tournsize=min(TOURNAMENT, len(population)))
         child = creator.Contour(parents[0])

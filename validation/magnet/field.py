@@ -6,7 +6,7 @@ Without currents H = -grad psi and B = mu0 (H + M), so that psi solves
 
 The outer circle carries the condition of a decaying dipole, psi ~ 1/r, which is exact for the leading term. The magnet
 is symmetric about the x axis and magnetised along y, so psi is odd in y and the upper half plane suffices. The mesh is
-a tensor grid of angle and layer, bent so that its lines follow the contour; one line is the sensor's circle.
+a tensor grid of angle and layer, bent so that its lines follow the contour; one of them is the circle of the sensor.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Magnet:
 def radial_field(magnet: Magnet, elements: int = 60) -> tuple[Array, Array]:
     """B_n [T] on the sensor's circle at angles 0 ... pi: (angles (n,), field (n,)); odd about 0.
 
-    elements: over the half circle; the error of B_n falls with their square, see docs/hall.md.
+    elements: over the half circle; the error of B_n falls with their square, see docs/paper.md.
     """
     span = 0.5 * magnet.span_rad
     edges = np.linspace(0.0, np.pi, elements + 1)

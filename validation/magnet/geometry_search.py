@@ -35,7 +35,7 @@ def half_ring(inner_m: float, gap_m: float) -> Magnet:
 
 
 def search(progress: Callable[[int], None]) -> list[Fit]:
-    """For each hole the gap that comes closest; the best first. progress is told each hole."""
+    """The gap with the closest result for each hole, the best first. progress is called with 1 after each hole."""
     fits = []
     for inner in INNER_M:
 

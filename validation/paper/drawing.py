@@ -1,4 +1,4 @@
-"""How figures look: size, colours, no window."""
+"""The style of the figures: size and colours; no window is opened."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ INK, BLUE, RED, GREEN, GREY = "#1a1a1a", "#1f6f9f", "#c0392b", "#2e8b57", "#8888
 def panels(
     rows: int = 1, columns: int = 1, width: float = 8.0, height: float = 3.6, **options: Any
 ) -> tuple[Figure, Any]:
-    """A figure without a window and its axes."""
+    """A figure of width and height [inch] without a window, and its axes."""
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(rows, columns, **options)

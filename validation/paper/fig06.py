@@ -29,26 +29,32 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
 
     found = [optimise(method, BUDGET, seed, step) for method in METHODS]
     quantities = []
-    for one in found:
-        angle, field = radial_field(magnet_of(one.genes_m))
+    for optimum in found:
+        angle, field = radial_field(magnet_of(optimum.genes_m))
         error = float(np.abs(position_error_deg(angle, field)[1]).max())
         quantities.append(
             Quantity(
-                f"fig06_error_{one.method}", f"largest position error, {NAMES[one.method]}", "deg", LIMIT_DEG, error
+                f"fig06_error_{optimum.method}",
+                f"largest position error, {NAMES[optimum.method]}",
+                "deg",
+                LIMIT_DEG,
+                error,
             )
         )
         wide = joint_nonlinearity(angle, field)[1]
-        label = f"nonlinearity -10 to 100 degrees, {NAMES[one.method]}"
-        quantities.append(Quantity(f"fig06_nonlinearity_{one.method}", label, "%", None, wide, "round ring: 0.039 %"))
+        label = f"nonlinearity -10 to 100 degrees, {NAMES[optimum.method]}"
+        quantities.append(
+            Quantity(f"fig06_nonlinearity_{optimum.method}", label, "%", None, wide, "round ring: 0.039 %")
+        )
     errors = [q.ours for q in quantities[::2]]
     return Reproduction(
         "fig06",
         "Figure 6: a contour that makes the field straight",
         "With the optimised contour the position error stays within 0.5 degree over -90 to 90 degrees of the magnet.",
         f"On {BUDGET} field evaluations each, the genetic algorithm ends at {errors[0]:.2f} and CMA-ES at"
-        f" {errors[1]:.2f} degree; the round ring errs by {_ring_error():.0f} degrees.",
-        "Hole, sensor distance and the width of Eq. 4's bumps are not printed in the paper; ours are stated in"
-        " docs/hall.md. More evaluations lower the error further (`hand magnet --budget`).",
+        f" {errors[1]:.2f} degree; the error of the round ring is {_ring_error():.0f} degrees.",
+        "Hole, sensor distance and the width of the terms of Eq. 4 are not printed in the paper; this code's are in"
+        " docs/paper.md. More evaluations lower the error further (`hand magnet --budget`).",
         draw(found),
         tuple(quantities),
     )
@@ -82,8 +88,8 @@ def draw(found: Sequence[Optimum]) -> Figure:
     error_axis.set(
         xlabel="magnet angle [deg]", ylabel="error [deg]", title="error of the two-point line; grey: the paper's bound"
     )
-    for one in found:
-        history.semilogy(one.history_deg, color=COLOURS[one.method])
+    for optimum in found:
+        history.semilogy(optimum.history_deg, color=COLOURS[optimum.method])
     history.set(xlabel="field evaluations", ylabel="best cost [deg]", title="search")
     return figure
 

@@ -18,7 +18,7 @@ NOISE = 0.02
 
 
 def rig(seed: int, samples: int = 120) -> tuple[Array, Array, Array]:
-    """A lab scale against a sensor on paper's range: force [N], resistance [ohm], divider voltage [V]."""
+    """A laboratory scale and a sensor over the range of the paper: force [N], resistance [ohm], divider voltage [V]."""
     rng = np.random.default_rng(seed)
     force = np.geomspace(0.1, 100.0, samples)
     log_force = np.log10(force)
@@ -52,7 +52,7 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
         "fig07",
         "Figure 7: resistance of the force sensor over force",
         "The resistance falls from 10^6 to 10^4 ohm while the force rises from 0.1 to 100 N, nearly straight.",
-        f"Ours falls from {low:.2g} to {high:.2g} ohm; the cubic leaves {found.relative_rms:.1%} of the force, the"
+        f"It falls from {low:.2g} to {high:.2g} ohm; the cubic leaves {found.relative_rms:.1%} of the force, the"
         f" straight line {float(np.sqrt(np.mean((line_force / force - 1.0) ** 2))):.1%}.",
         "The samples are simulated: the paper's are printed as a curve only. 2 % scatter of the resistance is assumed,"
         " which is 3 % of the force by Eq. 5's slope.",

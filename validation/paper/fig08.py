@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from hand_model.sensors import fsr_ratio
 from validation.paper.drawing import BLUE, RED, panels
-from validation.paper.fig07 import DIVIDER_OHM, SUPPLY_V, calibration, fsr_resistance
+from validation.paper.fig07 import C0, C1, DIVIDER_OHM, SUPPLY_V, calibration
 from validation.paper.result import Progress, Quantity, Reproduction
 
 
 def reproduce(seed: int, progress: Progress) -> Reproduction:
     """The divider's voltage over 0 ... 15 N and its slope."""
     force = np.linspace(0.1, 15.0, 300)
-    voltage = np.array([SUPPLY_V * DIVIDER_OHM / (float(fsr_resistance(f)) + DIVIDER_OHM) for f in force])
+    voltage = np.array([SUPPLY_V * float(fsr_ratio(f, C0, C1, DIVIDER_OHM, 0.0)) for f in force])
     slope = calibration(seed).sensitivity_v_per_n(force)
     progress(1.0)
     figure, (left, right) = panels(1, 2, 9.0, 3.4)
@@ -25,7 +26,7 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
         "fig08",
         "Figure 8: the divider's voltage over force",
         "The voltage rises from 0 to 3 V between 0 and 15 N, steeply up to 5 N.",
-        f"Ours reaches {voltage[-1]:.2f} V at 15 N and does {share:.0%} of its rise up to 5 N.",
+        f"This code reaches {voltage[-1]:.2f} V at 15 N and {share:.0%} of its rise up to 5 N.",
         "",
         figure,
         (

@@ -7,6 +7,7 @@ import numpy as np
 from hand_identification.static_map import TERMS, StaticMap, identify_statics, identify_volume
 from hand_model.arrays import Array
 from hand_model.compliance import Actuator
+from hand_model.statics import chamber_volume
 from validation.paper.drawing import panels
 from validation.paper.result import Progress, Quantity, Reproduction
 
@@ -39,7 +40,9 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
         )
         left.plot(np.degrees(phi[near]), torque[near], ".", ms=2, color=curve.get_color())
         v = work.values
-        right.plot(np.degrees(line), 1e6 * (v[0] + v[1] * level + (v[2] + v[3] * line) * line), color=curve.get_color())
+        right.plot(
+            np.degrees(line), 1e6 * chamber_volume(level, line, v[0], v[1], v[2], 2.0 * v[3]), color=curve.get_color()
+        )
     left.set(xlabel="angle [deg]", ylabel="torque [N m]")
     left.legend(frameon=False, fontsize=7, ncols=2)
     right.set(xlabel="angle [deg]", ylabel="volume [cm^3]")

@@ -1,6 +1,6 @@
-"""Joints closing on a rigid obstacle at an angle of its own under a torque limit: what they really hold.
+"""Joints that close on a rigid obstacle under a torque limit: the torque they hold, and when contact is reported.
 
-The controller's model is each plant's own within the error an identification leaves; the obstacle stands anywhere.
+The controller's model of each plant has the errors that an identification leaves; the obstacle is at a random angle.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ SPEED_RAD_S = float(np.radians(90.0))
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """What happened to each joint, (joints,): torques [N m], times [s]; NaN where there is none.
+    """The result of each joint, (joints,): torques [N m], times [s]; NaN where an event did not happen.
 
-    limit, held (mean of the last second), peak: true actuator torque.  met: when the obstacle was first pressed.
-    by_model, by_force: when contact was reported.  false_model, false_force: reports before it was there.
-    able: the supply suffices for the limit.
+    limit, held (mean of the last second), peak: true actuator torque.  met: time of the first contact.  by_model,
+    by_force: time of the report.  false_model, false_force: the report came before the contact.  able: the supply
+    suffices for the limit.
     """
 
     limit: Array
@@ -48,7 +48,7 @@ class Trial:
 
 
 def identified(hand: Hand, plants: Array, settings: Settings, error: float, rng: np.random.Generator) -> Array:
-    """Gains (rows, hands * joints): each joint's own constants, every one off by up to a share `error`."""
+    """Gains (rows, hands * joints): each joint's own constants with relative errors of at most `error`."""
     hands, joints = plants.shape[0], plants.shape[2]
     g = many_gains(hand, settings, hands)
     for name, key in zip(("a0", "a1", "a2", "a3", "inertia", "viscous"), DRAWN, strict=True):

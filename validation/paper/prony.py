@@ -7,6 +7,7 @@ import numpy as np
 from hand_model.arrays import Array, Flags
 from hand_model.kernel.rows import ROW
 from hand_model.prony import Prony, fit_prony
+from hand_model.statics import torque
 from validation.paper.creep_rig import PERIOD_S, description, problem
 from validation.paper.drawing import BLUE, GREY, RED, panels
 from validation.paper.result import Progress, Quantity, Reproduction
@@ -14,10 +15,11 @@ from validation.paper.result import Progress, Quantity, Reproduction
 TERMS = (1, 2, 3, 4, 6, 8)
 SHORTEST_S, LONGEST_S = 8.0, 100.0
 TRAIN_SHARE = 0.65
+STATIC_KEYS = ("a0_nm", "a1_nm_per_rad", "a2_nm_per_pa", "a3_nm_per_pa_rad")
 
 
 def reproduce(seed: int, progress: Progress) -> Reproduction:
-    """The rest-angle shift that the recording implies by Eq. 6, as a sum of lags of the pressure and as three zones."""
+    """The shift of the rest angle by Eq. 6, as a sum of first-order lags of the pressure and as the three-zone law."""
     task = problem(description(), seed)
     segment, nominal = task.segments[0], task.nominal
     shift = _shift_rad(nominal, segment.pressure_pa, segment.angle_rad)
@@ -45,21 +47,21 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
     left.legend(frameon=False, fontsize=7)
     right.plot(TERMS, errors, "o-", color=RED, label="spectrum")
     right.axhline(zone_error, color=BLUE, label="three zones")
-    right.set(xlabel="terms of Eq. 10", ylabel="error on held-out part [deg]", ylim=(0, None))
+    right.set(xlabel="terms of Eq. 10", ylabel="error on test data [deg]", ylim=(0, None))
     right.legend(frameon=False)
     return Reproduction(
         "prony",
         "Equation 10: a continuous spectrum instead of three zones",
         "The paper gives the continuous retardation spectrum as the general form and uses three zones instead.",
-        f"On held-out data the three zones err by {zone_error:.2f} degree, the best spectrum ({TERMS[best]} terms) by"
-        f" {errors[best]:.2f}.",
-        "The recording was made with the three-zone law, which holds its shape where a linear spectrum must relax;"
-        " on a linear material the spectrum would win.",
+        f"On test data the error of the three zones is {zone_error:.2f} degree, that of the best spectrum"
+        f" ({TERMS[best]} terms) {errors[best]:.2f}.",
+        "The recording is simulated with the three-zone law, which keeps its shape where a linear spectrum relaxes;"
+        " on a linear material the spectrum would have the smaller error.",
         figure,
         (
-            Quantity("prony_zones", "held-out error, three zones", "deg", None, zone_error),
+            Quantity("prony_zones", "error on test data, three zones", "deg", None, zone_error),
             *(
-                Quantity(f"prony_{n}", f"held-out error, {n} terms", "deg", None, e)
+                Quantity(f"prony_{n}", f"error on test data, {n} terms", "deg", None, e)
                 for n, e in zip(TERMS, errors, strict=True)
             ),
         ),
@@ -72,14 +74,14 @@ def _fit(pressure_pa: Array, shift: Array, terms: int, train: Flags) -> Prony:
 
 
 def _shift_rad(nominal: Array, pressure_pa: Array, angle_rad: Array) -> Array:
-    """A phi_max of Eq. 11 that balances torque at rest."""
-    a0, a1, a2, a3 = nominal[ROW["statics.a0_nm"] : ROW["statics.a3_nm_per_pa_rad"] + 1]
-    shift: Array = (a0 + a1 * angle_rad + (a2 + a3 * angle_rad) * pressure_pa) / a1
+    """The product A phi_max (T,) [rad] of Eq. 11 for which the torque at rest is zero."""
+    a0, a1, a2, a3 = (float(nominal[ROW[f"statics.{key}"]]) for key in STATIC_KEYS)
+    shift: Array = torque(pressure_pa, angle_rad, 0.0, a0, a1, a2, a3, 0.0) / a1
     return shift
 
 
 def _settled(held: Array) -> Flags:
-    """Samples a second or more after a step, where the joint rests."""
+    """Samples (T,) a second or more after a step, where the joint is at rest."""
     last = np.zeros(len(held), dtype=int)
     changes = np.flatnonzero(np.diff(held, prepend=held[0] + 1.0) != 0.0)
     last[changes] = changes
@@ -89,7 +91,7 @@ def _settled(held: Array) -> Flags:
 
 
 def _three_zones(nominal: Array, pressure_pa: Array) -> Array:
-    """Creeping ratio (T,) by Eq. 12 from rest."""
+    """Creeping ratio (T,) by Eq. 12 from the relaxed state; explicit Euler at the sample period."""
     from hand_model.material import creep_rate  # noqa: PLC0415 - compiled on first use
 
     keys = ("p_min_pa", "b1_per_pa", "extension_time_s", "b0_per_pa", "recovery_time_s")

@@ -1,19 +1,22 @@
-"""What the reproduction of one figure or table of the paper gives: a picture, sentences, numbers."""
+"""The reproduction of a figure or table of the paper: its picture, sentences and numbers, and how to run it."""
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
 Progress = Callable[[float], None]
-"""Told the share done, 0 ... 1."""
+"""Called with the share done, 0 ... 1."""
+IDS = ("table1", "fig06", "fig07", "fig08", "fig09", "fig10", "fig13", "fig14", "prony")
+"""Every figure and table that is reproduced, by its name on the command line."""
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """One number of the paper beside ours; paper is None where the paper gives none."""
+    """A number of this code and the paper's; paper is None where the paper prints none."""
 
     id: str
     quantity: str
@@ -25,10 +28,10 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Reproduction:
-    """One figure or table.
+    """A figure or table.
 
-    id: its name on the command line, "fig13".  shows: a sentence, what the paper shows.  gets: a sentence, what
-    we get, with its numbers.  differs: where the two differ and why, empty where they agree.
+    id: its name on the command line, such as "fig13".  shows: what the paper shows.  gets: the result of this code,
+    with its numbers.  differs: where the two differ and why; empty where they agree.
     """
 
     id: str
@@ -38,3 +41,11 @@ class Reproduction:
     differs: str
     figure: Figure
     quantities: tuple[Quantity, ...]
+
+
+def reproduce(name: str, seed: int, progress: Progress) -> Reproduction:
+    """Run one of IDS. ValueError for another name."""
+    if name not in IDS:
+        raise ValueError(f"--only is {name!r}; it must be one of {', '.join(IDS)}")
+    run: Callable[[int, Progress], Reproduction] = importlib.import_module(f"validation.paper.{name}").reproduce
+    return run(seed, progress)

@@ -1,8 +1,8 @@
-"""Fig. 14's protocol on many plants at once: steps between 30 and 80 degrees over 30 s, under the law or a plain PID.
+"""The protocol of Fig. 14 on many plants at once: steps between 30 and 80 degrees over 30 s, under the law or a PID.
 
-The plants differ from the model by a share of a0 ... a3, J and d each, creep is on, and both controllers see the same
-noise. Both follow the same reference, the steps through the reference filter that the controller has; errors against
-the bare steps are reported beside it.
+The plants differ from the model in each of a0 ... a3, J and d, creep is on, and both controllers get the same noise and
+the same reference: the steps after the reference filter of the controller. Errors are given against the reference and
+against the unfiltered steps.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from hand_control.tuning import gains
 from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
+from hand_model.statics import pressure_for_torque
 from hand_sim.plant import PHI, HandPlants, P
 
 RATE_HZ, DURATION_S, HOLD_S, SETTLE_S = 200.0, 30.0, 3.0, 3.0
@@ -35,7 +36,7 @@ DRAWN = (
     "dynamics.viscous_friction_nm_s_per_rad",
 )
 REACH_PA = 5.0e5
-"""A plant that needs more than this to hold 80 degrees at rest has no supply left to move there, and is redrawn."""
+"""A plant that needs more pressure to hold 80 degrees at rest is redrawn: it has no supply left to move there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,17 +49,17 @@ class Run:
 
     @property
     def rms_deg(self) -> Array:
-        """RMS error against the reference, (joints,)."""
+        """RMS error against the reference, (joints,) [deg]."""
         return _rms_deg(self.angle, self.reference[0])
 
     @property
     def rms_step_deg(self) -> Array:
-        """RMS error against the bare steps, (joints,)."""
+        """RMS error against the unfiltered steps, (joints,) [deg]."""
         return _rms_deg(self.angle, steps())
 
     @property
     def travel_pa(self) -> Array:
-        """Sum of |change of the command|, (joints,)."""
+        """Sum of the absolute changes of the command, (joints,) [Pa]."""
         travel: Array = np.abs(np.diff(self.command, axis=0)).sum(axis=0)
         return travel
 
@@ -76,7 +77,7 @@ class Run:
 
 
 def steps() -> Array:
-    """The bare steps (samples,) [rad]."""
+    """The unfiltered steps (samples,) [rad]."""
     tick = np.arange(round(DURATION_S * RATE_HZ))
     return np.where((tick / (HOLD_S * RATE_HZ)).astype(int) % 2 == 1, HIGH_RAD, LOW_RAD)
 
@@ -93,7 +94,7 @@ def reference(settings: Settings) -> Array:
 
 
 def draw(hand: Hand, hands: int, error: float, rng: np.random.Generator) -> Array:
-    """Parameters (hands, rows, joints), each of DRAWN off by up to a share `error`, evenly."""
+    """Parameters (hands, rows, joints); each of DRAWN has a uniformly distributed relative error of at most `error`."""
     parameters = np.repeat(hand.parameters[None], hands, axis=0)
     todo = np.ones((hands, len(hand.joints)), dtype=np.bool_)
     while todo.any():
@@ -101,8 +102,8 @@ def draw(hand: Hand, hands: int, error: float, rng: np.random.Generator) -> Arra
             factor = rng.uniform(1.0 - error, 1.0 + error, todo.shape)
             parameters[:, ROW[key]] = np.where(todo, hand.row(key) * factor, parameters[:, ROW[key]])
         a0, a1, a2, a3 = (parameters[:, ROW[key]] for key in DRAWN[:4])
-        leverage = np.maximum(a2 + a3 * HIGH_RAD, 1e-12)
-        todo = -(a0 + a1 * HIGH_RAD) / leverage > REACH_PA
+        needed_pa = pressure_for_torque(0.0, HIGH_RAD, 0.0, a0, a1, a2, a3, 0.0)
+        todo = (needed_pa > REACH_PA) | (a2 + a3 * HIGH_RAD <= 0.0)
     return parameters
 
 

@@ -1,4 +1,4 @@
-"""The array types of the trial, which shares no code with the packages that it tries."""
+"""The array types of the trial, which shares no code with the packages that it tests."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-"""Numbers; shape and unit stand where it is used."""
+"""Real numbers; shape and unit are documented at each use."""
 Flags = NDArray[np.bool_]
-"""Truth values; shape and meaning stand where it is used."""
+"""Boolean values; shape and meaning are documented at each use."""

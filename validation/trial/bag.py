@@ -1,4 +1,7 @@
-"""Ordinary recordings: rosbag2 MCAP with the hand's ordinary messages, by a library that the tool does not use."""
+"""Recordings of the trial as rosbag2 MCAP with the messages of the hand, written by rosbags.
+
+`hand record` uses another writer, so the diagnosis reads files that its own package did not write.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,7 @@ def _definitions() -> Path:
         installed = sorted(folder.glob("*/share/hand_msgs/msg"))
         if installed:
             return installed[0]
-    raise FileNotFoundError("hand_msgs/msg: the message definitions are not there")
+    raise FileNotFoundError("hand_msgs/msg: the message definitions are missing")
 
 
 def _store() -> Any:
@@ -42,11 +45,17 @@ def write_bag(
     readings: Array,
     u: Array,
     frame_s: float,
+    *,
     site: tuple[int, str] | None,
     kept: Flags,
     pressure_late_s: float,
 ) -> None:
-    """readings (4, frames, joints), u (frames, joints) [Pa]; frames that are not kept are lost; one .mcap file."""
+    """Write one .mcap file.
+
+    readings: (4, frames, joints) of pressure [Pa], angle [rad], speed [rad/s], force [N].  u: set-points (frames,
+    joints) [Pa].  site: column and name of a force sensor, None for none.  kept: (frames,), False for lost frames.
+    pressure_late_s: offset of the pressures' stamps.  FileNotFoundError: no message definitions.
+    """
     store = _store()
     header, stamp = store.types["std_msgs/msg/Header"], store.types["builtin_interfaces/msg/Time"]
     duration = store.types["builtin_interfaces/msg/Duration"]

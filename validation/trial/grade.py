@@ -1,4 +1,4 @@
-"""One case graded: what the report says against what was concealed."""
+"""The grade of one case: the report compared with what was concealed."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ FLOORS = 1.25
 
 @dataclass(slots=True)
 class Grade:
-    """What is known of one case; None where the question does not arise.
+    """The result of one case; None where a question does not apply to it.
 
-    claims: (probability, right) of each joint's leading finding.  called: what stands first for the truth's joint.
+    claims: probability of the first finding of each joint, and whether it is right.  called: effect of the first
+    finding.  parameters: key and relative error of each parameter that can be compared.
     """
 
     number: int
@@ -36,7 +37,7 @@ class Grade:
 
 
 def grade(case: dict[str, Any], report: dict[str, Any]) -> Grade:
-    """Grade a case by its truth. An effect of the truth's group stands for it: the recording cannot tell them apart."""
+    """Grade a case. Any effect of the truth's isolability class counts as right: the data cannot separate them."""
     truths, findings = case["truth"], report["findings"]
     kind = case["kind"] if truths else "null"
     lead: dict[str, Any] = truths[0] if truths else {"effect": "nothing", "multiple": 0.0}
@@ -63,7 +64,7 @@ def grade(case: dict[str, Any], report: dict[str, Any]) -> Grade:
 
 
 def _grade_unknown(done: Grade, truth: dict[str, Any], findings: list[dict[str, Any]], without: str) -> Grade:
-    """Right: unknown, on its joint. A deleted effect may be named by another of its group."""
+    """`unknown` on the right joint is right; so is another effect of a deleted effect's isolability class."""
     stands_in = set(truth["group"]) - {without}
     done.unknown_found = any(
         _joint(f, truth) and (f["effect"] == "unknown" or f["effect"] in stands_in) for f in findings
@@ -92,7 +93,7 @@ def _among_two(findings: list[dict[str, Any]], truth: dict[str, Any], most: int)
 
 
 def _claims(truths: list[dict[str, Any]], findings: list[dict[str, Any]], without: str) -> list[tuple[float, bool]]:
-    """Of each joint's first finding: its probability, and whether it is right."""
+    """Probability of the first finding of each joint, and whether it is right."""
     claims, seen = [], set()
     for finding in findings:
         if finding["joint"] in seen:
@@ -106,7 +107,7 @@ def _claims(truths: list[dict[str, Any]], findings: list[dict[str, Any]], withou
 
 
 def _clean(report: dict[str, Any], truths: list[dict[str, Any]]) -> bool | None:
-    """Whether held-out errors of the truths' joints came down to FLOORS noise floors."""
+    """Whether the validation errors of the joints with an effect are at most FLOORS noise floors."""
     joints = {t["joint"] for t in truths}
     fits = [f for f in report["fit"] if f["split"] == "held_out" and (f["joint"] in joints or None in joints)]
     if not fits:
@@ -115,15 +116,15 @@ def _clean(report: dict[str, Any], truths: list[dict[str, Any]]) -> bool | None:
 
 
 def _parameter(findings: list[dict[str, Any]], truth: dict[str, Any]) -> list[tuple[str, float]]:
-    """Relative error of the number that both forms have, where the effect was named."""
+    """Relative error of the parameter that both equations have, where the effect was named."""
     number = truth["number"]
     if number is None:
         return []
     for finding in findings:
         if finding["effect"] == truth["effect"] and _joint(finding, truth):
-            told = finding["parameters"].get(number["key"])
-            if told is not None:
-                return [(number["key"], abs(float(told["value"]) * _unit(number["key"]) / number["value"] - 1.0))]
+            reported = finding["parameters"].get(number["key"])
+            if reported is not None:
+                return [(number["key"], abs(float(reported["value"]) * _unit(number["key"]) / number["value"] - 1.0))]
     return []
 
 

@@ -1,4 +1,4 @@
-"""Draw cases, simulate and record them, seal what was concealed."""
+"""Draw the cases of a trial, simulate and record them, and seal what was concealed."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ from validation.trial.catalogue import BY_NAME, FOREIGN, KNOWN, Concealed
 from validation.trial.limits import CLOCK_S, KNOWN_WALL, OFF, inseparable, limit_size, scene, switch_on
 from validation.trial.motions import EXPERIMENTS, set_points
 from validation.trial.nominal import UNCERTAIN, Nominal
-from validation.trial.plant import record
-from validation.trial.rows import ROW
+from validation.trial.plant import ROW, record
 from validation.trial.seal import seal
 
 FRAME_S, DURATION_S = 0.01, 30.0
@@ -31,17 +30,19 @@ WALL = {
     "damping_nm_s_per_rad": 0.0,
     "engagement_deg": 1.0,
 }
-"""The known obstacle as the description says it."""
+"""The known obstacle, as the description of the hand has it."""
 TRIES = 6
 MOVING = (4, 7)
-"""Of the eleven joints, how many move in a recording; the others rest vented."""
+"""Least and largest number of joints that move in a recording; the others stay vented."""
 
 
 @dataclass(slots=True)
 class Case:
-    """One recording. kind: null, single, pair, outside, deleted.  effects: (name, multiple) to conceal.
+    """One recording.
 
-    The rest is filled in when it is made: joints, sizes, groups that cannot be told apart, the truth's numbers.
+    kind: null, single, pair, outside or deleted.  effects: name and multiple of the detection limit of what is
+    concealed.  model, without: file of the nominal model, and the effect that is deleted from the catalogue.  make_case
+    fills in truth (joint, size, isolability class, parameter of each effect) and unplaced (effects not visible).
     """
 
     number: int
@@ -56,12 +57,12 @@ class Case:
 
 
 def draw_cases(count: int, seed: int) -> list[Case]:
-    """The set: shares as above, known effects in turn at every multiple, motions drawn."""
+    """Draw `count` cases with the shares above, the known effects in turn at every multiple, and random motions."""
     rng = np.random.default_rng(seed)
     kinds = ["null"] * math.ceil(NULL * count) + ["pair"] * math.ceil(PAIR * count)
     kinds += ["outside"] * math.ceil(OUTSIDE * count) + ["deleted"] * math.ceil(DELETED * count)
     kinds += ["single"] * max(count - len(kinds), 0)
-    grid = [(one.name, multiple) for multiple in MULTIPLES for one in KNOWN]
+    grid = [(known.name, multiple) for multiple in MULTIPLES for known in KNOWN]
     singles = _dealt(grid, kinds.count("single"), rng)
     cases = []
     for number, kind in enumerate(kinds):
@@ -69,9 +70,9 @@ def draw_cases(count: int, seed: int) -> list[Case]:
         if kind == "single":
             case.effects = [singles.pop()]
         elif kind == "outside":
-            case.effects = [(str(rng.choice([one.name for one in FOREIGN])), float(rng.choice(MULTIPLES[1:])))]
+            case.effects = [(str(rng.choice([foreign.name for foreign in FOREIGN])), float(rng.choice(MULTIPLES[1:])))]
         elif kind in {"pair", "deleted"}:
-            pool = [one.name for one in KNOWN if not one.needs and not one.everywhere]
+            pool = [known.name for known in KNOWN if not known.needs and not known.everywhere]
             names = rng.choice(pool, 2 if kind == "pair" else 1, replace=False)
             case.effects = [(str(name), float(rng.choice(MULTIPLES[1:]))) for name in names]
         if kind == "deleted":
@@ -89,9 +90,12 @@ def _dealt(grid: list[tuple[str, float]], count: int, rng: np.random.Generator) 
 
 
 def make(
-    out: Path, model: Path, count: int, seed: int, key: bytes, jobs: int, progress: Callable[[float], None]
+    out: Path, model: Path, count: int, seed: int, key: bytes, *, jobs: int, progress: Callable[[float], None]
 ) -> str:
-    """Write the trial's folder; returns the commitment, the SHA-256 of the truth."""
+    """Write the folder of a trial; returns the commitment, the SHA-256 of the truth.
+
+    model: the nominal hand.yaml.  count: number of recordings.  progress: called with the share done, 0 to 1.
+    """
     out.mkdir(parents=True, exist_ok=True)
     nominal = Nominal(model)
     write_models(nominal, out)
@@ -111,12 +115,15 @@ def _mapped(work: list[tuple[Case, str, str]], jobs: int) -> Iterator[Case]:
     if jobs <= 1:
         yield from map(make_case, work)
         return
-    with ProcessPoolExecutor(jobs) as pool:
+    pool = ProcessPoolExecutor(jobs)
+    try:
         yield from pool.map(make_case, work)
+    finally:
+        pool.shutdown(cancel_futures=True)  # an interruption must not wait for the cases that have not begun
 
 
 def write_models(nominal: Nominal, out: Path) -> None:
-    """What the diagnosis is given: the nominal hand; one without creep; one with a known obstacle on each joint."""
+    """Write the nominal models: the hand; the hand without creep; the hand with a known obstacle on each joint."""
     rate = 1.0 / FRAME_S
     nominal.write(nominal.rows, out / "model.yaml", rate, {})
     rigid = nominal.rows.copy()
@@ -127,7 +134,7 @@ def write_models(nominal: Nominal, out: Path) -> None:
 
 
 def make_case(work: tuple[Case, str, str]) -> Case:
-    """Simulate and record one case; its truth is filled in."""
+    """Simulate and record one case and fill in its truth; work: the case, the nominal model, the folder."""
     case, model, out = work
     nominal = Nominal(Path(model))
     rng = np.random.default_rng(case.seed)
@@ -150,7 +157,7 @@ def make_case(work: tuple[Case, str, str]) -> Case:
     joint = -1
     for name, multiple in case.effects:
         concealed = BY_NAME[name]
-        place = _place(concealed, multiple, case, q, u, nominal, wander, rng, joint)
+        place = _place(concealed, multiple, case, (q, u, wander), nominal, rng=rng, taken=joint)
         if place is None:
             case.unplaced.append(name)
             continue
@@ -161,18 +168,21 @@ def make_case(work: tuple[Case, str, str]) -> Case:
         elif concealed.needs == "clock":
             late_s = CLOCK_S * size
         else:
-            near = scene(q, u, nominal.partner, nominal.neighbour, joint, FRAME_S, wander)
+            near = scene(q, u, nominal.partner, nominal.neighbour, joint, frame_s=FRAME_S, wander=wander)
             switch_on(concealed, q, joint, size, near)
         whole = concealed.everywhere or concealed.needs in {"drop", "clock"}
-        case.truth.append(_truth(concealed, multiple, size, None if whole else nominal.joints[joint], group, q, joint))
+        name_of_joint = None if whole else nominal.joints[joint]
+        number = _number(concealed, size, q[:, joint])
+        case.truth.append(_truth(concealed, multiple, size, name_of_joint, group) | {"number": number})
     noise = (rng.uniform(80.0, 250.0), math.radians(rng.uniform(0.01, 0.04)), 0.01, 0.02)
-    readings = record(q, u, FRAME_S, nominal.partner, nominal.neighbour, wander)
+    readings = record(q, u, FRAME_S, nominal.partner, nominal.neighbour, wander=wander)
     readings = readings + np.array(noise)[:, None, None] * rng.standard_normal(readings.shape)
     if "known_wall" in needs and joint >= 0:
         site = (joint, nominal.pads[joint])
     folder = Path(out) / "recordings"
     folder.mkdir(exist_ok=True)
-    write_bag(folder / f"case_{case.number:04d}.mcap", nominal.joints, readings, u, FRAME_S, site, kept, late_s)
+    path = folder / f"case_{case.number:04d}.mcap"
+    write_bag(path, nominal.joints, readings, u, FRAME_S, site=site, kept=kept, pressure_late_s=late_s)
     return case
 
 
@@ -180,22 +190,23 @@ def _place(
     concealed: Concealed,
     multiple: float,
     case: Case,
-    q: Array,
-    u: Array,
+    signals: tuple[Array, Array, Array],
     nominal: Nominal,
-    wander: Array,
+    *,
     rng: np.random.Generator,
     taken: int,
 ) -> tuple[int, float, list[str], Array] | None:
-    """A joint on which the effect shows, its size, its group, set-points (another draw where needed).
+    """A joint on which the effect is visible, its size, its isolability class, and the set-points (perhaps redrawn).
 
-    None where it shows nowhere within what is usual.
+    signals: parameters (rows, joints), set-points (frames, joints), random process (frames,).  taken: a joint that has
+    an effect already.  None where the effect is visible nowhere up to its largest size.
     """
+    q, u, wander = signals
     for _ in range(TRIES):
-        felt = concealed.needs == "known_wall"
-        able = [j for j in range(q.shape[1]) if j != taken and u[:, j].any() and (nominal.pads[j] or not felt)]
+        needs_pad = concealed.needs == "known_wall"
+        able = [j for j in range(q.shape[1]) if j != taken and u[:, j].any() and (nominal.pads[j] or not needs_pad)]
         joint = int(rng.choice(able))
-        near = scene(q, u, nominal.partner, nominal.neighbour, joint, FRAME_S, wander)
+        near = scene(q, u, nominal.partner, nominal.neighbour, joint, frame_s=FRAME_S, wander=wander)
         limit = limit_size(concealed, near)
         if np.isfinite(limit) and limit * multiple < concealed.most:
             sign = float(rng.choice([-1.0, 1.0])) if concealed.signed else 1.0
@@ -207,14 +218,16 @@ def _place(
     return None
 
 
-def _truth(
-    concealed: Concealed, multiple: float, size: float, joint: str | None, group: list[str], q: Array, column: int
-) -> dict[str, Any]:
-    number = None
-    if concealed.truth is not None:
-        key, unit = concealed.truth
-        base = {"valve.time_constant_s": "lag", "valve.dead_time_s": "delay"}.get(key)
-        number = {"key": key, "value": unit * size + (float(q[ROW[base], column]) if base else 0.0)}
+def _number(concealed: Concealed, size: float, rows: Array) -> dict[str, Any] | None:
+    """Key and value (SI) of the parameter that the diagnosis should report; rows: the joint's (rows,)."""
+    if concealed.truth is None:
+        return None
+    key, unit = concealed.truth
+    base = {"valve.time_constant_s": "lag", "valve.dead_time_s": "delay"}.get(key)
+    return {"key": key, "value": unit * size + (float(rows[ROW[base]]) if base else 0.0)}
+
+
+def _truth(concealed: Concealed, multiple: float, size: float, joint: str | None, group: list[str]) -> dict[str, Any]:
     return {
         "effect": concealed.name,
         "place": concealed.place,
@@ -222,7 +235,6 @@ def _truth(
         "multiple": multiple,
         "size": size,
         "group": group,
-        "number": number,
     }
 
 

@@ -1,4 +1,4 @@
-"""Set-points of the trial's recordings: good experiments and ordinary working motions."""
+"""Set-points of the recordings of a trial: experiments and ordinary working motions."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ HIGHEST_PA = 2.2e5
 
 
 def set_points(kind: str, frames: int, frame_s: float, joints: int, rng: np.random.Generator) -> Array:
-    """(frames, joints) [Pa]; every joint has a motion of its own."""
-    return np.column_stack([_one(kind, frames, frame_s, rng) for _ in range(joints)])
+    """Set-points (frames, joints) [Pa] of a motion of EXPERIMENTS; every joint has its own random parameters."""
+    return np.column_stack([_of_one_joint(kind, frames, frame_s, rng) for _ in range(joints)])
 
 
-def _one(kind: str, frames: int, frame_s: float, rng: np.random.Generator) -> Array:
+def _of_one_joint(kind: str, frames: int, frame_s: float, rng: np.random.Generator) -> Array:
     t: Array = np.arange(frames, dtype=np.float64) * frame_s
     low, high = rng.uniform(1e4, 3e4), rng.uniform(0.8, 1.0) * HIGHEST_PA
     if kind == "staircase":
@@ -32,8 +32,8 @@ def _one(kind: str, frames: int, frame_s: float, rng: np.random.Generator) -> Ar
     if kind == "grasps":
         return _grasps(t, low, high, rng)
     parts = ("triangle", "steps", "multisine", "staircase")
-    pieces = [_one(part, -(-frames // 4), frame_s, rng) for part in rng.permutation(parts)]
-    return np.concatenate(pieces)[:frames]
+    segments = [_of_one_joint(part, -(-frames // 4), frame_s, rng) for part in rng.permutation(parts)]
+    return np.concatenate(segments)[:frames]
 
 
 def _held(values: Array, t: Array, hold_s: float) -> Array:
@@ -41,7 +41,7 @@ def _held(values: Array, t: Array, hold_s: float) -> Array:
 
 
 def _grasps(t: Array, low: float, high: float, rng: np.random.Generator) -> Array:
-    """Close smoothly, hold, open, rest; anew each time."""
+    """Smooth closing, holding, opening and pausing, with new parameters each time."""
     out = np.full(len(t), low)
     start = rng.uniform(0.5, 1.5)
     while start < t[-1]:

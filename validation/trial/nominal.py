@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from validation.trial.arrays import Array
-from validation.trial.rows import NAMES, ROW
+from validation.trial.plant import NAMES, ROW
 
 DEGREE = np.pi / 180.0
 KEYS: dict[str, tuple[str, str, float]] = {
@@ -37,14 +37,14 @@ KEYS: dict[str, tuple[str, str, float]] = {
     "stop_d": ("end_stop", "damping_nm_s_per_rad", 1.0),
 }
 UNCERTAIN = ("lag", "a0", "a1", "a2", "a3", "reach", "t_ext", "t_rec", "inertia", "drag")
-"""What the nominal file has wrong by a few percent."""
+"""Rows whose nominal values are wrong by a few percent."""
 
 
 class Nominal:
-    """A description: joints, partners, and the plant's plain rows (rows, joints)."""
+    """A hand.yaml as the trial reads it: joints, columns of partners and neighbours, parameters (rows, joints)."""
 
     def __init__(self, path: Path) -> None:
-        """Read a description."""
+        """Read a hand.yaml. KeyError for a missing key."""
         self.data: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
         self.joints: list[str] = [joint["name"] for joint in self.data["joints"]]
         self.partner = np.array(
@@ -63,21 +63,22 @@ class Nominal:
         self.rows[ROW["warm_tau"]], self.rows[ROW["loop_scale"]] = 100.0, 0.1
 
     def _pad(self, joint: str) -> str:
-        """Name of the force sensor on a joint; empty where there is none."""
+        """Name of the force sensor on a joint; empty for none."""
         return next((site["name"] for site in self.data["force_sites"] if site.get("joint") == joint), "")
 
     def _lever_m(self, joint: str) -> float:
         usual = float(self.data["force_site_defaults"]["lever_arm_m"])
-        site: dict[str, Any] = next((one for one in self.data["force_sites"] if one.get("joint") == joint), {})
+        sites = (site for site in self.data["force_sites"] if site.get("joint") == joint)
+        site: dict[str, Any] = next(sites, {})
         return float(site.get("lever_arm_m", usual))
 
     def value(self, joint: int, group: str, key: str) -> Any:
-        """A number of a joint, its own or the default."""
+        """Value of a key for a joint: its own, else that of joint_defaults, else 0."""
         own = self.data["joints"][joint].get(group, {})
         return own.get(key, self.data["joint_defaults"].get(group, {}).get(key, 0.0))
 
     def write(self, rows: Array, path: Path, rate_hz: float, extra: dict[int, dict[str, Any]]) -> None:
-        """A description with other numbers; extra: groups of single joints beside."""
+        """Write a hand.yaml with other rows (rows, joints); extra: further groups of single joints."""
         data = copy.deepcopy(self.data)
         data["board"]["rate_hz"] = rate_hz
         for j, joint in enumerate(data["joints"]):

@@ -1,9 +1,10 @@
-"""The trial's plant: its own equations and integrator, so that the tool is not asked to recognise its own code.
+"""The plant of the trial, with equations and an integrator of its own: the diagnosis must not recognise its own code.
 
-Where a textbook has two forms, this is the other one: LuGre friction (Canudas de Wit 1995), Bouc-Wen hysteresis (Wen
-1976), creep of two Kelvin-Voigt modes, choked orifices with the smooth ellipse of ISO 6358 for flow limits, a turbulent
-leak, a line of two volumes, a Hertzian obstacle, an exponential spring, a smooth dead zone. Integrated by the
-semi-implicit Euler method at 0.1 ms (the tool: linearly implicit trapezoidal rule).
+Where a textbook has two forms of an equation, this plant uses the one that `hand_model` does not use: LuGre friction
+(Canudas de Wit 1995), Bouc-Wen hysteresis (Wen 1976), creep of two Kelvin-Voigt modes, choked orifices with the smooth
+ellipse of ISO 6358 for flow limits, a turbulent leak, a line of two volumes, a Hertzian obstacle, an exponential
+spring, a smooth dead zone. The integrator is the semi-implicit Euler method at 0.1 ms, which is not that of
+`hand_model`.
 """
 
 from __future__ import annotations
@@ -15,13 +16,27 @@ from numba import njit
 from numpy.typing import NDArray
 
 from validation.trial.arrays import Array
-from validation.trial.rows import NAMES, ROW
+
+PLAIN = (
+    "delay", "lag", "fill", "vent", "a0", "a1", "a2", "a3", "reach", "p_min", "b1", "t_ext", "b0", "t_rec",
+    "inertia", "drag", "coupling", "low", "high", "stop_k", "stop_d", "supply", "lever",
+)  # fmt: skip
+EFFECTS = (
+    "droop", "droop_share", "lag_more", "delay_more", "band", "choke", "bouc_valve", "leak", "tube", "volume",
+    "mode_1", "mode_2", "loop", "loop_scale", "expo", "age", "warm", "warm_tau", "lugre", "breakaway", "square_drag",
+    "gap", "stop_at", "stop_soft", "weight", "weight_phase", "mass", "tendon", "wall_at", "wall_k", "wall_plain",
+    "load", "eccentric", "eccentric_phase", "gain", "offset", "late", "p_gain", "p_offset",
+    "shake", "shake_hz", "ripple", "wander", "chatter", "switch", "force_gain", "force_creep", "force_loop",
+)  # fmt: skip
+NAMES = (*PLAIN, *EFFECTS)
+ROW = {name: index for index, name in enumerate(NAMES)}
+"""Row of each parameter: the plain joint, then the effects, whose rows are 0 where the effect is absent."""
 
 STEP_S = 1e-4
 ROOM_PA = 101325.0
 MEMORY = 4096
 TURN_N = 0.3
-"""Change of force that turns a force sensor's loop around, to 1/e."""
+"""Change of force after which the loop of a force sensor has turned around, except for 1/e."""
 
 (
     DELAY, LAG, FILL, VENT, A0, A1, A2, A3, REACH, P_MIN, B1, T_EXT, B0, T_REC, INERTIA, DRAG, COUPLING, LOW, HIGH,
@@ -36,7 +51,7 @@ _MODE_TAU = (8.0, 45.0)
 
 @njit(cache=True, inline="always")
 def _spring(depth, k, width):  # type: ignore[no-untyped-def]
-    """A stop that stiffens over its first width."""
+    """Torque of a stop at a depth [rad]; its stiffness k [N m/rad] grows over the first `width` [rad]."""
     if depth <= 0.0:
         return 0.0
     return k * depth * depth / (2.0 * width) if depth < width else k * (depth - 0.5 * width)
@@ -44,9 +59,11 @@ def _spring(depth, k, width):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def simulate(q, u, frame_s, step_s, start_phi, partner, neighbour, wander, out):  # type: ignore[no-untyped-def]
-    """Readings (frames, joints) of pressure, angle, speed and force in out (4, frames, joints).
+    """Write readings of pressure [Pa], angle [rad], speed [rad/s] and force [N] to out (4, frames, joints).
 
-    q: (rows, joints).  u: (frames, joints) [Pa], held from one frame to the next.  wander: (frames,) unit random walk.
+    q: parameters (rows, joints).  u: set-points (frames, joints) [Pa], constant between two frames.  start_phi: angles
+    (joints,) [rad].  partner, neighbour: (joints,) columns, -1 for no partner.  wander: (frames,) random process of
+    unit size.
     """
     frames, joints = u.shape
     steps = int(round(frame_s / step_s))  # noqa: RUF046 - in compiled code round gives a float
@@ -182,11 +199,16 @@ def record(
     frame_s: float,
     partner: NDArray[np.int64],
     neighbour: NDArray[np.int64],
+    *,
     wander: Array,
     step_s: float = STEP_S,
 ) -> Array:
-    """Readings (4, frames, joints) without noise, from rest."""
+    """Readings (4, frames, joints) without noise: pressure [Pa], angle [rad], speed [rad/s], force [N].
+
+    The vented joints begin at their rest angles.  q: (rows, joints).  u: set-points (frames, joints) [Pa].  partner,
+    neighbour: (joints,) columns.  wander: (frames,) random process of unit size.
+    """
     out = np.empty((4, *u.shape))
-    rest = np.clip(-q[A0] / q[A1], q[LOW], q[HIGH])
-    simulate(q, u, frame_s, step_s, rest, partner, neighbour, wander, out)
+    rest_angle = np.clip(-q[A0] / q[A1], q[LOW], q[HIGH])
+    simulate(q, u, frame_s, step_s, rest_angle, partner, neighbour, wander, out)
     return out

@@ -1,7 +1,7 @@
-"""Recordings of real machines that others made, diagnosed from a model without friction or gravity, beside baselines.
+"""Published recordings of real machines, diagnosed from a model without friction or gravity, and baselines for them.
 
-The known effects are left out of the nominal model; the ordinary command has to find them.
-`validation/trial/baselines.py` says what else is fitted to the same recordings.
+The known effects are left out of the nominal model, and the ordinary command has to find them. The baselines are those
+of `validation/trial/baselines.py`.
 """
 
 from __future__ import annotations
@@ -21,20 +21,22 @@ from validation.trial.baselines import imposed_baselines, moved_baselines
 BAR_PA = 1e5
 GRAVITY_M_S2 = 9.80665
 TORQUE_NM_PER_V, BACK_EMF_V_S, ARMATURE_KG_M2 = 0.3867 / 4.017, 0.3867, 0.0018
-"""Of the servo's motor: what its authors publish (Rhoban/bam, bam/params/xl330/m1.json)."""
+"""Constants of the servo's motor, as the authors of the data publish them (Rhoban/bam, bam/params/xl330/m1.json)."""
 DUTY_PER_RAD = 4096.0 / (2.0 * np.pi) / (256.0 * 885.0)
-"""Of the servo's controller, per unit of its gain (Rhoban/bam, bam/dynamixel/actuator.py)."""
+"""Duty of the servo's controller per rad and unit of its gain (Rhoban/bam, bam/dynamixel/actuator.py)."""
 SWITCHED_OFF_S = 0.45
-"""Left out after the log says that the motor is off: the first half swing loses energy as no later one does."""
+"""Time left out after the motor is switched off: the first half swing loses more energy than later ones."""
 DRIVEN_KP = 100
-"""Of the recordings whose motor is driven: at higher gains the controller's law is less certain, say its authors."""
+"""Gain of the recordings with a driven motor: the authors call the controller's law uncertain at higher gains."""
 
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """name, effects known and not there, the machine file, columns of each recording: time, position, force, input.
+    """A machine and its recordings.
 
-    published: value and source of numbers that others give.
+    known: effects that it has.  decoys: effects that it is not known to have.  description: the machine file.
+    recordings: columns time [s], position, force, input of each.  published: value and source of published parameters.
+    tolerance: relative error of the nominal parameters.
     """
 
     name: str
@@ -47,7 +49,7 @@ class Machine:
 
 
 def machines(data: Path) -> list[Machine]:
-    """Those whose recordings lie in a folder. FileNotFoundError where there are none."""
+    """The machines whose recordings are in a folder. FileNotFoundError: none are."""
     found = []
     cylinder, servo = data / "pneumatic_cylinder", data / "servo_pendulum"
     if cylinder.is_dir():
@@ -55,7 +57,7 @@ def machines(data: Path) -> list[Machine]:
     if servo.is_dir():
         found += _servo(servo)
     if not found:
-        raise FileNotFoundError(f"{data}: neither pneumatic_cylinder nor servo_pendulum lies there")
+        raise FileNotFoundError(f"{data}: neither pneumatic_cylinder nor servo_pendulum is there")
     return found
 
 
@@ -64,7 +66,7 @@ def _seal(folder: Path, seal: str, area_m2: float) -> Machine:
     for path in sorted(folder.glob(f"friction__{seal}_*bar.npz")):
         with np.load(path) as file:
             recordings[path.stem] = {
-                "time": file["t_s"][15:],  # as the author does
+                "time": file["t_s"][15:],  # the author of the data leaves these samples out, too
                 "position": -1e-3 * file["x_mm"][15:],
                 "force": file["F_N"][15:],
                 "input": BAR_PA * file["p_bar"][15:],
@@ -75,7 +77,7 @@ def _seal(folder: Path, seal: str, area_m2: float) -> Machine:
 
 
 def _servo(folder: Path) -> list[Machine]:
-    """The pendulum on the servo: driven, where its weight is left out; and falling with the motor off, its friction."""
+    """The pendulum on the servo: driven, with its weight to be found; falling with the motor off, with its friction."""
     driven, falling, weight_nm = {}, {}, 0.0
     for path in sorted(folder.glob("*.json")):
         log = json.loads(path.read_text(encoding="utf-8"))
@@ -94,9 +96,11 @@ def _servo(folder: Path) -> list[Machine]:
         if off < len(t):
             part = slice(off + round(SWITCHED_OFF_S / log["dt"]), None)
             falling[name] = {"time": t[part], "position": x[part], "input": np.zeros(len(t[part]))}
-    rest_rad = float(np.mean([columns["position"][-1] for columns in falling.values()]))
+    hanging_rad = float(np.mean([columns["position"][-1] for columns in falling.values()]))
     for columns in falling.values():
-        columns["position"] = columns["position"] - rest_rad  # it hangs down there, whatever the sensor's zero
+        columns["position"] = (
+            columns["position"] - hanging_rad
+        )  # the pendulum hangs down at the end of each fall; the sensor has another zero
     by_mass = {"gravity.sine_nm": (weight_nm, "mass and length of the rig, without the arm")}
     friction = {
         "coulomb_friction.torque_nm": (0.0128, "Rhoban/bam, xl330, model m1"),
@@ -122,7 +126,11 @@ def _description(
 
 
 def examine(machine: Machine, out: Path, command: list[str]) -> dict[str, Any]:
-    """Diagnose one machine and fit the baselines; errors of the force (N, N m) or of the position (deg)."""
+    """Diagnose one machine and fit the baselines; the entry of reality.json.
+
+    command: how to call the tool.  Errors are those of the force (N, N m) or of the position (deg).  RuntimeError: the
+    diagnosis failed.
+    """
     folder = out / machine.name.replace(",", "").replace(" ", "_")
     folder.mkdir(parents=True, exist_ok=True)
     description = folder / "machine.yaml"
@@ -139,11 +147,11 @@ def examine(machine: Machine, out: Path, command: list[str]) -> dict[str, Any]:
         raise RuntimeError(f"{machine.name}: {done.stderr.strip().splitlines()[-1]}")
     report = json.loads(done.stdout)
     imposed = machine.description["imposed"]
-    held = next(row for row in report["fit"] if row["split"] == "held_out")  # an axis has one predicted signal
+    fit = next(row for row in report["fit"] if row["split"] == "held_out")  # an axis has one predicted signal
     numbers = {key: number for finding in report["findings"] for key, number in finding["parameters"].items()}
-    told = [finding["effect"] for finding in report["findings"]]
-    # An `unknown` has the numbers of effects that explain a part of it.
-    parts = [name for name in (key.partition(".")[0] for key in numbers) if name not in told]
+    found = [finding["effect"] for finding in report["findings"]]
+    # An `unknown` finding has the parameters of effects that explain a part of it.
+    parts = [name for name in (key.partition(".")[0] for key in numbers) if name not in found]
     return {
         "machine": machine.name,
         "recordings": len(paths),
@@ -153,15 +161,15 @@ def examine(machine: Machine, out: Path, command: list[str]) -> dict[str, Any]:
         ],
         "rivals": sorted({a["effect"] for f in report["findings"] for a in f["alternatives"]}),
         "known": list(machine.known),
-        "found": [name for name in machine.known if name in told],
+        "found": [name for name in machine.known if name in found],
         "found_in_part": [name for name in machine.known if name in parts],
-        "decoys_taken": [name for name in machine.decoys if name in (*told, *parts)],
+        "decoys_taken": [name for name in machine.decoys if name in (*found, *parts)],
         "published": [
             {"key": key, "published": value, "source": source, "ours": numbers.get(key)}
             for key, (value, source) in machine.published.items()
         ],
-        "unit": held["unit"],
-        "before": held["rmse_before"],
-        "after": held["rmse_after"],
+        "unit": fit["unit"],
+        "before": fit["rmse_before"],
+        "after": fit["rmse_after"],
         "baselines": (imposed_baselines if imposed else moved_baselines)(machine.description, machine.recordings),
     }

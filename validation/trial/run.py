@@ -1,4 +1,4 @@
-"""Diagnose a trial's recordings with the ordinary command, in processes that have no key."""
+"""Diagnose the recordings of a trial with the ordinary command, in processes that do not have the key."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 PASSED_ON = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "PYTHONPATH", "AMENT_PREFIX_PATH", "VIRTUAL_ENV", "TMPDIR")
-"""Environment of the diagnosing processes; nothing else of ours reaches them."""
+"""The only environment variables that the diagnosing processes get."""
 BATCH = 24
 
 
 def run(folder: Path, command: list[str], jobs: int, tolerance: float, progress: Callable[[float], None]) -> None:
-    """Write folder/reports/BATCH/*_case_NNNN/report.json for every case; goes on where it was stopped.
+    """Write folder/reports/BATCH/*_case_NNNN/report.json for every case; an interrupted run continues.
 
-    command: how to call the tool, as in ["hand"].  Raises RuntimeError with its last line where it fails.
+    command: how to call the tool, as in ["hand"].  tolerance: relative error of the nominal parameters.  progress:
+    called with the share done, 0 to 1.  Raises RuntimeError with the last line of the tool where it fails.
     """
     plan = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
     groups: dict[tuple[str, str], list[int]] = defaultdict(list)
@@ -34,7 +35,7 @@ def run(folder: Path, command: list[str], jobs: int, tolerance: float, progress:
             reports = folder / "reports" / f"{group}_{first}"
             options = ["--model", str(folder / model), "--out", str(reports), "--tolerance", str(tolerance)]
             options += ["--each", "--jobs", str(min(jobs, len(batch)))] + (["--without", without] if without else [])
-            options.append("--no-sensor-curve")  # the trial's angles are angles, not readings of a bent Hall curve
+            options.append("--no-sensor-curve")  # the trial records true angles, not readings of the Hall sensors
             finished = subprocess.run(
                 [*command, "diagnose", *recordings, *options, "--json"],
                 env=environment, capture_output=True, text=True, check=False,

@@ -1,4 +1,4 @@
-"""The scores of a trial: shares with confidence intervals, calibration, confusion; and the pictures of them."""
+"""The scores of a trial: shares with confidence intervals, calibration, confusion matrix, and their pictures."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ GOALS = {
     "both": None, "false_alarm": ("<=", 0.02), "unknown_found": (">=", 0.80), "unknown_wrong": ("<=", 0.05),
     "clean": (">=", 0.90), "parameters": (">=", 0.85), "ece": ("<=", 0.06),
 }  # fmt: skip
-SAYS = {
+LABELS = {
     "place": "place correct",
     "joint": "joint correct",
     "first": "effect named first (one hidden)",
@@ -44,11 +44,14 @@ GRADED_FROM = 2.0
 
 
 def score(folder: Path, key: bytes) -> dict[str, Any]:
-    """Open the seal, grade every case, write scores.json and pictures. ValueError: the seal, or a missing report."""
+    """Open the seal, grade every case, write scores.json and the pictures; returns the scores.
+
+    ValueError: a wrong key, a broken seal, or a missing report.
+    """
     truth, commitment = unseal(folder, key)
     grades = [_grade(folder, case) for case in truth["cases"]]
     graded = [g for g in grades if g.kind == "null" or g.multiple >= GRADED_FROM]
-    scores = {name: _share(name, graded) for name in SAYS if name not in {"parameters", "ece"}}
+    scores = {name: _share(name, graded) for name in LABELS if name not in {"parameters", "ece"}}
     numbers = [error <= WITHIN for g in graded for _, error in g.parameters]
     scores["parameters"] = _interval(numbers)
     claims = [claim for g in graded for claim in g.claims]
@@ -100,7 +103,7 @@ def _interval(hits: list[bool]) -> dict[str, Any]:
 
 
 def reliability(claims: list[tuple[float, bool]]) -> list[dict[str, float]]:
-    """Bins of claimed probability with the share that was right."""
+    """Bins of the claimed probability: its mean, the share of right findings, and their number."""
     out = []
     for low, high in itertools.pairwise(BINS):
         part = [(p, right) for p, right in claims if low <= p < high]
@@ -114,11 +117,11 @@ def calibration_error(claims: list[tuple[float, bool]]) -> float | None:
     """Expected calibration error (Naeini, Cooper, Hauskrecht 2015)."""
     if not claims:
         return None
-    return sum(one["count"] * abs(one["claimed"] - one["right"]) for one in reliability(claims)) / len(claims)
+    return sum(group["count"] * abs(group["claimed"] - group["right"]) for group in reliability(claims)) / len(claims)
 
 
 def by_effect(grades: list[Grade]) -> dict[str, dict[str, int]]:
-    """For each effect concealed alone: cases, and how often it stood first."""
+    """For each effect concealed alone: the number of cases, and in how many it was named first."""
     out: dict[str, dict[str, int]] = {}
     for g in grades:
         if g.kind == "single":
@@ -129,7 +132,7 @@ def by_effect(grades: list[Grade]) -> dict[str, dict[str, int]]:
 
 
 def failures(grades: list[Grade]) -> list[dict[str, Any]]:
-    """Classes of failure, the most frequent first, each with an example."""
+    """Kinds of failure, the most frequent first, each with an example."""
     classes: dict[tuple[str, str, str], list[Grade]] = {}
     for g in grades:
         wrong = g.false_alarm or g.first is False or g.both is False or g.unknown_found is False
@@ -143,7 +146,7 @@ def failures(grades: list[Grade]) -> list[dict[str, Any]]:
 
 
 def draw_confusion(grades: list[Grade], path: Path) -> None:
-    """Concealed effects against what stood first."""
+    """Draw the confusion matrix: concealed effects against the first findings."""
     singles = [g for g in grades if g.kind in {"single", "outside", "null"}]
     rows = sorted({g.effect for g in singles})
     columns = sorted({g.called for g in singles})
@@ -158,13 +161,13 @@ def draw_confusion(grades: list[Grade], path: Path) -> None:
                 axis.text(c, r, str(counts[r, c]), ha="center", va="center", fontsize=7, color="w" if dark else "k")
     axis.set_xticks(range(len(columns)), columns, rotation=90, fontsize=7)
     axis.set_yticks(range(len(rows)), rows, fontsize=7)
-    axis.set_xlabel("called first")
-    axis.set_ylabel("concealed (alone, at 2 and 5 times its limit)")
+    axis.set_xlabel("named first")
+    axis.set_ylabel("hidden (alone, at 2 and 5 times its limit)")
     _save(figure, path)
 
 
 def draw_reliability(bins: list[dict[str, float]], path: Path) -> None:
-    """Claimed probability against the share that was right."""
+    """Draw the claimed probabilities against the shares of right findings."""
     figure, axis = plt.subplots(figsize=(4.2, 3.6))
     axis.plot([0, 1], [0, 1], color="0.7", lw=1)
     axis.plot([b["claimed"] for b in bins], [b["right"] for b in bins], "o-", color="#1f6aa5")
@@ -173,7 +176,7 @@ def draw_reliability(bins: list[dict[str, float]], path: Path) -> None:
             f"{b['count']:.0f}", (b["claimed"], b["right"]), xytext=(4, -10), textcoords="offset points", fontsize=8
         )
     axis.set_xlabel("claimed probability")
-    axis.set_ylabel("share that was right")
+    axis.set_ylabel("share of right findings")
     axis.set_xlim(0.0, 1.02)
     axis.set_ylim(0.0, 1.02)
     _save(figure, path)
@@ -186,7 +189,7 @@ def _save(figure: Any, path: Path) -> None:
 
 
 def met(name: str, value: float | None) -> bool | None:
-    """Whether a goal is reached; None where there is none."""
+    """Whether a score reaches its goal; None where there is no goal or no score."""
     goal = GOALS.get(name)
     if goal is None or value is None:
         return None

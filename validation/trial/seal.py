@@ -1,4 +1,4 @@
-"""The sealed truth: encrypted, with the SHA-256 of its plain text published before any diagnosis starts."""
+"""The sealed truth: it is encrypted, and its SHA-256 is published before any diagnosis starts."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ SEALED, COMMITMENT = "truth.sealed", "commitment.txt"
 
 
 def new_key() -> bytes:
-    """A fresh key."""
+    """A new random key."""
     return Fernet.generate_key()
 
 
 def seal(truth: dict[str, Any], out: Path, key: bytes) -> str:
-    """Write the sealed truth and its commitment; returns the commitment."""
+    """Write the encrypted truth and its commitment; returns the commitment, a SHA-256 in hexadecimal digits."""
     plain = json.dumps({"salt": secrets.token_hex(16), **truth}, sort_keys=True).encode()
     commitment = hashlib.sha256(plain).hexdigest()
     (out / SEALED).write_bytes(Fernet(key).encrypt(plain))
@@ -28,7 +28,7 @@ def seal(truth: dict[str, Any], out: Path, key: bytes) -> str:
 
 
 def unseal(out: Path, key: bytes) -> tuple[dict[str, Any], str]:
-    """The truth and its commitment. ValueError: a wrong key, or a truth that is not the one committed to."""
+    """The truth and its commitment. ValueError: a wrong key, or a truth that differs from the commitment."""
     try:
         plain = Fernet(key).decrypt((out / SEALED).read_bytes())
     except (InvalidToken, ValueError):

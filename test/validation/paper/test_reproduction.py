@@ -19,9 +19,9 @@ import hand_model
 from hand_model.compliance import hydraulic_pressure_pa, pneumatic_pressure_pa
 from hand_model.prony import Prony, fit_prony
 from hand_tool.cli import app
-from validation.paper.catalogue import IDS, reproduce
 from validation.paper.fig09 import TRUTH
 from validation.paper.fig10 import STARTS, SUPPLY_PA, reach, trajectory
+from validation.paper.result import IDS, reproduce
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 

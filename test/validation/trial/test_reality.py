@@ -1,4 +1,4 @@
-"""Real machines beside their baselines, on made-up recordings of the published ones' form."""
+"""Real machines and their baselines, on simulated recordings in the format of the published ones."""
 
 from __future__ import annotations
 
@@ -79,9 +79,9 @@ def test_the_servos_logs_are_two_machines(tmp_path: Path) -> None:
 
 
 def test_the_table_of_real_machines() -> None:
-    """Fails when a part that is found beside an unknown, or a number that is not found, is told as more."""
+    """Fails when a partial explanation or a parameter that was not found is reported as a finding."""
     errors, ours = {"validation": 2.0, "train": 1.0}, {"value": 0.49, "std": 0.01, "unit": "N m"}
-    one = {
+    machine = {
         "machine": "rig", "verdict": "unknown_physics", "known": ["gravity"], "found": [], "found_in_part": ["gravity"],
         "decoys_taken": [], "before": 3.0, "after": 1.5, "unit": "deg", "findings": [{"statement": "said"}],
         "baselines": {"Coulomb": errors, "SINDy discrepancy": errors},
@@ -90,7 +90,7 @@ def test_the_table_of_real_machines() -> None:
             {"key": "leak.rate_per_s", "published": 0.1, "source": "guess", "ours": None},
         ],
     }  # fmt: skip
-    table = reality_table([one])
+    table = reality_table([machine])
     assert "| rig | unknown_physics | gravity | gravity (a part) | none | 3 | 1.5 | 2 (Coulomb) | 2 | deg |" in table
     assert "| rig | `gravity.sine_nm` | 0.49 ± 0.01 N m | 0.5 | scales |" in table
     assert "| rig | `leak.rate_per_s` | not found | 0.1 | guess |" in table

@@ -1,4 +1,4 @@
-"""The blind trial: an independent plant, a seal that holds, honest grading, and the commands as a user calls them."""
+"""The blind trial: an independent plant, sealed truth, strict grading, and the commands as a user calls them."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ def hand(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str
 
 
 def test_both_plants_agree_where_nothing_is_concealed() -> None:
-    """Fails when one of two independent plants of the same hand is wrong: they must agree within 0.1 degree."""
+    """Fails when one of two independent plants of the same hand is wrong: they agree within 0.1 degree and 2 kPa."""
     nominal, rng = Nominal(CONFIG), np.random.default_rng(1)
     u = set_points("mixed", 1500, FRAME_S, 11, rng)
-    ours = record(nominal.rows, u, FRAME_S, nominal.partner, nominal.neighbour, np.zeros(1500))
+    ours = record(nominal.rows, u, FRAME_S, nominal.partner, nominal.neighbour, wander=np.zeros(1500))
     plant = HandPlant(load_hand(CONFIG), FRAME_S)
     states = np.concatenate([plant.state[None], plant.advance(u[:-1])])
     assert np.degrees(np.sqrt(np.mean((states[:, PHI] - ours[1]) ** 2, axis=0))).max() < 0.1
@@ -53,12 +53,13 @@ def test_limits_are_what_they_say() -> None:
     """Fails when an effect at its detection limit does more or less than the repeatability of its signal."""
     nominal, rng = Nominal(CONFIG), np.random.default_rng(2)
     u = set_points("mixed", 2000, FRAME_S, 11, rng)
-    where = scene(nominal.rows, u, nominal.partner, nominal.neighbour, 3, FRAME_S, np.zeros(2000))
+    still = np.zeros(2000)
+    where = scene(nominal.rows, u, nominal.partner, nominal.neighbour, 3, frame_s=FRAME_S, wander=still)
     for name in ("coulomb_friction", "valve_hysteresis", "gravity"):
         concealed = BY_NAME[name]
         size = limit_size(concealed, where)
         projector = Projector(where, concealed.stage)
-        left = projector.rest(where.readings(concealed, size)[concealed.stage] - projector.plain)
+        left = projector.remainder(where.readings(concealed, size)[concealed.stage] - projector.plain)
         assert rms(left) == pytest.approx(1.0, abs=0.25), name
     assert len(REPEATABILITY) == 3
 
@@ -71,13 +72,13 @@ def test_the_set_has_the_promised_shares() -> None:
     assert kinds.count("pair") >= 0.15 * 404
     assert kinds.count("outside") >= 0.1 * 404
     alone = {(case.effects[0]) for case in cases if case.kind == "single"}
-    assert alone == {(one.name, multiple) for one in KNOWN for multiple in (1.0, 2.0, 5.0)}
+    assert alone == {(known.name, multiple) for known in KNOWN for multiple in (1.0, 2.0, 5.0)}
     assert {case.motion for case in cases} == set(EXPERIMENTS)
-    assert not {one.name for one in FOREIGN} & {one.name for one in KNOWN}
+    assert not {foreign.name for foreign in FOREIGN} & {known.name for known in KNOWN}
 
 
-def test_the_seal_holds(tmp_path: Path) -> None:
-    """Fails when a wrong key opens the truth, or a truth that was exchanged is accepted."""
+def test_only_the_key_opens_the_truth(tmp_path: Path) -> None:
+    """Fails when a wrong key opens the truth, or a truth that was replaced is accepted."""
     key = new_key()
     commitment = seal({"cases": []}, tmp_path, key)
     assert unseal(tmp_path, key)[1] == commitment
@@ -128,17 +129,17 @@ def test_grading_is_strict() -> None:
     ).unknown_found
     assert graded("single", [friction], [finding("unknown", "index_distal", "joint")]).unknown_wrong
     number = {"key": "coulomb_friction.torque_nm", "value": 0.01}
-    told = {"coulomb_friction.torque_nm": {"value": 0.012}}
+    reported = {"coulomb_friction.torque_nm": {"value": 0.012}}
     measured = graded(
         "single",
         [friction | {"number": number}],
-        [finding("coulomb_friction", "index_distal", "joint", parameters=told)],
+        [finding("coulomb_friction", "index_distal", "joint", parameters=reported)],
     )
     assert measured.parameters[0][1] == pytest.approx(0.2)
 
 
 def test_calibration_error_is_that_of_the_claims() -> None:
-    """Fails when claims that are worth less than they say pass for calibrated."""
+    """Fails when probabilities that are higher than the share of right findings count as calibrated."""
     assert calibration_error([(0.9, True)] * 9 + [(0.9, False)]) == pytest.approx(0.0, abs=1e-12)
     assert calibration_error([(0.9, False)] * 10) == pytest.approx(0.9)
 
@@ -158,13 +159,13 @@ def test_the_tables_say_what_the_scores_say() -> None:
 
 
 def test_a_small_trial_from_end_to_end(tmp_path: Path) -> None:
-    """Fails when make, run and score do not go together, or run would start with the key at hand."""
+    """Fails when make, run and score do not fit together, or when run starts although the key is set."""
     folder = tmp_path / "trial"
     made = hand("trial", "make", str(folder), "--cases", "10", "--seed", "3")
     assert made.returncode == 0, made.stderr
     commitment, key = (line.split()[1] for line in made.stdout.splitlines())
     plan = (folder / "plan.json").read_text(encoding="utf-8")
-    assert not any(one.name in plan.replace('"without"', "") for one in FOREIGN)
+    assert not any(foreign.name in plan.replace('"without"', "") for foreign in FOREIGN)
     refused = hand("trial", "run", str(folder), HAND_TRIAL_KEY=key)
     assert refused.returncode == 2 and "must not be able to open the seal" in refused.stderr
     done = hand("trial", "run", str(folder))
