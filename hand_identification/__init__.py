@@ -1,1 +1,1 @@
-"""Identification: sensors, static map, dynamics, free parameters and their fit."""
+"""Identification of the numbers of a known model: sensors, static map, dynamics, free parameters and their fit."""

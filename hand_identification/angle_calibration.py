@@ -6,7 +6,7 @@ The three models, from a reference angle phi and the sensor's voltage U:
     sine        U = m + s sin(phi - phi_0), Eq. 1 through Eq. 3
     harmonic    U = m + sum of sines and cosines of phi and 2 phi, 3 phi: misalignment and a shaped magnet
 
-A model is chosen by the error it makes on samples it was not fitted to; the simpler one wins where they are alike.
+The model with the lowest cross-validation error is chosen, the simpler one where two errors are nearly equal.
 """
 
 from __future__ import annotations
@@ -22,13 +22,18 @@ from hand_model.arrays import Array
 FOLDS = 5
 MARGIN = 1.1
 MARGIN_DEG = 0.03
-"""A richer model must be better by more than this factor and this much, about the resolution of the sensor."""
+"""A richer model is chosen where its cross-validation error is lower by more than this factor and this difference,
+which is about the resolution of the sensor."""
 MODELS = ("line", "sine", "harmonic")
 
 
 @dataclass(frozen=True, slots=True)
 class AngleCalibration:
-    """A calibrated sensor: model, its numbers, errors in degrees (RMS, largest, held-out by model)."""
+    """A calibrated sensor.
+
+    model: one of MODELS.  numbers: its coefficients (see the module).  rms_deg, largest_deg: errors over all samples.
+    held_out_deg: cross-validation error (RMS) by model.  low_v, high_v: voltages of the calibration.
+    """
 
     model: str
     numbers: tuple[float, ...]
@@ -45,7 +50,10 @@ class AngleCalibration:
 
 
 def calibrate_angle(angle_deg: Array, voltage_v: Array) -> AngleCalibration:
-    """Fit and choose. angle_deg, voltage_v: (n,). Raises ValueError, one line, for data that fit no model."""
+    """Fit all models and choose one. angle_deg, voltage_v: (n,), from a rig.
+
+    Raises ValueError, one line, for too few samples, a joint that did not move, or angles outside a turn.
+    """
     _check(angle_deg, voltage_v)
     held_out = {model: _held_out_deg(model, angle_deg, voltage_v) for model in MODELS}
     chosen = MODELS[0]
@@ -79,7 +87,7 @@ def _check(angle_deg: Array, voltage_v: Array) -> None:
 
 
 def _held_out_deg(model: str, angle_deg: Array, voltage_v: Array) -> float:
-    """RMS error on samples left out of the fit, each once, in interleaved folds of the sorted angles."""
+    """Cross-validation error [deg, RMS]: FOLDS interleaved folds of the sorted angles, each left out of one fit."""
     order = np.argsort(angle_deg, kind="stable")
     fold = np.empty(len(order), dtype=int)
     fold[order] = np.arange(len(order)) % FOLDS
@@ -92,7 +100,7 @@ def _held_out_deg(model: str, angle_deg: Array, voltage_v: Array) -> float:
 
 
 def _fit_line(angle_deg: Array, voltage_v: Array) -> Array:
-    """Through the mean of the samples around each of the two ends."""
+    """A line through the mean of the samples nearest to each of the two ends."""
     low, high = max(0.0, angle_deg.min()), min(90.0, angle_deg.max())
     near = [np.argsort(np.abs(angle_deg - end))[: max(1, len(angle_deg) // 50)] for end in (low, high)]
     (a0, v0), (a1, v1) = [(angle_deg[n].mean(), voltage_v[n].mean()) for n in near]
@@ -116,7 +124,7 @@ def _harmonics(angle_deg: Array, count: int) -> Array:
 def _fit_harmonics(count: int) -> Callable[[Array, Array], Array]:
     def fit(angle_deg: Array, voltage_v: Array) -> Array:
         table = _harmonics(angle_deg, count)
-        # A little ridge: over a part of the turn the harmonics are nearly alike.
+        # A small ridge term: over a part of the turn the harmonics are nearly collinear.
         ridge = 1e-9 * len(table) * np.eye(table.shape[1])
         numbers = np.asarray(np.linalg.solve(table.T @ table + ridge, table.T @ voltage_v), dtype=np.float64)
         spread = float(np.std(voltage_v - table @ numbers))

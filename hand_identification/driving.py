@@ -1,8 +1,8 @@
-"""Inputs of a joint from a model and readings together: the model gives the shape, the readings what it leaves.
+"""Inputs of a joint's model, from the prediction of the stage before it and the readings together.
 
-A pressure that turns sharply after a step is no straight line from one sample to the next, and an acceleration taken
-from noisy angles alone shakes a joint that friction holds. What a model leaves of the readings is small and smooth; its
-noise is reduced, gaps are bridged in it, and added to the model it is what was measured.
+Between two samples a pressure that bends sharply after a step is not a straight line, and an acceleration computed from
+noisy angles alone shakes a joint that friction holds. The residual of a model, on the other hand, is small and smooth.
+So the residual's noise is reduced and its gaps are bridged, and the prediction is added to it again.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from hand_recording.signals import slopes_over, smoothing_span, white_noise, wit
 
 
 def shape_driving(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> None:
-    """Set the driving pressure of every segment by the valve's model at the coordinates z (free,).
+    """Set the driving pressure of every segment from the valve's model at the coordinates z (free,).
 
-    A segment whose readings are not smoother beside the model than by themselves stays as it is.
+    A segment is left as it is where the residual of the model is not smoother than the readings themselves.
     """
     if problem.driven:
         return
@@ -32,13 +32,13 @@ def shape_driving(problem: JointProblem, free: Sequence[FreeParameter], z: Array
     fine = replace(problem, segments=[_finer(segment, finer) for segment in problem.segments])
     predicted = fine.predict(columns, starts)
     problem.segments[:] = [
-        _shaped(segment, one[0, 0], finer) if segment.use[0].any() else segment
-        for segment, one in zip(problem.segments, predicted, strict=True)
+        _shaped(segment, fine_prediction[0, 0], finer) if segment.use[0].any() else segment
+        for segment, fine_prediction in zip(problem.segments, predicted, strict=True)
     ]
 
 
 def accelerations(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> list[Array]:
-    """Acceleration (T,) [rad/s^2] of the joint in every segment, by its model at the coordinates z (free,)."""
+    """Acceleration (T,) [rad/s^2] of the joint in every segment, from its model at the coordinates z (free,)."""
     columns, starts = problem.columns(free, z[None])
     return [
         _acceleration(segment, predicted[0, 1])
@@ -47,7 +47,10 @@ def accelerations(problem: JointProblem, free: Sequence[FreeParameter], z: Array
 
 
 def inflow(driving_pa: Array, samples: int, period_s: float) -> Array:
-    """Rise of a driving pressure (samples,) [Pa/s], falls left out, mean over the sample around each reading."""
+    """Rate of rise (samples,) [Pa/s] of a driving pressure, averaged over the sample around each reading; falls are 0.
+
+    driving_pa: (finer (samples - 1) + 1,) [Pa gauge], evenly spaced over the samples.
+    """
     if samples < 2:
         return np.zeros(samples)
     finer = (len(driving_pa) - 1) // (samples - 1)
@@ -57,20 +60,20 @@ def inflow(driving_pa: Array, samples: int, period_s: float) -> Array:
 
 
 def _acceleration(segment: Segment, model_rad: Array) -> Array:
-    """Second differences keep the speed that an acceleration between two samples brings."""
-    rest = _bridged(segment, segment.angle_rad - model_rad)
-    span = smoothing_span(rest, segment.period_s, white_noise(rest))
-    bends = np.zeros(len(rest))
+    """Second differences of the model's angles, whose sum is the change of speed, plus the residual's acceleration."""
+    residual = _bridged(segment, segment.angle_rad - model_rad)
+    span = smoothing_span(residual, segment.period_s, white_noise(residual))
+    bends = np.zeros(len(residual))
     bends[1:-1] = np.diff(model_rad, 2) / segment.period_s**2
-    return bends + slopes_over(rest, span, 2, segment.period_s)
+    return bends + slopes_over(residual, span, 2, segment.period_s)
 
 
-def _bridged(segment: Segment, rest: Array) -> Array:
-    return bridge(np.where(segment.known, rest, np.nan))[0] if segment.known.any() else rest
+def _bridged(segment: Segment, residual: Array) -> Array:
+    return bridge(np.where(segment.known, residual, np.nan))[0] if segment.known.any() else residual
 
 
 def _finer(segment: Segment, finer: int) -> Segment:
-    """The inputs of the valve's stage alone, in steps of a `finer`-th of a sample."""
+    """The segment with the inputs of the valve stage in steps of a `finer`-th of a sample; other signals stay."""
     pressure = refine(segment.pressure_pa, finer)
     return replace(
         segment,
@@ -82,8 +85,8 @@ def _finer(segment: Segment, finer: int) -> Segment:
 
 
 def _shaped(segment: Segment, model_pa: Array, finer: int) -> Segment:
-    rest = _bridged(segment, segment.pressure_pa - model_pa[::finer])
-    if len(rest) < 3 or not np.mean(np.diff(rest, 2) ** 2) < np.mean(np.diff(segment.pressure_pa, 2) ** 2):
+    residual = _bridged(segment, segment.pressure_pa - model_pa[::finer])
+    if len(residual) < 3 or not np.mean(np.diff(residual, 2) ** 2) < np.mean(np.diff(segment.pressure_pa, 2) ** 2):
         return segment
-    quiet, span = without_noise(rest, segment.period_s, white_noise(rest))
-    return replace(segment, driving_pa=model_pa + refine(quiet, finer), span=span, smoothed=quiet != rest)
+    quiet, span = without_noise(residual, segment.period_s, white_noise(residual))
+    return replace(segment, driving_pa=model_pa + refine(quiet, finer), span=span, smoothed=quiet != residual)

@@ -1,8 +1,9 @@
 """Dynamics and material of a joint by simulation error: valve, J and d of Eq. 8, creep of Eqs. 11 to 13.
 
-The valve is judged from command to pressure, the joint from measured pressure to angle, each on its own input, so that
-one does not bias the other. Creep has a scale that no recording shows: A, b0 and b1 times c with phi_max over c is the
-same motion. By convention b1 stays at its nominal value, where the creeping ratio is 1 at supply pressure.
+The valve is fitted from set-point to pressure, the joint from measured pressure to angle. Each stage has a measured
+input, so that the errors of one stage do not bias the other. One scale of the creep cannot be identified: multiplying
+A, b0 and b1 by c and dividing phi_max by c gives the same motion. By convention b1 keeps its nominal value, with which
+the creeping ratio is 1 at supply pressure.
 """
 
 from __future__ import annotations
@@ -37,12 +38,12 @@ MATERIAL_KEYS = (
 )
 STATIC_KEYS = ("statics.a0_nm", "statics.a1_nm_per_rad", "statics.a2_nm_per_pa", "statics.a3_nm_per_pa_rad")
 SPREAD = 1.0
-"""Expected standard deviation of the logarithm of a number: a factor e either way costs one unit."""
+"""Standard deviation of the prior of a number's logarithm: a factor of e, up or down, costs one unit."""
 STARTS = 4
 START_SPREAD = 0.5
 """Standard deviation of the random starts, in units of SPREAD."""
 DETERMINED, WEAK = 0.05, 0.3
-"""Relative standard errors up to which a number is determined, or weakly so."""
+"""Relative standard errors up to which a number counts as determined, and as weakly determined."""
 SHOWS = {
     "valve.dead_time_s": "steps of the set-point",
     "valve.time_constant_s": "steps of the set-point",
@@ -58,7 +59,7 @@ SHOWS = {
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """One number: key, value and standard error (SI), verdict, and what to record where it is not determined."""
+    """One number: key, value and standard error (SI), verdict, and what to record where it is not well determined."""
 
     key: str
     value: float
@@ -69,7 +70,11 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class JointDynamics:
-    """A joint's result. rmse: by stage, on fitted and on held-out samples (SI), nominal and identified."""
+    """The result of a joint.
+
+    rmse_before, rmse_after: RMS error by stage (SI) on training data, with nominal and identified numbers.
+    held_out_after: the same on validation data with identified numbers.
+    """
 
     joint: str
     estimates: tuple[Estimate, ...]
@@ -80,7 +85,7 @@ class JointDynamics:
     problem: JointProblem
 
     def values(self) -> dict[str, float]:
-        """Values by key, SI, of what the data determine at least weakly."""
+        """Values by key, SI, of the numbers that the data determine at least weakly."""
         return {estimate.key: estimate.value for estimate in self.estimates if estimate.verdict != "not determined"}
 
     def resolutions(self) -> dict[str, float]:
@@ -91,7 +96,10 @@ class JointDynamics:
 def identify_joint(
     signals: Sequence[Signals], hand: Hand, joint: str, keys: Sequence[str], rng: np.random.Generator
 ) -> JointDynamics:
-    """Fit the keys of one joint from several starts; the best one counts. ValueError where nothing can be judged."""
+    """Fit the numbers `keys` of one joint from several random starts and keep the best fit.
+
+    Raises ValueError where the recordings have neither set-points nor pressures of the joint.
+    """
     problem = joint_problem(signals, hand, joint)
     if not any(segment.use.any() for segment in problem.segments):
         raise ValueError(f"{joint}: the recording has neither set-points nor pressures for it")
@@ -119,7 +127,7 @@ def identify(
     seed: int,
     progress: Callable[[str], None],
 ) -> list[JointDynamics]:
-    """Every joint in turn, reproducible for a seed."""
+    """identify_joint for every joint in turn; reproducible for a seed. progress: called with each finished joint."""
     found = []
     for number, joint in enumerate(joints):
         found.append(identify_joint(signals, hand, joint, keys, np.random.default_rng([seed, number])))
@@ -139,7 +147,7 @@ def _free_parameter(problem: JointProblem, key: str) -> FreeParameter:
 
 
 def _estimates(problem: JointProblem, fit: MapFit) -> list[Estimate]:
-    """Values with errors that the data alone give, residual correlation counted."""
+    """Values and the errors that follow from the data alone, the correlation of the residuals included."""
     covariance = _data_covariance(problem, fit)
     columns, _ = problem.columns(fit.free, fit.z[None])
     estimates = []
@@ -157,7 +165,7 @@ def _estimates(problem: JointProblem, fit: MapFit) -> list[Estimate]:
 
 
 def _data_covariance(problem: JointProblem, fit: MapFit) -> Array:
-    """Of z, from the residuals' own size and correlation instead of the weights; pseudo-inverse where singular."""
+    """Covariance of z from the size and the correlation of the residuals instead of the weights and the prior."""
     train = ~problem.held_out
     count = len(fit.z)
     information = np.zeros((count, count))

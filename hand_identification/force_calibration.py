@@ -1,7 +1,7 @@
 """Calibration of a force sensing resistor against a lab scale (Martin et al. 2004, Sec. 2.2, Eq. 5).
 
 R_S follows from the divider's voltage; log10 F is a third-order polynomial of log10 R_S, by least squares. Outside the
-resistances it was fitted to the calibration gives no number.
+resistances of the samples the calibration gives NaN.
 """
 
 from __future__ import annotations
@@ -62,7 +62,10 @@ def resistance_ohm(voltage_v: Array, supply_v: float, divider_ohm: float) -> Arr
 
 
 def calibrate_force(force_n: Array, voltage_v: Array, supply_v: float, divider_ohm: float) -> ForceCalibration:
-    """Fit samples (n,). Raises ValueError, one line, for samples that cannot be of such a sensor."""
+    """Fit the samples force_n (n,) and voltage_v (n,) of a divider with supply U_0 and resistor R_D.
+
+    Raises ValueError, one line, for samples that cannot come from such a sensor.
+    """
     _check(force_n, voltage_v, supply_v, divider_ohm)
     resistance = resistance_ohm(voltage_v, supply_v, divider_ohm)
     x, y = np.log10(resistance), np.log10(force_n)

@@ -1,8 +1,8 @@
-"""The numbers that a fit may move: which parameter, around what, how far it is expected to go.
+"""The free parameters of a fit: which number of the model, its prior and its bounds.
 
-A move is a coordinate z of the fit with prior N(0, 1): the value is centre + scale z, or centre exp(scale z) where
-only ratios make sense. Nominal numbers are trusted to a relative tolerance; parameters of an effect are free within
-what is physically usual.
+A free parameter is a coordinate z of the fit with the prior N(0, 1). Its value is centre + scale z, or
+centre exp(scale z) where only ratios make sense. The prior of a nominal number is its relative tolerance; the prior of
+an effect's parameter is wide, and its bounds are those of the parameter table.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from hand_model.kernel.plant_rows import PLANT_PARAMETERS
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 
 START_CREEP = len(JOINT_PARAMETERS)
-"""Row of the creeping ratio at the start, behind the parameters; behind it those of the recordings' first speeds."""
+"""Row of the creeping ratio at the start, after those of the parameters; the first speed of each recording follows."""
 EFFECT_SPREAD = 3.0
-"""How many typical sizes an effect is expected to have, one standard deviation."""
+"""Standard deviation of the prior of an effect's parameter, in typical sizes of that parameter."""
 LOG_SPREAD = 0.7
-"""Standard deviation of the logarithm of a plain number that an effect sets free."""
+"""Standard deviation of the prior of the logarithm of a number of the plain plant that an effect sets free."""
 
 NOMINAL_KEYS = (
     "valve.dead_time_s",
@@ -46,17 +46,21 @@ NOMINAL_KEYS = (
     "end_stop.damping_nm_s_per_rad",
 )
 _FLOOR = {"valve.dead_time_s": 0.002, "statics.a0_nm": 0.01}
-"""Size that stands for a nominal number whose own is too small to measure a tolerance by; dead time: one step."""
+"""Least size of a nominal number to which the relative tolerance is applied; of the dead time: one step."""
 FARTHEST = 3.0
-"""Tolerances that a nominal number may move by."""
+"""Bounds of a nominal number, in tolerances from its nominal value."""
 WIDE = {"valve.dead_time_s": 0.4, "end_stop.damping_nm_s_per_rad": 0.4}
-"""Tolerances that are wider than the common one: a set-point waits for the board's tick, too; a stop's damping is
-guessed in any model."""
+"""Relative tolerances of numbers that are less certain: a set-point waits for the board's tick, which adds to the dead
+time, and the damping of an end stop is a guess in any model."""
 
 
 @dataclass(frozen=True, slots=True)
 class FreeParameter:
-    """One coordinate of a fit. row: of the parameter array.  low, high: bounds of the value, SI."""
+    """One coordinate z of a fit.
+
+    row: in the parameter array, or START_CREEP and above.  centre, low, high: prior mode and bounds of the value, SI.
+    log: whether the value is centre exp(scale z) instead of centre + scale z.
+    """
 
     row: int
     centre: float
@@ -71,7 +75,7 @@ class FreeParameter:
         return np.asarray(np.clip(raw, self.low, self.high))
 
     def coordinate(self, value: float) -> float:
-        """The coordinate of a value."""
+        """The coordinate of a value [SI], which is clipped to the bounds first."""
         value = min(max(value, self.low), self.high)
         if self.log:
             return math.log(max(value, 1e-300) / self.centre) / self.scale
@@ -83,7 +87,7 @@ class FreeParameter:
 
     @property
     def key(self) -> str:
-        """Its name in hand.yaml."""
+        """Its key in hand.yaml, or start.creep and start.speed."""
         if self.row >= START_CREEP:
             return "start.creep" if self.row == START_CREEP else "start.speed"
         return JOINT_PARAMETERS[self.row].key
@@ -92,7 +96,8 @@ class FreeParameter:
 def nominal_free_parameters(nominal: Array, tolerance: float, rested: bool) -> list[FreeParameter]:
     """Free parameters of the plain plant around its nominal parameters (rows,), each by a relative tolerance [-].
 
-    None goes farther than FARTHEST tolerances: what needs more is no wrong number but another thing.
+    The bounds are FARTHEST tolerances away: a larger difference indicates missing physics, not a wrong number.
+    rested: whether the joint was at rest without pressure before the recording, so that its creep has decayed.
     """
     free = []
     for key in NOMINAL_KEYS:
@@ -112,7 +117,7 @@ def nominal_free_parameters(nominal: Array, tolerance: float, rested: bool) -> l
 
 
 def speed_free_parameters(speeds: Sequence[float]) -> list[FreeParameter]:
-    """Of the first speeds [rad/s] of recordings that begin in motion: estimates, 0 where there is none."""
+    """First speeds of recordings that begin in motion. speeds: estimates [rad/s]; 0: the recording begins at rest."""
     free = []
     for row, speed in enumerate(speeds, START_CREEP + 1):
         if speed != 0.0:
@@ -144,7 +149,7 @@ def effect_free_parameters(effect: Effect, nominal: Array) -> list[FreeParameter
 
 
 def probe_values(effect: Effect, nominal: Array) -> list[dict[int, float]]:
-    """Starting points of an effect as values by row, SI; those equal to the nominal ones (rows,) are left out."""
+    """Starting points of an effect: values by row, SI; those that equal the nominal values (rows,) are left out."""
     probes = []
     for probe in effect.probes:
         values = {}
@@ -159,6 +164,6 @@ def probe_values(effect: Effect, nominal: Array) -> list[dict[int, float]]:
 
 
 def merged(base: Sequence[FreeParameter], added: Sequence[FreeParameter]) -> list[FreeParameter]:
-    """Base free parameters, with those replaced that an effect sets free."""
+    """The base parameters, those of the same row replaced by the added ones."""
     rows = {parameter.row for parameter in added}
     return [parameter for parameter in base if parameter.row not in rows] + list(added)

@@ -1,4 +1,4 @@
-"""From signals to the problem of one joint: what surrounds the joint, what counts, where it begins."""
+"""The fitting problem of one joint from signals: inputs of its model, samples that count, and the initial state."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ from hand_recording.signals import (
 )
 
 TOUCHING_N = 0.3
-"""A force below this may be noise; the force stage is judged only while something is touched."""
+"""Smaller forces may be noise; the force stage is evaluated only while something is touched."""
 
 STARTING_S, STARTING_ORDER, IN_MOTION_RAD_S = 0.15, 4, 0.3
-"""The motion at the start is a polynomial over so long; slower than this it is rest."""
+"""Length and order of the polynomial through the first angles; a slower first speed counts as rest."""
 
 
 def joint_problem(
     signals: Sequence[Signals], hand: JointModel, joint: str, floor: Sequence[float] | Array = FLOOR
 ) -> JointProblem:
-    """The problem of one joint over all recordings that hold it, with the hand's nominal parameters.
+    """The problem of one joint over all recordings that contain it, with the nominal parameters of the hand.
 
     floor: (OUTPUTS,) SI, repeatability of each signal.
     """
     index = hand.joints.index(joint)
     segments: list[Segment] = []
     first = 0
-    for one in signals:
-        if joint in one.joints:
-            segments.append(_piece(one, hand, joint, first))
+    for recording in signals:
+        if joint in recording.joints:
+            segments.append(_segment(recording, hand, joint, first))
             first = int(segments[-1].block[-1]) + 1
     noise = np.max([_noise(segment) for segment in segments], axis=0)
     return JointProblem(
@@ -62,7 +62,7 @@ def joint_problem(
     )
 
 
-def _piece(signals: Signals, hand: JointModel, joint: str, first_block: int) -> Segment:
+def _segment(signals: Signals, hand: JointModel, joint: str, first_block: int) -> Segment:
     j = signals.joints.index(joint)
     force = signals.force_n[:, j]
     driving, span = driving_pressure(signals, j)
@@ -99,13 +99,13 @@ def speed_at_start(angle_rad: Array, period_s: float) -> float:
 
 
 def driving_pressure(signals: Signals, j: int) -> tuple[Array, int]:
-    """Pressure (T,) [Pa] of a column as the joint's input, by its readings alone, and the span of its smoothing."""
+    """Pressure (T,) [Pa] of column j as the input of the joint, from its readings alone, and the smoothing window."""
     pressure = signals.pressure_pa[:, j]
     return (pressure, 1) if signals.driven else without_noise(pressure, signals.period_s, white_noise(pressure))
 
 
 def _surroundings(signals: Signals, hand: JointModel, joint: str) -> Array:
-    """Columns of e, (T, EXOGENOUS); the hand's inflow is not among them (driving.py)."""
+    """Exogenous inputs (T, EXOGENOUS) of the joint's model, without the inflow of the whole hand (driving.py)."""
     j = signals.joints.index(joint)
     speed, acceleration = derivatives(signals.angle_rad[:, j : j + 1], signals.period_s)
     e = np.zeros((signals.samples, EXOGENOUS))
@@ -123,7 +123,7 @@ def _surroundings(signals: Signals, hand: JointModel, joint: str) -> Array:
 
 
 def _quiet_acceleration(angle_rad: Array, period_s: float) -> Array:
-    """Of a joint (T,): a slow motion is smoothed for longer than a fast one, so that noise does not shake a partner."""
+    """Acceleration (T,) [rad/s^2] of a coupled joint; a slow motion is smoothed over a longer window."""
     span = smoothing_span(angle_rad, period_s, white_noise(angle_rad))
     if span * period_s > 2.0 * SMOOTHED_S[0]:
         return slopes_over(angle_rad, span, 2, period_s)
@@ -145,5 +145,5 @@ def _use(signals: Signals, j: int, force: Array) -> Flags:
 
 
 def _noise(segment: Segment) -> Array:
-    """White noise of each measured signal (OUTPUTS,), from the data."""
+    """Standard deviation of the white noise of each measured signal (OUTPUTS,), SI."""
     return np.array([white_noise(signal) for signal in segment.measured])

@@ -1,4 +1,4 @@
-"""One joint of one or more recordings as a least-squares problem: parameters in, residuals of each stage out."""
+"""One joint of one or more recordings as a least-squares problem: from parameters to the residuals of each stage."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ from hand_model.arrays import Array, Flags
 from hand_model.chain import CREEP, OMEGA, OUTPUTS, open_chain
 
 STAGES = ("pressure", "angle", "force")
-"""What each stage predicts, in the order of the chain's outputs."""
+"""The signal that each stage predicts, in the order of the model's outputs."""
 FLOOR = (300.0, np.radians(0.05), 0.05)
-"""Practical repeatability of each signal, correlated over CORRELATION_S: smaller differences claim nothing."""
+"""Practical repeatability of each signal (Pa, rad, N), correlated over CORRELATION_S; smaller differences are not
+attributed to any cause."""
 MIN_FLOORS_TAKEN = 0.6
-"""Error that an effect must take away (the root of the fall of the mean square) relative to the practical floor."""
+"""Error that an effect must remove (root of the fall of the mean square), relative to the practical floor."""
 CORRELATION_S = 0.5
 SETTLING_S = 0.5
-"""After the start, and after a gap, the model needs this long to forget what it could not know."""
+"""Time after the start during which the unknown initial state influences the prediction; not evaluated."""
 BLOCK_S = 1.25
-"""Length of the blocks into which a recording is cut for held-out data and the bootstrap."""
+"""Length of the blocks into which a recording is divided for validation data and the bootstrap."""
 HELD_OUT_EVERY = 3
 
 
@@ -33,7 +34,7 @@ class Segment:
 
     driving_pa: the measured pressure as the joint's input, its noise reduced, (finer (T - 1) + 1,) evenly over the
     samples.  span: of the smoothing, in samples.  smoothed: (T,) where there was any.  known: (T,) where readings were.
-    late_s: by how much the pressures were read after the rest.
+    late_s: by how much the pressures were read after the other signals.
     use: (OUTPUTS, T) samples that count.  block: (T,) number of the block of each sample, over all recordings.
     """
 
@@ -61,7 +62,7 @@ class Segment:
 
 @dataclass(slots=True)
 class JointProblem:
-    """A joint: its pieces, nominal parameters (rows,), weights (OUTPUTS,) of squared residuals, held-out blocks.
+    """A joint: its segments, nominal parameters (rows,), weights (OUTPUTS,) of squared residuals, validation blocks.
 
     floor: (OUTPUTS,) SI, repeatability of each signal; what is below it is not claimed.
     """
@@ -77,7 +78,7 @@ class JointProblem:
 
     @property
     def claimable(self) -> Array:
-        """(OUTPUTS,) SI: the error that an effect must take away; all of what re-runs differ by, where that is more."""
+        """(OUTPUTS,) SI: the error that an effect must remove; the whole repeatability where that is larger."""
         practical = np.array(FLOOR)
         return np.where(self.floor > practical, self.floor, MIN_FLOORS_TAKEN * practical)
 
@@ -88,11 +89,11 @@ class JointProblem:
 
     @property
     def held_out(self) -> Flags:
-        """(blocks,) which are not fitted, see `held_out_blocks`."""
+        """(blocks,): which blocks are validation data and not fitted, see `held_out_blocks`."""
         return held_out_blocks(self.blocks)
 
     def columns(self, free: Sequence[FreeParameter], z: Array) -> tuple[Array, Array]:
-        """Parameter sets (k, rows) and starts (k, 1 + pieces) of coordinates z (k, free)."""
+        """Parameter sets (k, rows) and starts (k, 1 + segments) of coordinates z (k, free)."""
         columns, starts = np.repeat(self.nominal[None], len(z), axis=0), self.starts(len(z))
         for index, parameter in enumerate(free):
             if parameter.row >= START_CREEP:
@@ -102,11 +103,11 @@ class JointProblem:
         return columns, starts
 
     def starts(self, count: int) -> Array:
-        """(count, 1 + pieces): creeping ratio at the start, 0, and each segment's first speed, as estimated."""
+        """(count, 1 + segments): creeping ratio at the start, 0, and each segment's first speed, as estimated."""
         return np.tile([0.0, *(segment.start[OMEGA] for segment in self.segments)], (count, 1))
 
     def predict(self, columns: Array, starts: Array) -> list[Array]:
-        """Readings (k, OUTPUTS, T) of every segment."""
+        """Predicted readings (k, OUTPUTS, T), SI, of every segment, for parameter sets (k, rows) and starts."""
         out = []
         for index, segment in enumerate(self.segments):
             start = np.tile(segment.start, (len(columns), 1))
@@ -120,7 +121,7 @@ class JointProblem:
         return out
 
     def residuals(self, columns: Array, starts: Array) -> list[Array]:
-        """Measured minus predicted (k, OUTPUTS, T) of every segment; 0 where it does not count."""
+        """Measured minus predicted (k, OUTPUTS, T), SI, of every segment; 0 at samples that do not count."""
         residuals = self.predict(columns, starts)
         for segment, predicted in zip(self.segments, residuals, strict=True):
             np.subtract(segment.measured, predicted, out=predicted)
@@ -128,18 +129,18 @@ class JointProblem:
         return residuals
 
     def block_squares(self, residuals: Sequence[Array]) -> Array:
-        """Sums of squares (k, OUTPUTS, blocks)."""
+        """Sums of squared residuals (k, OUTPUTS, blocks) of residuals (k, OUTPUTS, T) by segment."""
         total = np.zeros((len(residuals[0]), OUTPUTS, self.blocks))
         for segment, residual in zip(self.segments, residuals, strict=True):
             first, last = segment.block[0], segment.block[-1]
             starts = np.searchsorted(segment.block, np.arange(first, last + 1))
-            for column, one in zip(total, residual, strict=True):
-                column[:, first : last + 1] += np.add.reduceat(one * one, starts, axis=1)
+            for column, values in zip(total, residual, strict=True):
+                column[:, first : last + 1] += np.add.reduceat(values * values, starts, axis=1)
         return total
 
     @property
     def block_counts(self) -> Array:
-        """Samples that count, (OUTPUTS, blocks)."""
+        """Number of samples that count, (OUTPUTS, blocks)."""
         counts = np.zeros((OUTPUTS, self.blocks))
         for segment in self.segments:
             first, last = segment.block[0], segment.block[-1]
@@ -148,7 +149,7 @@ class JointProblem:
         return counts
 
     def effective_counts(self, blocks: Flags) -> Array:
-        """Independent samples of each stage (OUTPUTS,) in chosen blocks (blocks,): correlation makes many of one."""
+        """Number of independent samples of each stage (OUTPUTS,) in the chosen blocks (blocks,), see CORRELATION_S."""
         per_sample = self.segments[0].period_s / CORRELATION_S
         counts: Array = self.block_counts[:, blocks].sum(axis=1) * min(per_sample, 1.0)
         return counts
@@ -156,9 +157,9 @@ class JointProblem:
 
 @cache
 def held_out_blocks(blocks: int) -> Flags:
-    """(blocks,): one of every three, so that each stretch is judged; which one is drawn, always alike.
+    """Flags (blocks,) of the validation blocks: one of every HELD_OUT_EVERY, drawn by a fixed seed.
 
-    At regular distances a periodic motion could show the same part of itself in every block that is fitted.
+    With a regular pattern, a periodic motion could show only one of its phases in the blocks that are fitted.
     """
     drawn = np.random.default_rng(HELD_OUT_EVERY).integers(HELD_OUT_EVERY, size=-(-blocks // HELD_OUT_EVERY))
     held = np.zeros(HELD_OUT_EVERY * len(drawn), dtype=bool)

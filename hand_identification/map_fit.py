@@ -1,4 +1,9 @@
-"""Maximum a posteriori fit of a joint by simulation error: damped Gauss-Newton, all columns as lanes of one rollout."""
+"""Maximum a posteriori fit of a joint by simulation error: damped Gauss-Newton, all parameter sets in one simulation.
+
+The cost is the sum of weighted squared residuals of the training blocks plus z' z, the prior of the coordinates.
+Source: Levenberg-Marquardt method (Nocedal and Wright 2006, Sec. 10.3) with several dampings tried at once. The result
+is checked against scipy.optimize.least_squares (test/identification/test_map_fit.py).
+"""
 
 from __future__ import annotations
 
@@ -15,16 +20,19 @@ DIFFERENCE = 0.002
 """Step of the finite differences, in standard deviations of the prior."""
 DAMPING = (0.0, 1e-2, 0.1, 1.0, 30.0)
 BOLD = (0.0, 0.1, 30.0)
-"""Trial steps, all tried at once, by their damping; bold ones may be longer.  Eight fill two blocks of lanes."""
+"""Dampings of the trial steps, which are simulated together; bold steps may be longer. Eight trials fill two blocks of
+lanes."""
 LONGEST_STEP, LONGEST_BOLD = 0.7, 4.0
-"""Of any coordinate: beyond a prior's width the slopes say little, but where they do, the way is short."""
+"""Longest change of a coordinate in one step, in prior standard deviations; farther away slopes are not reliable."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapFit:
-    """The best point: coordinates z (free,), cost, squares (OUTPUTS, blocks), residuals by segment, curvature.
+    """The best point of a fit.
 
-    normal: (free, free), J' W J of the data alone.  cost: weighted train squares + z' z.
+    z: coordinates (free,).  cost: weighted squares of the training data + z' z.  squares: (OUTPUTS, blocks), SI.
+    residuals: (OUTPUTS, T) by segment, SI.  normal: J' W J (free, free) of the training data alone.
+    sensitivity: slopes of the residuals (free, OUTPUTS, T) by segment.
     """
 
     free: tuple[FreeParameter, ...]
@@ -37,12 +45,12 @@ class MapFit:
     iterations: int
 
     def without_arrays(self) -> MapFit:
-        """The same without the large arrays: what a hypothesis that was not taken needs to be reported."""
+        """The same fit without its large arrays, for hypotheses that are reported and not used further."""
         return replace(self, residuals=(), sensitivity=())
 
     @property
     def covariance(self) -> Array:
-        """Of z, prior included, (free, free)."""
+        """Posterior covariance of z (free, free), the prior included."""
         return np.asarray(np.linalg.inv(self.normal + np.eye(len(self.z))), dtype=np.float64)
 
     def resolutions(self, columns: Array) -> dict[str, float]:
@@ -90,7 +98,7 @@ class _Point:
 
 
 def _usable(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> _Point:
-    """The start, or as far from the nominal values towards it as the simulation stays finite."""
+    """The start, or the farthest tried point towards it from the prior's mode whose simulation is finite."""
     for share in (1.0, 0.9, 0.7, 0.5, 0.3, 0.1, 0.0):
         costs, squares, residuals = _simulated(problem, free, (share * z)[None])
         if np.isfinite(costs[0]):
@@ -123,7 +131,7 @@ def _reachable(parameter: FreeParameter, value: float) -> bool:
 
 
 def _slopes(problem: JointProblem, free: Sequence[FreeParameter], here: _Point, high: Array) -> list[Array]:
-    """Of the residuals (free, OUTPUTS, T) by segment."""
+    """Slopes of the residuals (free, OUTPUTS, T) by segment, from forward differences."""
     steps = np.where(here.z + DIFFERENCE > high, -DIFFERENCE, DIFFERENCE)
     sensitivity = problem.residuals(*problem.columns(free, here.z[None] + np.diag(steps)))
     for slopes, residual in zip(sensitivity, here.residuals, strict=True):
@@ -162,12 +170,12 @@ def _trial_steps(z: Array, normal: Array, slope: Array, bounds: tuple[Array, Arr
 
 
 def _bounded_step(hessian: Array, gradient: Array, low: Array, high: Array) -> Array:
-    """The step to the minimum of the parabola, coordinates that would leave their bounds held there."""
+    """The step (free,) to the minimum of the quadratic model; coordinates that would leave a bound stay at it."""
     step = np.clip(np.zeros(len(gradient)), low, high)
     free = np.ones(len(gradient), dtype=bool)
     for _ in range(len(gradient)):
-        rest = gradient[free] + hessian[np.ix_(free, ~free)] @ step[~free]
-        inside = np.linalg.solve(hessian[np.ix_(free, free)], -rest)
+        remaining = gradient[free] + hessian[np.ix_(free, ~free)] @ step[~free]
+        inside = np.linalg.solve(hessian[np.ix_(free, free)], -remaining)
         step[free] = np.clip(inside, low[free], high[free])
         left = step[free] != inside
         if not left.any():

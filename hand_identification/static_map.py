@@ -1,7 +1,7 @@
 """Static identification on a rig: the torque map of Eq. 6 and the volume map, by multilinear regression (Sec. 3.1).
 
 Standard errors count correlated samples as fewer: the residual's integrated autocorrelation time divides their number.
-A coefficient that the data do not excite is named instead of being printed as if it were known.
+A warning names each coefficient that the data do not excite.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from hand_model.arrays import Array
 
 TERMS = ("a0_nm", "a1_nm_per_rad", "a2_nm_per_pa", "a3_nm_per_pa_rad")
 WEAK = 0.05
-"""A term counts as not excited where its own regressor is explained by the others to all but this share (its norm)."""
+"""A term counts as not excited where the other regressors explain its own one except for this share of its norm."""
 MIN_PRESSURE_SPAN_PA = 2e4
 MIN_ANGLE_SPAN_DEG = 10.0
 
@@ -23,7 +23,7 @@ MIN_ANGLE_SPAN_DEG = 10.0
 class StaticMap:
     """Eq. 6: values and standard errors of a0 ... a3 (4,), r2, RMS residual [N m], warnings, covariance (4, 4).
 
-    samples, independent: how many there are, and how many their correlation leaves.
+    samples, independent: number of samples, and of independent samples given their correlation.
     """
 
     values: Array
@@ -36,7 +36,7 @@ class StaticMap:
     warnings: tuple[str, ...]
 
     def torque_nm(self, pressure_pa: Array, angle_rad: Array) -> Array:
-        """Eq. 6."""
+        """Torque (n,) [N m] at pressures (n,) [Pa gauge] and angles (n,), Eq. 6."""
         torque: Array = regressors(pressure_pa, angle_rad) @ self.values
         return torque
 
@@ -56,7 +56,7 @@ class StaticMap:
 
 @dataclass(frozen=True, slots=True)
 class VolumeMap:
-    """V_a = V0 + cV p + v_phi phi + v_2 phi^2: values and errors (4,), and how far virtual work is kept.
+    """V_a = V0 + cV p + v_phi phi + v_2 phi^2: values and errors (4,), and ratios that are 1 by virtual work.
 
     By virtual work dV/dphi = dM/dp = a2 + a3 phi: v_phi should be a2 and v_2 half of a3.
     """
@@ -74,7 +74,7 @@ def regressors(pressure_pa: Array, angle_rad: Array) -> Array:
 
 
 def identify_statics(pressure_pa: Array, angle_rad: Array, torque_nm: Array) -> StaticMap:
-    """Regress Eq. 6 from samples (n,). Raises ValueError, one line, where no map can come of them."""
+    """Regress Eq. 6 from samples (n,) of a rig. Raises ValueError, one line, where they do not determine a map."""
     _check(pressure_pa, angle_rad, torque_nm)
     table = regressors(pressure_pa, angle_rad)
     values, covariance, residual, independent = _regress(table, torque_nm)
@@ -105,7 +105,7 @@ def residual_map(
 
 
 def correlation_time(residual: Array) -> float:
-    """Autocorrelation time of a residual (n,) in samples, at least 1, integrated to its first zero crossing."""
+    """Integrated autocorrelation time of a residual (n,) in samples, at least 1, up to the first crossing of 0.05."""
     centred = residual - residual.mean()
     power = np.abs(np.fft.rfft(centred, 2 * len(centred))) ** 2
     correlation = np.fft.irfft(power)[: len(centred)]
@@ -130,13 +130,13 @@ def _regress(table: Array, target: Array) -> tuple[Array, Array, Array, float]:
 
 
 def _warnings(table: Array, values: Array, errors: Array, pressure_pa: Array, angle_rad: Array) -> tuple[str, ...]:
-    """Terms whose regressor is nearly a combination of the others, and terms lost in their error."""
+    """A line for each term with a nearly collinear regressor, or with an error above half its value."""
     scaled = table / np.linalg.norm(table, axis=0)
     lines = []
     for k, term in enumerate(TERMS):
         others = np.delete(scaled, k, axis=1)
-        rest = scaled[:, k] - others @ np.linalg.lstsq(others, scaled[:, k], rcond=None)[0]
-        if np.linalg.norm(rest) < WEAK:
+        own = scaled[:, k] - others @ np.linalg.lstsq(others, scaled[:, k], rcond=None)[0]
+        if np.linalg.norm(own) < WEAK:
             lines.append(
                 f"{term}: hardly excited; vary angle and pressure independently (pressure spans"
                 f" {np.ptp(pressure_pa):.3g} Pa, angle {np.degrees(np.ptp(angle_rad)):.3g} degrees)"
@@ -151,13 +151,13 @@ def _check(pressure_pa: Array, angle_rad: Array, torque_nm: Array) -> None:
         raise ValueError(f"{len(torque_nm)} samples; 12 or more are needed")
     if np.ptp(pressure_pa) < MIN_PRESSURE_SPAN_PA:
         raise ValueError(
-            f"the pressure spans {np.ptp(pressure_pa):.3g} Pa; {MIN_PRESSURE_SPAN_PA:g} or more are needed, or a2 and"
-            " a3 cannot be told"
+            f"the pressure spans {np.ptp(pressure_pa):.3g} Pa; {MIN_PRESSURE_SPAN_PA:g} or more are needed to"
+            " determine a2 and a3"
         )
     if np.degrees(np.ptp(angle_rad)) < MIN_ANGLE_SPAN_DEG:
         raise ValueError(
-            f"the angle spans {np.degrees(np.ptp(angle_rad)):.3g} degrees; {MIN_ANGLE_SPAN_DEG:g} or more are needed,"
-            " or a1 and a3 cannot be told"
+            f"the angle spans {np.degrees(np.ptp(angle_rad)):.3g} degrees; {MIN_ANGLE_SPAN_DEG:g} or more are needed"
+            " to determine a1 and a3"
         )
     if np.ptp(torque_nm) == 0.0:
         raise ValueError(f"the torque is constant at {torque_nm[0]:g} N m; is the torque sensor connected?")
