@@ -1,0 +1,278 @@
+"""What README and docs claim: links and paths lead somewhere, commands and their options exist and have help."""
+
+from __future__ import annotations
+
+import importlib.util
+import itertools
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from hand_tool.cli import app
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "firmware/README.md")]
+PAGES += sorted((ROOT / "docs").glob("*.md"))
+NAMES = [page.relative_to(ROOT).as_posix() for page in PAGES]
+WRITTEN = ("out/", "build/", "install/", "log/", ".venv")
+"""Folders that commands write."""
+COMMANDS = re.compile(r"(hand|make|python3? -m|ros2 run|ros2 launch) ")
+
+
+def text_of(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def without_code(text: str) -> str:
+    """A page without its code blocks and code spans."""
+    text = re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"^ {4}.*$", "", text, flags=re.MULTILINE)
+    return re.sub(r"`[^`\n]*`", "", text)
+
+
+def anchors(text: str) -> set[str]:
+    """The anchors of a page's headings, as GitHub makes them."""
+    titles = re.findall(
+        r"^#+ +(.+?) *$", re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE), re.MULTILINE
+    )
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_link_leads_somewhere(name: str) -> None:
+    """Fails when a relative link names a file or a heading that is not there."""
+    page, text = ROOT / name, text_of(name)
+    for target in re.findall(r"\]\(([^)\s]+)\)", without_code(text)):
+        if re.match(r"[a-z]+:", target):
+            continue
+        path, _, anchor = target.partition("#")
+        file = (page.parent / path).resolve() if path else page
+        assert file.exists(), f"{name}: {target}"
+        if anchor:
+            assert anchor in anchors(file.read_text(encoding="utf-8")), f"{name}: {target}"
+
+
+def code_spans(text: str) -> list[str]:
+    return re.findall(r"`([^`\n]+)`", re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE))
+
+
+@cache
+def tracked() -> tuple[set[str], set[str], set[str]]:
+    """Paths of the tree, their folders, and their file names."""
+    done = subprocess.run(["git", "-C", str(ROOT), "ls-files"], capture_output=True, text=True, check=True)
+    files = {line for line in done.stdout.splitlines() if (ROOT / line).exists()}
+    files |= {path.relative_to(ROOT).as_posix() for path in [*ROOT.glob("*/*.py"), *ROOT.glob("*/*/*.py")]}
+    folders = {parent.as_posix() for file in files for parent in Path(file).parents}
+    return files, folders, {Path(file).name for file in files}
+
+
+def expanded(path: str) -> list[str]:
+    """`a/{b,c}.py` as two paths."""
+    found = re.search(r"\{([^}]*)\}", path)
+    if found is None:
+        return [path]
+    return [path.replace(found[0], part, 1) for part in found[1].split(",")]
+
+
+def missing_paths(name: str) -> list[str]:
+    """Code spans of a page that look like files of the tree and are none."""
+    files, folders, names = tracked()
+    top = {path.split("/")[0] for path in files if "/" in path}
+    wrong = []
+    for span in code_spans(text_of(name)):
+        if not re.fullmatch(r"[\w./{},*-]+", span) or span.startswith(WRITTEN) or re.search("NN|NAME", span):
+            continue
+        for path in expanded(span):
+            bare = path.rstrip("/")
+            beside = (Path(name).parent / bare).as_posix()
+            if bare.split("/")[0] in top and "/" in path:
+                there = bare in files or bare in folders or beside in files or any(ROOT.glob(bare))
+            elif path.endswith(".py"):
+                there = Path(path).name in names
+            else:
+                continue
+            if not there:
+                wrong.append(path)
+    return wrong
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "CHANGELOG.md"])
+def test_every_path_of_the_tree_exists(name: str) -> None:
+    """Fails when a document names a file or folder of this tree that was moved, renamed or removed."""
+    assert missing_paths(name) == []
+
+
+def commands(name: str) -> Iterator[str]:
+    """Command lines of a page: in code blocks and in code spans, without comments and prompts."""
+    text = text_of(name)
+    fenced = re.findall(r"^```\w*\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    lines = [line for block in fenced for line in block.splitlines()]
+    lines += [line[4:] for line in text.splitlines() if line.startswith("    ")]
+    lines += code_spans(text)
+    lines += [found.split(" # ")[0] for found in re.findall(r"<!-- generated: (.+?) -->", text)]
+    for line in lines:
+        stripped = re.sub(r"(^|\s)#.*", "", line).strip()
+        if COMMANDS.match(stripped):
+            yield re.split(r" (?:&&|\||>|;) ", stripped)[0]
+
+
+def all_commands() -> list[tuple[str, str]]:
+    return [(name, line) for name in NAMES if name != "CHANGELOG.md" for line in dict.fromkeys(commands(name))]
+
+
+def test_commands_are_found() -> None:
+    """Fails when the search for commands finds none, so that the tests below would say nothing."""
+    found = {line.split()[0] for _, line in all_commands()}
+    assert {"hand", "make", "python", "ros2"} <= found
+    assert len(all_commands()) > 30
+
+
+@pytest.mark.parametrize(("page", "line"), all_commands())
+def test_every_command_exists(page: str, line: str) -> None:
+    """Fails when a document names a subcommand, option, make target, module or executable that is not there."""
+    words = shlex.split(line.replace("…", "..."))
+    if words[0] == "hand":
+        check_hand(words[1:])
+    elif words[0] == "make":
+        check_make(words[1:])
+    elif words[0].startswith("python"):
+        check_module(words[2], words[3:])
+    else:
+        check_ros(words)
+
+
+def check_hand(words: list[str]) -> None:
+    """The subcommand and its options, by the command line's own parser."""
+    command: Any = typer.main.get_command(app)
+    context: Any = typer.Context(command, info_name="hand")
+    while hasattr(command, "get_command") and words and not words[0].startswith("-"):
+        name, *words = words
+        child = command.get_command(context, name)
+        assert child is not None, f"hand has no subcommand {name}"
+        context = typer.Context(child, info_name=name, parent=context)
+        command = child
+    known = {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
+    known |= set(command.get_help_option_names(context))
+    for word in words:
+        if word.startswith("--") or re.fullmatch(r"-[a-z]", word):
+            assert word.split("=")[0] in known, f"{command.name} has no option {word}"
+
+
+def check_make(words: list[str]) -> None:
+    """Targets of the Makefile; NAME=VALUE sets a variable that it uses."""
+    makefile = text_of("Makefile")
+    for word in words:
+        variable = re.match(r"([A-Z]+)=", word)
+        if variable:
+            assert (
+                f"$({variable[1]}" in makefile or f"{variable[1]} ?=" in makefile or f",$({variable[1]}" in makefile
+            ), word
+        elif re.fullmatch(r"[a-z]+", word):
+            assert re.search(rf"^{word}:", makefile, re.MULTILINE), f"no target {word}"
+
+
+@cache
+def help_of(module: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-m", module, "--help"], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, f"python -m {module} --help: {done.stderr}"
+    return done.stdout
+
+
+def check_module(module: str, words: list[str]) -> None:
+    """The module, and its options by its help."""
+    assert importlib.util.find_spec(module) is not None, module
+    if not module.startswith(("validation", "hand_")):
+        return
+    text = help_of(module)
+    for word in words:
+        if word.startswith("--"):
+            assert word.split("=")[0] in text, f"python -m {module} has no option {word}"
+
+
+def check_ros(words: list[str]) -> None:
+    """Executables, launch files and the parameters that are set, of this package."""
+    kind, package, name = words[1:4]
+    assert package == "fluidic_hand"
+    if kind == "launch":
+        launch = ROOT / "launch" / name
+        assert launch.is_file(), name
+        for word in words[4:]:
+            argument = word.partition(":=")[0]
+            assert f'"{argument}"' in launch.read_text(encoding="utf-8"), word
+        return
+    assert name in executables(), f"no executable {name}"
+    sources = "".join(path.read_text(encoding="utf-8") for path in ROOT.glob("hand_*/*.py"))
+    for before, word in itertools.pairwise(words):
+        if before == "-p":
+            assert f'"{word.partition(":=")[0]}"' in sources, f"no parameter {word}"
+        if before == "--params-file":
+            assert (ROOT / word).is_file(), word
+
+
+def executables() -> set[str]:
+    """Names that `ros2 run fluidic_hand` knows: console scripts and installed scripts."""
+    scripts = set(re.findall(r'"(\w+) *= *hand_\w+\.node:main"', text_of("setup.py")))
+    return scripts | {path.stem for path in (ROOT / "tools" / "nodes").glob("*")}
+
+
+def subcommands(command: Any, names: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """Every command of `hand`, groups included."""
+    yield names
+    if hasattr(command, "list_commands"):
+        context: Any = typer.Context(command, info_name="hand")
+        for name in command.list_commands(context):
+            yield from subcommands(command.get_command(context, name), (*names, name))
+
+
+@pytest.mark.parametrize("names", [names for names in subcommands(typer.main.get_command(app)) if names])
+def test_every_help_has_an_example(names: tuple[str, ...]) -> None:
+    """Fails when a command's --help does not run or shows no example, or when the example is no command of the tool."""
+    done = CliRunner().invoke(app, [*names, "--help"])
+    assert done.exit_code == 0, done.output
+    examples = re.findall(r"Examples?: +(hand [^│\n]*)", done.output)
+    if hasattr(command_named(names), "list_commands") and not examples:
+        return  # a group: its commands have the examples
+    assert examples, f"hand {' '.join(names)} --help has no example"
+    for example in examples:
+        first = re.split(r" (?:&&|\||>|;) ", example)[0].strip().rstrip("\\")
+        check_hand(shlex.split(first.replace("'", ""))[1:])
+
+
+def command_named(names: tuple[str, ...]) -> Any:
+    command: Any = typer.main.get_command(app)
+    for name in names:
+        command = command.get_command(typer.Context(command, info_name="hand"), name)
+    return command
+
+
+@pytest.mark.parametrize("module", sorted({line.split()[2] for _, line in all_commands() if line.startswith("python")}))
+def test_every_module_of_the_tree_has_an_example(module: str) -> None:
+    """Fails when a module that a document runs has no --help, or no example in it."""
+    if module.startswith(("validation", "hand_")):
+        assert f"python -m {module}" in help_of(module) and "xample" in help_of(module)
+
+
+def test_the_examples_of_wrong_claims_are_found() -> None:
+    """Fails when the checks above pass for a subcommand, option, target or module that does not exist."""
+    for check, words in (
+        (check_hand, ["diagnoze", "a.mcap"]), (check_hand, ["diagnose", "a.mcap", "--ouput", "x"]),
+        (check_make, ["tests"]),
+        (check_ros, ["ros2", "run", "fluidic_hand", "drivers"]),
+    ):  # fmt: skip
+        with pytest.raises(AssertionError):
+            check(words)
+    with pytest.raises((AssertionError, ModuleNotFoundError)):
+        check_module("validation.benches", [])
+    assert expanded("a/{b,c}.py") == ["a/b.py", "a/c.py"]
+    assert anchors("# A title, with `code`\n") == {"a-title-with-code"}
