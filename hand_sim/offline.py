@@ -24,7 +24,7 @@ CREEP_FIT_S = 2.0
 CREEP_TRIAL = 0.02
 """Change of the creeping ratio by which its effect is found."""
 CREEP_GAIN_RAD = 0.2
-"""A joint whose angle answers the creeping ratio by less (RMS, rad for a ratio of 1) contains no information about it."""
+"""A joint whose angle answers the creeping ratio by less (RMS, rad for a ratio of 1) has no information on it."""
 VENTED_PA = 200.0
 """Mean pressures below this are those of a vented hand: sensor noise and offset."""
 

@@ -105,7 +105,7 @@ def test_a_starved_joint_is_warned_of_and_recovers() -> None:
 
 
 def test_force_sensors_tell_of_contact_at_once_and_go_stale() -> None:
-    """Fails when a measured force causes no contact, its event lacks force or source, or a silent sensor holds contact."""
+    """Fails when a force causes no contact, its event lacks force or source, or a silent sensor holds contact."""
     rig = Rig()
     force = np.zeros(len(HAND.sensors.sites))
     force[HAND.sensors.sites.index("index_proximal_pad")] = 2.0

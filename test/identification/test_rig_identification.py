@@ -1,4 +1,4 @@
-"""Calibrations and the static map from rigs: they recover the true parameters, and report what the data cannot determine."""
+"""Calibrations and the static map from rigs: they recover the true parameters and name undetermined ones."""
 
 from __future__ import annotations
 
