@@ -1,7 +1,7 @@
 """The data check before any physics: gaps, spikes, saturation, wrong units, swapped channels; and repeatability.
 
 Faults of the data are reported and are not taken for physics: single samples are left out, and a joint whose channel
-has another unit, is swapped or is mostly missing is not judged. What two recordings of the same commands differ by, no
+has another unit, is swapped or is mostly missing is excluded. What two recordings of the same commands differ by, no
 model can explain; it sets the repeatability below which nothing is claimed.
 """
 
@@ -27,7 +27,7 @@ from hand_recording.signals import Signals, white_noise
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """Signals whose bad samples are marked unknown, lines for the reader, joints that are not judged."""
+    """Signals whose bad samples are marked unknown, lines for the reader, joints that are excluded."""
 
     signals: Signals
     lines: tuple[str, ...]
@@ -45,7 +45,7 @@ def check(signals: Signals, model: JointModel) -> Checked:
     if signals.machine:
         return Checked(signals, tuple(f"{signals.name}: {line}" for line in _gaps(signals)), frozenset())
     for joint, line in (*_missing(signals), *_units(signals, model), *_swapped(signals)):
-        lines.append(f"{signals.name}: {line}; not judged")
+        lines.append(f"{signals.name}: {line}; excluded")
         unusable.add(joint)
     kept, spikes = _without_spikes(signals, unusable)
     kept, rails = _without_rails(kept, unusable)
@@ -60,7 +60,7 @@ def _gaps(signals: Signals) -> list[str]:
         return []
     start, end = max(runs, key=lambda run: run[1] - run[0])
     span = (end - start) * signals.period_s
-    return [f"{len(runs)} gaps, the longest of {span:.3g} s at {start * signals.period_s:.3g} s; bridged, not judged"]
+    return [f"{len(runs)} gaps, the longest of {span:.3g} s at {start * signals.period_s:.3g} s; bridged, not used"]
 
 
 def _missing(signals: Signals) -> Iterator[tuple[str, str]]:

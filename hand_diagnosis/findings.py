@@ -108,7 +108,7 @@ def _dropped_frames(signals: Sequence[Signals]) -> list[Finding]:
     for recording in signals:
         share = max(recording.dropped, _lost(recording))
         if share > SETTINGS.max_dropped_share:
-            statement = f"{recording.name}: {share:.2%} of the frames are missing; gaps are bridged and not judged."
+            statement = f"{recording.name}: {share:.2%} of the frames are missing; gaps are bridged and not used."
             probability = SETTINGS.dropped_frames_probability
             where = ("stamps", "gaps between stamps")
             found.append(Finding(None, "timing", "dropped_frames", probability, (), (), *where, (), statement))

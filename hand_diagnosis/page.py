@@ -40,7 +40,7 @@ def write_page(diagnosis: Diagnosis, report: Mapping[str, Any], out: Path) -> No
         verdict=VERDICTS[diagnosis.verdict],
         model=Path(report["model"]).name,
         axis=axis,
-        judged=f"{count} {axis}{'' if count == 1 else 's'}",
+        diagnosed=f"{count} {axis}{'' if count == 1 else 's'}",
         joints=joints,
         fit=_fit(report),
         changes=_changes(report),

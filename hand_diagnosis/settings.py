@@ -52,8 +52,8 @@ class Settings:
         0.05, "-", "Up to this share of implausible samples they count as single errors, not as another unit.", CHOICE,
         "More joints are reported as recorded in another unit.", "A wrong unit may pass as spikes.")
     max_missing_share: float = _setting(
-        0.5, "-", "A joint with a larger share of missing readings is not judged.", CHOICE,
-        "Joints with a quarter of gaps are not judged.", "No joint is excluded for gaps.")
+        0.5, "-", "A joint with a larger share of missing readings is not diagnosed.", CHOICE,
+        "Joints with a quarter of gaps are not diagnosed.", "No joint is excluded for gaps.")
     min_rail_s: float = _setting(
         0.1, "s", "A noisy signal that keeps its extreme value exactly for this long is saturated.", CHOICE,
         "Coarse quantisation may count as saturation.", "Short saturation enters the fit.")
@@ -91,16 +91,16 @@ class Settings:
         0.01, "-", "Relative difference of two sampling periods up to which they are the same.", CHOICE,
         "Re-runs of another clock are refused.", "Misaligned ends count as scatter.")
 
-    # Which joints are judged, and how their readings are taken
+    # Which joints are diagnosed, and how their readings are taken
     min_travel_rad: float = _setting(
-        math.radians(2.0), "rad", "A joint that moves less is not judged.", CHOICE,
-        "Joints at the level of their noise are judged.", "Stiff joints are not judged.")
+        math.radians(2.0), "rad", "A joint that moves less is not diagnosed.", CHOICE,
+        "Joints at the level of their noise are diagnosed.", "Stiff joints are not diagnosed.")
     min_pushed_travel_rad: float = _setting(
-        math.radians(10.0), "rad", "A joint without pressure is judged only above this travel.", CHOICE,
-        "Vented joints that are shaken are judged.", "Joints moved by hand are not judged.")
+        math.radians(10.0), "rad", "A joint without pressure is diagnosed only above this travel.", CHOICE,
+        "Vented joints that are shaken are diagnosed.", "Joints moved by hand are not diagnosed.")
     min_excited_pressure_pa: float = _setting(
         1e4, "Pa", "Range of pressure from which a joint counts as excited by it.", CHOICE,
-        "Valve noise counts as excitation.", "Gently driven joints are not judged.")
+        "Valve noise counts as excitation.", "Gently driven joints are not diagnosed.")
     curve_vote_joints: int = _setting(
         5, "joints", "Number of joints that decide whether angles are readings of the described Hall sensors.", CHOICE,
         "One faulty joint can decide.", "The decision takes twice as long.")
@@ -200,7 +200,7 @@ class Settings:
         0.025, "-", "Probability outside the interval, at each end.", "95 % interval",
         "Small effects are missed.", "False findings.")
     min_sharing_joints: float = _setting(
-        0.5, "-", "Share of the judged joints that must show an effect of the whole hand.", CHOICE,
+        0.5, "-", "Share of the diagnosed joints that must show an effect of the whole hand.", CHOICE,
         "An effect of few joints is put on the hand.", "Not possible above 1.")
 
     # What the data can separate

@@ -1,4 +1,4 @@
-"""The task of a diagnosis: which joints are judged, by which effects, and each joint's problem made ready.
+"""The task of a diagnosis: which joints are diagnosed, by which effects, and each joint's problem made ready.
 
 A joint's problem is ready when its inputs are: the pressure that drives it (shaped by the valve's model), the
 acceleration of the joint that shares inertia with it, the neighbour that may be coupled to it, and the flow that all
@@ -64,12 +64,12 @@ def _is_excited(recording: Signals, joint: str) -> bool:
     )
 
 
-def still_joints(checked: Checked, judged: Sequence[str], asked: Sequence[str]) -> list[str]:
-    """A line that names the joints of a recording that move too little to be judged, or none."""
+def still_joints(checked: Checked, diagnosed: Sequence[str], asked: Sequence[str]) -> list[str]:
+    """A line that names the joints of a recording that move too little to be diagnosed, or none."""
     recording = checked.signals
-    named = {*judged, *checked.unusable}
+    named = {*diagnosed, *checked.unusable}
     still = [joint for joint in asked or recording.joints if joint in recording.joints and joint not in named]
-    return [f"{recording.name}: {', '.join(still)} moved too little to be judged"] if still else []
+    return [f"{recording.name}: {', '.join(still)} moved too little to be diagnosed"] if still else []
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,7 @@ class Prepared:
 class Task:
     """Recordings of a hand or machine, and how they are diagnosed.
 
-    joints: those that are judged.  tolerance: relative standard deviation of the nominal numbers [-].
+    joints: those that are diagnosed.  tolerance: relative standard deviation of the nominal numbers [-].
     floors: repeatability (OUTPUTS,) [Pa, rad, N] of joints, from re-runs.
     """
 
@@ -143,7 +143,7 @@ class Task:
         return self._inflows[number]
 
     def _driving(self, number: int, joint: str) -> Array:
-        """Driving pressure of a joint in a recording; shaped by its valve's model where the joint is judged."""
+        """Driving pressure of a joint in a recording; shaped by its valve's model where the joint is diagnosed."""
         if joint not in self.joints:
             recording = self.signals[number]
             return driving_pressure(recording, recording.joints.index(joint))[0]
