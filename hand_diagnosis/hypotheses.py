@@ -1,4 +1,4 @@
-"""Hypotheses: effects beside the accepted ones, screened, fitted, and weighed by their evidence.
+"""Hypotheses: effects in addition to the accepted ones, screened, fitted, and weighed by their evidence.
 
 Screening is of first order. A probe of an effect changes the prediction by s; the residual r is explained by
 alpha s + J dz, with alpha within 0 ... SETTINGS.max_probe_share and dz, the change of the free parameters, under its
@@ -47,7 +47,7 @@ class Screened:
 
 @dataclass(frozen=True, slots=True)
 class Hypothesis:
-    """An effect beside those already accepted: its fit and log evidence, and what the validation data say.
+    """An effect in addition to those already accepted: its fit and log evidence, and what the validation data say.
 
     stage: that gains most.  fall: 95 % interval of the relative fall of its validation mean square.
     """
@@ -205,7 +205,7 @@ def _gains(problem: JointProblem, fit: MapFit, changed: Sequence[Array]) -> tupl
 
 
 def promising(problem: JointProblem, current: MapFit, effects: Sequence[Effect]) -> list[Screened]:
-    """Effects worth a fit, by what their probes promise; where all promise little, also by their cheapest starts."""
+    """Effects to fit, by the predicted gain of their probes; where every gain is small, also by the cost of starts."""
     coarse = SETTINGS.passes[0]
     screened = screen(problem, current, effects)
     worth = [found for found in screened if found.gain > SETTINGS.min_promised_gain]

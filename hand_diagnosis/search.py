@@ -138,7 +138,7 @@ def rough_evidence(
 def _best_of_round(
     found: JointSearch, current: MapFit, evidence: float, effects: Sequence[Effect], rng: np.random.Generator
 ) -> Hypothesis | None:
-    """The hypothesis to accept beside the current model of log evidence `evidence`; None ends the search."""
+    """The hypothesis to add to the current model of log evidence `evidence`; None ends the search."""
     problem = found.problem
     hypotheses = _round(problem, current, effects, rng)
     found.rounds.append(hypotheses)

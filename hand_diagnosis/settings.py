@@ -170,7 +170,7 @@ class Settings:
         "False findings.", "Small effects are missed.")
     min_relative_improvement: float = _setting(
         0.03, "-", "Fall of the validation error, relative to itself, that an effect must bring.", CHOICE,
-        "Effects of no practical size are claimed.", "Effects beside larger ones are missed.")
+        "Effects of no practical size are claimed.", "Small effects next to larger ones are missed.")
     further_starts: int = _setting(
         1, "fits", "Further starts of the fit of an accepted effect.", CHOICE,
         "Local minima go unnoticed.", "Slower.")

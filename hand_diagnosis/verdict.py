@@ -321,7 +321,7 @@ class Correction:
 
 
 def sparse_correction(problem: JointProblem, fit: MapFit, stage: int, wording: Wording) -> Correction:
-    """Fit the residual of a signal on training blocks, in its shown unit, and judge it on validation blocks."""
+    """Fit the residual of a signal on training blocks, in its shown unit, and evaluate it on validation blocks."""
     factor, unit = wording.signal_units[stage]
     libraries, targets, held = [], [], []
     for segment, residual in zip(problem.segments, fit.residuals, strict=True):

@@ -71,7 +71,7 @@ class LinkCounters:
 
 
 class Board(Protocol):
-    """A board, opened. Not thread-safe except that `write` may run beside `read`."""
+    """A board, opened. Not thread-safe except that `write` may run during `read`."""
 
     @property
     def counters(self) -> LinkCounters:

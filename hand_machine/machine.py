@@ -50,7 +50,7 @@ WITHOUT_PART = {
     "end_stop.engagement_deg": DEGREE,
     "supply.pressure_pa": 2e6,
 }
-"""Parameters (SI) of a joint that have no part in a machine: a valve that is not judged, stops out of reach."""
+"""Parameters (SI) of a joint that have no part in a machine: a valve that is not diagnosed, stops out of reach."""
 
 
 @dataclass(frozen=True, slots=True)

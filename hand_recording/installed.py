@@ -8,7 +8,7 @@ NAME = Path("config") / "hand.yaml"
 
 
 def default_model() -> Path:
-    """hand.yaml as installed beside this package, or in its source tree. ValueError where there is none.
+    """hand.yaml as installed with this package, or in its source tree. ValueError where there is none.
 
     pip and colcon both install it as PREFIX/share/fluidic_hand/config/hand.yaml.
     """
@@ -16,7 +16,7 @@ def default_model() -> Path:
         for candidate in (folder / "share" / "fluidic_hand" / NAME, folder / NAME):
             if candidate.is_file():
                 return candidate
-    raise ValueError("no hand.yaml beside this program; give one with --model")
+    raise ValueError("no hand.yaml is installed with this program; give one with --model")
 
 
 def differing_source(installed: Path, start: Path | None = None) -> Path | None:

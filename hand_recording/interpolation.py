@@ -17,7 +17,7 @@ def interpolate(times: Times, stamps: Times, values: Array, max_gap: float) -> A
     """Values at rising `stamps` (N,), (N,) or (N, J), linearly at `times` (T,): (T,) or (T, J).
 
     NaN before the first stamp, behind the last, and between stamps that are farther apart than max_gap [unit
-    of the times]. A time that equals a stamp gets that very sample, also beside a NaN or a gap.
+    of the times]. A time that equals a stamp gets that very sample, also next to a NaN or a gap.
     """
     if not len(stamps):
         return np.full((len(times), *values.shape[1:]), np.nan)

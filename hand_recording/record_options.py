@@ -11,7 +11,7 @@ from typing import Any
 from hand_recording.bag_contents import Contents, TopicCount
 
 ALWAYS = ("/diagnostics", "/clock")
-"""Topics that are recorded beside the chosen namespaces."""
+"""Topics that are recorded in addition to the chosen namespaces."""
 
 
 @dataclass(frozen=True)

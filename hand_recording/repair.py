@@ -79,7 +79,7 @@ class Repair:
 def repair(path: Path) -> Repair:
     """Repair the recording at `path`: a folder, or a bare .mcap file.
 
-    An intact recording is not changed. Where bytes could not be read, the original file is kept beside the new one,
+    An intact recording is not changed. Where bytes could not be read, the original file is kept next to the new one,
     `.damaged` appended to its name. Raises BagError where there is nothing to repair.
     """
     if path.is_dir():

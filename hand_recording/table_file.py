@@ -102,7 +102,7 @@ def _parquet(path: Path) -> dict[str, Array]:
         try:
             columns[name] = np.asarray(table.column(name).to_numpy(zero_copy_only=False), dtype=np.float64)
         except (TypeError, ValueError):
-            continue  # text beside the numbers
+            continue  # text between the numbers
     return columns
 
 

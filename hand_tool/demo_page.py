@@ -1,4 +1,4 @@
-"""The demo's page: one self-contained HTML file, its pictures beside it as PNG too."""
+"""The demo's page: one self-contained HTML file, its pictures next to it as PNG files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ mpl.use("Agg")
 
 
 def write_page(path: Path, recording: Recording, result: Replay, summary: Summary) -> None:
-    """Write the page, and angles.png, pressures.png and forces.png beside it."""
+    """Write the page, and angles.png, pressures.png and forces.png next to it."""
     figures = {
         "angles": _angles(recording, result),
         "pressures": _pressures(recording, result),

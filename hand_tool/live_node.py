@@ -28,7 +28,7 @@ RUNNING_S, DISCOVERY_S = 15.0, 1.0
 """Longest wait for a hand that should be running already; what it takes to hear of every other node."""
 TICK_S = 0.1
 RECORDER = "recorder"
-"""Name of the node that records beside us; others may listen, too."""
+"""Name of the node that records for this command; other nodes may listen, too."""
 LIFETIME_NS = 100_000_000
 """Of an experiment's set-points: when the tool is stopped the board vents."""
 BEYOND_RAD = np.radians(8.0)

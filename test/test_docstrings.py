@@ -116,7 +116,7 @@ def test_docstrings_state_shapes_and_units(path: Path) -> None:
 
 @pytest.mark.parametrize("path", files(), ids=lambda path: str(path.relative_to(ROOT)))
 def test_every_public_function_has_a_docstring(path: Path) -> None:
-    """Fails when a public function says nothing of itself."""
+    """Fails when a public function has no docstring."""
     assert not [function.where for function in public_functions(path) if not ast.get_docstring(function.node)]
 
 

@@ -79,7 +79,7 @@ def test_every_package_has_its_layer() -> None:
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_imports_point_down(package: str) -> None:
-    """Fails when a package imports one beside or above it."""
+    """Fails when a package imports one of its own level or above."""
     assert modules(package)
     for path in modules(package):
         reached = ours(imports(path)) - {package}

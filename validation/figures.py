@@ -166,7 +166,7 @@ def sections(text: str) -> Iterator[tuple[str, str]]:
 
 
 def fill(text: str, entries: dict[str, Any], page: Path) -> str:
-    """A page with its sections rendered anew. Raises ValueError, with the page, for a name not in PARTS."""
+    """A page with its sections rendered again. Raises ValueError, with the page, for a name not in PARTS."""
 
     def replaced(found: re.Match[str]) -> str:
         part = PARTS.get(found["name"])

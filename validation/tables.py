@@ -31,7 +31,7 @@ def number(value: float | None) -> str:
 
 
 def bench_table(entry: Entry) -> str:
-    """Any bench: this project's value beside the reference's, and the goal."""
+    """Any bench: this project's value, the reference's, and the goal."""
     rows = []
     for result in entry["results"]:
         own = f"{number(result['ours'])} {result['unit']}".strip()
@@ -88,7 +88,7 @@ def effects_table(entry: Entry) -> str:
 
 
 def compare_table(entry: Entry) -> str:
-    """The diagnosis beside other methods on the same recordings: validation errors beyond the noise [deg]."""
+    """The diagnosis and other methods on the same recordings: validation errors beyond the noise [deg]."""
     rows = [
         (
             f"`{row['hidden']}`",
@@ -123,7 +123,7 @@ def trial_summary(entry: Entry) -> str:
 
 
 def paper_table(entry: Entry) -> str:
-    """Every quantity of `hand reproduce`, beside the paper's where the paper prints one."""
+    """Every quantity of `hand reproduce`, with the paper's value where the paper prints one."""
     rows = [
         (
             f"`{row['id'].split('_')[0]}`",

@@ -143,7 +143,7 @@ def test_close_ends_a_read_in_another_thread(serial_board: SerialBoard) -> None:
 
 
 def test_writes_beside_a_read_arrive_whole(tmp_path: Path) -> None:
-    """Fails when set-points written by two threads beside a read are mixed or lost."""
+    """Fails when set-points written by two threads during a read are mixed or lost."""
     port = SerialEndpoint(str(tmp_path / "board"))
     board = SerialBoard(str(tmp_path / "board"), CHANNELS)
     reader = threading.Thread(target=lambda: board.read(0.5))

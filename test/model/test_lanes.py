@@ -122,7 +122,7 @@ def run_blocks(hand: Any, call: Any, hands: int = 12) -> Any:
 
 
 def test_any_number_of_threads_gives_the_same(hand: Any) -> None:
-    """Broken by a result that depends on threads, or on whether a call is worth a parallel region."""
+    """Broken by a result that depends on threads, or on whether a call uses a parallel region."""
     threads = numba.get_num_threads()
     serial = run_blocks(hand, kernel._kernel(parallel=False))
     assert len(serial[0]) * 60 * 10 >= kernel.PARALLEL_STEPS

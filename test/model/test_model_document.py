@@ -17,7 +17,7 @@ def test_quoted_constants_are_current() -> None:
 
 
 def test_names_end_in_their_unit() -> None:
-    """Broken by a parameter whose unit its key does not tell."""
+    """Broken by a parameter whose key does not end in its unit."""
     units: tuple[str, ...] = (
         "_s",
         "_pa_per_s",

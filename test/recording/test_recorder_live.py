@@ -1,4 +1,4 @@
-"""The recorder as a process of its own, beside real publishers over DDS."""
+"""The recorder as a separate process, with real publishers over DDS."""
 
 from __future__ import annotations
 

@@ -168,7 +168,7 @@ CASES: dict[str, tuple[tuple[str, ...], str]] = {
     "no such method": (("magnet", "--out", "x", "--method", "luck"), "it must be one of ga"),
     "magnet into a file": (("magnet", "--out", "text.mcap"), "text.mcap is a file"),
     "trial into a full folder": (("trial", "make", "full"), "full is not empty"),
-    "trial that is none": (("trial", "run", "folder"), "plan.json is missing"),
+    "missing trial": (("trial", "run", "folder"), "plan.json is missing"),
     "score of nothing": (("trial", "score", "nowhere", "--key", "k"), "nowhere does not exist"),
     "no machines": (("trial", "reality", "nowhere", "--out", "x"), "nowhere"),
 }

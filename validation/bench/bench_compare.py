@@ -1,4 +1,4 @@
-"""The diagnosis beside other methods on the same recordings: re-identification, sparse regression, friction models.
+"""The diagnosis and other methods on the same recordings: re-identification, sparse regression, friction models.
 
 Each recording hides one effect at one joint of the simulated hand; the nominal model is 3 % off. Errors are RMS errors
 of the angle on the validation data beyond the sensor noise, in degrees. (a) The nominal parameters are identified

@@ -1,4 +1,4 @@
-"""The controller beside the best fixed-gain PID and simple-pid on the steps of Fig. 14; torque limits and contact.
+"""The controller, the best fixed-gain PID and simple-pid on the steps of Fig. 14; torque limits and contact.
 
 Plants differ from the model by up to 30 % in a0 ... a3, J and d, each constant independently, with creep on. Every
 controller gets the same plants, noise, seeds and reference. The fixed gains are the best that differential evolution
@@ -81,7 +81,7 @@ def monte_carlo(hand: Hand, settings: Settings, hands: int) -> list[dict[str, An
 
 
 def obstacles(hand: Hand, settings: Settings, hands: int) -> list[dict[str, Any]]:
-    """Torque held against a rigid obstacle; contact found by the model beside contact found by force sensors."""
+    """Torque held against a rigid obstacle; contact found by the model, and by force sensors."""
     trials = [
         close_on_obstacles(hand, min(100, hands - begin), settings, SEED + begin, IDENTIFIED)
         for begin in range(0, hands, 100)

@@ -1,4 +1,4 @@
-"""One tick of the controller for 11 joints, from and to message arrays, beside eleven updates of simple-pid."""
+"""One tick of the controller for 11 joints, from and to message arrays, and eleven updates of simple-pid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Time and memory of the diagnosis: one joint for a minute, the whole hand for ten, a Jacobian beside one rollout."""
+"""Time and memory of the diagnosis: one joint for a minute, the whole hand for ten, a Jacobian and one rollout."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""Loading a recording into arrays, beside libraries that only iterate over its raw messages.
+"""Loading a recording into arrays, compared with libraries that only iterate over its raw messages.
 
 The recording has 10 minutes of 11 joints at 200 Hz in MCAP with six topics, as the recorder writes it. Three results:
 
-- loading into arrays, beside the faster of two libraries that only iterate over the raw messages;
-- the reader that uses the index of the file (mcap_chunks.py), beside the iterator of mcap with the same decoder.
+- loading into arrays, compared with the faster of two libraries that only iterate over the raw messages;
+- the reader that uses the index of the file (mcap_chunks.py), compared with the iterator of mcap with the same decoder.
   The reader of rosbags does not give the publish times of an MCAP file and is no alternative;
-- decoding by fixed layouts (hand_messages/cdr.py), beside rosbags, which decodes message by message.
+- decoding by fixed layouts (hand_messages/cdr.py), compared with rosbags, which decodes message by message.
 
 The index reader and the fixed layouts are kept as long as each takes at most a third of its reference's time.
 """

@@ -1,4 +1,4 @@
-"""The control loop over DDS between processes: missed periods, latency, and the round trip beside plain rclpy.
+"""The control loop over DDS between processes: missed periods, latency, and the round trip compared with plain rclpy.
 
 Latency is the time from the acquisition stamp of a frame to the source timestamp of its valve command, both on this
 host. A period is missed if no command answers its frame, or if the command is published after the next frame is due.

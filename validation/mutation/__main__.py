@@ -1,6 +1,6 @@
 """Run the mutation groups of this folder: `python -m validation.mutation [--group NAME] [--sample N --seed S]`.
 
-Each TOML file beside this module is one group in the format of cosmic-ray: the modules to mutate, the tests to run, the
+Each TOML file of this folder is one group in the format of cosmic-ray: the modules to mutate, the tests to run, the
 operators that are left out. The tree is copied to a temporary folder first, so that no mutated file can remain here.
 """
 

@@ -69,7 +69,7 @@ def failures_table(result: dict[str, Any]) -> str:
 
 
 def reality_table(results: list[dict[str, Any]]) -> str:
-    """Real machines: what was found, and the validation errors beside those of the baselines."""
+    """Real machines: what was found, and the validation errors with those of the baselines."""
     rows = [
         "| machine | verdict | known | found | decoys accepted | nominal | diagnosis | best of six | SINDy | unit |",
         "|---|---|---|---|---|---|---|---|---|---|",

@@ -16,7 +16,7 @@ PERIOD_S = 0.005
 
 
 def swing(first_rad: float, seed: int) -> dict[str, np.ndarray]:
-    """A pendulum let go, with dry friction of 0.01 N m alone."""
+    """A pendulum that swings freely, with dry friction of 0.01 N m alone."""
     time = np.arange(0.0, 6.0, PERIOD_S)
     angle, speed, angles = first_rad, 0.0, []
     for _ in time:
