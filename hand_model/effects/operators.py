@@ -32,7 +32,7 @@ def sine_cosine(x):  # type: ignore[no-untyped-def]
 
 @inline
 def decay(x):  # type: ignore[no-untyped-def]
-    """exp(-x) for x >= 0 to 5e-6: the fifth-order series of an eighth of x, to the eighth power."""
+    """exp(-x) for x >= 0 to 3e-6: the fifth-order series of an eighth of x, to the eighth power."""
     y = 0.125 * x
     root = 1.0 / (1.0 + y * (1.0 + y * (0.5 + y * (1 / 6 + y * (1 / 24 + y * (1 / 120))))))
     square = root * root
