@@ -239,6 +239,10 @@ def good(**changes: Any) -> Effect:
     return Effect(**(values | changes))
 
 
+def prepare(q, h):  # type: ignore[no-untyped-def]
+    return (h,)
+
+
 def other_hook(q, phi):  # type: ignore[no-untyped-def]
     return phi
 
@@ -259,11 +263,13 @@ WRONG: tuple[tuple[dict[str, Any], str], ...] = (
     ({"expected": {"spring.x": 1.0}}, "key of expected is 'spring.x'"),
     ({"shape": ("spring.x",)}, "key of shape is 'spring.x'"),
     ({"probes": ((0.1, 0.2),)}, "a probe has 2 values; it must have 1, one per key"),
+    ({"probes": ((),)}, "a probe has 0 values; it must have 1, one per key"),
     ({"says": "a spring of {stiffness}"}, "key in 'says' is 'stiffness'; it must be one of stiffness_nm_per_rad"),
     ({"hooks": {"torqe": other_hook}}, "hook is 'torqe'; it must be one of prepare"),
     ({"hooks": {"moved": other_hook}}, "hook 'moved' needs memory"),
     ({"hooks": {"torque": other_hook}}, "arguments of 'torque' is 'q, phi'; it must be one of q, phi, omega, p"),
     ({"memory": ("loop",)}, "arguments of 'torque' is .* it must be one of q, m, phi"),
+    ({"hooks": {"prepare": prepare}}, "'prepared' and the hook 'prepare' must be given together"),
     ({"prepared": ("per_scale",)}, "'prepared' and the hook 'prepare' must be given together"),
 )
 
