@@ -44,7 +44,7 @@ test: lint
 	$(RUN) python -m pytest -n $(WORKERS) --dist loadfile
 
 lint: $(BUILT) $(FULL)
-	$(RUN) ruff format --check . && ruff check . && mypy
+	$(RUN) ruff format --check . && ruff check . && mypy && hadolint Dockerfile
 
 bench: $(BUILT) $(FULL)
 	$(RUN) python -m validation.bench --out out/bench.json

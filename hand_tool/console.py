@@ -7,6 +7,7 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -67,6 +68,13 @@ def fail(name: str, line: str, code: int) -> None:
     raise typer.Exit(code) from None
 
 
+def require(*modules: str) -> None:
+    """Raise ModuleNotFoundError for the first module that is not installed; none is imported."""
+    for module in modules:
+        if find_spec(module) is None:
+            raise ModuleNotFoundError(f"No module named {module!r}", name=module)
+
+
 def _one_line(error: OSError) -> str:
     if error.filename is not None and error.strerror:
         return f"{error.filename}: {error.strerror}"
@@ -85,12 +93,13 @@ def _missing(error: ModuleNotFoundError) -> str:
 
 @contextmanager
 def progress_bar(as_json: bool, counted: bool = False) -> Iterator[Progress]:
-    """A progress bar on standard error, none with --quiet or --json. counted: show "3/11" instead of "27%"."""
+    """A progress bar on standard error, none with --quiet, --json or to a file. counted: "3/11", not "27%"."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
     share = MofNCompleteColumn() if counted else TaskProgressColumn()
-    console = Console(stderr=True, quiet=as_json or VERBOSITY.quiet)
+    console = Console(stderr=True)
+    hidden = as_json or VERBOSITY.quiet or not console.is_terminal
     columns = (TextColumn("{task.description}"), BarColumn(), share, TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
+    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
         yield progress

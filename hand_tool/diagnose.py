@@ -10,7 +10,7 @@ import typer
 
 from hand_tool import interrupts
 from hand_tool.chosen_model import ChosenModel, choose_model
-from hand_tool.console import progress_bar, running
+from hand_tool.console import progress_bar, require, running
 from hand_tool.options import AsJson, Model, Quiet, Verbose
 from hand_tool.paths import check_exists, check_file, check_folder
 
@@ -112,7 +112,10 @@ def _check(
         raise ValueError(f"--jobs is {jobs}; the allowed range is 1 to 256")
     if rerun and fleet:
         raise ValueError("--rerun cannot be used with --each, --jobs or --scheduler")
+    if fleet:
+        require("pyarrow", *(["distributed"] if jobs > 1 else []))
     if mapping is not None:
+        require("pyarrow")
         check_file(mapping)
     for path in rerun if fleet else [*recordings, *rerun]:
         check_exists(path)

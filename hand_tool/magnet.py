@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hand_tool.console import progress_bar, running
+from hand_tool.console import progress_bar, require, running
 from hand_tool.options import AsJson, Quiet, Verbose
 from hand_tool.paths import check_folder
 
@@ -42,6 +42,7 @@ def magnet(
         if not 30 <= budget <= 100_000:
             raise ValueError(f"--budget is {budget}; the allowed range is 30 to 100000")
         check_folder(out)
+        require("validation", "skfem", "deap", "cma")
         from validation.magnet.contour import optimise
         from validation.paper.fig06 import draw
 

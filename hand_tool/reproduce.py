@@ -12,7 +12,7 @@ import typer
 
 from hand_tool import interrupts
 from hand_tool.chosen_model import choose_model
-from hand_tool.console import progress_bar, running
+from hand_tool.console import progress_bar, require, running
 from hand_tool.options import AsJson, Quiet, Verbose
 from hand_tool.paths import check_folder
 
@@ -46,6 +46,7 @@ def reproduce(
             if name not in NAMES:
                 raise ValueError(f"--only is {name!r}; it must be one of {', '.join(NAMES)}")
         check_folder(out)
+        require("validation", "skfem", "deap", "cma")
         chosen = choose_model(None)
         from validation.paper.page import write_page
 

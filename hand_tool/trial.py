@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from hand_tool.chosen_model import choose_model
-from hand_tool.console import fail, note, progress_bar, running
+from hand_tool.console import fail, note, progress_bar, require, running
 from hand_tool.options import AsJson, Model, Quiet, Verbose
 from hand_tool.paths import check_exists, check_folder
 
@@ -55,6 +55,7 @@ def make(
         if out.exists() and any(out.iterdir()):
             raise ValueError(f"{out} is not empty; give a new folder")
         chosen = choose_model(model)
+        require("validation", "cryptography")
         from validation.trial.make import make as make_trial
         from validation.trial.seal import new_key
 
@@ -119,6 +120,7 @@ def score(
     """
     with running("trial score", folder / "scores.json"):
         check_exists(folder)
+        require("validation", "cryptography")
         from validation.trial.score import met
         from validation.trial.score import score as score_trial
 
@@ -164,6 +166,7 @@ def reality(
     """
     with running("trial reality", out / "reality.json", errors=(KeyError,)):
         check_folder(out)
+        require("validation", "pyarrow", "pysindy")
         from validation.trial.reality import examine, machines
 
         found = machines(data)
