@@ -40,6 +40,11 @@ os.environ["ROS_DOMAIN_ID"] = str((_DOMAIN - 10 + 17 * WORKER) % 90 + 10)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 
+# A shell that starts the tests in the background lets them ignore SIGINT, and so would every process under test.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 class Lock:
     """Held by one process alone or by several together; who waits for it alone is served before later ones."""
 
