@@ -251,7 +251,7 @@ class Served:
 
     def __init__(self, *arguments: str) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "hand_tool.emulate_board", *arguments],
+            [sys.executable, "-m", "hand_tool.emulate_board", "--quiet", *arguments],
             cwd=ROOT,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
