@@ -1,7 +1,7 @@
-"""Many recordings, each diagnosed for itself, on the cores of this machine or a dask cluster: one table of findings.
+"""Many recordings, each diagnosed by itself on the cores of this computer or on a dask cluster: a table of findings.
 
-A recording whose report is there and was made from the same file, model and options is not diagnosed again, so an
-interrupted run goes on where it stopped.
+A recording that has a report of the same file, model and options is not diagnosed again, so an interrupted run
+continues where it stopped.
 """
 
 from __future__ import annotations
@@ -29,7 +29,10 @@ COLUMNS = ("recording", "verdict", "rank", "joint", "place", "effect", "probabil
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One recording with all that its report depends on; plain, so that it can be sent to another machine."""
+    """One recording with everything its report depends on, in plain types, so that it can be sent to another computer.
+
+    tolerance: relative standard deviation of the nominal numbers [-].
+    """
 
     recording: str
     model: str
@@ -43,7 +46,7 @@ class Job:
 
     @property
     def key(self) -> str:
-        """Changes with the recording's file, the model's text, an option or the catalogue's equations."""
+        """A hash of the recording's file, the model's text, the options and the equations of the catalogue."""
         path = Path(self.recording)
         files = sorted(path.rglob("*")) if path.is_dir() else [path]
         sizes = [(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in files if file.is_file()]
@@ -53,7 +56,7 @@ class Job:
 
 
 def run_job(job: Job) -> list[dict[str, Any]]:
-    """Diagnose one recording unless that was done; rows of the table. Never raises for a recording that is bad."""
+    """Diagnose one recording, unless it has a report already; rows of the table. A bad recording raises nothing."""
     out = Path(job.out)
     stamp = out / KEY
     report = out / "report.json"
@@ -75,7 +78,7 @@ def run_job(job: Job) -> list[dict[str, Any]]:
             write_page(result, content, out)
             stamp.write_text(key, encoding="utf-8")
         return _rows(job.recording, json.loads(report.read_text(encoding="utf-8")))
-    except Exception as error:  # a fleet goes on whatever one recording holds
+    except Exception as error:  # the other recordings are diagnosed whatever this one contains
         return [dict.fromkeys(COLUMNS) | {"recording": job.recording, "verdict": "unusable", "error": str(error)}]
 
 
@@ -90,7 +93,7 @@ def _rows(recording: str, content: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def run_fleet(jobs: Sequence[Job], workers: int, scheduler: str | None) -> Iterator[list[dict[str, Any]]]:
-    """Rows of each recording as they are done, on `workers` processes here or on the cluster at an address.
+    """Rows of each recording as it is done, on `workers` processes here or on the cluster at an address.
 
     Raises OSError where the cluster does not answer.
     """
@@ -113,7 +116,7 @@ def run_fleet(jobs: Sequence[Job], workers: int, scheduler: str | None) -> Itera
 
 
 def _run_beside_others(job: Job) -> list[dict[str, Any]]:
-    """One thread: the processes share the cores already. (Numba allows no change of its environment on the way.)"""
+    """Use one thread: the processes share the cores already, and numba reads its environment only at the start."""
     numba.set_num_threads(1)
     return run_job(job)
 

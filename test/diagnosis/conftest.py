@@ -35,7 +35,7 @@ def changed(hand: Hand, joint: str, **values: float) -> Hand:
 
 
 def off_by_a_little(hand: Hand, rng: np.random.Generator, share: float = 0.03) -> Hand:
-    """A nominal model as in life: every number is wrong by a few percent."""
+    """A realistic nominal model: every parameter is wrong by a few percent."""
     parameters = hand.parameters.copy()
     for key in NOMINAL_KEYS:
         if key != "dynamics.coupling_inertia_kg_m2":
@@ -63,7 +63,7 @@ Record = Callable[..., Signals]
 
 
 def record(truth: Hand, rng: np.random.Generator, seconds: float = 44.0) -> Signals:
-    """What sensors with noise would record of it."""
+    """The recording that noisy sensors make of the hand."""
     joints = len(truth.joints)
     commands = excitation(rng, seconds, joints)
     chain = ClosedChain(truth.parameters, truth.partner, resting_state(truth), PERIOD_S)

@@ -1,4 +1,4 @@
-"""What is wrong with the data is said, and is never taken for physics."""
+"""Faults of the data are reported and are never taken for physics."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def with_column(values: np.ndarray, column: np.ndarray) -> np.ndarray:
 
 
 def test_a_sound_recording_is_sound(signals: Signals, hand: Hand) -> None:
-    """Fails when ordinary data are called bad."""
+    """Fails when ordinary data are reported as faulty."""
     found = check(signals, hand)
     assert found.lines == ()
     assert found.unusable == frozenset()
@@ -64,7 +64,7 @@ def test_swapped_channels_are_named(signals: Signals, hand: Hand) -> None:
 
 
 def test_spikes_rails_and_gaps_are_left_out(signals: Signals, hand: Hand) -> None:
-    """Fails when an impossible sample, a rail or a gap stays in the fitted data, or is not reported."""
+    """Fails when an impossible sample, saturation or a gap stays in the fitted data, or is not reported."""
     angle = signals.angle_rad[:, JOINT].copy()
     angle[300] = 40.0
     rail = float(np.quantile(angle, 0.9))
@@ -85,7 +85,7 @@ def test_spikes_rails_and_gaps_are_left_out(signals: Signals, hand: Hand) -> Non
 
 
 def test_a_channel_of_nan_is_said_and_not_judged(hand: Hand, tmp_path: Path) -> None:
-    """Fails when a bag whose angle channel holds no number gives a finding, a traceback or silence."""
+    """Fails when a bag whose angle channel holds no number gives a finding or a traceback, or is not reported."""
     noisy = record(hand, np.random.default_rng(71), 10.0)
     lost = replace(noisy, known=noisy.known.copy())
     lost.known[:, JOINT] = False
@@ -95,7 +95,7 @@ def test_a_channel_of_nan_is_said_and_not_judged(hand: Hand, tmp_path: Path) -> 
 
 
 def test_ten_million_samples_are_one_line(tmp_path: Path) -> None:
-    """Fails when a recording far too long to fit is tried, or refused without saying what to do."""
+    """Fails when a recording that is far too long is fitted, or is refused without advice."""
     count = 10_000_000
     time_s = np.arange(count) * 0.005
     path = tmp_path / "long.npz"
@@ -126,7 +126,7 @@ def test_repeated_and_unsorted_stamps_change_nothing(hand: Hand, tmp_path: Path)
 
 @pytest.mark.parametrize(("late_ms", "says"), [(15.0, "15 ms behind"), (-8.0, "8 ms ahead"), (0.0, "")])
 def test_a_clock_of_its_own_is_said(late_ms: float, says: str, hand: Hand, tmp_path: Path) -> None:
-    """Fails when pressures stamped by another clock than the angles pass unsaid, or an ordinary bag is suspected."""
+    """Fails when another clock of the pressures is not reported, or is reported for an ordinary bag."""
     out = tmp_path / "run.mcap"
     for _ in record_offline(hand, np.full((600, 11), 1e5), out, seed=4):
         pass
@@ -161,7 +161,7 @@ def test_pressures_between_the_ticks_keep_their_times(hand: Hand, tmp_path: Path
 
 
 def test_a_rerun_is_checked_like_any_recording(signals: Signals, hand: Hand) -> None:
-    """Fails when a fault of a re-run's channel is taken for poor repeatability, or not said."""
+    """Fails when a fault of a re-run's channel is taken for poor repeatability, or is not reported."""
     wrong = replace(
         signals,
         name="again",
@@ -174,7 +174,7 @@ def test_a_rerun_is_checked_like_any_recording(signals: Signals, hand: Hand) -> 
 
 
 def test_a_number_far_off_asks_for_a_larger_tolerance(hand: Hand) -> None:
-    """Fails when a nominal number that ends where its tolerance ends is not said to."""
+    """Fails when a nominal number that reaches its bound is not reported."""
     strong = changed(hand, hand.joints[JOINT], statics__a2_nm_per_pa=1.15 * nominal(hand, "statics.a2_nm_per_pa"))
     far = record(strong, np.random.default_rng(73), 20.0)
     lines = [

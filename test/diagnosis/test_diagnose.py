@@ -1,4 +1,4 @@
-"""The diagnosis on recordings whose missing physics is known to the test and concealed from the tool."""
+"""The diagnosis of recordings whose missing physics the test knows and the program does not."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_a_model_off_by_a_few_percent_agrees(hand: Hand) -> None:
 
 
 def disturbed(signals: Signals, kind: str, rng: np.random.Generator) -> Signals:
-    """The recording with noise of another kind than white on top."""
+    """The recording with additional noise that is not white."""
     angle, pressure, period = signals.angle_rad, signals.pressure_pa, signals.period_s
     if kind == "quantised":
         step_rad, step_pa = 0.1 * DEGREE, 400.0
@@ -94,7 +94,10 @@ def disturbed(signals: Signals, kind: str, rng: np.random.Generator) -> Signals:
         slow = lfilter([1.0], [1.0, -keep], white, axis=0)
         return replace(signals, angle_rad=angle + 0.03 * DEGREE * slow, pressure_pa=pressure + 100.0 * slow[:, ::-1])
     at = np.arange(len(angle)) + 1e-3 / period * rng.standard_normal(len(angle))  # sampled 1 ms early or late
-    late = [[np.interp(at, np.arange(len(angle)), one[:, j]) for j in range(one.shape[1])] for one in (angle, pressure)]
+    late = [
+        [np.interp(at, np.arange(len(angle)), signal[:, j]) for j in range(signal.shape[1])]
+        for signal in (angle, pressure)
+    ]
     return replace(signals, angle_rad=np.transpose(late[0]), pressure_pa=np.transpose(late[1]))
 
 
@@ -123,13 +126,13 @@ def test_what_reruns_do_not_repeat_is_not_claimed(hand: Hand) -> None:
     assert [[f.effect for f in one.findings] for one in claimed] == [["backlash"], ["backlash"], []]
     small = claimed[2].joints[0].search.not_claimable
     assert "backlash" in [one.effect.name for one in small]
-    assert all(one.taken < one.floor for one in small)
+    assert all(improvement.taken < improvement.floor for improvement in small)
     with pytest.raises(ValueError, match="no re-run"):
         diagnose([signals], nominal, tolerance=0.05, seed=0, reruns=[record(hand, np.random.default_rng(27), 30.0)])
 
 
 def test_the_right_joint_among_eleven(hand: Hand) -> None:
-    """Fails when a neighbour of the joint with friction is accused, or two effects on two joints are mixed."""
+    """Fails when the friction is put on a neighbour of its joint, or two effects on two joints are mixed."""
     rng = np.random.default_rng(22)
     truth = changed(hand, "ring_proximal", coulomb_friction__torque_nm=0.012)
     truth = changed(truth, "thumb_distal", valve_hysteresis__width_pa=6e3)
@@ -141,16 +144,16 @@ def test_the_right_joint_among_eleven(hand: Hand) -> None:
 
 
 def test_where_the_model_misses_and_where_not(hand: Hand) -> None:
-    """Fails when a stage or joint without a fault is called missed, or the faulty one is not, or the place is vague."""
+    """Fails when a signal or joint without a fault is reported as missed, the faulty one is not, or its region is wrong."""
     rng = np.random.default_rng(28)
     load = {"contact__angle_deg": 60 * DEGREE, "contact__stiffness_nm_per_rad": 0.5}
     result = run(record(changed(hand, JOINT, **load), rng), off_by_a_little(hand, rng), JOINT, "ring_distal")
     found = {
-        one.joint: {
+        joint.joint: {
             (region.signal, region.state, region.part): region
-            for region in locate(one.search.problem, one.search.with_effects_off(), one.results)
+            for region in locate(joint.search.problem, joint.search.with_effects_off(), joint.results)
         }
-        for one in result.joints
+        for joint in result.joints
     }
     assert not any(region.missed for region in found["ring_distal"].values())
     own = found[JOINT]
@@ -169,7 +172,7 @@ def test_where_the_model_misses_and_where_not(hand: Hand) -> None:
     ],
 )
 def test_what_the_catalogue_lacks_is_unknown(effect: str, values: dict[str, float], hand: Hand) -> None:
-    """Fails when an effect that was taken out of the catalogue is forced into a neighbour's name."""
+    """Fails when an effect outside the catalogue is given the name of a similar one."""
     rng = np.random.default_rng(30)
     signals = record(changed(hand, JOINT, **values), rng)
     neighbours = ("leak", "supply_droop") if effect == "pressure_gain" else ()

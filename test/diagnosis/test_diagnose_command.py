@@ -1,4 +1,4 @@
-"""`hand diagnose` and `hand excite` as a person uses them: bags, tables, pages, bad input."""
+"""`hand diagnose` and `hand excite` as a user runs them: bags, tables, pages, bad input."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ def test_bad_input_is_one_line(case: str, rubbing: Path, tmp_path: Path, monkeyp
 
 
 def test_three_samples_are_refused(tmp_path: Path, hand: Hand) -> None:
-    """Fails when a recording too short to say anything is diagnosed."""
+    """Fails when a recording that is too short is diagnosed."""
     out = tmp_path / "short.mcap"
     for _ in record_offline(hand, np.zeros((3, 11)), out, seed=0):
         pass
@@ -191,7 +191,7 @@ def test_experiments_keep_their_limits(name: str, hand: Hand) -> None:
 
 
 def test_excite_records_what_diagnose_reads(tmp_path: Path) -> None:
-    """Fails when an experiment's recording is not a whole one."""
+    """Fails when the recording of an experiment is incomplete."""
     out = tmp_path / "steps.mcap"
     result = hand_tool("excite", "steps", "--joints", "index_distal", "--duration", "6", "--out", str(out), "--json")
     assert result.exit_code == 0, result.output
@@ -204,7 +204,7 @@ def test_excite_records_what_diagnose_reads(tmp_path: Path) -> None:
 
 
 def test_the_next_experiment_is_a_command_that_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fails when what --ask prints is no valid command, or names another joint than the uncertain one."""
+    """Fails when --ask prints a command that is not valid, or names another joint than the uncertain one."""
     monkeypatch.chdir(tmp_path)
     rivals = (("backlash", 0.4, "reversals"),)
     unsure = Finding("ring_distal", "joint", "coulomb_friction", 0.5, rivals, (), "angle", "", (), "friction, or not")

@@ -1,4 +1,4 @@
-"""Inputs of a joint from a model and readings together are nearer the truth than readings alone."""
+"""Inputs of a joint from a model and readings together are closer to the truth than readings alone."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def truth(hand: Hand) -> tuple[np.ndarray, np.ndarray]:
 
 
 def read(hand: Hand, truth: tuple[np.ndarray, np.ndarray], *, known: np.ndarray | None = None) -> Signals:
-    """A noisy recording of it."""
+    """A noisy recording of these states."""
     commands, states = truth
     rng = np.random.default_rng(42)
     shape, yes = commands.shape, np.ones(commands.shape[1], dtype=bool)
@@ -71,7 +71,7 @@ def test_pressure_follows_the_valve_between_the_samples(hand: Hand, truth: tuple
 
 
 def test_a_model_that_is_wrong_does_no_harm(hand: Hand, truth: tuple[np.ndarray, np.ndarray]) -> None:
-    """Fails when a valve's model that misses the readings altogether still shapes the pressure."""
+    """Fails when a valve model that does not fit the readings still shapes the pressure."""
     problem, free, _ = fitted(read(hand, truth), hand)
     slow = [
         replace(parameter, low=0.0, high=1.0) if parameter.key == "valve.time_constant_s" else parameter
@@ -117,7 +117,7 @@ def test_acceleration_has_less_noise_beside_the_model(hand: Hand, truth: tuple[n
 
 
 def test_noise_of_a_pressure_at_rest_is_no_inflow(hand: Hand, truth: tuple[np.ndarray, np.ndarray]) -> None:
-    """Fails when rises of the noise are taken for air that flows."""
+    """Fails when noise of the pressure is taken for flow."""
     problem, free, z = fitted(read(hand, truth), hand)
     shape_driving(problem, free, z)
     segment = problem.segments[0]
@@ -129,7 +129,7 @@ def test_noise_of_a_pressure_at_rest_is_no_inflow(hand: Hand, truth: tuple[np.nd
 def test_recordings_of_one_name_and_another_length_are_kept_apart(
     hand: Hand, truth: tuple[np.ndarray, np.ndarray]
 ) -> None:
-    """Fails when two recordings are taken for one because their files have the same name."""
+    """Fails when two recordings are merged because their files have the same name."""
     long = read(hand, truth)
     short = read(hand, (truth[0][:600], truth[1][: 600 * FINE]))
     segments = Task([long, short], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem.segments

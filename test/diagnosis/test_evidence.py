@@ -1,4 +1,4 @@
-"""What the data say for a hypothesis, and what its freedom costs."""
+"""The evidence of a hypothesis, and the penalty of its free parameters."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ JOINT = "index_distal"
 
 
 def _fit(hand: Hand, *, extra: bool) -> tuple[MapFit, Task, list[int]]:
-    """Of a joint with plain Coulomb friction; extra: breakaway and load dependence are fitted, too."""
+    """A fit of a joint with plain Coulomb friction; extra: breakaway and load dependence are fitted, too."""
     signals = record(changed(hand, JOINT, coulomb_friction__torque_nm=0.006), np.random.default_rng(81), 20.0)
     task = Task([signals], hand, [JOINT], [], 0.05, 0, {})
     ready = task.prepare(JOINT)
@@ -55,7 +55,7 @@ def test_held_out_blocks_speak(hand: Hand) -> None:
 
 
 def test_nominal_numbers_stay_within_three_tolerances(hand: Hand) -> None:
-    """Fails when a number that is far off is passed off as uncertain instead of named."""
+    """Fails when a parameter that is far off is absorbed by its tolerance instead of named as an effect."""
     signals = record(changed(hand, JOINT, valve__dead_time_s=0.03), np.random.default_rng(82), 20.0)
     task = Task([signals], hand, [JOINT], list(EFFECTS.values()), 0.05, 0, {})
     ready = task.prepare(JOINT)

@@ -21,14 +21,14 @@ from test.diagnosis.conftest import CONFIG, changed, excitation
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Two hands with friction at one joint, one without, and a file that is no recording."""
+    """Two hands with friction at one joint, one without, and a file that is not a recording."""
     folder = tmp_path_factory.mktemp("fleet")
     hand = load_hand(CONFIG)
     rubbing = changed(hand, "index_distal", coulomb_friction__torque_nm=0.01)
     paths = []
-    for number, one in enumerate((rubbing, hand, rubbing)):
+    for number, recorded in enumerate((rubbing, hand, rubbing)):
         paths.append(folder / f"hand_{number}.mcap")
-        for _ in record_offline(one, excitation(np.random.default_rng(number), 24.0, 11), paths[-1], seed=number):
+        for _ in record_offline(recorded, excitation(np.random.default_rng(number), 24.0, 11), paths[-1], seed=number):
             pass
     bad = folder / "hand_3.mcap"
     bad.write_text("nothing\n", encoding="utf-8")

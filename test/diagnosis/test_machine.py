@@ -155,7 +155,7 @@ def test_a_falling_pendulum_loses_to_friction(tmp_path: Path) -> None:
 
 
 def test_a_part_that_is_known_stands_beside_the_unknown(tmp_path: Path) -> None:
-    """Fails when an `unknown` hides what explains a part of it, or speaks of it in a finger's units."""
+    """Fails when an `unknown` omits the effect that explains a part of it, or has the units of a finger."""
     content = run(tmp_path, PENDULUM, driven_arm(shaken_nm=0.025), "t,goal,angle")
     first = content["findings"][0]  # type: ignore[index]
     assert first["effect"] == "unknown"

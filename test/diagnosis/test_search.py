@@ -1,4 +1,4 @@
-"""What the search does once it knows what is missing: better inputs, and a last fit below the practical floor."""
+"""The search after an effect is accepted: improved inputs, and a last fit below the practical floor."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ JOINT = "index_distal"
 
 
 def test_the_last_fit_goes_below_the_practical_floor(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fails when priors keep structure that the numbers could explain, or when that makes the numbers look surer."""
+    """Fails when priors keep structure that the numbers could explain, or when that reduces the standard errors."""
     monkeypatch.setattr(conftest, "ANGLE_NOISE_RAD", np.radians(0.003))
     monkeypatch.setattr(conftest, "PRESSURE_NOISE_PA", 20.0)
     rng = np.random.default_rng(90)
@@ -31,7 +31,7 @@ def test_the_last_fit_goes_below_the_practical_floor(hand: Hand, monkeypatch: py
     assert last.squares[1, train].sum() < 0.95 * fit.squares[1, train].sum()
     assert last.z @ last.z > fit.z @ fit.z
     assert fit.cost - 0.1 < last.cost < fit.cost + 5.0  # at the floor's weight, for which the first one is the best
-    errors = [np.sqrt(np.diag(one.covariance)) for one in (fit, last)]
+    errors = [np.sqrt(np.diag(each.covariance)) for each in (fit, last)]
     np.testing.assert_allclose(errors[1], errors[0], rtol=0.3)
 
 
@@ -50,6 +50,6 @@ def test_a_better_valve_drives_the_joint_better(hand: Hand, monkeypatch: pytest.
 
 
 def _error(driving_pa: np.ndarray, truth_pa: np.ndarray, signals: Signals) -> float:
-    """RMS at the samples [Pa]."""
+    """RMS error of the driving pressure at the samples [Pa]."""
     finer = (len(driving_pa) - 1) // (signals.samples - 1)
     return float(np.sqrt(np.mean((driving_pa[::finer] - truth_pa)[100:] ** 2)))
