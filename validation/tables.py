@@ -143,11 +143,14 @@ def machine_sentence(entry: Entry) -> str:
     """What the diagnosis finds on the first machine: friction under pressure, and both validation errors."""
     first = entry["results"][0]
     values = {key: value for finding in first["findings"] for key, value in finding["parameters"].items()}
-    torque, slope, sliding = (
-        values[f"coulomb_friction.{key}"] for key in ("torque_nm", "torque_nm_per_pa", "presliding_deg")
+    # Keys end in the machine's units; results from before that have those of a hand.
+    names = (("force_n", "torque_nm"), ("force_n_per_input", "torque_nm_per_pa"), ("presliding_mm", "presliding_deg"))
+    level, slope, sliding = (
+        next(values[f"coulomb_friction.{name}"] for name in pair if f"coulomb_friction.{name}" in values)
+        for pair in names
     )
     return (
-        f"The diagnosis finds Coulomb friction of {torque['value']:.3g} {torque['unit']} that grows with pressure"
+        f"The diagnosis finds Coulomb friction of {level['value']:.3g} {level['unit']} that grows with pressure"
         f" ({slope['value']:.2g} {slope['unit']}) and builds up over {sliding['value']:.2g} {sliding['unit']} of"
         f" motion. The validation error falls from {first['before']:.3g} to {first['after']:.3g} {first['unit']}"
         f" (`{entry['command']}`)."

@@ -144,7 +144,7 @@ def test_the_right_joint_among_eleven(hand: Hand) -> None:
 
 
 def test_where_the_model_misses_and_where_not(hand: Hand) -> None:
-    """Fails when a signal or joint without a fault is reported as missed, the faulty one is not, or its region is wrong."""
+    """Fails when a signal without a fault is reported as missed, the faulty one is not, or its region is wrong."""
     rng = np.random.default_rng(28)
     load = {"contact__angle_deg": 60 * DEGREE, "contact__stiffness_nm_per_rad": 0.5}
     result = run(record(changed(hand, JOINT, **load), rng), off_by_a_little(hand, rng), JOINT, "ring_distal")
