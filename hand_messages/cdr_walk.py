@@ -1,9 +1,8 @@
-"""Walking a message type over its CDR bytes: to lay one out, and to read the shape of a received one.
+"""The CDR wire format: laying out a message of a type, and reading the shape of a received one.
 
-Wire format: little-endian XCDR1 as the ROS 2 middlewares write it (OMG DDS-XTypes 1.3, 7.4.1): a
-4-byte encapsulation header, then fields aligned to their own size relative to byte 4. A string is a
-uint32 length including the closing NUL, the bytes and the NUL. An empty list aligns nothing behind its
-length. Bytes skipped by alignment are undefined on the wire.
+The format is little-endian XCDR1 as the ROS 2 middlewares write it (OMG DDS-XTypes 1.3, 7.4.1): a 4-byte encapsulation
+header, then fields aligned to their own size relative to byte 4. A string is a uint32 length including the closing NUL,
+the bytes and the NUL. An empty list aligns nothing after its length. Bytes skipped by alignment are undefined.
 """
 
 from __future__ import annotations
@@ -16,9 +15,9 @@ import numpy as np
 
 from hand_messages.layouts import MessageSpec
 
-ENCAPSULATION = b"\x00\x01"  # plain CDR, little-endian; the two option bytes behind it carry nothing
+ENCAPSULATION = b"\x00\x01"  # plain CDR, little-endian; the two option bytes after it are not used
 HEADER_SIZE = 4
-TIME = "T"  # stands for the structure of int32 sec and uint32 nanosec
+TIME = "T"  # code of the structure of int32 sec and uint32 nanosec
 
 _CODES: dict[str, str] = {
     "bool": "?",
@@ -36,11 +35,11 @@ _CODES: dict[str, str] = {
 
 
 class LayoutError(ValueError):
-    """These bytes or values do not fit the layout; the message says what and where."""
+    """These bytes or values do not fit the layout; the message names the field and the problem."""
 
 
 class Slot(NamedTuple):
-    """Where a value lies: key, offset from the message's first byte, type code, list length (None: one)."""
+    """The place of a value: key, offset from the message's first byte, type code, list length (None: one value)."""
 
     key: str
     offset: int
@@ -54,7 +53,7 @@ class Slot(NamedTuple):
 
 
 class Shape(NamedTuple):
-    """What stays the same: frame, entries of each string list, elements of each number list."""
+    """What stays the same in all messages: frame, entries of each string list, length of each number list."""
 
     frame_id: str
     names: Mapping[str, tuple[str, ...]]
@@ -62,7 +61,7 @@ class Shape(NamedTuple):
 
 
 def element_code(spec: MessageSpec, kind: str) -> str:
-    """Struct code of a number type. Raises LayoutError for a type that fixed layouts cannot hold."""
+    """Struct code of a number type. Raises LayoutError for a type that fixed layouts do not support."""
     if kind not in _CODES:
         raise LayoutError(f"{spec.type}: field type {kind} has no fixed layout")
     return _CODES[kind]
@@ -87,18 +86,18 @@ class Plan:
         self.template += data
 
     def length(self, value: int) -> None:
-        """A list's or string's constant length."""
+        """Append the constant length of a list or a string."""
         self._align(4)
         self._constant(struct.pack("<I", value))
 
     def string(self, text: str) -> None:
-        """A constant string."""
+        """Append a constant string."""
         data = text.encode() + b"\x00"
         self.length(len(data))
         self._constant(data)
 
     def slot(self, key: str, code: str, count: int | None = None) -> None:
-        """A value: one, or a list's elements."""
+        """Append a single value, or the elements of a list."""
         size = 4 if code == TIME else struct.calcsize("<" + code)
         if count != 0:
             self._align(size)
@@ -128,7 +127,7 @@ def lay_out(spec: MessageSpec, shape: Shape) -> Plan:
 
 
 class _Cursor:
-    """Reads lengths and strings of one message, checking every step against its end."""
+    """Reads lengths and strings of one message; each step is checked against the end of the message."""
 
     def __init__(self, spec: MessageSpec, raw: bytes) -> None:
         if raw[:2] != ENCAPSULATION:
@@ -136,7 +135,7 @@ class _Cursor:
         self.spec, self.raw, self.position = spec, raw, HEADER_SIZE
 
     def skip(self, size: int, count: int = 1) -> int:
-        """Step over `count` aligned elements and return where they start."""
+        """Skip `count` aligned elements; returns their start."""
         start = self.position
         if count:
             start += -(start - HEADER_SIZE) % size
@@ -158,7 +157,7 @@ class _Cursor:
 
 
 def read_shape(spec: MessageSpec, raw: bytes) -> Shape:
-    """Frame, names and list lengths of one message. Raises LayoutError where it does not parse."""
+    """Frame, names and list lengths of one message. Raises LayoutError where its bytes are not of the type."""
     cursor, frame_id = _Cursor(spec, raw), ""
     names: dict[str, tuple[str, ...]] = {}
     lengths: dict[str, int] = {}

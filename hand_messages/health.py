@@ -1,4 +1,4 @@
-"""What a node says of itself on /diagnostics, before it becomes a message."""
+"""The status of a node on /diagnostics, before it is converted to a message."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Level(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """One status: a part of the node, its level, one line for a person, and figures."""
+    """One status: a part of the node, its level, a message of one line, and values by name."""
 
     name: str
     level: Level
@@ -26,7 +26,7 @@ class Health:
 
     @property
     def verdict(self) -> tuple[str, Level, str]:
-        """What makes it worth publishing at once when it changes; figures alone do not."""
+        """The part of a status whose change is published at once; a change of the values alone is not."""
         return self.name, self.level, self.message
 
 

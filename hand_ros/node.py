@@ -1,6 +1,6 @@
-"""The life every node shares: lifecycle that can start itself, diagnostics, an end that is always clean.
+"""The base of every node: a lifecycle that can start itself, declared parameters, diagnostics, a safe shutdown.
 
-The only module here that imports rclpy.
+This is the only module of hand_ros that imports rclpy.
 """
 
 from __future__ import annotations
@@ -37,13 +37,14 @@ AUTOSTART = NodeParameter("autostart", True, "configure and activate at start, w
 
 
 class HandNode(LifecycleNode):
-    """A lifecycle node with declared parameters, throttled one-line logs and diagnostics.
+    """A lifecycle node with declared parameters, throttled log lines and diagnostics.
 
-    Subclasses fill start, stop and health; each is called with the node configured by `values`.
+    Subclasses override configure, start, stop, release and health; start, stop and health are called only after
+    configure has succeeded.
     """
 
     def __init__(self, name: str, table: tuple[NodeParameter, ...]) -> None:
-        """Declare the table of parameters; nothing else happens before on_configure."""
+        """Declare the parameters of the table; files and ports are opened by on_configure."""
         super().__init__(name, namespace=DEFAULT_NAMESPACE)
         self.table = (AUTOSTART, *table)
         self.problem: str | None = None
@@ -60,27 +61,27 @@ class HandNode(LifecycleNode):
 
     @property
     def values(self) -> dict[str, Any]:
-        """Every declared parameter's present value."""
+        """Current value of every declared parameter."""
         return {parameter.name: self.get_parameter(parameter.name).value for parameter in self.table}
 
     def configure(self, values: dict[str, Any]) -> None:
-        """Load files, open ports, create publishers. ValueError or OSError: one line of what is wrong."""
+        """Load files, open ports, create publishers. Raises ValueError or OSError, one line, where that fails."""
         raise NotImplementedError
 
     def reconfigure(self, values: dict[str, Any]) -> None:
-        """Take over parameters changed at run time, all of them or, with a ValueError, none."""
+        """Apply parameters changed at run time. Raises ValueError where they are refused; then none is applied."""
 
     def start(self) -> None:
-        """Begin to work; called on activation."""
+        """Start the work of the node; called on activation."""
 
     def stop(self) -> None:
-        """Cease to work and leave the hand safe; called on deactivation and before cleanup."""
+        """Stop the work and leave the hand vented; called on deactivation and before cleanup."""
 
     def release(self) -> None:
         """Undo configure."""
 
     def health(self) -> list[Health]:
-        """The present statuses of a configured node."""
+        """Current statuses of a configured node."""
         return []
 
     def on_configure(self, _state: State) -> TransitionCallbackReturn:
@@ -91,7 +92,7 @@ class HandNode(LifecycleNode):
             self.configure(values)
         except (ValueError, OSError) as error:
             return self._failed(_one_line(error))
-        except Exception as error:  # a defect of ours: rclpy would swallow it without a word
+        except Exception as error:  # a defect of this program, which rclpy would not report
             self.get_logger().error(traceback.format_exc())
             return self._failed(f"internal error: {type(error).__name__}: {_one_line(error)}")
         self.problem, self.configured = None, True
@@ -115,7 +116,7 @@ class HandNode(LifecycleNode):
         return super().on_deactivate(state)
 
     def on_cleanup(self, _state: State) -> TransitionCallbackReturn:
-        """Lifecycle: release what configure took."""
+        """Lifecycle: release what configure acquired."""
         self._halt()
         self.configured = False
         self.release()
@@ -141,7 +142,7 @@ class HandNode(LifecycleNode):
             self.stop()
 
     def finish(self) -> None:
-        """End of the process: safe state, a last word on /diagnostics, ports released."""
+        """End of the process: stop, publish the last statuses, release the ports."""
         self._halt()
         self.publish_health(now=True)
         self.release()
@@ -211,7 +212,7 @@ def _one_line(error: BaseException) -> str:
 def run(make_node: Callable[[], HandNode], args: list[str] | None = None) -> int:
     """Run one node until SIGINT, SIGTERM or shutdown; the process's exit code.
 
-    The node's finish always runs, so a hand is vented on every way out that leaves us alive.
+    The node's finish runs in every case in which the process itself survives, so that the hand is vented.
     """
     stopped = Future()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -230,7 +231,7 @@ def run(make_node: Callable[[], HandNode], args: list[str] | None = None) -> int
         if autostart and node.trigger_configure() == TransitionCallbackReturn.SUCCESS:
             node.trigger_activate()
         while rclpy.ok() and not stopped.done():
-            # Bounded, because Python's signal handlers only run between these calls.
+            # The time is limited, because Python's signal handlers run between these calls only.
             executor.spin_until_future_complete(stopped, timeout_sec=0.1)
     finally:
         node.finish()

@@ -1,4 +1,4 @@
-"""Node parameters, each declared once: name, default, meaning, range."""
+"""Declarations of node parameters: name, default, description, range; and the check of values against them."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from typing import Any
 
 
 class ParameterError(ValueError):
-    """A parameter has a value it must not have; the message is one line."""
+    """A parameter has a value outside its declaration; the message is one line."""
 
 
 @dataclass(frozen=True, slots=True)
 class NodeParameter:
     """One parameter of a node.
 
-    name: with its unit at the end, where it has one.  default: also fixes the type.
+    name: with its unit at the end, where it has one.  default: determines the type too.
     low, high: allowed range of a number, both included.  choices: allowed texts.
-    read_only: it can be set at start only.
+    read_only: whether it can be set at the start only.
     """
 
     name: str
@@ -30,7 +30,7 @@ class NodeParameter:
     read_only: bool = True
 
     def check(self, value: Any) -> None:
-        """Raise ParameterError if value is of another type or outside what is allowed."""
+        """Raises ParameterError where the value has another type or is outside the allowed range or choices."""
         if isinstance(self.default, bool | str | list):
             if not isinstance(value, type(self.default)):
                 raise ParameterError(f"parameter {self.name} is {value!r}; it must be a {type(self.default).__name__}")
@@ -52,7 +52,7 @@ class NodeParameter:
 
 
 def check_all(table: tuple[NodeParameter, ...], values: Mapping[str, Any]) -> None:
-    """Check every value against its declaration; raise ParameterError at the first that fails."""
+    """Check every value against its declaration. Raises ParameterError at the first value that is not allowed."""
     for parameter in table:
         if parameter.name in values:
             parameter.check(values[parameter.name])
