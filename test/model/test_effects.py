@@ -22,7 +22,6 @@ from hand_model.chain import open_chain
 from hand_model.effects import CATALOGUE, EFFECTS
 from hand_model.effects.effect import (
     ANGLE,
-    ATMOSPHERE_PA,
     EXOGENOUS,
     INFLOW,
     NEIGHBOUR,
@@ -35,6 +34,8 @@ from hand_model.effects.effect import (
 from hand_model.kernel.rows import ROW
 
 H = 1e-3
+ATMOSPHERE_PA = 101325.0
+"""Standard atmosphere, ISO 2533."""
 SUPPLY_PA = 6e5
 PLAIN = {
     "supply.pressure_pa": SUPPLY_PA,
