@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import FLOOR, SETTLING_S
 from hand_model.arrays import Array, Flags
-from hand_model.chain import OUTPUTS
 from hand_model.joint_model import JointModel
+from hand_model.kernel.open_loop import OUTPUTS
 from hand_model.kernel.rows import ROW
 from hand_model.statics import equilibrium_angle
 from hand_recording.interpolation import bridge

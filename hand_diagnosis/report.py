@@ -33,8 +33,8 @@ from hand_identification.joint_problem import (
 from hand_identification.map_fit import MapFit
 from hand_identification.model_file import write_model
 from hand_model.arrays import Array
-from hand_model.closed_chain import ClosedChain
 from hand_model.description import Hand
+from hand_model.kernel.closed_loop import ClosedLoop
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_model.quantities import Wording
 from hand_model.statics import equilibrium_angle
@@ -310,8 +310,8 @@ def _readings(problem: JointProblem, fit: MapFit, commands_pa: Array, period_s: 
     start = np.zeros((STATES, 1))
     rest_angle = equilibrium_angle(0.0, 0.0, load, a0, a1, a2, a3, 0.0)
     start[PHI] = np.clip(rest_angle, columns[0][ROW["end_stop.low_deg"]], columns[0][ROW["end_stop.high_deg"]])
-    chain = ClosedChain(columns[0][:, None], np.array([-1]), start, period_s)
-    states = chain.advance(commands_pa[:, None])
+    loop = ClosedLoop(columns[0][None, :, None], np.array([-1]), start[None], period_s)
+    states = loop.advance(commands_pa[None, :, None])[0]
     return np.array([states[:, P, 0], states[:, PHI, 0]])
 
 

@@ -25,8 +25,8 @@ from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import STAGES, JointProblem, Segment
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array, Flags
-from hand_model.chain import OUTPUTS
 from hand_model.effects.effect import ACCELERATION, ANGLE, SPEED
+from hand_model.kernel.open_loop import OUTPUTS
 from hand_model.quantities import Wording
 from hand_recording.signals import derivatives, smoothed_over, white_noise
 

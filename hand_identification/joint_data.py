@@ -16,9 +16,11 @@ from hand_identification.joint_problem import (
     initial_weights,
 )
 from hand_model.arrays import Array, Flags
-from hand_model.chain import OMEGA, OUTPUTS, PHI, STATES, P
 from hand_model.effects.effect import ACCELERATION, ANGLE, EXOGENOUS, NEIGHBOUR, PARTNER, SPEED, TIME
 from hand_model.joint_model import JointModel
+from hand_model.kernel.layout import OMEGA, PHI, P
+from hand_model.kernel.open_loop import OUTPUTS
+from hand_model.kernel.rows import STATES
 from hand_recording.signals import (
     SMOOTHED_S,
     Signals,

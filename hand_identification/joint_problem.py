@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from hand_identification.free_parameters import START_CREEP, FreeParameter
 from hand_model.arrays import Array, Flags
-from hand_model.chain import CREEP, OMEGA, OUTPUTS, open_chain
+from hand_model.kernel.layout import CREEP, OMEGA
+from hand_model.kernel.open_loop import OUTPUTS, MeasuredInputs, open_loop
 
 STAGES = ("pressure", "angle", "force")
 """The signal that each stage predicts, in the order of the model's outputs."""
@@ -112,12 +113,10 @@ class JointProblem:
         for index, segment in enumerate(self.segments):
             start = np.tile(segment.start, (len(columns), 1))
             start[:, CREEP], start[:, OMEGA] = starts[:, 0], starts[:, 1 + index]
-            out.append(
-                open_chain(
-                    columns, start, segment.set_point_pa, segment.driving_pa, segment.exogenous, segment.period_s,
-                    self.lever_m, self.step_s, self.driven, segment.late_s,
-                )
-            )  # fmt: skip
+            inputs = MeasuredInputs(
+                segment.set_point_pa, segment.driving_pa, segment.exogenous, segment.period_s, segment.late_s
+            )
+            out.append(open_loop(columns, start, inputs, lever_m=self.lever_m, step_s=self.step_s, driven=self.driven))
         return out
 
     def residuals(self, columns: Array, starts: Array) -> list[Array]:

@@ -8,8 +8,8 @@ from numba import njit
 from hand_driver.board import Counts
 from hand_model.arrays import Array
 from hand_model.description import Hand
-from hand_model.joint import one_sided
-from hand_model.plant import OMEGA, PHI, P
+from hand_model.kernel.layout import OMEGA, PHI, P
+from hand_model.kernel.terms import one_sided
 from hand_model.sensors import adc_code, fsr_ratio, hall_ratio
 
 
@@ -17,9 +17,7 @@ from hand_model.sensors import adc_code, fsr_ratio, hall_ratio
 def _contact_force(state, j, contact, lever_arm):  # type: ignore[no-untyped-def]
     """Normal force [N] on a pad of joint j: the obstacle's torque over the pad's lever arm."""
     depth = state[PHI, j] - contact[0, j]
-    return (
-        one_sided(depth, state[OMEGA, j], contact[1, j], contact[2, j], contact[3, j], 1.0 / contact[3, j]) / lever_arm
-    )
+    return one_sided(depth, state[OMEGA, j], contact[1, j], contact[2, j], contact[3, j]) / lever_arm
 
 
 @njit(cache=True)

@@ -134,6 +134,7 @@ class Effect:
     says: a sentence in whose braces stand the last parts of keys, which a report replaces by number and unit, or WORDS.
     experiments: excitations that show it, the best first.  doc: what it is.  source: where the equations come from.
     everywhere: whether one cause acts on the whole hand and not on one joint.
+    meets_others: whether its equations use NEIGHBOUR or INFLOW of e.
 
     Raises ValueError, one line with the effect's name, for anything that does not fit together.
     """
@@ -155,6 +156,7 @@ class Effect:
     shape: tuple[str, ...] = ()
     experiments: tuple[str, ...] = ()
     everywhere: bool = False
+    meets_others: bool = False
 
     def __post_init__(self) -> None:
         """Refuse what does not fit together."""

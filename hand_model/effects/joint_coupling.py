@@ -32,4 +32,5 @@ EFFECT = Effect(
     experiments=("neighbour_moves",),
     doc="Skin, tubes or tendons that span two joints.",
     source="spring between two joints, the next term of its arm's series",
+    meets_others=True,
 )

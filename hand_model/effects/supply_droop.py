@@ -60,4 +60,5 @@ EFFECT = Effect(
     experiments=("steps", "staircase"),
     doc="Supply pressure falls with the flow drawn; no set-point above it is reached.",
     source="resistance and capacity of a supply line, Beater, Pneumatic Drives, 2007",
+    meets_others=True,
 )

@@ -69,6 +69,11 @@ class Hooks(NamedTuple):
     valve: Any
     """(w, i, p, u, e, h) -> p [Pa] after h; changes memory."""
 
+    @property
+    def rubs(self) -> bool:
+        """Whether any effect adds dry friction."""
+        return self.dry is not _zero
+
 
 _SIGNAL = {
     "set_point": "u",
@@ -203,7 +208,48 @@ def compose(effects: tuple[Effect, ...]) -> Hooks:
     writer = _Writer()
     bodies = _bodies(writer, effects)
     arguments: dict[str, tuple[str, ...] | None] = {"valve_replaced": ()}
-    return Hooks(**{hook: writer.function(hook, bodies[hook], arguments.get(hook)) for hook in Hooks._fields})
+    used = {hook for effect in effects for hook in effect.hooks}
+    used |= {"valve_replaced"} if "valve" in used else set()
+    return Hooks(
+        **{
+            hook: writer.function(hook, bodies[hook], arguments.get(hook)) if hook in used else _unused(hook)
+            for hook in Hooks._fields
+        }
+    )
+
+
+@inline
+def _nothing(w, i, *arguments):  # type: ignore[no-untyped-def]
+    return None
+
+
+@inline
+def _first(w, i, signal, *arguments):  # type: ignore[no-untyped-def]
+    return signal
+
+
+@inline
+def _zero(w, i, *arguments):  # type: ignore[no-untyped-def]
+    return 0.0
+
+
+@inline
+def _two_zeros(w, i, *arguments):  # type: ignore[no-untyped-def]
+    return 0.0, 0.0
+
+
+@inline
+def _never(w, i):  # type: ignore[no-untyped-def]
+    return False
+
+
+_UNUSED = {"torque": _two_zeros, "damping": _zero, "dry": _zero, "valve_replaced": _never}
+_UNUSED |= dict.fromkeys(("prepare", "moved", "angle_sensor", "force_sensor"), _nothing)
+
+
+def _unused(hook: str) -> Any:
+    """The function of a hook that no effect uses: shared, because each compiled function takes time to compile."""
+    return _UNUSED.get(hook, _first)
 
 
 def active_effects(parameters: NDArray[np.float64]) -> tuple[Effect, ...]:

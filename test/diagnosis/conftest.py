@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from hand_identification.free_parameters import NOMINAL_KEYS
-from hand_model.closed_chain import ClosedChain
 from hand_model.description import Hand, load_hand
 from hand_model.kernel.rows import ROW
 from hand_recording.signals import Signals
-from hand_sim.plant import PHI, P, resting_state
+from hand_sim.plant import PHI, HandPlant, P
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "hand.yaml"
 PERIOD_S = 0.005
@@ -66,8 +65,8 @@ def record(truth: Hand, rng: np.random.Generator, seconds: float = 44.0) -> Sign
     """The recording that noisy sensors make of the hand."""
     joints = len(truth.joints)
     commands = excitation(rng, seconds, joints)
-    chain = ClosedChain(truth.parameters, truth.partner, resting_state(truth), PERIOD_S)
-    states = np.concatenate([chain.state[None], chain.advance(commands[:-1])])
+    plant = HandPlant(truth, PERIOD_S)
+    states = np.concatenate([plant.state[None], plant.advance(commands[:-1])])
     shape, yes = commands.shape, np.ones(joints, dtype=bool)
     return Signals(
         "simulated",

@@ -13,11 +13,10 @@ from hand_identification.free_parameters import FreeParameter, nominal_free_para
 from hand_identification.joint_data import joint_problem
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import map_fit
-from hand_model.closed_chain import ClosedChain
 from hand_model.description import Hand
 from hand_model.effects.effect import INFLOW, PARTNER
 from hand_recording.signals import Signals, derivatives, without_noise
-from hand_sim.plant import PHI, P, resting_state
+from hand_sim.plant import PHI, HandPlant, P, resting_state
 
 JOINT, FINE, PERIOD_S = "index_proximal", 4, 0.01
 NOISE_PA, NOISE_RAD = 200.0, np.radians(0.03)
@@ -28,10 +27,10 @@ def truth(hand: Hand) -> tuple[np.ndarray, np.ndarray]:
     """Set-points (T, J) at 100 Hz and true states (FINE T, STATES, J) of the nominal hand."""
     rng = np.random.default_rng(41)
     commands = np.repeat(rng.uniform(0.0, 4e5, (24, len(hand.joints))), 80, axis=0)
-    chain = ClosedChain(hand.parameters, hand.partner, resting_state(hand), PERIOD_S / FINE)
+    plant = HandPlant(hand, PERIOD_S / FINE)
     fine = np.repeat(commands, FINE, axis=0)
     start = np.asarray(resting_state(hand))[None]
-    return commands, np.concatenate([start, chain.advance(fine[:-1])])
+    return commands, np.concatenate([start, plant.advance(fine[:-1])])
 
 
 def read(hand: Hand, truth: tuple[np.ndarray, np.ndarray], *, known: np.ndarray | None = None) -> Signals:

@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike
 
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
-from hand_model.kernel.rows import ROW
-from hand_model.lanes import LANES, idle_parameters, map_lanes
-from hand_model.plant import STATES, Plant
+from hand_model.kernel.closed_loop import ClosedLoop
+from hand_model.kernel.rows import ROW, STATES, STEP_S
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "hand.yaml"
 Variant = Callable[..., Path]
@@ -60,18 +59,16 @@ class OneJoint:
         period_s: float = 0.005,
         state: Array | None = None,
         partner: tuple[int, ...] | None = None,
+        step_s: float = STEP_S,
         **changes: ArrayLike,
     ) -> Array:
         """States (samples + 1, STATES, joints), the first one included, under commands (samples, joints) [Pa]."""
         joints = commands.shape[1]
-        lanes = map_lanes(np.array(partner or [-1] * joints))
         start = np.zeros((STATES, joints)) if state is None else state
-        par = lanes.scatter(self.parameters(joints, **changes), idle_parameters())
-        plant = Plant(par, lanes.scatter(start, np.zeros(STATES)), period_s)
-        spread = np.zeros((lanes.blocks, len(commands), LANES))
-        spread[lanes.block, :, lanes.lane] = commands.T
-        states = plant.advance(spread)[lanes.block, :, :, lanes.lane].transpose(1, 2, 0)
-        return np.concatenate([start[None], states])
+        parameters = self.parameters(joints, **changes)[None]
+        coupled = np.array(partner or [-1] * joints)
+        loop = ClosedLoop(parameters, coupled, start[None], period_s, step_s=step_s)
+        return np.concatenate([start[None], loop.advance(commands[None])[0]])
 
 
 @pytest.fixture(scope="session")

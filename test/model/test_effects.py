@@ -18,7 +18,6 @@ from numba import config
 from pytest import approx
 
 from hand_model.arrays import Array
-from hand_model.chain import open_chain
 from hand_model.effects import CATALOGUE, EFFECTS
 from hand_model.effects.effect import (
     ANGLE,
@@ -31,6 +30,7 @@ from hand_model.effects.effect import (
     Times,
     hook_arguments,
 )
+from hand_model.kernel.open_loop import MeasuredInputs, open_loop
 from hand_model.kernel.rows import ROW
 
 H = 1e-3
@@ -621,7 +621,9 @@ def clock_offset(joint: Any) -> None:
         start = np.array([[2e5, 0.5, 0.0, 0.0]])
         surroundings = np.zeros((len(measured), EXOGENOUS))
         columns = joint.parameters(**changes).T
-        return np.asarray(open_chain(columns, start, command[: len(measured)], measured, surroundings, PERIOD_S)[0])
+        inputs = MeasuredInputs(command[: len(measured)], measured, surroundings, PERIOD_S)
+        readings: Array = open_loop(columns, start, inputs)[0]
+        return readings
 
     shifted = predicted(pressure, clock_offset__offset_s=offset, clock_offset__share=share)
     late = predicted(pressure, valve__dead_time_s=joint.parameters()[ROW["valve.dead_time_s"], 0] + offset * share)

@@ -12,10 +12,12 @@ import hand_model
 
 RUN = """
 import numpy as np
-from hand_model.lanes import LANES, idle_parameters
-from hand_model.plant import PHI, STATES, Plant
-par = np.repeat(idle_parameters()[None, :, None], LANES, axis=2)
-print(Plant(par, np.zeros((1, STATES, LANES)), 0.01).advance(np.full((1, 2000, LANES), 1e5))[0, -1, PHI, 0])
+from hand_model.kernel.closed_loop import ClosedLoop
+from hand_model.kernel.lanes import idle_parameters
+from hand_model.kernel.rows import STATES
+par = np.repeat(idle_parameters()[None, :, None], 2, axis=2)
+loop = ClosedLoop(par, np.array([-1, -1]), np.zeros((1, STATES, 2)), 0.01)
+print(loop.advance(np.full((1, 2000, 2), 1e5))[0, -1, 1, 0])
 """
 
 
@@ -38,12 +40,13 @@ def test_changed_equation_is_compiled_again(tmp_path: Path) -> None:
     source = Path(str(hand_model.__file__)).parent
     package = tmp_path / "hand_model"
     shutil.copytree(source, package, ignore=shutil.ignore_patterns("__pycache__"))
-    (package / "__pycache__").write_text("in the way of a folder", encoding="utf-8")
+    for folder in (package, package / "kernel"):
+        (folder / "__pycache__").write_text("in the way of a folder", encoding="utf-8")
     cache = tmp_path / "cache"
 
     before = angle_after_a_run(tmp_path, cache)
     assert 0.05 < before < 0.15
-    assert list(cache.rglob("plant._kernel*.nbi")), "no cache in the user's folder"
+    assert list(cache.rglob("closed_loop*.nbi")), "no cache in the user's folder"
     assert angle_after_a_run(tmp_path, cache) == before
 
     statics = package / "statics.py"
@@ -56,24 +59,29 @@ def test_changed_equation_is_compiled_again(tmp_path: Path) -> None:
 ORDER = """
 import hashlib, sys
 import numpy as np
-from hand_model import plant
-from hand_model.lanes import LANES, idle_parameters
-par = np.repeat(np.repeat(idle_parameters()[None, :, None], LANES, axis=2), 3, axis=0)
+from hand_model.effects import EFFECTS
+from hand_model.kernel import closed_loop
+from hand_model.kernel.lanes import idle_parameters
+from hand_model.kernel.rows import STATES
+par = np.repeat(np.repeat(idle_parameters()[None, :, None], 16, axis=2), 3, axis=0)
 par *= np.random.default_rng(3).uniform(0.98, 1.0, par.shape)
-commands = np.random.default_rng(4).uniform(0.0, 5e5, (3, 300, LANES))
-for parallel in sys.argv[1]:
-    plant.PARALLEL_STEPS = 0 if parallel == "p" else 10**12
-    hands = plant.Plant(par, np.zeros((3, plant.STATES, LANES)), 0.005)
-    print(hashlib.sha256(hands.advance(commands).tobytes()).hexdigest())
+commands = np.random.default_rng(4).uniform(0.0, 5e5, (3, 300, 16))
+sets = {"plain": (), "friction": (EFFECTS["coulomb_friction"],)}
+for run in sys.argv[1:]:
+    name, _, parallel = run.partition(":")
+    closed_loop.PARALLEL_STEPS = 0 if parallel else 10**12
+    state = np.zeros((3, STATES, 16))
+    loop = closed_loop.ClosedLoop(par, np.full(16, -1), state, 0.005, effects=sets[name])
+    print(hashlib.sha256(loop.advance(commands).tobytes()).hexdigest())
 """
 
 
 def test_the_same_bits_whatever_was_compiled_when(tmp_path: Path) -> None:
-    """Broken by a result that depends on which kernels came from the cache and which were compiled in the process."""
+    """Broken by a result that depends on which loops came from the cache, or on effects compiled in but off."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     hashes = []
-    for order in ("s", "s", "p", "ps", "sp"):
-        command = [sys.executable, "-c", ORDER, order]
+    for order in (["plain"], ["plain"], ["plain:p"], ["friction", "plain"], ["plain:p", "friction:p"]):
+        command = [sys.executable, "-c", ORDER, *order]
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
         hashes += done.stdout.split()
     assert len(hashes) == 7

@@ -9,10 +9,10 @@ import numba
 import numpy as np
 import pytest
 
-from hand_model import plant as kernel
-from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
-from hand_model.lanes import HALF, LANES, LaneMap, idle_parameters, map_lanes
-from hand_model.plant import HISTORY, STATES, Plant, advance
+from hand_model.kernel import closed_loop
+from hand_model.kernel.closed_loop import ClosedLoop
+from hand_model.kernel.lanes import HALF, LANES, idle_parameters, map_hands, neighbour_lanes
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STATES
 from hand_sim.plant import HandPlants, resting_state
 
 
@@ -32,7 +32,7 @@ COUNTS = [(1, 0), (3, 1), (3, 0), (11, 5), (11, 0), (16, 8), (16, 0), (24, 12), 
 def test_round_trip(joints: int, pairs: int) -> None:
     """Broken by two joints in one lane, a pair that is not at l and l + 8 of one block, or a wasted block."""
     partner = paired(joints, pairs)
-    lanes = map_lanes(partner)
+    lanes = map_hands(partner, 1)
     assert len(set(zip(lanes.block.tolist(), lanes.lane.tolist(), strict=True))) == joints
     assert lanes.blocks == -(-joints // LANES)
     for a in np.flatnonzero(partner > np.arange(joints)):
@@ -49,17 +49,31 @@ def test_round_trip(joints: int, pairs: int) -> None:
 def test_partners_must_be_mutual(partner: list[int]) -> None:
     """Broken by a one-sided coupling that is laid out as if it were none."""
     with pytest.raises(ValueError, match="each other"):
-        map_lanes(np.array(partner))
+        map_hands(np.array(partner), 1)
 
 
 def test_idle_lanes_are_harmless() -> None:
-    """Broken by an unused lane that is no valid joint: it must rest, whatever pressure the block is given."""
+    """Broken by an unused lane that is no valid joint: it must stay at rest."""
     par = np.repeat(idle_parameters()[None, :, None], LANES, axis=2)
     for parameter in JOINT_PARAMETERS:
         value = par[0, ROW[parameter.key], 0] / parameter.scale
         assert parameter.low <= value <= parameter.high * (1 + 1e-9), parameter.key
-    states = Plant(par, np.zeros((1, STATES, LANES)), 0.005).advance(np.zeros((1, 1000, LANES)))
-    np.testing.assert_array_equal(states, 0.0)
+    loop = ClosedLoop(par, np.full(LANES, -1), np.zeros((1, STATES, LANES)), 0.005)
+    np.testing.assert_array_equal(loop.advance(np.zeros((1, 1000, LANES))), 0.0)
+
+
+def test_hands_apart_have_a_block_each(hand: Any) -> None:
+    """Broken by a hand that shares its block with another where effects act between its joints, or is cut in two."""
+    lanes = map_hands(hand.partner, 3, apart=True)
+    assert lanes.blocks == 3
+    np.testing.assert_array_equal(lanes.block, np.repeat([0, 1, 2], 11))
+    neighbours = neighbour_lanes(lanes, hand.partner, 3)
+    for joint, partner in enumerate(hand.partner):
+        other = partner if partner >= 0 else max(joint - 1, 0)
+        for k in range(3):
+            assert neighbours[k, lanes.lane[11 * k + joint]] == lanes.lane[11 * k + other]
+    with pytest.raises(ValueError, match="17 joints have effects between them; the allowed range is 1 to 16 joints"):
+        map_hands(np.full(17, -1), 1, apart=True)
 
 
 def varied(hand: Any, hands: int) -> Any:
@@ -108,30 +122,26 @@ def test_shapes_are_checked(hand: Any) -> None:
         HandPlants(hand, hand.parameters[None], 0.005).advance(np.zeros((1, 5, 10)))
 
 
-def run_blocks(hand: Any, call: Any, hands: int = 12) -> Any:
-    """Final arrays of a run of `hands` hands in several blocks through `call`, an `advance`."""
-    offset = np.arange(hands)[:, None] * 11
-    lanes: LaneMap = map_lanes(np.where(hand.partner < 0, -1, hand.partner + offset).ravel())
-    parameters = varied(hand, hands).transpose(1, 0, 2).reshape(len(JOINT_PARAMETERS), -1)
-    par = lanes.scatter(parameters, idle_parameters())
-    x, history = np.zeros((lanes.blocks, STATES, LANES)), np.zeros((lanes.blocks, HISTORY, LANES))
-    heads, out = np.zeros(lanes.blocks, dtype=np.int64), np.empty((lanes.blocks, 60, STATES, LANES))
-    commands = np.random.default_rng(2).uniform(0, 6e5, (lanes.blocks, 60, LANES))
-    call(x, par, history, heads, commands, 10, 0.5e-3, out)
-    return x, history, heads, out
+def run_blocks(hand: Any, hands: int = 12) -> Any:
+    """Readings of `hands` hands in several blocks, and their state at the end."""
+    state = np.repeat(resting_state(hand)[None], hands, axis=0)
+    loop = ClosedLoop(varied(hand, hands), hand.partner, state, 0.005)
+    out = loop.advance(np.random.default_rng(2).uniform(0, 6e5, (hands, 60, 11)))
+    return out, loop.state
 
 
-def test_any_number_of_threads_gives_the_same(hand: Any) -> None:
+def test_any_number_of_threads_gives_the_same(hand: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Broken by a result that depends on threads, or on whether a call uses a parallel region."""
     threads = numba.get_num_threads()
-    serial = run_blocks(hand, kernel._kernel(parallel=False))
-    assert len(serial[0]) * 60 * 10 >= kernel.PARALLEL_STEPS
+    with monkeypatch.context() as serial:
+        serial.setattr(closed_loop, "PARALLEL_STEPS", 10**12)
+        expected = run_blocks(hand)
     try:
         for count in range(1, threads + 1):
             numba.set_num_threads(count)
-            for call in (kernel._kernel(parallel=True), advance):
-                for expected, found in zip(serial, run_blocks(hand, call), strict=True):
-                    np.testing.assert_array_equal(expected, found)
+            for limit in (0, 10**12):
+                monkeypatch.setattr(closed_loop, "PARALLEL_STEPS", limit)
+                for one_thread, found in zip(expected, run_blocks(hand), strict=True):
+                    np.testing.assert_array_equal(one_thread, found)
     finally:
         numba.set_num_threads(threads)
-    assert (serial[2] == 60).all()

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pytest import approx
 
+from hand_model.kernel.layout import CREEP, PHI, P
 from hand_model.material import creep_rate
-from hand_model.plant import CREEP, PHI, P
 
 P_MIN, B1, T_EXT, B0, T_REC = 0.5e5, 1 / 5.5e5, 25.0, 1 / 4.5e5, 40.0
 SUPPLY = 6e5

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from hand_model.kernel.closed_loop import HISTORY
 from hand_model.kernel.rows import JOINT_PARAMETERS, STEP_S
-from hand_model.plant import HISTORY
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "model.md").read_text(encoding="utf-8")
 

@@ -10,8 +10,8 @@ import pytest
 
 from hand_driver.board import Status
 from hand_model.description import Hand
-from hand_model.kernel.rows import ROW
-from hand_model.plant import OMEGA, PHI, STATES, P
+from hand_model.kernel.layout import OMEGA, PHI, P
+from hand_model.kernel.rows import ROW, STATES
 from hand_sim.channels import contact_force_n
 from hand_sim.plant import SimulatedPlant, resting_state
 

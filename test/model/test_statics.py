@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pytest import approx
 
-from hand_model.joint import one_sided
+from hand_model.kernel.terms import one_sided
 from hand_model.statics import equilibrium_angle, pressure_for_torque, stiffness, torque
 
 A0, A1, A2, A3, PHI_MAX = -0.010, -0.0573, 1.12e-6, -5.6e-7, np.radians(60)
@@ -65,19 +65,19 @@ stop_parameters = (st.floats(0.0, 50.0), st.floats(0.0, 1.0), st.floats(1e-3, 0.
 @given(st.floats(-1.0, 0.0), st.floats(-50.0, 50.0), *stop_parameters)
 def test_stop_is_silent_outside(depth: float, speed: float, stiffness: float, damping: float, width: float) -> None:
     """Broken by a stop that acts, or a damper that brakes, before contact."""
-    assert one_sided(depth, speed, stiffness, damping, width, 1.0 / width) == 0.0
+    assert one_sided(depth, speed, stiffness, damping, width) == 0.0
 
 
 @given(st.floats(0.0, 1.0), st.floats(-50.0, 50.0), *stop_parameters)
 def test_stop_never_pulls(depth: float, speed: float, stiffness: float, damping: float, width: float) -> None:
     """Broken by a damper that holds the joint back while it leaves."""
-    assert one_sided(depth, speed, stiffness, damping, width, 1.0 / width) >= 0.0
+    assert one_sided(depth, speed, stiffness, damping, width) >= 0.0
 
 
 def test_stop_engages_smoothly_and_then_linearly() -> None:
     """Broken by a kink: the slope must run from 0 to the full stiffness over the engagement, then stay."""
     width, stiffness = 0.02, 5.0
     depth = np.linspace(-0.01, 0.06, 7001)
-    spring = np.array([one_sided(x, 0.0, stiffness, 0.0, width, 1.0 / width) for x in depth])
+    spring = np.array([one_sided(x, 0.0, stiffness, 0.0, width) for x in depth])
     slope = np.gradient(spring, depth)
     np.testing.assert_allclose(slope[1:-1], stiffness * np.clip(depth / width, 0.0, 1.0)[1:-1], atol=2e-3)

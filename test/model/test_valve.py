@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hand_model.kernel.rows import ROW, STEP_S
-from hand_model.lanes import LANES, idle_parameters
-from hand_model.plant import HISTORY, STATES, P, Plant
+from hand_model.kernel.closed_loop import HISTORY, ClosedLoop
+from hand_model.kernel.layout import P
+from hand_model.kernel.rows import ROW, STATES, STEP_S
 
 TAU, PERIOD_S = 0.05, 0.005
 UNLIMITED = {"valve__fill_rate_pa_per_s": 1e9, "valve__vent_rate_pa_per_s": 1e9}
@@ -67,13 +67,13 @@ def test_rates_limit_filling_and_venting_apart(joint: Any) -> None:
     assert slope.min() == pytest.approx(-vent, rel=1e-9)
 
 
-def test_dead_time_beyond_the_memory_is_refused() -> None:
-    """Broken by a delay that wraps around the ring of set-points unnoticed."""
-    par = np.repeat(idle_parameters()[None, :, None], LANES, axis=2)
-    par[:, ROW["valve.dead_time_s"]] = 0.05
+def test_dead_time_beyond_the_memory_is_refused(joint: Any) -> None:
+    """Broken by a delay that wraps around the ring of set-points, or a period that is not a positive number."""
+    parameters, alone, state = joint.parameters()[None], np.array([-1]), np.zeros((1, STATES, 1))
+    parameters[:, ROW["valve.dead_time_s"]] = 0.05
     with pytest.raises(ValueError, match=r"valve\.dead_time_s is 0\.05; .* allowed range is 0 to 0\.0126"):
-        Plant(par, np.zeros((1, STATES, LANES)), 1e-4)
+        ClosedLoop(parameters, alone, state, 1e-4)
     assert HISTORY * STEP_S > 0.05
     for period_s in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(ValueError, match="period_s"):
-            Plant(par, np.zeros((1, STATES, LANES)), period_s)
+            ClosedLoop(parameters, alone, state, period_s)

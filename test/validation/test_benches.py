@@ -23,7 +23,9 @@ UNITS = {
     "ms",
     "us",
     "ns",
-    "ns/joint-step",
+    "ns CPU/joint-step",
+    "s CPU",
+    "us CPU",
     "cores",
     "fraction",
     "share",
@@ -53,11 +55,7 @@ PLAUSIBLE: dict[str, dict[str, tuple[float, float]]] = {
 """Bounds of values by a part of their name: no time of this machine is among them."""
 
 
-# The reference of the plant bench in C lacks the parameter rows of the effects.
-MARKS: dict[str, list[Any]] = {
-    "plant": [pytest.mark.xfail(reason="plant_reference.c is older than the model")],
-    "loop": [pytest.mark.real_time],
-}
+MARKS: dict[str, list[Any]] = {"loop": [pytest.mark.real_time]}
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=MARKS.get(name, [])) for name in BENCHES])

@@ -1,5 +1,5 @@
-/* The plant kernel's equations and integrator in C, written for SIMD over the joints: what hand_model/plant.py is
- * measured against. WIDTH lanes fill one vector; lanes l and l + 8 are a coupled pair, so that one step of a group of
+/* The plain plant's equations with a classical Runge-Kutta integrator, written for SIMD over the joints: an independent
+ * reference for the results and the speed of hand_model/kernel. WIDTH lanes fill one vector; lanes l and l + 8 are a coupled pair, so that one step of a group of
  * pairs runs in registers from the first stage to the last. Needs GNU C vectors (gcc, clang). */
 #include <string.h>
 #ifdef __SSE2__
@@ -10,7 +10,7 @@
 #define WIDTH 8
 #endif
 enum { LANES = 16, HALF = LANES / 2, HISTORY = 128 };
-/* Rows of parameters, in the order of JOINT_PARAMETERS; the bench checks their number. */
+/* Rows of parameters, in the order of PLANT_PARAMETERS; the bench checks their number. */
 enum {
     DEAD, TAU, FILL, VENT, A0, A1, A2, A3, PHI_MAX, P_MIN, B1, T_EXT, B0, T_REC, INERTIA, FRICTION, SHARED,
     LOW, HIGH, K_STOP, D_STOP, W_STOP, LOAD, CONTACT, K_CONTACT, D_CONTACT, W_CONTACT, SUPPLY, ROWS,
@@ -138,7 +138,8 @@ static void deliver(lanes *restrict w, const double *restrict history, long head
     }
 }
 
-/* One block through `samples` samples; the arguments are those of hand_model.plant.advance. */
+/* One block through `samples` samples; x: (4, LANES) state, par: (ROWS, LANES), history: (HISTORY, LANES),
+ * commands: (samples, LANES), out: (samples, 4, LANES). */
 void advance(double *restrict x, const double *restrict par, double *restrict history, long *restrict head,
              const double *restrict commands, long samples, long steps, double h, double *restrict out) {
     lanes w[WORK];

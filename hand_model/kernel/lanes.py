@@ -1,8 +1,7 @@
-"""Joints to lanes: the structure-of-arrays layout of the plant kernel.
+"""Joints to lanes: the layout of the closed loop's arrays.
 
-A block is LANES = 16 joints wide, so that the compiler fills vector registers. Coupled phalanges sit in
-lanes l and l + 8 of one block; joints without a partner take what is left. Unused lanes carry a harmless
-joint and never reach a caller.
+A block is LANES = 16 joints wide, so that the compiler fills vector registers. Coupled phalanges are in lanes l and
+l + 8 of one block; joints without a partner take the remaining lanes. Unused lanes hold a joint that stays at rest.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 
 LANES = 16
 HALF = LANES // 2
-# In SI, whatever the unit in the key.
 _IDLE = {
     "valve.time_constant_s": 1.0,
     "valve.fill_rate_pa_per_s": 1e9,
@@ -31,6 +29,7 @@ _IDLE = {
     "end_stop.engagement_deg": 0.1,
     "supply.pressure_pa": 6e5,
 }
+"""Parameters of an unused lane, in SI whatever the unit in the key."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +52,38 @@ class LaneMap:
         return np.ascontiguousarray(lanes[self.block, :, self.lane].T)
 
 
-def map_lanes(partner: NDArray[np.int64]) -> LaneMap:
-    """Lay out joints. partner (joints,): index of the coupled joint, or -1. Raises ValueError if not mutual."""
+def map_hands(partner: NDArray[np.int64], hands: int, *, apart: bool = False) -> LaneMap:
+    """Lay out the joints of `hands` equal hands, hand by hand.
+
+    partner: (joints,) index of the coupled joint or -1.  apart: every hand gets a block of its own, which effects
+    between its joints need. Raises ValueError where partners are not mutual, or a hand does not fit into its block.
+    """
+    if not apart:
+        offset = np.arange(hands)[:, None] * len(partner)
+        return _map_lanes(np.where(partner < 0, -1, partner + offset).ravel())
+    one_hand = _map_lanes(partner)
+    if one_hand.blocks > 1:
+        raise ValueError(f"{len(partner)} joints have effects between them; the allowed range is 1 to {LANES} joints")
+    block = np.repeat(np.arange(hands), len(partner))
+    return LaneMap(block, np.tile(one_hand.lane, hands), hands)
+
+
+def neighbour_lanes(lanes: LaneMap, partner: NDArray[np.int64], hands: int) -> NDArray[np.int64]:
+    """Lane (blocks, LANES) of each joint's neighbour: its partner, or else the joint before it in the hand.
+
+    Lanes without a neighbour in their own block name themselves.
+    """
+    neighbours = np.tile(np.arange(LANES), (lanes.blocks, 1))
+    joints = len(partner)
+    before = np.where(partner >= 0, partner, np.maximum(np.arange(joints) - 1, 0))
+    other = (before + np.arange(hands)[:, None] * joints).ravel()
+    same = lanes.block[other] == lanes.block
+    neighbours[lanes.block[same], lanes.lane[same]] = lanes.lane[other[same]]
+    return neighbours
+
+
+def _map_lanes(partner: NDArray[np.int64]) -> LaneMap:
+    """Lay out joints; partner[j] is the joint coupled with j, or -1. Raises ValueError if not mutual."""
     count = len(partner)
     block = np.zeros(count, dtype=np.int64)
     lane = np.zeros(count, dtype=np.int64)
@@ -73,7 +102,7 @@ def map_lanes(partner: NDArray[np.int64]) -> LaneMap:
 
 def idle_parameters() -> Array:
     """Parameters (rows,) of an unused lane: a slow, damped joint that stays at rest."""
-    values = np.array([(parameter.neutral or 0.0) * parameter.scale for parameter in JOINT_PARAMETERS])
+    values = np.array([parameter.neutral_si for parameter in JOINT_PARAMETERS])
     for key, value in _IDLE.items():
         values[ROW[key]] = value
     return values

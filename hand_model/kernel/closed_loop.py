@@ -1,0 +1,319 @@
+"""The closed loop: one stage feeds the next, for the joints of one hand or of many.
+
+    set-points -> dead time -> valve -> tube -> actuator torque and creep -> motion -> readings
+
+A block is LANES = 16 joints wide, so that the compiler fills vector registers with the coupled pairs of lanes l and
+l + 8; joints without a partner take what is left. Within a step every joint is advanced from the same instant: pairs
+are solved together, and what a joint meets of others otherwise (a neighbour's angle, the inflow of the whole hand) is
+taken at the step's start. Blocks are independent and run in parallel.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import carray, njit, prange
+from numpy.typing import NDArray
+
+from hand_model.arrays import Array
+from hand_model.effects.effect import Effect
+from hand_model.kernel.compiled import specialise, stack_doubles
+from hand_model.kernel.hooks import Hooks, active_effects, compose, equations_key
+from hand_model.kernel.inline import FAST, inline
+from hand_model.kernel.lanes import HALF, LANES, idle_parameters, map_hands, neighbour_lanes
+from hand_model.kernel.layout import (
+    ACCELERATION,
+    ACTUATOR,
+    CREEP,
+    INFLOW_OF_HAND,
+    MEAN_CREEP,
+    NEIGHBOUR_ANGLE,
+    OMEGA,
+    PHI,
+    RISE,
+    WORK,
+    P,
+    X,
+    prepare_rows,
+)
+from hand_model.kernel.rows import ROW, STARTS, STATES, STEP_S
+from hand_model.kernel.step import assemble, deliver, steps_per_sample
+
+HISTORY = 128
+"""Set-points kept for the dead time, one a sample."""
+PARALLEL_STEPS = 1000
+"""Block-steps (about 0.1 us each) from which a call is worth the start of a parallel region."""
+_SIZE = WORK * LANES
+_DEAD = ROW["valve.dead_time_s"]
+
+
+@inline
+def _copy(source, target):  # type: ignore[no-untyped-def]
+    """Copy all rows of lanes; assigning slices would take seconds to compile."""
+    for row in range(WORK):
+        for i in range(LANES):
+            target[row, i] = source[row, i]
+
+
+# Global names of the loops below, given by `specialise` for a set of effects.
+meets_others = False
+hook_prepare: Any = None
+hook_pressure_reading: Any = None
+hook_angle_reading: Any = None
+fluids: Any = None
+split_fluids: Any = None
+motions: Any = None
+memories: Any = None
+advance_block: Any = None
+
+
+def _loop(key: str) -> Callable[..., Any]:
+    """The loop of one block through its samples, to be specialised."""
+
+    def advance_block(work, neighbour, history, head, commands, clock, steps, h, out):  # type: ignore[no-untyped-def]
+        _ = key
+        w = carray(stack_doubles(_SIZE), (WORK, LANES))
+        _copy(work, w)
+        dt = steps * h
+        for i in range(LANES):
+            hook_prepare(w, i, h)
+        for k in range(commands.shape[0]):
+            head = (head + 1) % HISTORY
+            for i in range(LANES):
+                history[head, i] = commands[k, i]
+            first_split, last_split = steps, -1
+            for i in range(LANES):
+                lag = w[_DEAD, i] / dt
+                newest = head - int(lag)
+                split = deliver(w, i, history[(newest - 1) % HISTORY, i], history[newest % HISTORY, i], lag, steps)
+                if split >= 0:
+                    first_split, last_split = min(first_split, split), max(last_split, split)
+            for n in range(steps):
+                if meets_others:
+                    inflow = 0.0
+                    for i in range(LANES):
+                        inflow += max(w[RISE, i], 0.0)
+                    for i in range(LANES):
+                        w[INFLOW_OF_HAND, i] = inflow
+                        w[NEIGHBOUR_ANGLE, i] = w[X + PHI, neighbour[i]] + 0.5 * h * w[X + OMEGA, neighbour[i]]
+                if first_split <= n <= last_split:
+                    split_fluids(w, n, clock, h)
+                else:
+                    fluids(w, n, clock, h)
+                motions(w, clock, h)
+                memories(w, h)
+                clock += h
+            for i in range(LANES):
+                out[k, P, i] = hook_pressure_reading(w, i, w[X + P, i])
+                out[k, PHI, i] = hook_angle_reading(w, i, w[X + PHI, i])
+                out[k, OMEGA, i] = w[X + OMEGA, i]
+                out[k, CREEP, i] = w[X + CREEP, i]
+        _copy(w, work)
+        return head, clock
+
+    return advance_block
+
+
+def _stages(hooks: Hooks, meets_others: bool) -> dict[str, Any]:
+    """The stages of one step: the fluid of a lane, the motion of a pair of lanes, what follows from a lane's motion."""
+    steps = assemble(hooks)
+    pressure, split_pressure, creep = steps.pressure, steps.split_pressure, steps.creep
+    pair, move, remember = steps.pair, steps.move, steps.remember
+    hook_actuator = hooks.actuator_pressure
+
+    @inline
+    def around(w, i, clock, h):  # type: ignore[no-untyped-def]
+        phi, omega, acceleration = w[X + PHI, i], w[X + OMEGA, i], w[ACCELERATION, i]
+        ahead, speed = phi + 0.5 * h * omega, omega + 0.5 * h * acceleration
+        if meets_others:
+            return clock + 0.5 * h, w[NEIGHBOUR_ANGLE, i], w[INFLOW_OF_HAND, i], 0.0, ahead, speed, acceleration
+        return clock + 0.5 * h, 0.0, 0.0, 0.0, ahead, speed, acceleration
+
+    @inline
+    def keep(w, i, after, mean, h):  # type: ignore[no-untyped-def]
+        if meets_others:
+            w[RISE, i] = (after - w[X + P, i]) / h
+        w[X + P, i] = after
+        p = hook_actuator(w, i, mean, h)
+        before = w[X + CREEP, i]
+        creeping = creep(w, i, p, h)
+        w[ACTUATOR, i], w[MEAN_CREEP, i], w[X + CREEP, i] = p, 0.5 * (before + creeping), creeping
+
+    @inline
+    def fluids(w, n, clock, h):  # type: ignore[no-untyped-def]
+        for i in range(LANES):
+            after, mean = pressure(w, i, n, around(w, i, clock, h), h)
+            keep(w, i, after, mean, h)
+
+    @inline
+    def split_fluids(w, n, clock, h):  # type: ignore[no-untyped-def]
+        for i in range(LANES):
+            after, mean = split_pressure(w, i, n, around(w, i, clock, h), h)
+            keep(w, i, after, mean, h)
+
+    @inline
+    def motions(w, clock, h):  # type: ignore[no-untyped-def]
+        per_h = 1.0 / h
+        for i in range(HALF):
+            j = i + HALF
+            a, b = pair(w, i, j, around(w, i, clock, h), around(w, j, clock, h), h)
+            move(w, i, a, h, per_h)
+            move(w, j, b, h, per_h)
+
+    @inline
+    def memories(w, h):  # type: ignore[no-untyped-def]
+        for i in range(LANES):
+            remember(w, i, h)
+
+    return {"fluids": fluids, "split_fluids": split_fluids, "motions": motions, "memories": memories}
+
+
+_BLOCK = "(f8[:,::1], i8[::1], f8[:,::1], i8, f8[:,::1], f8, i8, f8, f8[:,:,::1])"
+
+
+@dataclass(frozen=True, slots=True)
+class Loops:
+    """The compiled loop of one block, and the loop over many blocks in parallel, for a set of effects."""
+
+    block: Any
+    blocks: Callable[[], Any]
+
+
+def _parallel(key: str) -> Callable[..., Any]:
+    """The loop over blocks, to be specialised."""
+
+    def advance_blocks(work, neighbour, history, heads, commands, clock, steps, h, out):  # type: ignore[no-untyped-def]
+        _ = key
+        for block in prange(work.shape[0]):
+            head, sets = heads[block], commands[block]
+            heads[block], _ = advance_block(
+                work[block], neighbour[block], history[block], head, sets, clock, steps, h, out[block]
+            )
+
+    return advance_blocks
+
+
+@cache
+def loops(effects: tuple[Effect, ...]) -> Loops:
+    """The loops for a set of effects in the order of the catalogue; the empty set is the plain plant."""
+    hooks = compose(effects)
+    meets_others = any(effect.meets_others for effect in effects)
+    key = equations_key("closed", *(effect.name for effect in effects))
+    names = {
+        **_stages(hooks, meets_others),
+        "meets_others": meets_others,
+        "hook_prepare": hooks.prepare,
+        "hook_pressure_reading": hooks.pressure_reading,
+        "hook_angle_reading": hooks.angle_reading,
+    }
+    block = njit(cache=True, fastmath=FAST, error_model="numpy")(specialise(_loop(key), names))
+    block.compile(_BLOCK)
+
+    @cache
+    def blocks() -> Any:
+        return njit(cache=True, parallel=True)(specialise(_parallel(key), {"advance_block": block}))
+
+    return Loops(block, blocks)
+
+
+class ClosedLoop:
+    """The joints of hands of one build, Eqs. 6 to 13 with a set of effects, advanced sample by sample."""
+
+    def __init__(
+        self,
+        parameters: Array,
+        partner: NDArray[np.int64],
+        state: Array,
+        period_s: float,
+        *,
+        effects: tuple[Effect, ...] | None = None,
+        step_s: float = STEP_S,
+    ) -> None:
+        """Begin at `state`, vented for long, sampling every period_s [s].
+
+        parameters: (hands, rows of JOINT_PARAMETERS, joints) SI.  partner: (joints,) index of the coupled joint or -1.
+        state: (hands, STATES, joints).  effects: those compiled in, by default the ones that act in `parameters`.
+        step_s: largest integration step [s]. A joint's neighbour, where an effect needs one, is its partner, or else
+        the joint before it. Raises ValueError for a period that is not positive, a dead time longer than the memory
+        of set-points, or more than 16 joints with effects between joints.
+        """
+        if not (math.isfinite(period_s) and period_s > 0.0):
+            raise ValueError(f"period_s is {period_s!r}; it must be a positive number of seconds")
+        self._check_dead_time(parameters, period_s)
+        chosen = active_effects(parameters.transpose(1, 0, 2)) if effects is None else effects
+        self._hands, _, self._joints = parameters.shape
+        self._loops = loops(chosen)
+        apart = any(effect.meets_others for effect in chosen)
+        self._map = map_hands(partner, self._hands, apart=apart)
+        self._steps = steps_per_sample(period_s, step_s)
+        self._h = period_s / self._steps
+        self._clock = 0.0
+        self._neighbour = neighbour_lanes(self._map, partner, self._hands)
+        self._history = np.zeros((self._map.blocks, HISTORY, LANES))
+        self._heads = np.zeros(self._map.blocks, dtype=np.int64)
+        self._work = np.zeros((self._map.blocks, WORK, LANES))
+        self._work[:, : len(ROW)] = self._map.scatter(_side_by_side(parameters), idle_parameters())
+        self._work[:, X : X + STATES] = self._map.scatter(_side_by_side(state), np.zeros(STATES))
+        for row, kind in STARTS:
+            self._work[:, row] = self._work[:, X + (PHI if kind == "angle" else P)]
+        prepare_rows(self._work, self._h)
+
+    @staticmethod
+    def _check_dead_time(parameters: Array, period_s: float) -> None:
+        longest, allowed = float(parameters[:, _DEAD].max()), (HISTORY - 2) * period_s
+        if longest > allowed:
+            raise ValueError(
+                f"valve.dead_time_s is {longest:g}; at {1.0 / period_s:g} samples a second the allowed range is"
+                f" 0 to {allowed:g}"
+            )
+
+    @property
+    def state(self) -> Array:
+        """True state now, (hands, STATES, joints)."""
+        rows = self._map.gather(self._work[:, X : X + STATES])
+        return np.ascontiguousarray(rows.reshape(STATES, self._hands, self._joints).transpose(1, 0, 2))
+
+    def hold_history(self, pressure_pa: Array) -> None:
+        """Fill the dead-time memory as if pressure_pa (hands, joints) had been commanded for long."""
+        self._history[:] = self._lanes(pressure_pa[:, None])[:, :1]
+
+    def advance(self, pressure_pa: Array) -> Array:
+        """Apply set-points (hands, samples, joints) [Pa]; return readings (hands, samples, STATES, joints).
+
+        Pressure and angle are what ideal converters read from the sensors, with the sensors' effects; speed and
+        creeping ratio are true. Raises ValueError for another shape.
+        """
+        if pressure_pa.ndim != 3 or pressure_pa.shape[::2] != (self._hands, self._joints):
+            raise ValueError(
+                f"pressure_pa has the shape {pressure_pa.shape}; it must be ({self._hands}, samples, {self._joints})"
+            )
+        commands = self._lanes(pressure_pa)
+        blocks, samples = self._map.blocks, commands.shape[1]
+        out = np.empty((blocks, samples, STATES, LANES))
+        if blocks == 1 or blocks * samples * self._steps < PARALLEL_STEPS:
+            for block in range(blocks):
+                self._heads[block], _ = self._loops.block(
+                    self._work[block], self._neighbour[block], self._history[block], self._heads[block],
+                    commands[block], self._clock, self._steps, self._h, out[block],
+                )  # fmt: skip
+        else:
+            memory = (self._work, self._neighbour, self._history, self._heads)
+            self._loops.blocks()(*memory, commands, self._clock, self._steps, self._h, out)
+        self._clock += samples * self._steps * self._h
+        split = out[self._map.block, :, :, self._map.lane].reshape(self._hands, self._joints, samples, STATES)
+        return np.ascontiguousarray(split.transpose(0, 2, 3, 1))
+
+    def _lanes(self, pressure_pa: Array) -> Array:
+        lanes = np.zeros((self._map.blocks, pressure_pa.shape[1], LANES))
+        lanes[self._map.block, :, self._map.lane] = pressure_pa.transpose(0, 2, 1).reshape(-1, pressure_pa.shape[1])
+        return lanes
+
+
+def _side_by_side(values: Array) -> Array:
+    """(hands, rows, joints) to (rows, hands * joints)."""
+    return values.transpose(1, 0, 2).reshape(values.shape[1], -1)

@@ -1,0 +1,49 @@
+"""Rows of a loop's working array: those of rows.py, then what the loops themselves keep."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hand_model.arrays import Array
+from hand_model.kernel.rows import ROW, STATE_ROW, STATES
+
+P, PHI, OMEGA, CREEP = range(STATES)
+"""Rows of a state array: pressure [Pa], angle [rad], speed [rad/s], creeping ratio."""
+X = STATE_ROW
+"""First row of the state."""
+_OWN = X + STATES
+ACCELERATION, PHI_BEFORE = range(_OWN, _OWN + 2)
+"""Acceleration of the last step [rad/s^2]; angle before it [rad]."""
+BEFORE, AFTER, ARRIVAL = range(_OWN + 2, _OWN + 5)
+"""Set-points of a sample [Pa], and the step at which the second one reaches the valve."""
+ACTUATOR, MEAN_CREEP, RISE = range(_OWN + 5, _OWN + 8)
+"""Pressure at the actuator [Pa] and creeping ratio, mean over the step; rate of the pressure [Pa/s]."""
+INPUT, INFLOW_OF_HAND, NEIGHBOUR_ANGLE = range(_OWN + 8, _OWN + 11)
+"""Measured input pressure [Pa]; what a joint meets of others: inflow of the hand [Pa/s], a neighbour's angle [rad]."""
+PER_TAU, PER_STOP, PER_CONTACT, PER_12_INERTIA, EXTENSION, RECOVERY = range(_OWN + 11, _OWN + 17)
+"""Prepared constants of the plain plant: reciprocals [1/s, 1/rad, 1/(kg m^2)] and rates of creep [1/s],
+see `prepare_rows`."""
+WORK = RECOVERY + 1
+"""Number of rows."""
+
+_RECIPROCALS = (
+    (PER_TAU, ROW["valve.time_constant_s"]),
+    (PER_STOP, ROW["end_stop.engagement_deg"]),
+    (PER_CONTACT, ROW["contact.engagement_deg"]),
+)
+_DECAYS = (
+    (EXTENSION, ROW["material.extension_time_s"]),
+    (RECOVERY, ROW["material.recovery_time_s"]),
+)
+
+
+def prepare_rows(w: Array, h: float) -> None:
+    """Fill the prepared constants of a working array (..., WORK, lanes) in place, for steps of h [s].
+
+    The rates of creep are (1 - exp(-h / T)) / h: one step at constant pressure is then exact.
+    """
+    for target, source in _RECIPROCALS:
+        w[..., target, :] = 1.0 / w[..., source, :]
+    w[..., PER_12_INERTIA, :] = 1.0 / (12.0 * w[..., ROW["dynamics.inertia_kg_m2"], :])
+    for target, source in _DECAYS:
+        w[..., target, :] = -np.expm1(-h / w[..., source, :]) / h

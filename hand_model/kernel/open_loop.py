@@ -1,0 +1,293 @@
+"""The open loop: every stage on measured inputs, for many parameter sets of one joint.
+
+    set-points        -> valve stage  -> predicted pressure reading
+    measured pressure -> joint stage  -> predicted angle reading
+    measured motion   -> force stage  -> predicted force reading
+
+An error in one stage leaves the others alone, which is what fits and the diagnosis need. The terms and steps are
+those of the closed loop; lanes are parameter sets, which share their inputs. A machine whose motion is imposed takes
+its measured angle, and its force is predicted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import carray, njit, prange
+
+from hand_model.arrays import Array
+from hand_model.effects import CATALOGUE
+from hand_model.effects.effect import ACCELERATION, ANGLE, PARTNER, SPEED, Effect
+from hand_model.kernel.compiled import specialise, stack_doubles
+from hand_model.kernel.hooks import Hooks, compose, equations_key
+from hand_model.kernel.inline import FAST, inline
+from hand_model.kernel.layout import (
+    ACTUATOR,
+    CREEP,
+    INPUT,
+    MEAN_CREEP,
+    OMEGA,
+    PHI,
+    PHI_BEFORE,
+    WORK,
+    P,
+    X,
+    prepare_rows,
+)
+from hand_model.kernel.rows import ROW, STARTS, STATES, STEP_S
+from hand_model.kernel.step import assemble, deliver, steps_per_sample, whole_below
+from hand_model.kernel.terms import terms
+
+LANES = 4
+"""Parameter sets computed side by side: one vector of a processor; more of them would not stay in its registers."""
+OUTPUTS = 3
+"""Readings of pressure [Pa], angle [rad] and force [N]."""
+STANDSTILL_RAD_S = 0.02
+"""Speed below which friction of a machine with imposed motion acts in part only."""
+_SIZE = WORK * LANES
+_DEAD, _CLOCK, _SHARE = ROW["valve.dead_time_s"], ROW["clock_offset.offset_s"], ROW["clock_offset.share"]
+_J, _JC = ROW["dynamics.inertia_kg_m2"], ROW["dynamics.coupling_inertia_kg_m2"]
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredInputs:
+    """What was measured at the inputs of the stages of one joint.
+
+    set_point_pa: (samples,) [Pa], each holds until the next sample.  pressure_pa: (finer (samples - 1) + 1,) [Pa]
+    without gaps, `finer` readings evenly over each sample.  surroundings: (samples, 7): time [s], neighbour's
+    angle [rad], inflow of the whole hand [Pa/s], partner's acceleration [rad/s^2], the joint's angle [rad], speed
+    [rad/s] and acceleration [rad/s^2].  period_s: sample period [s].  late_s: time by which pressures were read after
+    the ticks of everything else [s], less than a sample.
+    """
+
+    set_point_pa: Array
+    pressure_pa: Array
+    surroundings: Array
+    period_s: float
+    late_s: float = 0.0
+
+
+@inline
+def _between(signal, x):  # type: ignore[no-untyped-def]
+    """Linear interpolation of samples at the position x."""
+    x = min(max(x, 0.0), signal.shape[0] - 1.0)
+    a = min(int(x), signal.shape[0] - 2)
+    return signal[a] + (x - a) * (signal[a + 1] - signal[a])
+
+
+@inline
+def _row(e, k):  # type: ignore[no-untyped-def]
+    return e[k, 0], e[k, 1], e[k, 2], e[k, 3], e[k, 4], e[k, 5], e[k, 6]
+
+
+@inline
+def _row_between(e, k, x):  # type: ignore[no-untyped-def]
+    """The surroundings at the share x from sample k to the next."""
+    a, b, y = _row(e, k), _row(e, k + 1), 1.0 - x
+    return (
+        y * a[0] + x * b[0], y * a[1] + x * b[1], y * a[2] + x * b[2], y * a[3] + x * b[3],
+        y * a[4] + x * b[4], y * a[5] + x * b[5], y * a[6] + x * b[6],
+    )  # fmt: skip
+
+
+@inline
+def _deliver_sample(w, u, k, dt, late, steps):  # type: ignore[no-untyped-def]
+    """Set-points that reach the valves in sample k, each lane by its own dead time and clock.
+
+    Returns the first and the last step within which one of them changes.
+    """
+    last = u.shape[0] - 1
+    first_split, last_split = steps, -1
+    for i in range(LANES):
+        lag = (w[_DEAD, i] + w[_CLOCK, i] * w[_SHARE, i] - late) / dt
+        newest = k - int(whole_below(lag))
+        split = deliver(w, i, u[min(max(newest - 1, 0), last)], u[min(max(newest, 0), last)], lag, steps)
+        if split >= 0:
+            first_split, last_split = min(first_split, split), max(last_split, split)
+    return first_split, last_split
+
+
+@inline
+def _measure(w, reading, at, finer, late, dt):  # type: ignore[no-untyped-def]
+    """Measured pressure at the position `at` in samples, each lane by its own clock."""
+    for i in range(LANES):
+        w[INPUT, i] = _between(reading, finer * (at + (w[_CLOCK, i] - late) / dt))
+
+
+def _stages(hooks: Hooks) -> dict[str, Any]:
+    """One step and the readings, for all lanes."""
+    steps, equations = assemble(hooks), terms(hooks)
+    pressure, split_pressure, creep = steps.pressure, steps.split_pressure, steps.creep
+    single, move, remember = steps.single, steps.move, steps.remember
+    free_torque = equations.free_torque
+    hook_true, hook_actuator, hook_dry = hooks.pressure_true, hooks.actuator_pressure, hooks.dry
+    hook_pressure, hook_angle = hooks.pressure_reading, hooks.angle_reading
+    hook_force_sensor, hook_force = hooks.force_sensor, hooks.force_reading
+
+    @inline
+    def joint_fluid(w, i, h):  # type: ignore[no-untyped-def]
+        p = hook_actuator(w, i, hook_true(w, i, w[INPUT, i]), h)
+        before = w[X + CREEP, i]
+        after = creep(w, i, p, h)
+        w[ACTUATOR, i], w[MEAN_CREEP, i], w[X + CREEP, i] = p, 0.5 * (before + after), after
+
+    @inline
+    def valve_step(w, n, e, h):  # type: ignore[no-untyped-def]
+        for i in range(LANES):
+            w[X + P, i], _ = pressure(w, i, n, e, h)
+
+    @inline
+    def split_valve_step(w, n, e, h):  # type: ignore[no-untyped-def]
+        for i in range(LANES):
+            w[X + P, i], _ = split_pressure(w, i, n, e, h)
+
+    @inline
+    def free_step(w, e, h):  # type: ignore[no-untyped-def]
+        per_h = 1.0 / h
+        for i in range(LANES):
+            joint_fluid(w, i, h)
+            move(w, i, single(w, i, -w[_JC, i] * e[PARTNER], e, h), h, per_h)
+            remember(w, i, h)
+
+    @inline
+    def driven_step(w, e, phi, h):  # type: ignore[no-untyped-def]
+        for i in range(LANES):
+            joint_fluid(w, i, h)
+            w[PHI_BEFORE, i], w[X + PHI, i], w[X + OMEGA, i] = w[X + PHI, i], phi, e[SPEED]
+            remember(w, i, h)
+
+    @inline
+    def outside(w, i, e):  # type: ignore[no-untyped-def]
+        """Torque [N m] that the surroundings must exert for the measured motion; Eq. 8 for M_d."""
+        actuator = free_torque(w, i, e[ANGLE], e[SPEED], w[ACTUATOR, i], w[X + CREEP, i], e)
+        return actuator - w[_J, i] * e[ACCELERATION] - w[_JC, i] * e[PARTNER]
+
+    @inline
+    def read(w, e, dt, lever, driven, out, k):  # type: ignore[no-untyped-def]
+        for i in range(LANES):
+            out[i, 0, k] = hook_pressure(w, i, w[X + P, i])
+            out[i, 1, k] = hook_angle(w, i, w[X + PHI, i])
+            force = outside(w, i, e)
+            if driven:
+                direction = min(max(e[SPEED] / STANDSTILL_RAD_S, -1.0), 1.0)
+                force = (force - direction * hook_dry(w, i, e[SPEED], w[ACTUATOR, i])) / lever
+            else:
+                force = max(force / lever, 0.0)
+            hook_force_sensor(w, i, force, dt)
+            out[i, 2, k] = hook_force(w, i, force)
+
+    return {
+        "valve_step": valve_step,
+        "split_valve_step": split_valve_step,
+        "free_step": free_step,
+        "driven_step": driven_step,
+        "read": read,
+        "hook_prepare": hooks.prepare,
+    }
+
+
+# Global names of the loops below, given by `specialise` for a set of effects.
+hook_prepare: Any = None
+valve_step: Any = None
+split_valve_step: Any = None
+free_step: Any = None
+driven_step: Any = None
+read: Any = None
+block_loop: Any = None
+
+
+def _loop(key: str) -> Callable[..., Any]:
+    """The loop of one block of lanes through all samples, to be specialised."""
+
+    def open_block(work, u, reading, e, dt, steps, lever, driven, late, out):  # type: ignore[no-untyped-def]
+        _ = key
+        w = carray(stack_doubles(_SIZE), (WORK, LANES))
+        for row in range(WORK):
+            for i in range(LANES):
+                w[row, i] = work[row, i]
+        h = dt / steps
+        finer = (reading.shape[0] - 1) / max(e.shape[0] - 1, 1)
+        for i in range(LANES):
+            hook_prepare(w, i, h)
+        for k in range(e.shape[0] - 1):
+            first_split, last_split = _deliver_sample(w, u, k, dt, late, steps)
+            for n in range(steps):
+                middle = (n + 0.5) / steps
+                _measure(w, reading, k + middle, finer, late, dt)
+                now = _row_between(e, k, middle)
+                if first_split <= n <= last_split:
+                    split_valve_step(w, n, now, h)
+                else:
+                    valve_step(w, n, now, h)
+                if driven:
+                    way = e[k + 1, ANGLE] - e[k, ANGLE]
+                    driven_step(w, now, e[k, ANGLE] + (n + 1.0) / steps * way, h)
+                else:
+                    free_step(w, now, h)
+            read(w, _row(e, k + 1), dt, lever, driven, out, k + 1)
+
+    return open_block
+
+
+def _blocks(key: str) -> Callable[..., Any]:
+    """All blocks in parallel, to be specialised; the loop of a block is compiled alone so that it is vectorised."""
+
+    def open_lanes(w, u, reading, e, dt, steps, lever, driven, late, out):  # type: ignore[no-untyped-def]
+        _ = key
+        for block in prange(w.shape[0]):
+            lanes = out[LANES * block : LANES * (block + 1)]
+            block_loop(w[block], u, reading, e, dt, steps, lever, driven, late, lanes)
+
+    return open_lanes
+
+
+OPEN_EFFECTS = tuple(effect for effect in CATALOGUE if "valve" not in effect.hooks)
+"""Effects that a fit may vary: all but those that replace the valve by a switching one."""
+
+
+@cache
+def loop(effects: tuple[Effect, ...]) -> Any:
+    """The compiled open loop for a set of effects in the order of the catalogue."""
+    key = equations_key("open", *(effect.name for effect in effects))
+    block = njit(cache=True, fastmath=FAST, error_model="numpy")(specialise(_loop(key), _stages(compose(effects))))
+    return njit(cache=True, parallel=True)(specialise(_blocks(key), {"block_loop": block}))
+
+
+def open_loop(
+    columns: Array,
+    start: Array,
+    inputs: MeasuredInputs,
+    *,
+    lever_m: float = 1.0,
+    step_s: float = STEP_S,
+    driven: bool = False,
+    effects: tuple[Effect, ...] = OPEN_EFFECTS,
+) -> Array:
+    """Readings (columns, OUTPUTS, samples) that each parameter set predicts from each stage's measured inputs.
+
+    Eqs. 6, 8, 11 and 12 with a set of effects.
+
+    columns: (columns, rows of JOINT_PARAMETERS) SI.  start: (columns, STATES) at the first sample.  lever_m: arm of the
+    force sensor [m].  step_s: largest integration step [s].  driven: the motion is imposed, and the force is predicted.
+    effects: those compiled in, in the order of the catalogue.
+    """
+    count, samples = len(columns), len(inputs.surroundings)
+    blocks = -(-count // LANES)
+    steps = steps_per_sample(inputs.period_s, step_s)
+    w = np.zeros((blocks * LANES, WORK))
+    w[:count, : len(ROW)], w[count:, : len(ROW)] = columns, columns[-1]
+    w[:count, X : X + STATES], w[count:, X : X + STATES] = start, start[-1]
+    for row, kind in STARTS:
+        w[:, row] = w[:, X + PHI] if kind == "angle" else inputs.pressure_pa[0]
+    work = np.ascontiguousarray(w.reshape(blocks, LANES, WORK).transpose(0, 2, 1))
+    prepare_rows(work, inputs.period_s / steps)
+    out = np.empty((blocks * LANES, OUTPUTS, samples))
+    out[:, 0, 0], out[:, 1, 0], out[:, 2, 0] = w[:, X + P], w[:, X + PHI], 0.0
+    measured = (inputs.set_point_pa, inputs.pressure_pa, inputs.surroundings)
+    u, p, e = (np.ascontiguousarray(signal, dtype=np.float64) for signal in measured)
+    loop(effects)(work, u, p, e, inputs.period_s, steps, lever_m, driven, inputs.late_s, out)
+    return out[:count]

@@ -1,0 +1,249 @@
+"""One integration step: pressure, creep and motion. Second order, stable for any stiffness.
+
+Pressure: rates at both ends of an explicit trial step give the rate's slope, and the exponential that belongs to it
+gives the pressure; exact to fourth order where the rate is linear in the pressure, and exact where it is constant
+(Hochbruck and Ostermann, Exponential integrators, Acta Numerica 19, 2010, with the slope as a secant).
+
+Creep: Heun's method; its time constants are thousands of steps.
+
+Motion: the implicit midpoint rule, linearised about a predicted midpoint, so that any stiffness and damping is
+stable. The damping of stops is fitted to its exponential decay, J z / (1 - exp(-z)) = J (1 + z/2 + z^2/12 ...), so that
+a hard stop does not reverse the speed. Coupled phalanges are solved together by their mass matrix. Dry friction is an
+impulse that stops a joint or slows it (Moreau, Unilateral contact and dry friction in finite freedom dynamics, 1988);
+two joints with friction that share inertia are solved exactly by their four cases.
+
+The set-point passes the dead time unchanged. Within a sample it changes once at most. A step that the change falls
+into is split for the valve, so that a dead time need not be a whole number of steps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from hand_model.kernel.hooks import Hooks
+from hand_model.kernel.inline import inline
+from hand_model.kernel.layout import (
+    ACCELERATION,
+    ACTUATOR,
+    AFTER,
+    ARRIVAL,
+    BEFORE,
+    CREEP,
+    MEAN_CREEP,
+    OMEGA,
+    PER_12_INERTIA,
+    PHI,
+    PHI_BEFORE,
+    P,
+    X,
+)
+from hand_model.kernel.rows import ROW, STEP_S
+from hand_model.kernel.terms import terms
+
+_J, _JC = ROW["dynamics.inertia_kg_m2"], ROW["dynamics.coupling_inertia_kg_m2"]
+_SUPPLY = ROW["supply.pressure_pa"]
+_TINY_RATE = 1e-12
+"""[Pa^2/s^2] Keeps a quotient of rates finite where both vanish."""
+
+
+def steps_per_sample(period_s: float, step_s: float = STEP_S) -> int:
+    """Number of integration steps in one sample period [s], each at most step_s [s] long."""
+    return max(1, math.ceil(period_s / step_s - 1e-9))
+
+
+class Steps(NamedTuple):
+    """Compiled steps with the hooks of a set of effects; each changes lane i of w in place."""
+
+    pressure: Callable[..., Any]
+    split_pressure: Callable[..., Any]
+    creep: Callable[..., Any]
+    single: Callable[..., Any]
+    pair: Callable[..., Any]
+    move: Callable[..., Any]
+    remember: Callable[..., Any]
+
+
+@inline
+def whole_below(x):  # type: ignore[no-untyped-def]
+    """The largest whole number not above x, as a float."""
+    whole = float(int(x))
+    return whole - 1.0 if whole > x else whole
+
+
+@inline
+def deliver(w, i, before, after, lag_samples, steps):  # type: ignore[no-untyped-def]
+    """Note which set-points reach the valve of lane i within a sample, and at which step the second one does.
+
+    before, after: set-points [Pa] that were in force floor(lag) + 1 and floor(lag) samples ago. Returns the step that
+    the change falls into, or -1 where it falls between two steps, up to 1e-9 of a step.
+    """
+    at = (lag_samples - whole_below(lag_samples)) * steps
+    nearest = whole_below(at + 0.5)
+    between = abs(at - nearest) < 1e-9
+    w[BEFORE, i], w[AFTER, i], w[ARRIVAL, i] = before, after, nearest if between else at
+    return -1 if between else int(at)
+
+
+@inline
+def _arrived(w, i, n):  # type: ignore[no-untyped-def]
+    """Share of the n-th step of a sample in which the second set-point is in force."""
+    return min(max(n + 1.0 - w[ARRIVAL, i], 0.0), 1.0)
+
+
+@inline
+def _within_supply(w, i, u):  # type: ignore[no-untyped-def]
+    return min(max(u, 0.0), w[_SUPPLY, i])
+
+
+@inline
+def exponential_mean(first, second):  # type: ignore[no-untyped-def]
+    """Mean rate over a step whose rate is `first` at its start and `second` at the end of an explicit Euler step.
+
+    first (e^z - 1) / z with z = second / first - 1, by the Pade approximation 1 / (1 - z/2 + z^2/12).
+    """
+    change = second - first
+    square = first * first
+    return first * square / (square - 0.5 * first * change + change * change * (1.0 / 12.0) + _TINY_RATE)
+
+
+@inline
+def _soft(x, threshold):  # type: ignore[no-untyped-def]
+    """x moved towards 0 by the threshold, and 0 within it."""
+    return x - min(max(x, -threshold), threshold)
+
+
+@inline
+def _turned(before, free, after, mass, rub):  # type: ignore[no-untyped-def]
+    """Impulse [N m s] that friction gives less of, where a joint turns within a step.
+
+    Until it stands still, friction acts against the speed before the step, and only then against the one after it.
+    free: speed after the step without friction.
+    """
+    against = rub if before > 0.0 else -rub
+    braking = free - before - against / mass
+    turns = before * after < 0.0
+    share = min(max(-before / (braking if turns else 1.0), 0.0), 1.0)
+    return -2.0 * share * against if turns else 0.0
+
+
+@inline
+def rub_pair(a_0, b_0, a, b, m_a, m_b, m_ab, rub_a, rub_b):  # type: ignore[no-untyped-def]
+    """Speeds of two coupled joints [rad/s] after a step with dry friction.
+
+    a_0, b_0: speeds before the step.  a, b: speeds after it without friction.  m_a, m_b, m_ab: the symmetric matrix of
+    the step [kg m^2].  rub_a, rub_b: largest impulses of friction [N m s]. A joint sticks where an impulse within its
+    bounds stops it, else the whole impulse acts against its motion; the four cases are solved exactly.
+    """
+    y_a, y_b = m_a * a + m_ab * b, m_ab * a + m_b * b
+    alone_b = _soft(y_b, rub_b) / m_b
+    push = y_a - m_ab * alone_b
+    left_a = y_a - (rub_a if push > 0.0 else -rub_a)
+    alone_a = left_a / m_a
+    pull = y_b - m_ab * alone_a
+    left_b = y_b - (rub_b if pull > 0.0 else -rub_b)
+    per = 1.0 / (m_a * m_b - m_ab * m_ab)
+    both_a, both_b = (m_b * left_a - m_ab * left_b) * per, (m_a * left_b - m_ab * left_a) * per
+    b_sticks = abs(pull) <= rub_b
+    a_sticks = abs(push) <= rub_a
+    slow_a = 0.0 if a_sticks else (alone_a if b_sticks else both_a)
+    slow_b = alone_b if a_sticks else (0.0 if b_sticks else both_b)
+    more_a, more_b = _turned(a_0, a, slow_a, m_a, rub_a), _turned(b_0, b, slow_b, m_b, rub_b)
+    together = slow_a * slow_b != 0.0
+    turned_a = (m_b * more_a - m_ab * more_b) * per if together else more_a / m_a
+    turned_b = (m_a * more_b - m_ab * more_a) * per if together else more_b / m_b
+    return slow_a + turned_a, slow_b + turned_b
+
+
+def assemble(hooks: Hooks) -> Steps:
+    """The steps with the hooks of a set of effects (hooks.compose)."""
+    equations = terms(hooks)
+    valve_rate, creep_rate, joint_torque = equations.valve_rate, equations.creep_rate, equations.joint_torque
+    hook_set_point, hook_dry, hook_moved = hooks.set_point, hooks.dry, hooks.moved
+    rubs = hooks.rubs
+    hook_sensor, hook_replaced, hook_valve = hooks.angle_sensor, hooks.valve_replaced, hooks.valve
+
+    @inline
+    def filled(w, i, p, u, e, h):  # type: ignore[no-untyped-def]
+        """Pressure [Pa] after h [s] under the set-point u [Pa]."""
+        first = valve_rate(w, i, p, u, e)
+        return p + h * exponential_mean(first, valve_rate(w, i, p + h * first, u, e))
+
+    @inline
+    def pressure(w, i, n, e, h):  # type: ignore[no-untyped-def]
+        """The valve's pressure [Pa] after the n-th step of a sample, and its mean over the step."""
+        p = w[X + P, i]
+        u = _within_supply(w, i, w[AFTER, i] if _arrived(w, i, n) > 0.0 else w[BEFORE, i])
+        linear = filled(w, i, p, hook_set_point(w, i, u, p, e, h), e, h)
+        after = hook_valve(w, i, p, u, e, h) if hook_replaced(w, i) else linear
+        return after, 0.5 * (p + after)
+
+    @inline
+    def split_pressure(w, i, n, e, h):  # type: ignore[no-untyped-def]
+        """Like `pressure` for a step within which the set-point may change: one part of it follows the other."""
+        p, share = w[X + P, i], _arrived(w, i, n)
+        u_0, u_1 = _within_supply(w, i, w[BEFORE, i]), _within_supply(w, i, w[AFTER, i])
+        u = u_1 if share >= 1.0 else u_0 + share * (u_1 - u_0)
+        shaped = hook_set_point(w, i, u, p, e, h)
+        middle = filled(w, i, p, shaped + (u_0 - u) if share < 1.0 else shaped, e, (1.0 - share) * h)
+        linear = filled(w, i, middle, shaped + (u_1 - u) if share > 0.0 else shaped, e, share * h)
+        mean = 0.5 * ((1.0 - share) * (p + middle) + share * (middle + linear))
+        if hook_replaced(w, i):
+            after = hook_valve(w, i, p, u, e, h)
+            return after, 0.5 * (p + after)
+        return linear, mean
+
+    @inline
+    def creep(w, i, p, h):  # type: ignore[no-untyped-def]
+        """The creeping ratio after h [s] at the actuator pressure p [Pa]."""
+        return w[X + CREEP, i] + h * creep_rate(w, i, p, w[X + CREEP, i])
+
+    @inline
+    def _pushed(w, i, e, h):  # type: ignore[no-untyped-def]
+        """Impulse without friction [N m s], diagonal of the step's matrix [kg m^2], friction's impulse, speed."""
+        phi, omega, p, creeping = w[X + PHI, i], w[X + OMEGA, i], w[ACTUATOR, i], w[MEAN_CREEP, i]
+        speed = omega + 0.5 * h * w[ACCELERATION, i]
+        ahead = phi + 0.5 * h * omega
+        torque, stiffness, damping, stop_damping = joint_torque(w, i, phi, ahead, omega, speed, p, creeping, e)
+        rate = h * stop_damping
+        mass = w[_J, i] + 0.5 * (h * damping + rate) + 0.25 * h * h * stiffness + rate * rate * w[PER_12_INERTIA, i]
+        return h * torque, mass, h * hook_dry(w, i, speed, p), omega
+
+    @inline
+    def single(w, i, outside, e, h):  # type: ignore[no-untyped-def]
+        """Speed of lane i alone after h [s]; outside: torque of what is not in its equations [N m]."""
+        impulse, mass, rub, omega = _pushed(w, i, e, h)
+        free = omega + (impulse + h * outside) / mass
+        slow = _soft(free, rub / mass)
+        return slow + _turned(omega, free, slow, mass, rub) / mass
+
+    @inline
+    def pair(w, i, j, e_i, e_j, h):  # type: ignore[no-untyped-def]
+        """Speeds of the coupled lanes i and j after h [s]."""
+        push_i, m_i, rub_i, omega_i = _pushed(w, i, e_i, h)
+        push_j, m_j, rub_j, omega_j = _pushed(w, j, e_j, h)
+        m_ij = w[_JC, i]
+        per = 1.0 / (m_i * m_j - m_ij * m_ij)
+        a = omega_i + (m_j * push_i - m_ij * push_j) * per
+        b = omega_j + (m_i * push_j - m_ij * push_i) * per
+        if not rubs:
+            return a, b
+        slow_a, slow_b = rub_pair(omega_i, omega_j, a, b, m_i, m_j, m_ij, rub_i, rub_j)
+        rubbing = rub_i + rub_j > 0.0
+        return slow_a if rubbing else a, slow_b if rubbing else b
+
+    @inline
+    def move(w, i, after, h, per_h):  # type: ignore[no-untyped-def]
+        """Move lane i with the mean of its speed and the speed after the step."""
+        phi, omega = w[X + PHI, i], w[X + OMEGA, i]
+        w[PHI_BEFORE, i], w[X + PHI, i] = phi, phi + 0.5 * h * (omega + after)
+        w[X + OMEGA, i], w[ACCELERATION, i] = after, (after - omega) * per_h
+
+    @inline
+    def remember(w, i, h):  # type: ignore[no-untyped-def]
+        """Let the effects keep the motion of this step in their memory."""
+        hook_moved(w, i, w[PHI_BEFORE, i], w[X + PHI, i], h)
+        hook_sensor(w, i, w[X + PHI, i], h)
+
+    return Steps(pressure, split_pressure, creep, single, pair, move, remember)

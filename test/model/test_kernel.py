@@ -1,0 +1,300 @@
+"""The kernel as a whole: its two loops agree, effects leave the plain plant continuously, frame rates do not matter.
+
+Fails when the equations or the integrator of one loop differ from those of the other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hand_identification.excitation import EXPERIMENTS, set_points
+from hand_identification.free_parameters import probe_values
+from hand_model.arrays import Array
+from hand_model.description import Hand, load_hand
+from hand_model.effects import CATALOGUE, EFFECTS
+from hand_model.effects.effect import ANGLE, EXOGENOUS, INFLOW, NEIGHBOUR, PARTNER, SPEED, TIME, Effect
+from hand_model.kernel.closed_loop import ClosedLoop
+from hand_model.kernel.hooks import active_effects, compose
+from hand_model.kernel.layout import OMEGA, PHI, P
+from hand_model.kernel.open_loop import OPEN_EFFECTS, MeasuredInputs, open_loop
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STATES, STEP_S
+from hand_sim.plant import HandPlant, resting_state
+
+CONFIG = Path(__file__).resolve().parents[2] / "config" / "hand.yaml"
+PERIOD_S = 0.005
+SMOOTH = ("supply", "valve", "fluid", "angle_sensor", "pressure_sensor")
+"""Places whose effects neither stick nor strike."""
+ALL_BUT_SWITCHING = tuple(effect for effect in CATALOGUE if "valve" not in effect.hooks)
+
+
+@pytest.fixture(scope="module")
+def hand() -> Hand:
+    return load_hand(CONFIG)
+
+
+def steps(seconds: float, joints: int = 11, seed: int = 1) -> Array:
+    """Random set-points (samples, joints) [Pa] that change every 0.75 s, the first of them after 0.1 s of 0."""
+    rng = np.random.default_rng(seed)
+    count = round(seconds / PERIOD_S)
+    commands = np.repeat(rng.uniform(0.0, 4e5, (count // 150 + 1, joints)), 150, axis=0)[:count]
+    commands[:20] = 0.0
+    return commands
+
+
+def changed(hand: Hand, **values: float) -> Hand:
+    parameters = hand.parameters.copy()
+    for key, value in values.items():
+        parameters[ROW[key.replace("__", ".")]] = value
+    return replace(hand, parameters=parameters)
+
+
+def closed(hand: Hand, commands: Array, effects: tuple[Effect, ...] | None = None, period_s: float = PERIOD_S) -> Array:
+    """States (samples + 1, STATES, joints) with a set of effects compiled in, the one at the start included."""
+    start = resting_state(hand)[None]
+    loop = ClosedLoop(hand.parameters[None], hand.partner, start, period_s, effects=effects)
+    return np.concatenate([start, loop.advance(commands[None])[0]])
+
+
+def measured(states: Array, joint: int, partner: int, commands: Array, period_s: float) -> MeasuredInputs:
+    """What was measured around a joint: states (samples, STATES, joints), as inputs of the open loop."""
+    around = np.zeros((len(states), EXOGENOUS))
+    around[:, TIME] = np.arange(len(states)) * period_s
+    around[:, ANGLE], around[:, SPEED] = states[:, PHI, joint], states[:, OMEGA, joint]
+    if partner >= 0:
+        around[:, PARTNER] = np.gradient(states[:, OMEGA, partner], period_s)
+        around[:, NEIGHBOUR] = states[:, PHI, partner]
+    return MeasuredInputs(commands[:, joint], np.ascontiguousarray(states[:, P, joint]), around, period_s)
+
+
+@pytest.mark.parametrize("effects", [ALL_BUT_SWITCHING, CATALOGUE])
+def test_effects_compiled_in_but_neutral_change_no_bit(hand: Hand, effects: tuple[Effect, ...]) -> None:
+    """Fails when a neutral effect rounds, or changes how the compiler rounds the equations of the plain plant."""
+    commands = np.random.default_rng(5).uniform(-5e4, 6.5e5, (40, 11)).repeat(20, axis=0)
+    np.testing.assert_array_equal(closed(hand, commands, effects), closed(hand, commands, ()))
+
+
+def test_the_open_loop_with_neutral_effects_changes_no_bit(hand: Hand) -> None:
+    """Fails when the open loop for fits with every effect compiled in differs from the plain one."""
+    commands = steps(4.0)
+    states = closed(hand, commands, ())[:-1]
+    inputs = measured(states, 4, 3, commands, PERIOD_S)
+    columns, start = hand.parameters[:, [4]].T, states[0][:, [4]].T
+    whole, plain = (open_loop(columns, start, inputs, effects=effects) for effects in (OPEN_EFFECTS, ()))
+    np.testing.assert_array_equal(whole, plain)
+
+
+def test_a_description_without_effects_is_the_plain_plant(hand: Hand) -> None:
+    """Fails when neutral parameters count as an effect, or an effect is not seen."""
+    assert active_effects(hand.parameters) == ()
+    rough = changed(hand, coulomb_friction__torque_nm=0.01)
+    assert active_effects(rough.parameters) == (EFFECTS["coulomb_friction"],)
+
+
+def test_lanes_do_not_mix(hand: Hand) -> None:
+    """Fails when a parameter set's prediction depends on those it is computed together with."""
+    commands = steps(3.0)
+    states = closed(hand, commands, ())[:-1]
+    inputs = measured(states, 0, -1, commands, PERIOD_S)
+    columns = np.repeat(hand.parameters[:, 0][None], 20, axis=0)
+    columns[:, ROW["statics.a2_nm_per_pa"]] *= np.random.default_rng(2).uniform(0.7, 1.3, 20)
+    start = np.zeros((20, STATES))
+    together = open_loop(columns, start, inputs)
+    np.testing.assert_array_equal(together[7], open_loop(columns[7:8], start[:1], inputs)[0])
+
+
+def scaled(effect: Effect, nominal: Array, probe: dict[int, float], size: float) -> Array:
+    """Parameters (rows,) of an effect between nominal (0) and a probe (1); what only shapes it is the probe's."""
+    column = nominal.copy()
+    for row, value in probe.items():
+        shapes = JOINT_PARAMETERS[row].key in effect.shape and JOINT_PARAMETERS[row].key not in hand_numbers()
+        column[row] = value if shapes else nominal[row] + size * (value - nominal[row])
+    return column
+
+
+def hand_numbers() -> set[str]:
+    """Keys of the plain plant: they have no neutral value from which an effect grows, so they scale as well."""
+    own = {parameter.key for effect in CATALOGUE for parameter in effect.parameters}
+    return {parameter.key for parameter in JOINT_PARAMETERS} - own
+
+
+@pytest.fixture(scope="module")
+def recorded(hand: Hand) -> Any:
+    """Inputs of the open loop over 8 s with moving neighbours, inflow and touching force, and the first state."""
+    commands = steps(8.0)
+    states = closed(hand, commands, ())[:-1]
+    inputs = measured(states, 4, 3, commands, PERIOD_S)
+    inputs.surroundings[:, INFLOW] = np.maximum(np.gradient(states[:, P], PERIOD_S, axis=0), 0.0).sum(axis=1)
+    return inputs, states[0][:, 4], hand.parameters[:, 4].copy()
+
+
+@pytest.mark.parametrize("effect", [e for e in OPEN_EFFECTS if e.keys], ids=lambda effect: str(effect.name))
+def test_a_small_effect_is_a_small_difference(effect: Effect, recorded: Any) -> None:
+    """Fails when an effect jumps as it is switched on: a tenth of its size is about a tenth of the difference."""
+    inputs, start, nominal = recorded
+    for probe in probe_values(effect, nominal):
+        columns = np.array([scaled(effect, nominal, probe, size) for size in (0.0, 1.0, 1e-2, 1e-3)])
+        readings = open_loop(columns, np.tile(start, (4, 1)), inputs)
+        scale = np.array([1e5, 1.0, 1.0])[:, None]
+        whole, small, smaller = (float(np.abs((out - readings[0]) / scale).max()) for out in readings[1:])
+        plain = open_loop(nominal[None], start[None], inputs, effects=())[0]
+        if not effect.shape:
+            np.testing.assert_array_equal(readings[0], plain)
+        assert np.isfinite(whole)
+        assert small <= 0.05 * whole + 1e-12, f"{effect.name}: {small:.2g} at a hundredth, {whole:.2g} whole"
+        assert smaller <= 0.35 * small + 1e-9, f"{effect.name}: {smaller:.2g} at a thousandth, before {small:.2g}"
+
+
+def test_every_effect_acts_in_the_closed_loop(hand: Hand) -> None:
+    """Fails when an effect of the plant is not hooked in, or its readings are not finite."""
+    commands = steps(6.0)
+    plain = closed(hand, commands, ())
+    for effect in CATALOGUE:
+        own = [parameter.key for parameter in effect.parameters]
+        if not own or not effect.probes or effect.place in ("force_sensor", "timing"):
+            continue
+        largest = 0.0
+        for probe in probe_values(effect, hand.parameters[:, 0]):
+            parameters = hand.parameters.copy()
+            parameters[list(probe)] = np.array(list(probe.values()))[:, None]
+            states = closed(replace(hand, parameters=parameters), commands, CATALOGUE)
+            assert np.all(np.isfinite(states)), effect.name
+            moved = np.abs(states - plain)[:, [P, PHI]].max(axis=(0, 2)) / (500.0, np.radians(0.05))
+            largest = max(largest, float(moved.max()))
+        assert largest > 1.0, effect.name
+
+
+def test_the_integration_step_does_not_change_an_effect(hand: Hand) -> None:
+    """Fails when what an effect does depends on the integration step: a lag half a step early is another lag."""
+    commands, nominal = steps(12.0), hand.parameters[:, 0]
+    states = closed(hand, commands, ())[:-1]
+    inputs = measured(states, 0, -1, commands, PERIOD_S)
+    inputs.surroundings[:, INFLOW] = 5e5 * np.repeat(np.random.default_rng(4).random(len(commands) // 40), 40)
+    for effect in OPEN_EFFECTS:
+        probes = probe_values(effect, nominal) if effect.place in SMOOTH else []
+        columns = np.repeat(nominal[None], 1 + len(probes), axis=0)
+        for column, probe in zip(columns[1:], probes, strict=True):
+            column[list(probe)] = list(probe.values())
+        start = np.tile(states[0][:, 0], (len(columns), 1))
+        fine, coarse = (open_loop(columns, start, inputs, step_s=step)[:, :2] for step in (0.4e-3, 2.6e-3))
+        changes, errors = fine[1:] - fine[:1], (coarse[1:] - coarse[:1]) - (fine[1:] - fine[:1])
+        for change, error in zip(changes, errors, strict=True):
+            stage = int(np.abs(change[0]).max() < 10.0)
+            assert np.sqrt((error[stage] ** 2).mean()) <= 0.02 * np.sqrt((change[stage] ** 2).mean()), effect.name
+
+
+@pytest.mark.parametrize("rate_hz", [20, 40, 60, 100, 140, 500, 700, 980, 1000])
+def test_the_frame_rate_does_not_change_the_motion(hand: Hand, rate_hz: int) -> None:
+    """Fails when a trajectory depends on the frame rate by more than 0.005 degrees or 20 Pa.
+
+    The dead time is no whole number of integration steps, and the set-points drive the valve into its rate limits.
+    """
+    late = changed(hand, valve__dead_time_s=0.0071)
+    levels = np.random.default_rng(6).choice([0.0, 3e5, 6e5], (60, 11))
+    reference, found = (
+        closed(late, np.repeat(levels, rate // 20, axis=0), (), 1.0 / rate)[:: rate // 20] for rate in (200, rate_hz)
+    )
+    difference = np.abs(reference - found).max(axis=(0, 2))
+    assert np.degrees(difference[PHI]) < 0.005
+    assert difference[P] < 20.0
+
+
+@pytest.mark.parametrize("effect", ["backlash", "angle_lag", "coulomb_friction", "gas_compression", "tube_lag"])
+def test_the_frame_rate_does_not_change_an_effect(hand: Hand, effect: str) -> None:
+    """Fails when an effect with memory runs once per frame and not once per integration step."""
+    parameters = hand.parameters.copy()
+    for row, value in probe_values(EFFECTS[effect], hand.parameters[:, 0])[1].items():
+        parameters[row] = value
+    other = replace(hand, parameters=parameters)
+    levels = np.random.default_rng(7).uniform(0.0, 4e5, (60, 11))
+    readings = [
+        closed(other, np.repeat(levels, rate // 20, axis=0), ALL_BUT_SWITCHING, 1.0 / rate)[:: rate // 20]
+        for rate in (20, 1000)
+    ]
+    assert np.degrees(np.abs(readings[0] - readings[1])[:, PHI].max()) < 0.005
+
+
+def test_hooks_refuse_a_set_out_of_order() -> None:
+    """Fails when a set of effects in another order is compiled as if the order did not matter."""
+    with pytest.raises(ValueError, match="order of the catalogue"):
+        compose((EFFECTS["leak"], EFFECTS["valve_lag"]))
+
+
+def test_coulomb_friction_sticks(hand: Hand) -> None:
+    """Fails when a joint held by dry friction creeps, or slides although the torque is below the friction."""
+    stuck = changed(hand, coulomb_friction__torque_nm=0.05, material__phi_max_deg=0.0)
+    plant = HandPlant(stuck, PERIOD_S)
+    before = plant.state[PHI].copy()
+    plant.advance(np.full((400, 11), 2e4))  # about 0.02 N m
+    assert np.abs(plant.state[PHI] - before).max() < 1e-9
+    plant.advance(np.full((400, 11), 3e5))
+    assert np.degrees(plant.state[PHI] - before).min() > 30.0
+
+
+def test_backlash_is_the_gap_at_reversal(hand: Hand) -> None:
+    """Fails when the measured angle does not stay behind by the gap between rising and falling at one pressure."""
+    loose = changed(hand, backlash__gap_deg=np.radians(3.0), material__phi_max_deg=0.0)
+    triangle = np.concatenate([np.linspace(0, 4e5, 3000), np.linspace(4e5, 0, 3000)])
+    commands = np.repeat(triangle[:, None], 11, axis=1)
+    widths = []
+    for plant in (loose, changed(loose, backlash__gap_deg=0.0)):
+        states = HandPlant(plant, PERIOD_S).advance(commands)
+        up = np.interp(2e5, states[:3000, P, 0], states[:3000, PHI, 0])
+        down = np.interp(2e5, states[3000:, P, 0][::-1], states[3000:, PHI, 0][::-1])
+        widths.append(np.degrees(down - up))
+    assert widths[0] - widths[1] == pytest.approx(3.0, abs=0.02)
+
+
+def test_hydraulic_joint_resists_and_still_holds(hand: Hand) -> None:
+    """Fails when `fluid: hydraulic` does not slow the motion down, or settles at another angle."""
+    liquid = changed(hand, hydraulic__share=1.0)
+    assert active_effects(liquid.parameters) == (EFFECTS["hydraulic"],)
+    ends = [HandPlant(plant, PERIOD_S).advance(np.full((1200, 11), 2e5))[:, PHI, 0] for plant in (hand, liquid)]
+    assert ends[0][-1] == pytest.approx(ends[1][-1], abs=np.radians(0.2))
+    assert np.argmax(ends[1] > 0.5) > np.argmax(ends[0] > 0.5)  # the valve must deliver the volume
+
+
+def test_fluid_is_chosen_in_the_description(tmp_path: Path) -> None:
+    """Fails when the key `fluid` is not read, or anything but its two words is taken."""
+    text = CONFIG.read_text(encoding="utf-8")
+    path = tmp_path / "hand.yaml"
+    path.write_text(text.replace("fluid: pneumatic", "fluid: hydraulic"), encoding="utf-8")
+    assert np.all(load_hand(path).row("hydraulic.share") == 1.0)
+    path.write_text(text.replace("fluid: pneumatic", "fluid: oil"), encoding="utf-8")
+    with pytest.raises(ValueError, match="one of pneumatic, hydraulic"):
+        load_hand(path)
+
+
+def test_an_effect_in_the_description_runs_in_the_simulation(tmp_path: Path) -> None:
+    """Fails when a model file with an effect loads but moves like the one without."""
+    text = CONFIG.read_text(encoding="utf-8")
+    path = tmp_path / "hand.yaml"
+    path.write_text(
+        text.replace("joint_defaults:\n", "joint_defaults:\n  coulomb_friction: {torque_nm: 0.02}\n"), "utf-8"
+    )
+    commands = np.repeat(np.linspace(0, 3e5, 1000)[:, None], 11, axis=1)
+    plain = HandPlant(load_hand(CONFIG), PERIOD_S).advance(commands)[-1, PHI]
+    slow = HandPlant(load_hand(path), PERIOD_S).advance(commands)[-1, PHI]
+    assert np.degrees(plain - slow).min() > 2.0
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_open_and_closed_loop_agree(hand: Hand, name: str) -> None:
+    """Fails when the two loops differ by more than 0.005 degrees or 20 Pa on a motion of `hand excite`.
+
+    The open loop gets pressures and the partner's acceleration at every integration step: only the loops differ.
+    """
+    finger = ("index_proximal", "index_distal")
+    proximal, distal = (hand.joints.index(joint) for joint in finger)
+    at_frames = set_points(name, hand, finger, 20.0, 6e5, seed=1)
+    commands = np.repeat(at_frames, round(1.0 / hand.rate_hz / STEP_S), axis=0)
+    commands[:40] = 0.0
+    states = closed(hand, commands, (), STEP_S)[:-1]
+    inputs = measured(states, distal, proximal, commands, STEP_S)
+    predicted = open_loop(hand.parameters[:, [distal]].T, states[0][:, [distal]].T, inputs, effects=())[0]
+    assert np.degrees(np.abs(predicted[1] - states[:, PHI, distal]).max()) < 0.005
+    assert np.abs(predicted[0] - states[:, P, distal]).max() < 20.0
