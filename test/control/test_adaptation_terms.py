@@ -208,7 +208,7 @@ def test_a_slow_or_opening_joint_does_not_count_as_stopped(speed: float) -> None
 
 
 def test_the_pause_after_contact_lasts_as_declared() -> None:
-    """Fails when adaptation goes on while the filters still hold the contact, or pauses for longer."""
+    """Fails when adaptation continues while the filters still contain the contact, or pauses for longer."""
     joint = Joint()
     joint.s[S.contact, 1] = 1.0
     assert not joint.learns()
@@ -224,7 +224,7 @@ def test_the_pause_after_contact_lasts_as_declared() -> None:
 
 
 def test_a_reset_returns_to_the_identified_map() -> None:
-    """Fails when a change or a covariance survives, or a reset of the covariance also resets the map."""
+    """Fails when a change or a covariance remains, or a reset of the covariance also resets the map."""
     joint = Joint()
     initial = joint.covariance
     np.testing.assert_array_equal(initial, np.eye(4) * 0.17**2)

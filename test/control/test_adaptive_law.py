@@ -78,7 +78,7 @@ def test_every_switch_is_bumpless(change: dict[str, Any]) -> None:
 
 
 def test_the_dead_band_rests_and_leaves_no_limit_cycle() -> None:
-    """Fails when the valves chatter at rest, or the joint hunts around the dead-band."""
+    """Fails when the set-points change at rest, or a limit cycle around the dead-band remains."""
     with_band, without = Loop(error=0.2), Loop({"deadband_pa": 0.0}, error=0.2)
     angles = []
     travel = []

@@ -70,7 +70,7 @@ def refusal(check: Callable[[], object]) -> str:
 def test_joint_command_is_refused(
     names: list[str], position: list[float], effort: list[float], age_s: float, said: list[str]
 ) -> None:
-    """Broken by a check that lets one of these through, or a line without the place, the value or the range."""
+    """Fails with a check that lets one of these through, or a line without the place, the value or the range."""
     line = refusal(lambda: command(names, position, effort, stamped(age_s)))
     for part in ["joint_commands", *said]:
         assert part in line
@@ -103,14 +103,14 @@ def test_joint_command_is_refused(
     ],
 )
 def test_trajectory_is_refused(names: list[str], points: list[Point], age_s: float, said: list[str]) -> None:
-    """Broken by a check that lets one of these through, or a line without the place, the value or the range."""
+    """Fails with a check that lets one of these through, or a line without the place, the value or the range."""
     line = refusal(lambda: trajectory(names, points, stamped(age_s)))
     for part in ["joint_trajectory", *said]:
         assert part in line
 
 
 def test_joint_command_in_the_hands_order() -> None:
-    """Broken by a wrong index of a partial list in the sender's order, or a changed value."""
+    """Fails with a wrong index of a partial list in the sender's order, or a changed value."""
     checked = command([A, B], [0.3, 0.5], [NAN, 0.2])
     assert [HAND.joints[k] for k in checked.index] == [A, B]
     assert checked.index.dtype == np.int64
@@ -119,12 +119,12 @@ def test_joint_command_in_the_hands_order() -> None:
 
 
 def test_empty_effort_means_the_configured_limit() -> None:
-    """Broken by an empty effort that becomes a torque of 0."""
+    """Fails with an empty effort that becomes a torque of 0."""
     assert np.isnan(command([A, B], [0.3, 0.5]).max_torque_nm).all()
 
 
 def test_limits_themselves_are_allowed() -> None:
-    """Broken by limits that exclude their ends."""
+    """Fails with limits that exclude their ends."""
     low, high, most = HAND.limits.low_rad, HAND.limits.high_rad, HAND.limits.max_torque_nm
     for end in (low, high):
         np.testing.assert_array_equal(command(list(HAND.joints), list(end), list(most)).position_rad, end)
@@ -137,20 +137,20 @@ def test_limits_themselves_are_allowed() -> None:
 
 @pytest.mark.parametrize("age_s", [0.499, 0.0, -0.099])
 def test_fresh_stamps_are_taken(age_s: float) -> None:
-    """Broken by a narrower window for stamps, or a stamp of 0 that is an age since 1970."""
+    """Fails with a narrower window for stamps, or a stamp of 0 that is an age since 1970."""
     command([A], [0.1], stamp_ns=stamped(age_s))
     command([A], [0.1], stamp_ns=0)
 
 
 @pytest.mark.parametrize(("age_s", "starts_s"), [(-9.9, 9.9), (-0.5, 0.5), (0.0, 0.0), (0.4, 0.0)])
 def test_trajectory_starts_at_its_stamp(age_s: float, starts_s: float) -> None:
-    """Broken by a trajectory that ignores a stamp ahead, or that starts before it has arrived."""
+    """Fails with a trajectory that ignores a stamp ahead, or that starts before it has arrived."""
     assert trajectory([A], [(1.0, [0.1], [])], stamped(age_s)).start_ns == NOW + round(starts_s * 1e9)
     assert trajectory([A], [(1.0, [0.1], [])], 0).start_ns == NOW
 
 
 def test_trajectory_arrays() -> None:
-    """Broken by points out of order or velocities that are made up."""
+    """Fails with points out of order or velocities that are made up."""
     checked = trajectory([B, A], [(0.0, [0.1, 0.2], [0.0, 1.0]), (2.0, [0.3, 0.4], [0.5, 0.0])])
     np.testing.assert_array_equal(checked.times_s, [0.0, 2.0])
     np.testing.assert_array_equal(checked.position_rad, [[0.1, 0.2], [0.3, 0.4]])
@@ -160,7 +160,7 @@ def test_trajectory_arrays() -> None:
 
 
 def test_checked_command_keeps_its_own_values() -> None:
-    """Broken by arrays that share memory with the message: it may be reused by the middleware."""
+    """Fails with arrays that share memory with the message: it may be reused by the middleware."""
     position = array("d", [0.3])
     checked = check_joint_command(HAND, [A], position, array("d"), 0, NOW)
     position[0] = 9.0
@@ -174,7 +174,7 @@ def test_checked_command_keeps_its_own_values() -> None:
     effort=st.lists(anything | st.floats(0.0, 0.6), max_size=4),
 )
 def test_whatever_passes_is_safe(names: list[str], position: list[float], effort: list[float]) -> None:
-    """Broken by any message that passes with a value out of range, or that fails with anything but CommandError."""
+    """Fails with any message that passes with a value out of range, or that fails with anything but CommandError."""
     try:
         checked = command(names, position, effort)
     except CommandError as error:
@@ -194,7 +194,7 @@ def test_whatever_passes_is_safe(names: list[str], position: list[float], effort
     velocity=st.none() | anything,
 )
 def test_whatever_trajectory_passes_is_safe(times: list[float], angle: float, velocity: float | None) -> None:
-    """Broken by a trajectory that passes with a value out of range, or fails with anything but CommandError."""
+    """Fails with a trajectory that passes with a value out of range, or fails with anything but CommandError."""
     speeds = [] if velocity is None else [velocity]
     try:
         checked = trajectory([A], [(time, [angle], speeds) for time in times])

@@ -73,7 +73,7 @@ def test_torque_estimate_is_equation_6() -> None:
 
 
 def test_a_saturated_integrator_stands_still_and_lets_go() -> None:
-    """Fails when the integral winds up against the limit, or does not come back from it."""
+    """Fails when the integral winds up at the limit, or does not recover from it."""
     made = law()
     for _ in range(2000):
         out = made.tick(inputs(1.2, 0.2, 0.02), DT_S)
@@ -84,7 +84,7 @@ def test_a_saturated_integrator_stands_still_and_lets_go() -> None:
 
 
 def test_freezing_keeps_the_integral() -> None:
-    """Fails when a frozen integrator moves."""
+    """Fails when a stopped integrator changes."""
     made = law()
     made.tick(inputs(0.6, 0.5), DT_S)
     before = made.state[S.integral].copy()

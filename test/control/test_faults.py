@@ -66,7 +66,7 @@ def only(joint: int, change: Any) -> Any:
 
 
 def test_over_pressure_vents_and_latches() -> None:
-    """Fails when a pressure above the limit does not vent the hand at once and for good."""
+    """Fails when a pressure above the limit does not vent the hand at once and until a reset."""
     rig = Rig()
     rig.seen_pressure = only(INDEX, lambda _: 7.0e5)
     rig.run(0.1)
@@ -77,7 +77,7 @@ def test_over_pressure_vents_and_latches() -> None:
 
 
 def test_a_valve_stuck_open_vents_and_latches() -> None:
-    """Fails when a joint keeps its pressure against the command and the hand goes on."""
+    """Fails when the hand is driven on while a joint keeps its pressure against the command."""
     rig = Rig()
     rig.command(index_proximal=1.0)
     rig.run(2.0)
@@ -90,7 +90,7 @@ def test_a_valve_stuck_open_vents_and_latches() -> None:
 
 
 def test_a_starved_joint_is_warned_of_and_recovers() -> None:
-    """Fails when a blocked valve goes unnoticed, winds the integrator up, or vents the whole hand."""
+    """Fails when a blocked valve is not reported, winds the integrator up, or vents the hand."""
     rig = Rig()
     rig.valve = only(INDEX, lambda command: min(command, 2.0e4))
     rig.command(index_proximal=1.0, ring_proximal=1.0)
@@ -131,7 +131,7 @@ def test_force_sensors_tell_of_contact_at_once_and_go_stale() -> None:
     ],
 )
 def test_trajectories_are_aborted_outside_their_tolerance(values: dict[str, float], line: str) -> None:
-    """Fails when a joint that cannot follow is pushed on, or the line does not say which and by how much."""
+    """Fails when a joint that cannot follow is driven on, or the line does not name it and its error."""
     rig = Rig(**values)
     rig.valve = only(INDEX, lambda command: min(command, 2.0e4))
     points: list[tuple[float, list[float], list[float]]] = [(0.5, [1.0, 1.0], []), (1.0, [1.2, 1.2], [])]
@@ -165,7 +165,7 @@ def test_a_grasp_of_nothing_ends_at_the_shape() -> None:
 
 
 def test_a_vent_ends_a_grasp_with_its_reason() -> None:
-    """Fails when a grasp survives a vent."""
+    """Fails when a grasp continues after a vent."""
     rig = Rig()
     grasp = load_grasps(CONFIG / "grasps.yaml", HAND)["hook"]
     rig.controller.grasp(grasp, 1.0, math.nan, rig.now_ns)

@@ -198,7 +198,7 @@ def test_trajectories_abort_outside_their_tolerance(
 
 
 def test_a_short_deviation_aborts_nothing() -> None:
-    """Fails when the times of separate deviations add up, or survive the end of the trajectory."""
+    """Fails when the times of separate deviations add up, or continue after the end of the trajectory."""
     watch = ToleranceWatch(HAND)
     for _ in range(5):
         for _ in range(18):

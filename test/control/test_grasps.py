@@ -23,14 +23,14 @@ def index(joint: str) -> int:
 
 
 def test_shipped_patterns() -> None:
-    """Broken by a pattern that is missing, or by one that names itself otherwise."""
+    """Fails with a pattern that is missing, or by one that names itself otherwise."""
     assert set(GRASPS) >= {"open", "cylindrical", "tripod", "lateral", "hook", "pinch"}
     assert all(grasp.name == name for name, grasp in GRASPS.items())
 
 
 @pytest.mark.parametrize("name", GRASPS)
 def test_shipped_angles_are_well_inside_the_limits(name: str) -> None:
-    """Broken by an angle below 5 or above 80 degrees: control needs room on both sides of it."""
+    """Fails with an angle below 5 or above 80 degrees: control needs room on both sides of it."""
     for closure in (0.0, 1.0):
         angles = np.degrees(GRASPS[name].shape(closure))
         assert angles.shape == (len(HAND.joints),)
@@ -38,7 +38,7 @@ def test_shipped_angles_are_well_inside_the_limits(name: str) -> None:
 
 
 def test_shapes_are_what_they_are_called() -> None:
-    """Broken by angles on the wrong joints: opposed thumb, flexed fingers, fingers out of the way."""
+    """Fails with angles on the wrong joints: opposed thumb, flexed fingers, fingers out of the way."""
     closed = {name: np.degrees(grasp.shape(1.0)) for name, grasp in GRASPS.items()}
     opposition = index("thumb_opposition")
     assert closed["tripod"][opposition] > 50.0 and closed["cylindrical"][opposition] > 50.0
@@ -52,7 +52,7 @@ def test_shapes_are_what_they_are_called() -> None:
 
 @given(name=st.sampled_from(sorted(GRASPS)), closure=st.floats(0.0, 1.0))
 def test_closure_goes_straight_from_open_to_closed(name: str, closure: float) -> None:
-    """Broken by a closure that is not in proportion, or ends elsewhere than at the closed angles."""
+    """Fails with a closure that is not in proportion, or ends elsewhere than at the closed angles."""
     grasp = GRASPS[name]
     middle = (1.0 - closure) * grasp.open_rad + closure * grasp.closed_rad
     np.testing.assert_allclose(grasp.shape(closure), middle, atol=1e-12)
@@ -60,13 +60,13 @@ def test_closure_goes_straight_from_open_to_closed(name: str, closure: float) ->
 
 @pytest.mark.parametrize("closure", [-0.01, 1.01, float("nan"), float("inf")])
 def test_closure_out_of_range(closure: float) -> None:
-    """Broken by a closure that takes joints beyond their closed angles."""
+    """Fails with a closure that takes joints beyond their closed angles."""
     with pytest.raises(ValueError, match=r"closure is .*; the allowed range is 0 to 1"):
         GRASPS["hook"].shape(closure)
 
 
 def test_shape_is_a_fresh_array() -> None:
-    """Broken by a shape that hands out the pattern's own memory."""
+    """Fails with a shape that hands out the pattern's own memory."""
     grasp = Grasp("flat", np.zeros(2), np.ones(2))
     grasp.shape(0.0)[:] = 9.0
     grasp.shape(1.0)[:] = 9.0
@@ -83,7 +83,7 @@ def left_hand(tmp_path: Path) -> Hand:
 
 
 def test_names_in_the_file_have_no_prefix(left_hand: Hand) -> None:
-    """Broken by a file that fits one of two hands only."""
+    """Fails with a file that fits one of two hands only."""
     assert left_hand.joints[0] == "left_thumb_opposition"
     np.testing.assert_array_equal(
         load_grasps(CONFIG / "grasps.yaml", left_hand)["tripod"].shape(1.0), GRASPS["tripod"].shape(1.0)
@@ -118,7 +118,7 @@ def test_names_in_the_file_have_no_prefix(left_hand: Hand) -> None:
     ],
 )
 def test_wrong_file_is_one_line(tmp_path: Path, text: str, said: list[str]) -> None:
-    """Broken by a file that is taken as it is, or a message without file, key, value and range."""
+    """Fails with a file that is taken as it is, or a message without file, key, value and range."""
     path = tmp_path / "wrong.yaml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(DescriptionError) as error:
@@ -130,6 +130,6 @@ def test_wrong_file_is_one_line(tmp_path: Path, text: str, said: list[str]) -> N
 
 
 def test_missing_file(tmp_path: Path) -> None:
-    """Broken by a traceback where a file is missing."""
+    """Fails with a traceback where a file is missing."""
     with pytest.raises(DescriptionError, match=r"none\.yaml: cannot be read"):
         load_grasps(tmp_path / "none.yaml", HAND)

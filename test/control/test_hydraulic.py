@@ -45,7 +45,7 @@ def test_steps_settle_on_a_hydraulic_hand() -> None:
 
 
 def test_torque_is_held_on_a_hydraulic_hand() -> None:
-    """Fails when a hand filled with a liquid does not hold the asked torque against an obstacle, at any angle."""
+    """Fails when a hand filled with a liquid does not hold the wanted torque against an obstacle, at any angle."""
     hand = load_hand(CONFIG)
     parameters = hand.parameters.copy()
     parameters[ROW["hydraulic.share"]] = 1.0

@@ -193,7 +193,7 @@ def test_switching_adaptation_off_forgets_what_it_learnt() -> None:
 
 
 def test_release_keeps_what_was_observed() -> None:
-    """Fails when a vent keeps a command or an integral, or forgets the creep and the filters of the joint."""
+    """Fails when a vent keeps a command or an integral, or resets the creep and the filters of the joint."""
     law = Law(gains_of())
     for _ in range(20):
         law.tick(at(0.8, 0.7, 2e5), DT_S)

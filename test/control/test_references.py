@@ -52,7 +52,7 @@ def sampled(references: References, seconds: Array, joint: int = IA) -> tuple[Ar
 
 
 def test_begins_at_the_lower_limits() -> None:
-    """Broken by a beginning that asks for pressure before anything is known."""
+    """Fails with a beginning that asks for pressure before anything is known."""
     target, speed, limit = References(HAND).sample(START)
     np.testing.assert_array_equal(target, HAND.limits.low_rad)
     np.testing.assert_array_equal(speed, 0.0)
@@ -60,7 +60,7 @@ def test_begins_at_the_lower_limits() -> None:
 
 
 def test_latch_ends_everything() -> None:
-    """Broken by a command, a trajectory or a torque limit that survives a latch."""
+    """Fails when a command, a trajectory or a torque limit remains after a latch."""
     references = latched()
     command(references, [B], [1.0], [0.1])
     follow(references, [A], [(1.0, [1.0], [])], 0.0, 0.0)
@@ -75,7 +75,7 @@ def test_latch_ends_everything() -> None:
 
 
 def test_latch_keeps_its_own_pose() -> None:
-    """Broken by a latch that shares memory with the measurement."""
+    """Fails with a latch that shares memory with the measurement."""
     references, pose = References(HAND), np.full(COUNT, 0.3)
     references.latch(pose)
     pose[:] = 1.0
@@ -97,7 +97,7 @@ def test_latch_of_what_is_no_number(bad: float) -> None:
 
 
 def test_command_rules_its_joints_only() -> None:
-    """Broken by a partial command that moves or limits other joints."""
+    """Fails with a partial command that moves or limits other joints."""
     references = latched()
     command(references, [B, A], [1.0, 0.7], [0.1, float("nan")])
     target, _, limit = references.sample(START)
@@ -108,7 +108,7 @@ def test_command_rules_its_joints_only() -> None:
 
 
 def test_command_without_torque_returns_to_the_configured_limit() -> None:
-    """Broken by a torque limit that outlives the command it came with."""
+    """Fails with a torque limit that outlives the command it came with."""
     references = latched()
     command(references, [A], [0.7], [0.1])
     assert references.sample(START)[2][IA] == 0.1
@@ -117,7 +117,7 @@ def test_command_without_torque_returns_to_the_configured_limit() -> None:
 
 
 def test_hand_description_is_left_alone() -> None:
-    """Broken by a torque limit or target written into the description's own arrays."""
+    """Fails with a torque limit or target written into the description's own arrays."""
     low, most = HAND.limits.low_rad.copy(), HAND.limits.max_torque_nm.copy()
     references = References(HAND)
     command(references, [A], [0.7], [0.1])
@@ -127,7 +127,7 @@ def test_hand_description_is_left_alone() -> None:
 
 
 def test_command_ends_its_joints_trajectory_only() -> None:
-    """Broken by a trajectory that pulls a commanded joint back, or that stops for the others."""
+    """Fails with a trajectory that pulls a commanded joint back, or that stops for the others."""
     references = latched()
     follow(references, [A, B], [(1.0, [1.0, 1.2], [])], 0.0, 0.0)
     references.sample(at(0.5))
@@ -140,7 +140,7 @@ def test_command_ends_its_joints_trajectory_only() -> None:
 
 
 def test_later_trajectory_replaces_its_joints_only() -> None:
-    """Broken by two trajectories that rule one joint, or a replacement that takes joints it does not name."""
+    """Fails with two trajectories that rule one joint, or a replacement that takes joints it does not name."""
     references = latched()
     follow(references, [A, B], [(1.0, [1.0, 1.2], [])], 0.0, 0.0)
     before = references.sample(at(0.5))[0][IA]
@@ -154,7 +154,7 @@ def test_later_trajectory_replaces_its_joints_only() -> None:
 
 
 def test_replaced_trajectory_does_not_come_back() -> None:
-    """Broken by an older, longer trajectory that goes on once the newer, shorter one has ended."""
+    """Fails with an older, longer trajectory that continues after the newer, shorter one has ended."""
     references = latched()
     follow(references, [A], [(5.0, [1.5], [])], 0.0, 0.0)
     references.sample(at(0.5))
@@ -164,7 +164,7 @@ def test_replaced_trajectory_does_not_come_back() -> None:
 
 
 def test_trajectory_with_velocities_takes_over_in_motion() -> None:
-    """Broken by a speed that drops to 0 where a stream of short trajectories replaces one by the next."""
+    """Fails with a speed that drops to 0 where a stream of short trajectories replaces one by the next."""
     references = latched()
     follow(references, [A], [(0.0, [0.2], [0.5]), (1.0, [0.7], [0.5])], 0.0, 0.0)
     before = sampled(references, np.array([0.5]))
@@ -175,7 +175,7 @@ def test_trajectory_with_velocities_takes_over_in_motion() -> None:
 
 
 def test_refused_message_changes_nothing() -> None:
-    """Broken by a message that is taken in part before it is refused."""
+    """Fails with a message that is taken in part before it is refused."""
     references = latched()
     follow(references, [B], [(1.0, [1.0], [])], 0.0, 0.0)
     before = [row.copy() for row in references.sample(at(0.4))]
@@ -189,7 +189,7 @@ def test_refused_message_changes_nothing() -> None:
 
 
 def test_trajectory_waits_for_its_start() -> None:
-    """Broken by a trajectory that starts when it arrives although it is stamped ahead."""
+    """Fails with a trajectory that starts when it arrives although it is stamped ahead."""
     references = latched()
     follow(references, [A], [(1.0, [1.0], [])], 2.0, 0.0)
     target, speed = sampled(references, np.array([0.0, 1.0, 2.0]))
@@ -200,7 +200,7 @@ def test_trajectory_waits_for_its_start() -> None:
 
 
 def test_joint_command_ends_a_trajectory_that_waits() -> None:
-    """Broken by a trajectory that comes to life after a newer command."""
+    """Fails with a trajectory that comes to life after a newer command."""
     references = latched()
     follow(references, [A], [(1.0, [1.0], [])], 2.0, 0.0)
     command(references, [A], [0.6])
@@ -209,7 +209,7 @@ def test_joint_command_ends_a_trajectory_that_waits() -> None:
 
 
 def test_running_trajectory_goes_on_until_the_next_one_starts() -> None:
-    """Broken by a later start that freezes the joint in mid-motion, or by speed left on a target that stands."""
+    """Fails with a later start that freezes the joint in mid-motion, or by speed left on a target that stands."""
     references = latched()
     follow(references, [A, B], [(1.0, [1.0, 1.0], [])], 0.0, 0.0)
     sampled(references, np.array([0.5]))
@@ -223,7 +223,7 @@ def test_running_trajectory_goes_on_until_the_next_one_starts() -> None:
 
 
 def test_newer_trajectory_takes_its_joint_from_one_that_waits() -> None:
-    """Broken by an older trajectory that starts over a newer one, or that is lost for its other joints."""
+    """Fails with an older trajectory that starts over a newer one, or that is lost for its other joints."""
     references = latched()
     follow(references, [A, B], [(1.0, [1.0, 1.2], [0.0, 0.0])], 2.0, 0.0)
     follow(references, [A], [(1.0, [0.6], [])], 0.0, 0.0)
@@ -233,7 +233,7 @@ def test_newer_trajectory_takes_its_joint_from_one_that_waits() -> None:
 
 
 def test_latch_ends_a_trajectory_that_waits() -> None:
-    """Broken by a plan that survives a fault and moves the hand once it is driven again."""
+    """Fails when a trajectory from before a fault moves the hand after it is enabled again."""
     references = latched()
     follow(references, [A], [(1.0, [1.0], [])], 2.0, 0.0)
     references.latch(np.full(COUNT, 0.3))
@@ -242,7 +242,7 @@ def test_latch_ends_a_trajectory_that_waits() -> None:
 
 @pytest.mark.parametrize("starts_s", [0.0, 1.0])
 def test_clock_that_begins_anew_drops_trajectories(starts_s: float) -> None:
-    """Broken by a trajectory that springs to life when the new clock reaches the old start."""
+    """Fails with a trajectory that springs to life when the new clock reaches the old start."""
     references = latched()
     follow(references, [A], [(2.0, [1.5], [])], starts_s, 0.0)
     held = references.sample(at(0.5))[0][IA]
@@ -252,7 +252,7 @@ def test_clock_that_begins_anew_drops_trajectories(starts_s: float) -> None:
 
 
 def test_slewed_clock_goes_on() -> None:
-    """Broken by a trajectory that is dropped because the clock was put back a little."""
+    """Fails with a trajectory that is dropped because the clock was put back a little."""
     references = latched()
     follow(references, [A], [(1.0, [1.0], [])], 0.0, 0.0)
     target, _ = sampled(references, np.array([0.5, 0.45, 1.0]))
@@ -260,7 +260,7 @@ def test_slewed_clock_goes_on() -> None:
 
 
 def test_velocities_of_the_message_are_those_of_the_path() -> None:
-    """Broken by another interpolation than cubic Hermite: a cubic polynomial comes back exactly."""
+    """Fails with another interpolation than cubic Hermite: a cubic polynomial comes back exactly."""
     references = latched()
     times = np.array([0.0, 0.7, 1.6, 2.0])
 
@@ -279,7 +279,7 @@ def test_velocities_of_the_message_are_those_of_the_path() -> None:
 
 
 def test_steep_velocities_stay_inside_the_limits() -> None:
-    """Broken by a path that swings out of the joint's range between two points inside it."""
+    """Fails with a path that swings out of the joint's range between two points inside it."""
     references = latched()
     follow(references, [A], [(0.0, [1.6], [20.0]), (1.0, [1.6], [-20.0]), (2.0, [0.0], [20.0])], 0.0, 0.0)
     target, _ = sampled(references, np.linspace(0.0, 2.5, 200))
@@ -290,7 +290,7 @@ def test_steep_velocities_stay_inside_the_limits() -> None:
 @settings(max_examples=60, deadline=None)
 @given(steps=st.lists(st.floats(0.05, 2.0), min_size=1, max_size=6), corners=st.lists(angles, min_size=6, max_size=6))
 def test_path_without_velocities_never_overshoots(steps: list[float], corners: list[float]) -> None:
-    """Broken by a path that leaves the range of two neighbouring points, misses one, or ends with speed."""
+    """Fails with a path that leaves the range of two neighbouring points, misses one, or ends with speed."""
     references = latched()
     times = np.cumsum(steps)
     points: list[Point] = [(float(t), [corner], []) for t, corner in zip(times, corners, strict=False)]
@@ -309,7 +309,7 @@ def test_path_without_velocities_never_overshoots(steps: list[float], corners: l
 @settings(max_examples=30, deadline=None)
 @given(corners=st.lists(angles, min_size=2, max_size=4), breaks=st.lists(st.floats(0.1, 0.9), min_size=1, max_size=3))
 def test_path_is_continuous_through_replacements(corners: list[float], breaks: list[float]) -> None:
-    """Broken by a jump of the path where a trajectory takes over from another in mid-motion."""
+    """Fails with a jump of the path where a trajectory takes over from another in mid-motion."""
     references, now = latched(), 0.0
     for goal, part in zip(corners, breaks, strict=False):
         before = references.sample(at(now))[0][IA]
@@ -324,7 +324,7 @@ def test_path_is_continuous_through_replacements(corners: list[float], breaks: l
 @settings(max_examples=25, deadline=None)
 @given(goals=st.lists(angles, min_size=1, max_size=4), max_speed=st.floats(0.5, 10.0))
 def test_shaped_reference_keeps_its_speed_bound(goals: list[float], max_speed: float) -> None:
-    """Broken by steps or a first point at time 0 that make the shaped reference jump, or never arrive."""
+    """Fails with steps or a first point at time 0 that make the shaped reference jump, or never arrive."""
     references, shaper, dt = latched(), Shaper(COUNT), 0.005
     chosen = Settings.of(HAND, {"max_speed_deg_per_s": math.degrees(max_speed)})
     shaper.latch(np.full(COUNT, HERE))

@@ -19,7 +19,7 @@ def armed(now_ns: int = 0) -> Supervisor:
 
 
 def test_a_new_supervisor_is_vented_and_says_why() -> None:
-    """Fails when a hand is driven before anybody asked for it."""
+    """Fails when a hand is driven before it was enabled."""
     made = Supervisor()
     assert (made.phase, made.reason, made.fault) == (Phase.VENTED, "not enabled", "")
     status = made.health(0)

@@ -205,7 +205,7 @@ def test_messages_of_other_devices_are_ignored() -> None:
 
 
 def test_the_two_directions_may_alternate() -> None:
-    """Fails when set-points between the messages of a sample harm either."""
+    """Fails when messages of one direction void those of the other."""
     mixed = [m for k in range(5) for m in (SAMPLE_MESSAGES[k : k + 1] + SET_POINT_MESSAGES[k : k + 1])]
     payloads, corrupt = assembled(mixed)
     assert {type(payload) for payload in payloads} == {SamplePayload, SetPointPayload} and corrupt == 0

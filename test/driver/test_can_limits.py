@@ -55,7 +55,7 @@ def test_another_version_is_named_whatever_its_layout(count: int, between: int) 
 
 
 def test_set_points_of_another_version_say_nothing_about_the_board() -> None:
-    """Fails when a driver gives its board up, or a board obeys, for another host's set-points."""
+    """Fails when set-points of another host make a driver close its board, or reach a valve."""
     assembler = CanAssembler()
     assert feed(assembler, announced(0x200, 11, 2)) == []
     assert assembler.corrupt == 1

@@ -91,7 +91,7 @@ def obey(port: SlcanEndpoint, line: Line, command: bytes) -> bytes:
 
 
 def test_the_channel_is_silent_until_it_is_opened(port: SlcanEndpoint, line: Line) -> None:
-    """Fails when the adapter does not obey O and C, or answers a command otherwise than by a carriage return."""
+    """Fails when the adapter does not execute O and C, or answers a command otherwise than by a carriage return."""
     port.send(sample(1))
     assert line.silent()
     assert obey(port, line, b"S8\r") == b"\r"

@@ -1,4 +1,4 @@
-"""What the driver says of itself: each trouble at its own status, at its own level, and silence when it is over."""
+"""Health of the driver: each fault in its own status with its level, and no message after it has ended."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ def test_gaps_in_the_sequence() -> None:
 
 
 def test_a_board_that_opens_while_the_link_closes_is_closed() -> None:
-    """Fails when closing during a slow open leaves a port open that nobody owns."""
+    """Fails when closing during a slow open leaves a port open."""
     board = FailingBoard(5)
     opening, go_on = threading.Event(), threading.Event()
 

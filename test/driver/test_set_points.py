@@ -1,4 +1,4 @@
-"""Valve commands as bytes: what is no plain order for this hand is refused whole, in one line."""
+"""Valve commands as bytes: an invalid command is refused as a whole, in one line."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ def test_ten_thousand_damaged_byte_strings() -> None:
 
 
 def test_endless_noise_takes_bounded_memory() -> None:
-    """Fails when a line without delimiters fills the memory, or swallows the first frames after it."""
+    """Fails when a line without delimiters fills the memory, or loses the first frames after it."""
     decoder = PacketDecoder()
     for _ in range(100):
         assert decoder.feed(b"\x55" * 997) == []

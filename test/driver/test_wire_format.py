@@ -85,7 +85,7 @@ def decoded(data: bytes) -> tuple[int, int]:
 
 @pytest.mark.parametrize("whole", [SAMPLE_BYTES, SET_POINT_BYTES])
 def test_a_payload_of_another_length_is_corrupt(whole: bytes) -> None:
-    """Fails when a payload that is longer or shorter than its count says is accepted, or raises an error."""
+    """Fails when a payload that is longer or shorter than its count is accepted, or raises an error."""
     assert decoded(packet(whole)) == (1, 0)
     for other in (whole + b"\1", whole + b"\1\1", whole[:-1], whole[:-2]):
         assert decoded(packet(other)) == (0, 1)
@@ -167,7 +167,7 @@ def test_a_decoder_that_joins_within_a_packet_counts_no_noise() -> None:
 
 
 def test_an_endless_packet_is_given_up_once() -> None:
-    """Fails when noise without a delimiter grows without bound, counts twice, or swallows the packet after it."""
+    """Fails when noise without a delimiter grows without bound, counts twice, or loses the packet after it."""
     decoder = PacketDecoder()
     assert wire.MAX_PACKET == 1024
     decoder.feed(b"\1" * 1024)

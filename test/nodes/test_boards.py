@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from test.nodes.conftest import Client, Stack
+    from test.nodes.stack import Client, Stack
 
 
 @pytest.mark.parametrize("link", ["serial", "can"])

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hand_recording.loader import load_recording
-from test.nodes.conftest import TOOL
+from test.nodes.stack import TOOL
 
 if TYPE_CHECKING:
-    from test.nodes.conftest import Client, Stack
+    from test.nodes.stack import Client, Stack
 
 
 def command(out: Path, *more: str) -> list[str]:
@@ -31,7 +31,7 @@ def vented(client: Client) -> bool:
 
 
 def test_the_experiment_is_driven_and_recorded(stack: Stack, client: Client) -> None:
-    """Fails when a joint asked for does not move, another does, frames are lost, or it is not vented at the end."""
+    """Fails when a selected joint does not move, another does, frames are lost, or it is not vented at the end."""
     alone(client)
     stack.node("simulation")
     client.until(lambda: client.joints)

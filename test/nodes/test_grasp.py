@@ -13,7 +13,7 @@ from hand_msgs.msg import Contact
 from rclpy.action import ActionClient
 
 if TYPE_CHECKING:
-    from test.nodes.conftest import Client, Stack
+    from test.nodes.stack import Client, Stack
 
 OBSTACLE = "  contact: {angle_deg: 35, stiffness_nm_per_rad: 1.0}\n"
 
@@ -52,7 +52,7 @@ def started(stack: Stack, client: Client, obstacle: bool) -> Grasper:
 
 
 def test_closes_on_a_thing_and_holds_the_torque(stack: Stack, client: Client) -> None:
-    """Fails when the hand does not stop at a thing in its way, or holds another torque than was asked for."""
+    """Fails when the hand does not stop at an obstacle, or holds another torque than the wanted one."""
     grasper = started(stack, client, obstacle=True)
     handle = grasper.send("cylindrical", max_torque=0.1)
     assert handle.accepted
@@ -73,7 +73,7 @@ def test_closes_on_a_thing_and_holds_the_torque(stack: Stack, client: Client) ->
 
 
 def test_nothing_in_the_hand_cancel_preempt_refuse_vent(stack: Stack, client: Client) -> None:
-    """Fails when a grasp of nothing claims contact, or a goal ends in another way than was asked."""
+    """Fails when a grasp of nothing claims contact, or a goal does not end as requested."""
     grasper = started(stack, client, obstacle=False)
     result = grasper.result(grasper.send("tripod"))
     assert result.status == GoalStatus.STATUS_SUCCEEDED

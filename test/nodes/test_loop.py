@@ -20,7 +20,7 @@ from hand_recording.replay import replay_recording
 from hand_tool.replay_difference import replayed_angle_rad
 
 if TYPE_CHECKING:
-    from test.nodes.conftest import Client, Stack
+    from test.nodes.stack import Client, Stack
 
 HAND = "config/hand.yaml"
 
@@ -102,7 +102,7 @@ def test_bad_valve_commands_never_reach_a_valve(stack: Stack, client: Client) ->
 
 
 def test_lost_sensors_vent_and_only_a_request_re_arms(stack: Stack, client: Client) -> None:
-    """Fails when the controller goes on without sensors, comes back by itself, or jumps when re-armed."""
+    """Fails when the controller drives the hand without sensor data, re-enables itself, or jumps when enabled."""
     simulation = stack.node("simulation")
     stack.node("controller")
     client.controlling()

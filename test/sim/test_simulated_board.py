@@ -50,7 +50,7 @@ def test_frames_come_at_the_rate_and_are_numbered() -> None:
 
 
 def test_set_points_act_until_their_lifetime_ends() -> None:
-    """Fails when a set-point outlives its lifetime, or the status does not say that the hand is vented."""
+    """Fails when a set-point is held beyond its lifetime, or the status VENTED is missing."""
     made = board(Time())
     first = made.read(1.0)
     assert first is not None

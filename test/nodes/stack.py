@@ -1,0 +1,147 @@
+"""Real nodes in separate processes, and a client that communicates with them over DDS."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from ament_index_python.packages import get_package_prefix
+from diagnostic_msgs.msg import DiagnosticArray
+from hand_msgs.msg import ControllerState, ValveCommand
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+NODES = Path(get_package_prefix("fluidic_hand")) / "lib" / "fluidic_hand"
+TOOL = (sys.executable, "-m", "hand_tool")
+BEST_EFFORT = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
+WAIT_S = 30.0
+Started = subprocess.Popen[bytes]
+
+
+class Stack:
+    """Starts executables of the stack, and ends each of them."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.running: list[Started] = []
+
+    def start(self, name: str, *arguments: str) -> Started:
+        log = (self.folder / f"{name}.log").open("ab")
+        command = TOOL if name == "hand" else (str(NODES / name),)
+        process = subprocess.Popen([*command, *arguments], stdout=log, stderr=subprocess.STDOUT, cwd=self.folder)
+        log.close()
+        self.running.append(process)
+        return process
+
+    def node(self, name: str, **parameters: object) -> Started:
+        pairs = [part for key, value in parameters.items() for part in ("-p", f"{key}:={value}")]
+        return self.start(name, "--ros-args", *pairs)
+
+    def log(self, name: str) -> str:
+        return (self.folder / f"{name}.log").read_text(encoding="utf-8", errors="replace")
+
+    def stop(self, process: Started, number: signal.Signals = signal.SIGINT) -> int:
+        if process.poll() is None:
+            process.send_signal(number)
+        return process.wait(timeout=20)
+
+    def stop_all(self) -> None:
+        for process in reversed(self.running):
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        for process in self.running:
+            try:
+                process.wait(timeout=20)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                raise
+
+
+class Client:
+    """A node of a user: it records the topics of the hand and sends commands."""
+
+    def __init__(self) -> None:
+        rclpy.init()
+        self.node = rclpy.create_node("client", namespace="hand")
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.states: list[ControllerState] = []
+        self.joints: list[JointState] = []
+        self.valves: list[ValveCommand] = []
+        self.statuses: dict[str, tuple[int, str]] = {}
+        self.node.create_subscription(ControllerState, "controller_state", self.states.append, BEST_EFFORT)
+        self.node.create_subscription(JointState, "joint_states", self.joints.append, 50)
+        self.node.create_subscription(ValveCommand, "valve_command", self.valves.append, 50)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnose, 50)
+        self.commands = self.node.create_publisher(JointState, "joint_commands", 10)
+        self.trajectories = self.node.create_publisher(JointTrajectory, "joint_trajectory", 10)
+        self.valve_publisher = self.node.create_publisher(ValveCommand, "valve_command", 1)
+
+    def _diagnose(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self.statuses[status.name] = (status.level[0], status.message)
+
+    def until(self, condition: Callable[[], Any], timeout_s: float = WAIT_S) -> None:
+        """Spin until the condition holds; fail after timeout_s [s]."""
+        end = time.monotonic() + timeout_s
+        while not condition():
+            self.executor.spin_once(timeout_sec=0.05)
+            assert time.monotonic() < end, f"condition not met in {timeout_s} s; diagnostics: {self.statuses}"
+
+    def spin(self, seconds: float) -> None:
+        """Receive messages for some time [s]."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def controlling(self) -> None:
+        """Wait until the controller drives the hand."""
+        self.until(lambda: self.said("controller", "safety", "controlling"))
+        self.until(lambda: self.joints and self.valves and self.states)
+        self.until(lambda: self.commands.get_subscription_count() > 0)
+        self.until(lambda: self.trajectories.get_subscription_count() > 0)
+
+    def said(self, node: str, part: str, text: str) -> bool:
+        """Whether the present status of a node contains a text."""
+        return text in self.statuses.get(f"/hand/{node}: {part}", (0, ""))[1]
+
+    def until_said(self, node: str, part: str, text: str) -> None:
+        self.until(lambda: self.said(node, part, text))
+
+    def level(self, node: str, part: str) -> int:
+        return self.statuses.get(f"/hand/{node}: {part}", (-1, ""))[0]
+
+    def command(self, **angles: float) -> None:
+        self.commands.publish(JointState(name=list(angles), position=list(angles.values())))
+
+    def call(self, kind: Any, name: str, request: Any) -> Any:
+        client = self.node.create_client(kind, name)
+        assert client.wait_for_service(timeout_sec=WAIT_S)
+        future = client.call_async(request)
+        self.until(future.done)
+        return future.result()
+
+    def trigger(self, name: str) -> Any:
+        return self.call(Trigger, name, Trigger.Request())
+
+    def enable(self, on: bool) -> Any:
+        return self.call(SetBool, "enable", SetBool.Request(data=on))
+
+    def angle(self, joint: str) -> float:
+        """The newest measured angle [rad]."""
+        message = self.joints[-1]
+        return float(message.position[list(message.name).index(joint)])
+
+    def close(self) -> None:
+        self.executor.remove_node(self.node)
+        self.node.destroy_node()
+        rclpy.try_shutdown()
