@@ -110,7 +110,7 @@ def test_acceleration_has_less_noise_beside_the_model(hand: Hand, truth: tuple[n
     true[1:-1] = np.diff(angle, 2) / PERIOD_S**2
     beside = problem.segments[0].exogenous[:, PARTNER]
     alone = derivatives(signals.angle_rad, PERIOD_S)[1][:, partner]
-    noise = [float(np.median(np.abs(one - true))) for one in (beside, alone)]  # most of the time nothing moves fast
+    noise = [float(np.median(np.abs(used - true))) for used in (beside, alone)]
     assert noise[0] < 0.3 * noise[1]
     assert rms((beside - true)[50:-50]) < 0.7 * rms((alone - true)[50:-50])
 

@@ -45,7 +45,7 @@ def test_numbers_that_data_do_not_ask_for_cost_little(hand: Hand) -> None:
     assert abs(log_evidence(problem, full, [amounts]) - alone) < 3.0
 
 
-def test_held_out_blocks_speak(hand: Hand) -> None:
+def test_validation_blocks_are_evidence(hand: Hand) -> None:
     """Fails when a fit with a large validation error has the same evidence as one with a small validation error."""
     fit, task, _ = _fit(hand, extra=False)
     problem = task.prepare(JOINT).problem
@@ -62,5 +62,5 @@ def test_nominal_numbers_stay_within_three_tolerances(hand: Hand) -> None:
     effects = [EFFECTS["valve_delay"], EFFECTS["valve_lag"]]
     found = search_joint(ready.problem, effects, ready.free, np.random.default_rng(0), ready.start)
     assert np.abs(found.nominal.z).max() <= 3.0 + 1e-9
-    assert [one.effect.name for one in found.accepted] == ["valve_delay"]
+    assert [hypothesis.effect.name for hypothesis in found.accepted] == ["valve_delay"]
     assert SETTINGS.passes[0].step_s > SETTINGS.passes[-1].step_s

@@ -78,10 +78,10 @@ def test_every_parameter_is_recovered_within_5_percent() -> None:
     for joint in ("thumb_opposition", "index_distal"):
         found = identify_joint([signals], hand, joint, KEYS, rng)
         index = hand.joints.index(joint)
-        for one in found.estimates:
-            error = one.value / truth.parameters[ROW[one.key], index] - 1.0
-            assert abs(error) < 0.05, f"{joint} {one.key} {error:+.3f}"
-            assert one.verdict == "determined", one
+        for estimate in found.estimates:
+            error = estimate.value / truth.parameters[ROW[estimate.key], index] - 1.0
+            assert abs(error) < 0.05, f"{joint} {estimate.key} {error:+.3f}"
+            assert estimate.verdict == "determined", estimate
         assert np.degrees(found.held_out_after["angle"]) < 0.06
 
 
@@ -98,7 +98,7 @@ def test_a_hold_determines_no_inertia() -> None:
     noise = rng.standard_normal(states[:, P].shape)
     still = replace(still, pressure_pa=states[:, P] + 150 * noise, angle_rad=states[:, PHI] + 5e-4 * noise[::-1])
     found = identify_joint([still], hand, "index_distal", DYNAMIC_KEYS, rng)
-    verdicts = {one.key: one.verdict for one in found.estimates}
+    verdicts = {estimate.key: estimate.verdict for estimate in found.estimates}
     assert verdicts["dynamics.inertia_kg_m2"] == "not determined"
     assert verdicts["valve.time_constant_s"] == "not determined"
 

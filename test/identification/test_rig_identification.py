@@ -29,9 +29,9 @@ def test_statics_are_recovered_within_their_errors() -> None:
     """Fails when the regression is biased or its standard errors are not those of repeated rigs."""
     print("seeds 0 to 59")
     found = [identify_statics(*rig(seed)) for seed in range(60)]
-    values = np.array([one.values for one in found])
+    values = np.array([static_map.values for static_map in found])
     assert np.abs(values.mean(axis=0) / VALUES - 1.0).max() < 0.02
-    stated = np.mean([one.errors for one in found], axis=0)
+    stated = np.mean([static_map.errors for static_map in found], axis=0)
     assert np.all(np.abs(stated / values.std(axis=0) - 1.0) < 0.35)
     assert found[0].r2 > 0.99
     assert found[0].warnings == ()
@@ -187,7 +187,7 @@ def test_wrong_rig_files_get_one_line(case: str, tmp_path: Path) -> None:
     path = tmp_path / "rig.csv"
     path.write_text(text, encoding="utf-8")
     code, output = hand(command, str(path))
-    said = [one for one in output.splitlines() if one.strip()]
+    said = [line for line in output.splitlines() if line.strip()]
     assert code == 2, output
     assert len(said) == 1, said
     assert line in said[0]

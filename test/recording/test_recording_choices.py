@@ -1,4 +1,4 @@
-"""What is recorded, in which order it is written, and what is said about it: the recorder without ROS."""
+"""What is recorded, in which order it is written, and what is reported about it: the recorder without ROS."""
 
 from __future__ import annotations
 
