@@ -130,7 +130,7 @@ def all_commands() -> list[tuple[str, str]]:
 
 
 def test_commands_are_found() -> None:
-    """Fails when the search for commands finds none, so that the tests below would say nothing."""
+    """Fails when the search for commands finds none, so that the tests below would test nothing."""
     found = {line.split()[0] for _, line in all_commands()}
     assert {"hand", "make", "python", "ros2"} <= found
     assert len(all_commands()) > 30

@@ -102,7 +102,7 @@ def test_every_requirements_file_is_installed_by_make() -> None:
 
 
 def test_the_gate_is_the_readmes_command() -> None:
-    """Fails when the gate runs something else than what README tells a user to run."""
+    """Fails when the gate runs commands other than those of the README."""
     assert (ROOT / ".ci" / "run").read_text(encoding="utf-8").rstrip().endswith("exec make test")
     assert "make test" in (ROOT / "README.md").read_text(encoding="utf-8")
     assert "rerun" not in tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["pytest"][

@@ -156,7 +156,7 @@ def test_pressures_between_the_ticks_keep_their_times(hand: Hand, tmp_path: Path
     assert [finding.effect for finding in result.findings] == ["clock_offset"], result.findings
     offset = next(number for number in result.findings[0].numbers if number.key == "clock_offset.offset_s")
     assert abs(offset.value) == pytest.approx(0.002, abs=4e-4)
-    pressure = next(one for one in result.joints[0].results if one.name == "pressure")
+    pressure = next(stage for stage in result.joints[0].results if stage.name == "pressure")
     assert pressure.after < 1.1 * pressure.noise
 
 

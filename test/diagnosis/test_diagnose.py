@@ -123,9 +123,9 @@ def test_what_reruns_do_not_repeat_is_not_claimed(hand: Hand) -> None:
         diagnose([signals], nominal, tolerance=0.05, seed=0, joints=[JOINT], sensor_curve=False, reruns=reruns)
         for reruns in ([], [again], [again, otherwise])
     ]
-    assert [[f.effect for f in one.findings] for one in claimed] == [["backlash"], ["backlash"], []]
+    assert [[f.effect for f in diagnosed.findings] for diagnosed in claimed] == [["backlash"], ["backlash"], []]
     small = claimed[2].joints[0].search.not_claimable
-    assert "backlash" in [one.effect.name for one in small]
+    assert "backlash" in [item.effect.name for item in small]
     assert all(improvement.taken < improvement.floor for improvement in small)
     with pytest.raises(ValueError, match="no re-run"):
         diagnose([signals], nominal, tolerance=0.05, seed=0, reruns=[record(hand, np.random.default_rng(27), 30.0)])

@@ -37,7 +37,7 @@ PAIR = {
 
 
 def reference(joint: Any, start: Any, set_point_pa: float, times_s: Any, **changes: Any) -> Any:
-    """States (times, STATES, 2) of a coupled pair by solve_ivp, with the equations of the paper written anew."""
+    """States (times, STATES, 2) of a coupled pair by solve_ivp, with the equations of the paper written again."""
     par = joint.parameters(2, **changes)
     rows = {key: par[row] for key, row in ROW.items()}
     inertia, shared = rows["dynamics.inertia_kg_m2"], rows["dynamics.coupling_inertia_kg_m2"][0]
