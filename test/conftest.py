@@ -51,7 +51,8 @@ class Lock:
 
     def __init__(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
-        self._files = [(folder / name).open("w", encoding="utf-8") for name in ("queue.lock", "machine.lock")]
+        flags = os.O_RDWR | os.O_CREAT
+        self._files = [os.open(folder / name, flags) for name in ("queue.lock", "machine.lock")]
         self._held = ""
 
     def take(self, how: str) -> None:
@@ -97,6 +98,8 @@ class StallWatch:
     def _read(self) -> None:
         assert self._process.stdout is not None
         for line in self._process.stdout:
+            if not line.endswith("\n"):
+                return  # the process was ended while it wrote
             begun_s, late_s = line.split()
             self._stalls.append((float(begun_s), float(late_s)))
 
