@@ -18,7 +18,7 @@ from hand_tool.replay_difference import difference_deg
 FOLLOWED_DEG = 3.0
 """A joint followed when its tracking error is below this, RMS over the whole sequence."""
 MOVED_DEG = 5.0
-"""... and when it moved at least this far."""
+"""A joint followed only when it moved at least this far."""
 
 
 @dataclass(frozen=True, slots=True)
