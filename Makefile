@@ -13,7 +13,7 @@ WHEELHOUSE ?=
 OFFLINE := $(if $(WHEELHOUSE),--wheelhouse $(WHEELHOUSE))
 # Test processes. Tests in real time run one at a time and alone whatever this is.
 WORKERS ?= 2
-# colcon does not look below the first package it finds, so the interface package is named beside it.
+# colcon does not look below the first package it finds, so the interface package is named next to it.
 BASE_PATHS := . hand_msgs
 RUN := source env.bash &&
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST

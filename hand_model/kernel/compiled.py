@@ -42,8 +42,8 @@ def stack_doubles(typing_context: Any, count: Any) -> Any:
 def specialise(template: Callable[..., Any], names: dict[str, Any]) -> Callable[..., Any]:
     """A copy of a function whose global names are replaced.
 
-    template: an uncompiled function whose closure holds a text that is unique for `names`; numba's cache tells
-    specialised copies apart by the closure.  names: global name -> object, for instance a compiled equation.
+    template: an uncompiled function whose closure holds a text that is unique for `names`; numba's cache
+    separates specialised copies by the closure.  names: global name -> object, for instance a compiled equation.
     """
     assert isinstance(template, FunctionType)
     return FunctionType(

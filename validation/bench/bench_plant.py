@@ -1,4 +1,4 @@
-"""The closed loop beside an independent integrator in C, the loops' first calls, and one live sample.
+"""The closed loop, an independent integrator in C, the loops' first calls, and one live sample.
 
 The reference in C is a classical Runge-Kutta integrator of the plain plant's equations, written with vector
 instructions. Both run the same motion at the default step, and their trajectories must agree before either is timed.
