@@ -355,7 +355,7 @@ def test_friction_stops_slows_and_turns_one_joint() -> None:
         rest = -whole_torque(w, 0.5 + 0.5 * H * omega, omega, 1e5, 0.0)
         push = outside + rest
         found, free = RUBBING.single(w, 0, push, E, H), STEP.single(frictionless, 0, push, E, H)
-        mass = (H * outside) / (free - omega) if outside else None
+        mass = (H * outside) / (free - omega) if outside else 0.0
         if outside == 0.0:
             step_mass = (STEP.single(frictionless, 0, push + 0.01, E, H) - omega) / (0.01 * H)
             assert found == pytest.approx(omega - np.sign(omega) * 0.02 * H * step_mass, rel=1e-9)
