@@ -1,4 +1,4 @@
-"""The kernel's terms and steps as plain functions of one working array, against formulas written anew.
+"""The kernel's terms and steps as plain functions of one working array, against formulas written again.
 
 These tests run the equations without the loops, compiled or not, so that a mutation run can use them.
 """
