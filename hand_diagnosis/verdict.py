@@ -317,7 +317,7 @@ class Correction:
     @property
     def text(self) -> str:
         """The formula."""
-        return " ".join(f"{value:+.3g} {name}" for name, value in self.terms) or "0"
+        return " ".join(f"{value:+.3g}" + ("" if name == "1" else f" {name}") for name, value in self.terms) or "0"
 
 
 def sparse_correction(problem: JointProblem, fit: MapFit, stage: int, wording: Wording) -> Correction:
