@@ -173,10 +173,19 @@ def _hold_command(s, i, out):  # type: ignore[no-untyped-def]
     out[OUT.saturated, i] = 0.0
 
 
+@inlined
+def _are_finite(u, i):  # type: ignore[no-untyped-def]
+    """Whether every input of joint i is finite."""
+    for row in range(u.shape[0]):  # noqa: SIM110 - compiled code has no generators
+        if not math.isfinite(u[row, i]):
+            return False
+    return True
+
+
 def _joint(g, s, u, i, dt, integrate, drive, out):  # type: ignore[no-untyped-def]
     """One tick of joint i; see `Law.tick`."""
     phi, p = u[U.position, i], u[U.pressure, i]
-    if not math.isfinite(phi + p + u[U.reference, i] + u[U.speed, i] + u[U.acceleration, i] + u[U.limit, i]):
+    if not _are_finite(u, i):
         _hold_command(s, i, out)
         return
     _observe(g, s, i, phi, p, dt)

@@ -104,7 +104,7 @@ def set_points_in_force(commands: Commands, ticks: Ticks) -> Array:
 def initial_state(hand: Hand, measured: Measured) -> Array:
     """State (STATES, joints) at the first frame, from what was measured around it.
 
-    Angles are taken back through the calibration to what the sensor really saw. The creeping ratio is the one
+    Angles are taken back through the calibration to the angle that the sensor measured. The creeping ratio is the one
     that balances Eq. 11 at that angle, speed and pressure; joints at an end stop or not measured count as rested.
     """
     start = (measured.stamp_ns - measured.stamp_ns[0]) * 1e-9 <= REST_S
@@ -135,7 +135,7 @@ def true_angle(hand: Hand, measured_rad: Array) -> Array:
 def replay(hand: Hand, measured: Measured, commands: Commands) -> tuple[Ticks, Array]:
     """States (N, STATES, joints) of the plant at each recorded frame, driven by the recorded commands.
 
-    Where the hand was under pressure before the first recorded command, nobody knows what drove it: the replay
+    Where the hand was under pressure before the first recorded command, the cause of the pressure is unknown: the replay
     then begins at that command, and so do the ticks.
     """
     measured = measured.since(_first_known(measured, commands))
@@ -172,10 +172,10 @@ def _refined_creep(hand: Hand, measured: Measured, ticks: Ticks, held: Array, st
     error[: int(np.searchsorted(ticks.number * ticks.period_s, REST_S))] = (
         np.nan
     )  # before the angle's own start is gone
-    told = np.isfinite(error)
-    power = np.where(told, gain * gain, 0.0).sum(axis=0)
-    step = np.where(told, gain * error, 0.0).sum(axis=0) / np.maximum(power, 1e-12)
-    clear = power > CREEP_GAIN_RAD**2 * np.maximum(told.sum(axis=0), 1)
+    known = np.isfinite(error)
+    power = np.where(known, gain * gain, 0.0).sum(axis=0)
+    step = np.where(known, gain * error, 0.0).sum(axis=0) / np.maximum(power, 1e-12)
+    clear = power > CREEP_GAIN_RAD**2 * np.maximum(known.sum(axis=0), 1)
     refined: Array = np.where(clear, np.clip(state[CREEP] + step, 0.0, 1.0), state[CREEP])
     return refined
 

@@ -18,8 +18,8 @@ def resting_state(hand: Hand) -> Array:
     """State (STATES, joints) of a vented hand that has rested for long: no pressure, no creep."""
     state = np.zeros((STATES, len(hand.joints)))
     a0, a1, a2, a3 = hand.parameters[ROW["statics.a0_nm"] : ROW["statics.a3_nm_per_pa_rad"] + 1]
-    rest = equilibrium_angle(0.0, 0.0, hand.row("constant_load.torque_nm"), a0, a1, a2, a3, 0.0)
-    state[PHI] = np.clip(rest, hand.row("end_stop.low_deg"), hand.row("end_stop.high_deg"))
+    rest_angle = equilibrium_angle(0.0, 0.0, hand.row("constant_load.torque_nm"), a0, a1, a2, a3, 0.0)
+    state[PHI] = np.clip(rest_angle, hand.row("end_stop.low_deg"), hand.row("end_stop.high_deg"))
     return state
 
 

@@ -227,6 +227,7 @@ def test_a_tolerance_below_one_degree_aborts() -> None:
     small = Settings.of(HAND, {"path_tolerance_deg": 0.5, "goal_tolerance_deg": 0.5, "goal_time_s": 0.3})
     for on_path, at_goal in ((ALL, NONE), (NONE, ALL)):
         watch = ToleranceWatch(HAND)
+        assert not watch.check(off(0, 0.4), on_path, at_goal, small, DT_S)
         assert any(watch.check(off(0, 0.6), on_path, at_goal, small, DT_S) for _ in range(100))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hand_control.declared import OUT, C, G, S, Settings, U
-from hand_control.law import Law
+from hand_control.law import Law, _send
 from hand_control.tuning import gains
 from hand_model.arrays import Array
 from hand_model.description import load_hand
@@ -38,6 +38,7 @@ def different_joints(rng: np.random.Generator) -> Array:
         g[getattr(G, name)] = [float(i % 3 != 0 or (i >> (bit % 4)) & 1) for i in range(JOINTS)]
     g[G.torque_mode, [5, 11]] = 1.0
     g[G.deadband, ::4] = 0.0
+    g[G.deadband, 3] = 0.8
     g[G.threshold] = rng.uniform(0.5, 6.0, JOINTS)
     g[G.i_max] = rng.uniform(0.01, 0.2, JOINTS)
     g[G.p_rate, ::5] = 2e6
@@ -252,3 +253,14 @@ def test_the_rate_of_the_command_is_bounded() -> None:
     assert np.diff([0.0, *commands]) == pytest.approx(np.full(5, 1e6 * DT_S))
     commands = [law.tick(at(-2.0, 0.8, 0.0), DT_S)[OUT.pressure, 0] for _ in range(3)]
     assert np.diff(commands) == pytest.approx(np.full(2, -1e6 * DT_S))
+
+
+@pytest.mark.parametrize(
+    ("wanted", "sent"),
+    [(100.0, 100.0), (399.0, 100.0), (401.0, 401.0), (0.5, 100.0), (0.0, 0.0), (-5.0, 0.0), (1e9, 1e5), (1e5, 1e5)],
+)
+def test_the_dead_band_holds_the_command_but_never_its_bounds(wanted: float, sent: float) -> None:
+    """Fails when a change below the dead-band is sent, a larger one is not, or venting and the ceiling are held back."""
+    g, s = gains_of(), np.zeros((len(S), 1))
+    s[S.command] = 100.0
+    assert _send(g, s, 0, wanted, 1e5, DT_S) == sent

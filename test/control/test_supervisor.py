@@ -84,7 +84,9 @@ def test_enabling_again_forgets_the_ages_of_the_last_time() -> None:
     made.vent("vent was called")
     made.enable()
     assert made.frame_ns is None and made.command_ns is None
-    assert made.frame_age_s(10**12) == 0.0 and not made.command_held(10**12, 1.0)
+    assert made.frame_age_s(10**12) == 0.0 and not made.command_held(10**12, 0.5)
+    made.command(0)
+    assert made.command_held(501 * MS, 0.5)
     made.arm(5 * MS)
     assert [made.phase, made.reason, made.command_ns] == [Phase.ACTIVE, "", 5 * MS]
     made.frame(6 * MS)

@@ -93,6 +93,12 @@ def test_a_payload_of_another_length_is_corrupt(whole: bytes) -> None:
         assert decoded(packet(whole[:length])) == (0, 1)
 
 
+def test_a_payload_may_have_no_channels() -> None:
+    """Fails when a payload that consists of its fixed fields alone is refused: its count is 0, and it is intact."""
+    assert decoded(packet(SAMPLE_BYTES[:18] + b"\0")) == (1, 0)
+    assert decoded(packet(SET_POINT_BYTES[:8] + b"\0")) == (1, 0)
+
+
 @pytest.mark.parametrize("payload", [b"", b"\1"])
 def test_a_payload_without_a_head_is_corrupt(payload: bytes) -> None:
     """Fails when a packet that is too short for version and type is parsed."""
