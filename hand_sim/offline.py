@@ -135,7 +135,7 @@ def true_angle(hand: Hand, measured_rad: Array) -> Array:
 def replay(hand: Hand, measured: Measured, commands: Commands) -> tuple[Ticks, Array]:
     """States (N, STATES, joints) of the plant at each recorded frame, driven by the recorded commands.
 
-    Where the hand was under pressure before the first recorded command, the cause of the pressure is unknown: the replay
+    Where the hand was under pressure before the first recorded command, its cause is unknown: the replay
     then begins at that command, and so do the ticks.
     """
     measured = measured.since(_first_known(measured, commands))

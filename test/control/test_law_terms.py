@@ -260,7 +260,7 @@ def test_the_rate_of_the_command_is_bounded() -> None:
     [(100.0, 100.0), (399.0, 100.0), (401.0, 401.0), (0.5, 100.0), (0.0, 0.0), (-5.0, 0.0), (1e9, 1e5), (1e5, 1e5)],
 )
 def test_the_dead_band_holds_the_command_but_never_its_bounds(wanted: float, sent: float) -> None:
-    """Fails when a change below the dead-band is sent, a larger one is not, or venting and the ceiling are held back."""
+    """Fails when a change below the dead-band is sent, a larger one is not, or venting or the ceiling is delayed."""
     g, s = gains_of(), np.zeros((len(S), 1))
     s[S.command] = 100.0
     assert _send(g, s, 0, wanted, 1e5, DT_S) == sent
