@@ -266,7 +266,7 @@ class Settings:
         4, "samples", "Samples of the smallest part for which the parts are estimated apart.", CHOICE,
         "Unstable estimates.", "Jitter of fast samples is averaged out in short recordings.")
     median_of_noise: float = _setting(
-        0.6745, "-", "Median of the absolute value of a unit normal variable.", "definition", "Meaningless.", "Meaningless.")
+        0.6745, "-", "Median magnitude of a unit normal variable.", "definition", "Meaningless.", "Meaningless.")
     third_difference_variance: float = _setting(
         20.0, "-", "Variance of third differences of unit white noise, 1 + 9 + 9 + 1.", "definition",
         "Meaningless.", "Meaningless.")
