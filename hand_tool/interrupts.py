@@ -3,7 +3,7 @@
 SIGINT is blocked in the process and in every child process. A thread waits for it, ends the children, prints the
 line and ends the process. An exception in the main thread would not do: library code that is interrupted in an
 import or in a destructor prints tracebacks. A subcommand that must end in order (nodes to stop, a hand to vent)
-calls `release`: from then on SIGINT has its usual effect.
+calls `release`: from then on SIGINT raises Interrupted.
 """
 
 from __future__ import annotations
@@ -23,6 +23,10 @@ _QUIET_TRACKER = "ignore:resource_tracker:UserWarning"
 _installed = threading.Event()
 _released = threading.Event()
 _ending = threading.Event()
+
+
+class Interrupted(BaseException):
+    """Ctrl-C after `release`. The parser of the command line handles KeyboardInterrupt itself, without our line."""
 
 
 class Outputs:
@@ -81,9 +85,15 @@ def install() -> None:
 
 
 def release() -> None:
-    """Give SIGINT its usual effect again: KeyboardInterrupt, or the handler that the subcommand installs."""
+    """Give SIGINT an effect in the main thread again: Interrupted is raised, or the subcommand's own handler runs."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _raise)
     _released.set()
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
+def _raise(*_: object) -> None:
+    raise Interrupted
 
 
 def before_workers() -> None:

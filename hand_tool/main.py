@@ -14,7 +14,7 @@ def main() -> None:
         from hand_tool.cli import run
 
         code = run(sys.argv[1:])
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, interrupts.Interrupted):
         interrupts.report()
         code = interrupts.EXIT_CODE
     except BaseException:

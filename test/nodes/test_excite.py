@@ -66,6 +66,7 @@ def test_who_else_commands_and_ctrl_c(stack: Stack, client: Client) -> None:
     client.until(lambda: client.valves and max(client.valves[-1].pressure) > 1e4)
     assert stack.stop(running) != 0
     assert "Traceback" not in stack.log("hand"), stack.log("hand")
+    assert f"hand excite: interrupted; incomplete: {stack.folder / 'cut.mcap'}" in stack.log("hand")
     client.until(lambda: vented(client))
     assert len(load_recording(stack.folder / "cut.mcap")["joint_states"]) > 0
 
