@@ -72,15 +72,3 @@ PLANT_PARAMETERS: tuple[Parameter, ...] = (
 
 PLANT_ROW: dict[str, int] = {parameter.key: row for row, parameter in enumerate(PLANT_PARAMETERS)}
 """Row of a parameter of the plain plant by its key."""
-
-PLANT_PREPARED: tuple[str, ...] = (
-    "plant.per_time_constant",
-    "plant.per_extension_time",
-    "plant.per_recovery_time",
-    "plant.per_stop_engagement",
-    "plant.per_contact_engagement",
-    "plant.own_mobility",
-    "plant.other_mobility",
-)
-"""Constants that the kernel derives from the parameters of the plain plant once per call: reciprocals [1/s, 1/rad]
-and the entries of the inverse mass matrix [1/(kg m^2)]."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from hand_model.effects import CATALOGUE
 from hand_model.effects.effect import Effect
-from hand_model.kernel.plant_rows import DEGREE, PLANT_PARAMETERS, PLANT_PREPARED, STEP_S, Parameter
+from hand_model.kernel.plant_rows import DEGREE, PLANT_PARAMETERS, STEP_S, Parameter
 
 __all__ = [
     "DEGREE",
@@ -36,9 +36,9 @@ JOINT_PARAMETERS: tuple[Parameter, ...] = PLANT_PARAMETERS + tuple(
 ROW: dict[str, int] = {parameter.key: row for row, parameter in enumerate(JOINT_PARAMETERS)}
 """Row of a parameter by its key."""
 
-_PREPARED = [*PLANT_PREPARED, *(f"{effect.name}.{name}" for effect in CATALOGUE for name in effect.prepared)]
+_PREPARED = [f"{effect.name}.{name}" for effect in CATALOGUE for name in effect.prepared]
 PREPARED_ROW: dict[str, int] = {name: len(ROW) + place for place, name in enumerate(_PREPARED)}
-"""Row of a prepared constant by "effect.name", or "plant.name" for the plain plant."""
+"""Row of a prepared constant by "effect.name"."""
 
 _MEMORY = [(f"{effect.name}.{name}", start) for effect in CATALOGUE for name, start in effect.starts.items()]
 MEMORY_ROW: dict[str, int] = {name: len(ROW) + len(_PREPARED) + place for place, (name, _) in enumerate(_MEMORY)}

@@ -11,7 +11,7 @@ import pytest
 
 from hand_model.arrays import Array
 from hand_model.effects import CATALOGUE, EFFECTS
-from hand_model.effects.effect import EXOGENOUS, HOOKS, Effect, assemble, hook_arguments
+from hand_model.effects.effect import EXOGENOUS, HOOKS, INFLOW, NEIGHBOUR, Effect, assemble, hook_arguments
 from hand_model.kernel.hooks import Hooks, active_effects, compose, equations_key
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS, Parameter
 from hand_model.kernel.rows import (
@@ -173,6 +173,31 @@ def test_readings_act_in_the_order_of_the_catalogue(hooks: Hooks) -> None:
     assert hooks.pressure_true(w, LANE, 2.25e5) == pytest.approx(2e5)
     hooks.force_sensor(w, LANE, 2.0, 1e9)  # creep is over
     assert hooks.force_reading(w, LANE, 2.0) == pytest.approx(2.0 * (2.0 + 0.5 * 2.0))
+
+
+class Surroundings(tuple[float, ...]):
+    """What surrounds a joint; notes which columns an equation uses."""
+
+    used: set[int]
+
+    def __getitem__(self, column: Any) -> Any:
+        self.used.add(column)
+        return super().__getitem__(column)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_an_effect_that_uses_other_joints_says_so(name: str) -> None:
+    """Fails when a loop would not give an equation the neighbour's angle or the hand's inflow that it uses."""
+    effect, s = EFFECTS[name], signals(5)
+    surroundings = Surroundings(s["e"])
+    surroundings.used = set()
+    w = working_array(0.2, 1e5)
+    for hook, function in effect.hooks.items():
+        if "e" in HOOKS[hook]:
+            values = {"q": tuple(w[list(effect_rows(effect)), LANE].tolist()), "m": (0.5,) * len(memory_rows(effect))}
+            names = hook_arguments(hook, bool(effect.memory))
+            plain(function)(*((values | s | {"e": surroundings})[argument] for argument in names))
+    assert effect.meets_others == bool(surroundings.used & {NEIGHBOUR, INFLOW})
 
 
 def test_torques_damping_and_friction_add_up(hooks: Hooks) -> None:
