@@ -25,7 +25,7 @@ from validation.trial import document
 
 PAGES = ("README.md", "CONTRIBUTING.md", "firmware/README.md", "docs/*.md")
 SECTION = re.compile(
-    r"<!-- generated: (?P<name>[^>]+?) -->(?P<gap>\n*)(?P<text>.*?)(?P<end>\n*<!-- end -->)", re.DOTALL
+    r"(?<!`)<!-- generated: (?P<name>[^>]+?) -->(?P<gap>\n*)(?P<text>.*?)(?P<end>\n*<!-- end -->)", re.DOTALL
 )
 
 
@@ -183,7 +183,7 @@ def check(entries: dict[str, Any], *, run: bool = True) -> list[str]:
     faults = []
     for page in pages():
         name, text = str(page.relative_to(ROOT)), page.read_text(encoding="utf-8")
-        if text.count("<!-- generated:") != len(list(sections(text))):
+        if len(re.findall("(?<!`)<!-- generated:", text)) != len(list(sections(text))):
             faults.append(f"{name}: a generated section has no <!-- end -->")
         for command, content in sections(text):
             if fault := _fault(command, content, entries, run):
