@@ -5,6 +5,8 @@ These tests run the equations without the loops, compiled or not, so that a muta
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -53,7 +55,8 @@ def working_array(**changes: float) -> Array:
     """Two coupled joints, lanes 0 and 1, in a working array prepared for steps of H."""
     w = np.zeros((rows.WORK, 2))
     w[: len(ROW)] = np.array([parameter.neutral_si for parameter in JOINT_PARAMETERS])[:, None]
-    for key, number in {**FINGER, **{key.replace("__", "."): number for key, number in changes.items()}}.items():
+    numbers: dict[str, Any] = {**FINGER, **{key.replace("__", "."): number for key, number in changes.items()}}
+    for key, number in numbers.items():
         w[ROW[key]] = number
     prepare_rows(w, H)
     return w
@@ -80,7 +83,7 @@ def whole_torque(w: Array, phi: float, omega: float, p: float, creep: float) -> 
     torque -= value(w, "dynamics.viscous_friction_nm_s_per_rad") * omega + value(w, "constant_load.torque_nm")
     torque -= stop_torque(phi - value(w, "end_stop.high_deg"), omega, *stop)
     torque += stop_torque(value(w, "end_stop.low_deg") - phi, -omega, *stop)
-    return torque - stop_torque(phi - value(w, "contact.angle_deg"), omega, *touch)
+    return float(torque - stop_torque(phi - value(w, "contact.angle_deg"), omega, *touch))
 
 
 @pytest.mark.parametrize("speed", [-30.0, -1.0, 0.0, 2.0])
