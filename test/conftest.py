@@ -93,7 +93,8 @@ class StallWatch:
         """Begin to measure."""
         self._stalls: list[tuple[float, float]] = []
         self._process = subprocess.Popen([sys.executable, "-S", "-c", STALL_CODE], stdout=subprocess.PIPE, text=True)
-        threading.Thread(target=self._read, daemon=True).start()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
 
     def _read(self) -> None:
         assert self._process.stdout is not None
@@ -111,6 +112,9 @@ class StallWatch:
         """End the process."""
         self._process.kill()
         self._process.wait()
+        self._reader.join()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
 
 
 STALL_WATCH: list[StallWatch] = []
