@@ -25,11 +25,9 @@ COMPLYING = (
     "hand_sim",
 )
 """Packages whose public functions are checked. The commands of hand_tool state units in the help of their options."""
-SHORT = tuple(name for name in COMPLYING if name != "hand_model")
-"""Packages without a long signature outside compiled terms."""
 MOST_POSITIONAL = 6
 ARRAY = re.compile(r"\b(Array|Flags|NDArray|ndarray)\b")
-AXIS = r"\w+(?: (?:[-+*/]|of) \w+)?"
+AXIS = r"(?:\.\.\.|\w+)(?: (?:[-+*/]|of) \w+)?"
 SHAPE = re.compile(rf"\({AXIS}(?:,|(?:, {AXIS})+,?)\)")
 UNIT = re.compile(r"\[[^\]]+\]|\bSI\b")
 UNIT_SUFFIX = re.compile(r"_(s|rad|deg|pa|hz|m|n|nm|kg|bar|v|rad_s|rad_s2|pa_s|m2|m3|ohm|per_hour)$")
@@ -50,7 +48,9 @@ class Function:
 
     @property
     def is_compiled(self) -> bool:
-        return any(re.search(r"\b(njit|inline|compiled)\b", ast.unparse(each)) for each in self.node.decorator_list)
+        return any(
+            re.search(r"\b(njit|inline|compiled|_equation)\b", ast.unparse(each)) for each in self.node.decorator_list
+        )
 
     @property
     def positional(self) -> list[ast.arg]:
@@ -120,7 +120,7 @@ def test_every_public_function_has_a_docstring(path: Path) -> None:
     assert not [function.where for function in public_functions(path) if not ast.get_docstring(function.node)]
 
 
-@pytest.mark.parametrize("path", files(SHORT), ids=lambda path: str(path.relative_to(ROOT)))
+@pytest.mark.parametrize("path", files(), ids=lambda path: str(path.relative_to(ROOT)))
 def test_signatures_are_short(path: Path) -> None:
     """Fails when a public function that is not a compiled term takes more than six positional arguments."""
     plain = [function for function in public_functions(path) if not function.is_compiled]
