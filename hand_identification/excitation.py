@@ -14,6 +14,7 @@ import numpy as np
 from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
+from hand_model.statics import leverage, pressure_for_torque
 
 Shape = Callable[[Array, np.random.Generator], Array]
 """Time (T,) [s] to a level (T,) in 0 ... 1 of the allowed pressure."""
@@ -123,5 +124,6 @@ def pressure_ceiling_pa(hand: Hand, joint: int) -> float:
     """Pressure at which no angle of the range gives more than the joint's maximum torque, Eq. 6."""
     a0, a1, a2, a3 = hand.parameters[ROW["statics.a0_nm"] : ROW["statics.a3_nm_per_pa_rad"] + 1, joint]
     angles = np.linspace(hand.limits.low_rad[joint], hand.limits.high_rad[joint], 50)
-    allowed = (hand.limits.max_torque_nm[joint] - a0 - a1 * angles) / np.maximum(a2 + a3 * angles, 1e-12)
-    return float(min(allowed.min(), hand.limits.max_pressure_pa[joint], hand.supply_pressure_pa))
+    pushing = angles[leverage(angles, a2, a3) > 0.0]
+    allowed = pressure_for_torque(hand.limits.max_torque_nm[joint], pushing, 0.0, a0, a1, a2, a3, 0.0)
+    return float(min(np.min(allowed, initial=np.inf), hand.limits.max_pressure_pa[joint], hand.supply_pressure_pa))

@@ -11,6 +11,7 @@ from hand_driver.board import lifetime_ticks
 from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
+from hand_model.statics import torque
 from hand_sim.plant import CREEP, OMEGA, PHI, STATES, HandPlant, HandPlants, P, resting_state
 
 Stamps = NDArray[np.int64]
@@ -211,9 +212,10 @@ def _average(samples: Array) -> Array:
 
 
 def _balancing_creep(hand: Hand, state: Array) -> Array:
+    """Creeping ratio (joints,) at which Eq. 11 balances load and friction of a state; 0 where nothing creeps."""
     a0, a1, a2, a3 = hand.parameters[ROW["statics.a0_nm"] : ROW["statics.a3_nm_per_pa_rad"] + 1]
     load = hand.row("constant_load.torque_nm") + hand.row("dynamics.viscous_friction_nm_s_per_rad") * state[OMEGA]
-    free_torque = a0 - load + a1 * state[PHI] + (a2 + a3 * state[PHI]) * state[P]
+    free_torque = torque(state[P], state[PHI], 0.0, a0, a1, a2, a3, 0.0) - load
     reach = a1 * hand.row("material.phi_max_deg")
     creep: Array = np.clip(np.divide(free_torque, reach, out=np.zeros_like(reach), where=reach != 0.0), 0.0, 1.0)
     return creep
