@@ -7,7 +7,8 @@ Pressures that differ from what the set-points ask for:
     above what the model of the valve expects, NOT_FOLLOWING_S   vent, latched: the joint cannot be released otherwise
     below it, for NOT_FOLLOWING_S                                warning, and the integrators stop: a leak, an empty
                                                                  supply or a closed valve gives less than commanded
-The expectation is the set-point through dead time and lag of the valve, from the pressure measured at first.
+The expectation is the set-point through the kernel's valve, whose time constant is lengthened by the dead time, from
+the pressure measured at first.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from numba import njit
 from hand_control.declared import Settings
 from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
+from hand_model.kernel.step import valve_pressure
 
 FINE, NOT_FINITE, JUMPED = range(3)
 """Verdicts of `implausible`."""
@@ -54,10 +56,11 @@ def implausible(position, velocity, pressure, last_position, max_jump):  # type:
 
 
 @njit(cache=True)
-def _watch(s, lag, limit, command, pressure, dt):  # type: ignore[no-untyped-def]
+def _watch(s, valve, limit, command, pressure, dt):  # type: ignore[no-untyped-def]
     verdict, worst = FOLLOWING, 0
     for i in range(len(command)):
-        s[_EXPECTED, i] += dt / (dt + lag[i]) * (command[i] - s[_EXPECTED, i])
+        tau, vent, fill = valve[0, i], valve[1, i], valve[2, i]
+        s[_EXPECTED, i] = valve_pressure(s[_EXPECTED, i], command[i], tau, vent, fill, dt)
         band = BAND_PA + BAND * s[_EXPECTED, i]
         excess = pressure[i] - s[_EXPECTED, i]
         s[_OVER, i] = s[_OVER, i] + dt if pressure[i] > (1.0 + OVER) * limit[i] else 0.0
@@ -80,7 +83,8 @@ class PressureWatch:
 
     def __init__(self, hand: Hand) -> None:
         """Expect no pressure; `start` sets the first expectation."""
-        self._lag = hand.row("valve.time_constant_s") + hand.row("valve.dead_time_s")
+        lag = hand.row("valve.time_constant_s") + hand.row("valve.dead_time_s")
+        self._valve = np.array([lag, hand.row("valve.vent_rate_pa_per_s"), hand.row("valve.fill_rate_pa_per_s")])
         self._limit = np.asarray(hand.limits.max_pressure_pa, dtype=np.float64)
         self._state = np.zeros((4, len(hand.joints)))
 
@@ -91,7 +95,7 @@ class PressureWatch:
 
     def check(self, command: Array, pressure: Array, dt: float) -> tuple[int, int]:
         """Verdict and its joint after dt [s] under command (n,) [Pa], now at pressure (n,) [Pa]."""
-        return _watch(self._state, self._lag, self._limit, command, pressure, dt)  # type: ignore[no-any-return]
+        return _watch(self._state, self._valve, self._limit, command, pressure, dt)  # type: ignore[no-any-return]
 
 
 class ToleranceWatch:

@@ -40,7 +40,7 @@ from hand_model.kernel.layout import (
     X,
 )
 from hand_model.kernel.rows import ROW, STEP_S
-from hand_model.kernel.terms import terms
+from hand_model.kernel.terms import limited_rate, terms
 
 _J, _JC = ROW["dynamics.inertia_kg_m2"], ROW["dynamics.coupling_inertia_kg_m2"]
 _SUPPLY = ROW["supply.pressure_pa"]
@@ -106,6 +106,17 @@ def exponential_mean(first, second):  # type: ignore[no-untyped-def]
     change = second - first
     square = first * first
     return first * square / (square - 0.5 * first * change + change * change * (1.0 / 12.0) + _TINY_RATE)
+
+
+@inline
+def valve_pressure(p, u, tau, vent, fill, h):  # type: ignore[no-untyped-def]
+    """Pressure [Pa] after h [s] of the plain valve at p under the set-point u [Pa]: what a controller expects.
+
+    tau: time constant [s].  vent, fill: limits of the rate [Pa/s].
+    """
+    per_tau = 1.0 / tau
+    first = limited_rate(u - p, per_tau, vent, fill)
+    return p + h * exponential_mean(first, limited_rate(u - p - h * first, per_tau, vent, fill))
 
 
 @inline

@@ -91,6 +91,12 @@ def _stops(w, i, phi, omega):  # type: ignore[no-untyped-def]
     return low - high - touch, high_k + low_k + touch_k, high_d + low_d + touch_d
 
 
+@inline
+def limited_rate(error, per_tau, vent, fill):  # type: ignore[no-untyped-def]
+    """Pressure rate [Pa/s] of the valve at an error (set-point minus pressure) [Pa]; per_tau: 1 / tau [1/s]."""
+    return min(max(error * per_tau, -vent), fill)
+
+
 def terms(hooks: Hooks) -> Terms:
     """The equations with the hooks of a set of effects (hooks.compose)."""
     hook_error, hook_rate = hooks.valve_error, hooks.pressure_rate
@@ -99,7 +105,7 @@ def terms(hooks: Hooks) -> Terms:
     @inline
     def valve_rate(w, i, p, u, e):  # type: ignore[no-untyped-def]
         """Pressure rate [Pa/s] at p [Pa] under the set-point u [Pa]."""
-        rate = min(max(hook_error(w, i, u - p) * w[PER_TAU, i], -w[_VENT, i]), w[_FILL, i])
+        rate = limited_rate(hook_error(w, i, u - p), w[PER_TAU, i], w[_VENT, i], w[_FILL, i])
         return hook_rate(w, i, rate, p, u, e)
 
     @inline

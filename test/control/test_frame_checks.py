@@ -129,7 +129,7 @@ def test_the_lag_of_the_expectation_is_time_constant_plus_dead_time() -> None:
     verdicts = [watch.check(command, full(0.0), DT_S)[0] for _ in range(400)]
     expected, outside = 0.0, 0
     while expected <= 2e4 + 0.1 * expected:  # the dead valve is within the band of the expectation
-        expected += DT_S / (DT_S + 0.3) * (2.5e4 - expected)
+        expected += (1.0 - math.exp(-DT_S / 0.3)) * (2.5e4 - expected)
         outside += 1
     assert outside > 100
     assert verdicts.index(STUCK_LOW) + 1 == pytest.approx(outside + 100, abs=1)

@@ -231,6 +231,16 @@ def test_pressure_follows_the_set_point_in_force() -> None:
         assert STEP.pressure(w, 0, 3, E, H)[0] == pytest.approx(relaxed(abs(given - 1e3), given, H, tau), rel=1e-9)
 
 
+def test_the_expected_pressure_is_that_of_the_plain_valve() -> None:
+    """Broken by another lag or another limit in what the controller expects of a valve."""
+    tau, vent, fill = 0.06, 8e5, 1e6
+    assert steps.valve_pressure(1e5, 1.2e5, tau, vent, fill, 5e-3) == pytest.approx(
+        relaxed(1e5, 1.2e5, 5e-3, tau), rel=1e-7
+    )
+    assert steps.valve_pressure(1e5, 5e5, tau, vent, fill, 5e-3) == pytest.approx(1.05e5, rel=1e-12)
+    assert steps.valve_pressure(5e5, 1e5, tau, vent, fill, 5e-3) == pytest.approx(4.96e5, rel=1e-12)
+
+
 def test_a_split_step_is_exact() -> None:
     """Broken by set-points that are averaged over a step: with rate limits that gives another pressure."""
     w = working_array(valve__vent_rate_pa_per_s=1e6)
