@@ -84,4 +84,5 @@ $(FULL): $(BASE) $(CHECKING)
 $(BUILT): $(BASE) $(BUILD_INPUTS)
 	[ -e $@ ] && grep -q symlink $@ || rm -rf build install log
 	$(RUN) colcon build --symlink-install --base-paths $(BASE_PATHS) --event-handlers console_cohesion+ status-
+	$(RUN) python -m hand_model.kernel
 	echo "built with --symlink-install" > $@

@@ -23,11 +23,12 @@ def pressure_rate(q, rate, p, u, e):  # type: ignore[no-untyped-def]
     """Limits that follow the pressures on both sides of the valve."""
     choking, fill_rate, vent_rate, _, per_full = q
     here = p + ATMOSPHERE_PA
-    filling = subsonic(here * per_full, CRITICAL, _PER_SPAN)
-    venting = subsonic(ATMOSPHERE_PA / max(here, 1.0), CRITICAL, _PER_SPAN) * here * per_full
-    fill = fill_rate * (1.0 - choking + choking * filling)
-    vent = vent_rate * (1.0 - choking + choking * venting)
-    return min(max(rate, -vent), fill)
+    fills = rate > 0.0
+    ratio = here * per_full if fills else ATMOSPHERE_PA / max(here, 1.0)
+    upstream = 1.0 if fills else here * per_full  # over the absolute supply pressure
+    choked = subsonic(ratio, CRITICAL, _PER_SPAN) * upstream
+    limit = (fill_rate if fills else vent_rate) * (1.0 - choking + choking * choked)
+    return min(max(rate, -limit), limit)
 
 
 EFFECT = Effect(

@@ -249,12 +249,19 @@ OPEN_EFFECTS = tuple(effect for effect in CATALOGUE if "valve" not in effect.hoo
 """Effects that a fit may vary: all but those that replace the valve by a switching one."""
 
 
+_BLOCK = "(f8[:,::1], f8[::1], f8[::1], f8[:,::1], f8, i8, f8, b1, f8, f8[:,:,::1])"
+_LANES = "(f8[:,:,::1], f8[::1], f8[::1], f8[:,::1], f8, i8, f8, b1, f8, f8[:,:,::1])"
+
+
 @cache
-def loop(effects: tuple[Effect, ...]) -> Any:
+def compile_loop(effects: tuple[Effect, ...]) -> Any:
     """The compiled open loop for a set of effects in the order of the catalogue."""
     key = equations_key("open", *(effect.name for effect in effects))
     block = njit(cache=True, fastmath=FAST, error_model="numpy")(specialise(_loop(key), _stages(compose(effects))))
-    return njit(cache=True, parallel=True)(specialise(_blocks(key), {"block_loop": block}))
+    block.compile(_BLOCK)
+    lanes = njit(cache=True, parallel=True)(specialise(_blocks(key), {"block_loop": block}))
+    lanes.compile(_LANES)
+    return lanes
 
 
 def open_loop(
@@ -289,5 +296,5 @@ def open_loop(
     out[:, 0, 0], out[:, 1, 0], out[:, 2, 0] = w[:, X + P], w[:, X + PHI], 0.0
     measured = (inputs.set_point_pa, inputs.pressure_pa, inputs.surroundings)
     u, p, e = (np.ascontiguousarray(signal, dtype=np.float64) for signal in measured)
-    loop(effects)(work, u, p, e, inputs.period_s, steps, lever_m, driven, inputs.late_s, out)
+    compile_loop(effects)(work, u, p, e, inputs.period_s, steps, lever_m, driven, inputs.late_s, out)
     return out[:count]
