@@ -4,7 +4,7 @@ Pressure: rates at both ends of an explicit trial step give the rate's slope, an
 gives the pressure; exact to fourth order where the rate is linear in the pressure, and exact where it is constant
 (Hochbruck and Ostermann, Exponential integrators, Acta Numerica 19, 2010, with the slope as a secant).
 
-Creep: Heun's method; its time constants are thousands of steps.
+Creep: each zone is linear, and prepared rates integrate it exactly at constant pressure (layout.prepare_rows).
 
 Motion: the implicit midpoint rule, linearised about a predicted midpoint, so that any stiffness and damping is
 stable. The damping of stops is fitted to its exponential decay, J z / (1 - exp(-z)) = J (1 + z/2 + z^2/12 ...), so that
