@@ -61,15 +61,22 @@ def test_a_missing_effect_is_named_placed_and_measured(effect: str, hand: Hand) 
 
 
 def test_what_looks_alike_is_named_together(hand: Hand) -> None:
-    """Fails when one of two explanations that these data cannot separate is claimed with confidence."""
-    rng = np.random.default_rng(102)
-    nominal = off_by_a_little(hand, rng)
-    # A leak through a gap is a share of the pressure: a span error and a valve a little faster do just that.
-    first = run(record(changed(hand, JOINT, leak__rate_per_s=0.5), rng), nominal, JOINT).findings[0]
-    named = {first.effect: first.probability} | {name: share for name, share, _ in first.alternatives}
-    assert named["leak"] > 0.15, named
-    assert named["pressure_gain"] > 0.15, named
-    assert max(named.values()) < 0.8, named
+    """Fails when one of two explanations that these data cannot separate is claimed with confidence, in the mean.
+
+    A leak through a gap is a share of the pressure: a span error and a valve a little faster do just that.
+    """
+    shares = []
+    for seed in (102, 103, 104, 105):
+        rng = np.random.default_rng(seed)
+        nominal = off_by_a_little(hand, rng)
+        first = run(record(changed(hand, JOINT, leak__rate_per_s=0.5), rng), nominal, JOINT).findings[0]
+        named = {first.effect: first.probability} | {name: share for name, share, _ in first.alternatives}
+        assert {"leak", "pressure_gain"} <= set(named), (seed, named)
+        shares.append((named["leak"], named["pressure_gain"], max(named.values())))
+    leak, gain, highest = np.mean(shares, axis=0)
+    assert leak > 0.15, shares
+    assert gain > 0.15, shares
+    assert highest < 0.8, shares
 
 
 def test_a_model_off_by_a_few_percent_agrees(hand: Hand) -> None:
@@ -127,7 +134,7 @@ def test_what_reruns_do_not_repeat_is_not_claimed(hand: Hand) -> None:
     small = claimed[2].joints[0].search.not_claimable
     assert "backlash" in [item.effect.name for item in small]
     assert all(improvement.taken < improvement.floor for improvement in small)
-    with pytest.raises(ValueError, match="no re-run"):
+    with pytest.raises(ValueError, match="not a re-run"):
         diagnose([signals], nominal, tolerance=0.05, seed=0, reruns=[record(hand, np.random.default_rng(27), 30.0)])
 
 
