@@ -61,7 +61,7 @@ def _copy(source, target):  # type: ignore[no-untyped-def]
 
 
 # Global names of the loops below, given by `specialise` for a set of effects.
-meets_others = False
+meets_others = prepares = remembers = reads_pressure = reads_angle = False
 hook_prepare: Any = None
 hook_pressure_reading: Any = None
 hook_angle_reading: Any = None
@@ -80,8 +80,9 @@ def _loop(key: str) -> Callable[..., Any]:
         w = carray(stack_doubles(_SIZE), (WORK, LANES))
         _copy(work, w)
         dt = steps * h
-        for i in range(LANES):
-            hook_prepare(w, i, h)
+        if prepares:
+            for i in range(LANES):
+                hook_prepare(w, i, h)
         for k in range(commands.shape[0]):
             head = (head + 1) % HISTORY
             for i in range(LANES):
@@ -106,11 +107,12 @@ def _loop(key: str) -> Callable[..., Any]:
                 else:
                     fluids(w, n, clock, h)
                 motions(w, clock, h)
-                memories(w, h)
+                if remembers:
+                    memories(w, h)
                 clock += h
             for i in range(LANES):
-                out[k, P, i] = hook_pressure_reading(w, i, w[X + P, i])
-                out[k, PHI, i] = hook_angle_reading(w, i, w[X + PHI, i])
+                out[k, P, i] = hook_pressure_reading(w, i, w[X + P, i]) if reads_pressure else w[X + P, i]
+                out[k, PHI, i] = hook_angle_reading(w, i, w[X + PHI, i]) if reads_angle else w[X + PHI, i]
                 out[k, OMEGA, i] = w[X + OMEGA, i]
                 out[k, CREEP, i] = w[X + CREEP, i]
         _copy(w, work)
@@ -124,7 +126,7 @@ def _stages(hooks: Hooks, meets_others: bool) -> dict[str, Any]:
     steps = assemble(hooks)
     pressure, split_pressure, creep = steps.pressure, steps.split_pressure, steps.creep
     pair, move, remember = steps.pair, steps.move, steps.remember
-    hook_actuator = hooks.actuator_pressure
+    hook_actuator, lags = hooks.actuator_pressure, hooks.uses("actuator_pressure")
 
     @inline
     def around(w, i, clock, h):  # type: ignore[no-untyped-def]
@@ -139,7 +141,7 @@ def _stages(hooks: Hooks, meets_others: bool) -> dict[str, Any]:
         if meets_others:
             w[RISE, i] = (after - w[X + P, i]) / h
         w[X + P, i] = after
-        p = hook_actuator(w, i, mean, h)
+        p = hook_actuator(w, i, mean, h) if lags else mean
         before = w[X + CREEP, i]
         creeping = creep(w, i, p, h)
         w[ACTUATOR, i], w[MEAN_CREEP, i], w[X + CREEP, i] = p, 0.5 * (before + creeping), creeping
@@ -207,6 +209,10 @@ def loops(effects: tuple[Effect, ...]) -> Loops:
     names = {
         **_stages(hooks, meets_others),
         "meets_others": meets_others,
+        "prepares": hooks.uses("prepare"),
+        "remembers": hooks.uses("moved") or hooks.uses("angle_sensor"),
+        "reads_pressure": hooks.uses("pressure_reading"),
+        "reads_angle": hooks.uses("angle_reading"),
         "hook_prepare": hooks.prepare,
         "hook_pressure_reading": hooks.pressure_reading,
         "hook_angle_reading": hooks.angle_reading,

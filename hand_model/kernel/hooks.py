@@ -69,10 +69,9 @@ class Hooks(NamedTuple):
     valve: Any
     """(w, i, p, u, e, h) -> p [Pa] after h; changes memory."""
 
-    @property
-    def rubs(self) -> bool:
-        """Whether any effect adds dry friction."""
-        return self.dry is not _zero
+    def uses(self, hook: str) -> bool:
+        """Whether any effect of the set has this hook. A loop leaves out unused hooks, which saves compile time."""
+        return getattr(self, hook) is not _unused(hook)
 
 
 _SIGNAL = {

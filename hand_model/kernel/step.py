@@ -126,14 +126,14 @@ def _soft(x, threshold):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _turned(before, free, after, mass, rub):  # type: ignore[no-untyped-def]
+def _turned(before, free, after, per_mass, rub):  # type: ignore[no-untyped-def]
     """Impulse [N m s] that friction gives less of, where a joint turns within a step.
 
     Until it stands still, friction acts against the speed before the step, and only then against the one after it.
-    free: speed after the step without friction.
+    free: speed after the step without friction.  per_mass: 1 / mass [1/(kg m^2)].
     """
     against = rub if before > 0.0 else -rub
-    braking = free - before - against / mass
+    braking = free - before - against * per_mass
     turns = before * after < 0.0
     share = min(max(-before / (braking if turns else 1.0), 0.0), 1.0)
     return -2.0 * share * against if turns else 0.0
@@ -147,23 +147,23 @@ def rub_pair(a_0, b_0, a, b, m_a, m_b, m_ab, rub_a, rub_b):  # type: ignore[no-u
     the step [kg m^2].  rub_a, rub_b: largest impulses of friction [N m s]. A joint sticks where an impulse within its
     bounds stops it, else the whole impulse acts against its motion; the four cases are solved exactly.
     """
+    per_a, per_b, per = 1.0 / m_a, 1.0 / m_b, 1.0 / (m_a * m_b - m_ab * m_ab)
     y_a, y_b = m_a * a + m_ab * b, m_ab * a + m_b * b
-    alone_b = _soft(y_b, rub_b) / m_b
+    alone_b = _soft(y_b, rub_b) * per_b
     push = y_a - m_ab * alone_b
     left_a = y_a - (rub_a if push > 0.0 else -rub_a)
-    alone_a = left_a / m_a
+    alone_a = left_a * per_a
     pull = y_b - m_ab * alone_a
     left_b = y_b - (rub_b if pull > 0.0 else -rub_b)
-    per = 1.0 / (m_a * m_b - m_ab * m_ab)
     both_a, both_b = (m_b * left_a - m_ab * left_b) * per, (m_a * left_b - m_ab * left_a) * per
     b_sticks = abs(pull) <= rub_b
     a_sticks = abs(push) <= rub_a
     slow_a = 0.0 if a_sticks else (alone_a if b_sticks else both_a)
     slow_b = alone_b if a_sticks else (0.0 if b_sticks else both_b)
-    more_a, more_b = _turned(a_0, a, slow_a, m_a, rub_a), _turned(b_0, b, slow_b, m_b, rub_b)
+    more_a, more_b = _turned(a_0, a, slow_a, per_a, rub_a), _turned(b_0, b, slow_b, per_b, rub_b)
     together = slow_a * slow_b != 0.0
-    turned_a = (m_b * more_a - m_ab * more_b) * per if together else more_a / m_a
-    turned_b = (m_a * more_b - m_ab * more_a) * per if together else more_b / m_b
+    turned_a = (m_b * more_a - m_ab * more_b) * per if together else more_a * per_a
+    turned_b = (m_a * more_b - m_ab * more_a) * per if together else more_b * per_b
     return slow_a + turned_a, slow_b + turned_b
 
 
@@ -172,7 +172,9 @@ def assemble(hooks: Hooks) -> Steps:
     equations = terms(hooks)
     valve_rate, creep_rate, joint_torque = equations.valve_rate, equations.creep_rate, equations.joint_torque
     hook_set_point, hook_dry, hook_moved = hooks.set_point, hooks.dry, hooks.moved
-    rubs = hooks.rubs
+    shapes, replaced, rubs, moves, senses = (
+        hooks.uses(hook) for hook in ("set_point", "valve", "dry", "moved", "angle_sensor")
+    )
     hook_sensor, hook_replaced, hook_valve = hooks.angle_sensor, hooks.valve_replaced, hooks.valve
 
     @inline
@@ -185,9 +187,11 @@ def assemble(hooks: Hooks) -> Steps:
     def pressure(w, i, n, e, h):  # type: ignore[no-untyped-def]
         """The valve's pressure [Pa] after the n-th step of a sample, and its mean over the step."""
         p = w[X + P, i]
-        u = _within_supply(w, i, w[AFTER, i] if _arrived(w, i, n) > 0.0 else w[BEFORE, i])
-        linear = filled(w, i, p, hook_set_point(w, i, u, p, e, h), e, h)
-        after = hook_valve(w, i, p, u, e, h) if hook_replaced(w, i) else linear
+        u_0, u_1 = w[BEFORE, i], w[AFTER, i]  # both are read: a conditional read would not be vectorised
+        u = _within_supply(w, i, u_1 if _arrived(w, i, n) > 0.0 else u_0)
+        after = filled(w, i, p, hook_set_point(w, i, u, p, e, h) if shapes else u, e, h)
+        if replaced:
+            after = hook_valve(w, i, p, u, e, h) if hook_replaced(w, i) else after
         return after, 0.5 * (p + after)
 
     @inline
@@ -196,13 +200,14 @@ def assemble(hooks: Hooks) -> Steps:
         p, share = w[X + P, i], _arrived(w, i, n)
         u_0, u_1 = _within_supply(w, i, w[BEFORE, i]), _within_supply(w, i, w[AFTER, i])
         u = u_1 if share >= 1.0 else u_0 + share * (u_1 - u_0)
-        shaped = hook_set_point(w, i, u, p, e, h)
+        shaped = hook_set_point(w, i, u, p, e, h) if shapes else u
         middle = filled(w, i, p, shaped + (u_0 - u) if share < 1.0 else shaped, e, (1.0 - share) * h)
         linear = filled(w, i, middle, shaped + (u_1 - u) if share > 0.0 else shaped, e, share * h)
         mean = 0.5 * ((1.0 - share) * (p + middle) + share * (middle + linear))
-        if hook_replaced(w, i):
-            after = hook_valve(w, i, p, u, e, h)
-            return after, 0.5 * (p + after)
+        if replaced:
+            switched = hook_valve(w, i, p, u, e, h)
+            if hook_replaced(w, i):
+                return switched, 0.5 * (p + switched)
         return linear, mean
 
     @inline
@@ -219,15 +224,18 @@ def assemble(hooks: Hooks) -> Steps:
         torque, stiffness, damping, stop_damping = joint_torque(w, i, phi, ahead, omega, speed, p, creeping, e)
         rate = h * stop_damping
         mass = w[_J, i] + 0.5 * (h * damping + rate) + 0.25 * h * h * stiffness + rate * rate * w[PER_12_INERTIA, i]
-        return h * torque, mass, h * hook_dry(w, i, speed, p), omega
+        return h * torque, mass, h * hook_dry(w, i, speed, p) if rubs else 0.0, omega
 
     @inline
     def single(w, i, outside, e, h):  # type: ignore[no-untyped-def]
         """Speed of lane i alone after h [s]; outside: torque of what is not in its equations [N m]."""
         impulse, mass, rub, omega = _pushed(w, i, e, h)
         free = omega + (impulse + h * outside) / mass
-        slow = _soft(free, rub / mass)
-        return slow + _turned(omega, free, slow, mass, rub) / mass
+        if not rubs:
+            return free
+        per_mass = 1.0 / mass
+        slow = _soft(free, rub * per_mass)
+        return slow + _turned(omega, free, slow, per_mass, rub) * per_mass
 
     @inline
     def pair(w, i, j, e_i, e_j, h):  # type: ignore[no-untyped-def]
@@ -254,7 +262,9 @@ def assemble(hooks: Hooks) -> Steps:
     @inline
     def remember(w, i, h):  # type: ignore[no-untyped-def]
         """Let the effects keep the motion of this step in their memory."""
-        hook_moved(w, i, w[PHI_BEFORE, i], w[X + PHI, i], h)
-        hook_sensor(w, i, w[X + PHI, i], h)
+        if moves:
+            hook_moved(w, i, w[PHI_BEFORE, i], w[X + PHI, i], h)
+        if senses:
+            hook_sensor(w, i, w[X + PHI, i], h)
 
     return Steps(pressure, split_pressure, creep, single, pair, move, remember)

@@ -101,12 +101,14 @@ def terms(hooks: Hooks) -> Terms:
     """The equations with the hooks of a set of effects (hooks.compose)."""
     hook_error, hook_rate = hooks.valve_error, hooks.pressure_rate
     hook_torque, hook_damping = hooks.torque, hooks.damping
+    bends, changes, pushes, damps = (hooks.uses(hook) for hook in ("valve_error", "pressure_rate", "torque", "damping"))
 
     @inline
     def valve_rate(w, i, p, u, e):  # type: ignore[no-untyped-def]
         """Pressure rate [Pa/s] at p [Pa] under the set-point u [Pa]."""
-        rate = limited_rate(hook_error(w, i, u - p), w[PER_TAU, i], w[_VENT, i], w[_FILL, i])
-        return hook_rate(w, i, rate, p, u, e)
+        error = hook_error(w, i, u - p) if bends else u - p
+        rate = limited_rate(error, w[PER_TAU, i], w[_VENT, i], w[_FILL, i])
+        return hook_rate(w, i, rate, p, u, e) if changes else rate
 
     @inline
     def creeping(w, i, p, creep):  # type: ignore[no-untyped-def]
@@ -122,12 +124,15 @@ def terms(hooks: Hooks) -> Terms:
         to `ahead` by its stiffness.  omega: speed at the start.  speed: predicted for the middle of the step, for
         terms that are not linear in it. Dry friction and the partner's inertia are not included.
         """
-        added, added_stiffness = hook_torque(w, i, phi, speed, p, creep * w[_PHI_MAX, i], e)
         stops, stop_stiffness, stop_damping = _stops(w, i, ahead, omega)
-        viscous = w[_D, i] + hook_damping(w, i, speed)
+        viscous = w[_D, i] + hook_damping(w, i, speed) if damps else w[_D, i]
         total = actuator_torque(w, i, p, ahead, creep) - w[_LOAD, i] - viscous * omega + stops
-        stiffness = stop_stiffness - w[_A1, i] - w[_A3, i] * p + added_stiffness
-        return total + (added - added_stiffness * (ahead - phi)), max(stiffness, 0.0), viscous, stop_damping
+        stiffness = stop_stiffness - w[_A1, i] - w[_A3, i] * p
+        if pushes:
+            added, added_stiffness = hook_torque(w, i, phi, speed, p, creep * w[_PHI_MAX, i], e)
+            total += added - added_stiffness * (ahead - phi)
+            stiffness += added_stiffness
+        return total, max(stiffness, 0.0), viscous, stop_damping
 
     @inline
     def free_torque(w, i, phi, omega, p, creep, e):  # type: ignore[no-untyped-def]
