@@ -1,16 +1,26 @@
 """Compile the loops that most programs start with, so that no node compiles at its first start.
 
-    python -m hand_model.kernel
-
 Numba keeps them on disk next to the source, or in the user's cache where that folder is read-only. A change of any
-equation makes them void, and the next start compiles anew.
+equation makes them void, and the next start compiles them again.
 """
 
 from __future__ import annotations
 
+import argparse
+
 from hand_model.kernel.closed_loop import loops
 from hand_model.kernel.open_loop import OPEN_EFFECTS, compile_loop
 
-if __name__ == "__main__":
+
+def main() -> None:
+    """Compile the plain plant's closed loop and the open loop of the fits."""
+    argparse.ArgumentParser(
+        prog="python -m hand_model.kernel",
+        description="Compile the common loops of the kernel into the cache. Example: python -m hand_model.kernel",
+    ).parse_args()
     loops(())
     compile_loop(OPEN_EFFECTS)
+
+
+if __name__ == "__main__":
+    main()

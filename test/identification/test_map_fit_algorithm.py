@@ -75,7 +75,7 @@ class Curve:
         return total
 
     def weighted(self, free: Sequence[FreeParameter], z: Array) -> Array:
-        """Weighted residuals of the training blocks, then the prior's, written anew."""
+        """Weighted residuals of the training blocks, then the prior's, computed independently."""
         columns = np.array([[parameter.value(z[i : i + 1])[0] for i, parameter in enumerate(free)]])
         parts = []
         for part, residual in zip(self.segments, self.residuals(columns, np.zeros(1)), strict=True):
@@ -169,6 +169,8 @@ def test_coordinates_stay_within_eight_deviations() -> None:
     low, high = module._bounds((OFFSET, from_zero, FreeParameter(2, 0.0, 0.5, False, -1.0, 2.0)))
     np.testing.assert_allclose(low, [-8.0, -8.0, -2.0])
     np.testing.assert_allclose(high, [8.0, 8.0, 4.0])
+    small = FreeParameter(1, 1.0, 0.5, True, 0.5, 1e9)
+    assert module._bounds((small,))[0][0] == pytest.approx(np.log(0.5) / 0.5, rel=1e-12)
     curve = problem(decay, (0.3, 1.6, 2.2))
     map_fit(joint(curve), FREE, np.array([50.0, -50.0, 50.0]), 1)
     np.testing.assert_array_equal(curve.calls[0], [[8.0, -8.0, np.log(50.0) / 0.5]])
@@ -185,6 +187,11 @@ def test_an_unusable_start_moves_towards_the_prior() -> None:
     tried = [float(z[0, 0]) for z in curve.calls if len(z) == 1]
     assert tried == pytest.approx([4.0, 3.6, 2.8, 2.0, 1.2], rel=1e-12)
     assert np.isinf(costs_at(joint(curve), FREE, np.array([[2.0, 0.0, 0.0]]))[0])
+    for limit, last in ((0.3, 0.4), (0.05, 0.0)):
+        curve.model = lambda values, t, limit=limit: decay(values, t) + (np.nan if values[0] > limit else 0.0)
+        curve.calls.clear()
+        map_fit(joint(curve), FREE, np.array([4.0, 0.0, 0.0]), 1)
+        assert [float(z[0, 0]) for z in curve.calls if len(z) == 1][-1] == pytest.approx(last, rel=1e-12)
 
 
 def test_slopes_at_an_upper_bound_look_back() -> None:
@@ -211,6 +218,20 @@ def test_steps_are_limited_and_damped() -> None:
         step = np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), -gradient)
         step *= min(1.0, longest / np.abs(step).max())
         np.testing.assert_allclose(trial - z, step, rtol=1e-12)
+    for slope in (np.array([-1.5, 0.4]), np.array([-9.0, 2.5])):  # short enough for all, and for the bold steps
+        normal = np.array([[3.0, 0.8], [0.8, 1.2]])
+        hessian = normal + np.eye(2)
+        trials = module._trial_steps(z, normal, slope, wide)
+        for trial, (damping, longest) in zip(trials, limits, strict=True):
+            step = np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), -(slope + z))
+            step *= min(1.0, longest / np.abs(step).max())
+            np.testing.assert_allclose(trial - z, step, rtol=1e-12)
+    bounds = np.array([0.3, -0.3]), np.array([0.9, 0.1])
+    for push, reached in ((50.0, bounds[0]), (-50.0, bounds[1])):
+        trials = module._trial_steps(z, np.diag([3.0, 0.0]), np.full(2, push), bounds)
+        np.testing.assert_allclose(trials[0], reached, rtol=1e-12)
+        assert np.all((trials >= bounds[0] - 1e-12) & (trials <= bounds[1] + 1e-12))
+    normal, hessian = np.diag([3.0, 0.0]), np.diag([4.0, 1.0])
     short = module._trial_steps(np.zeros(2), normal, np.array([0.1, 0.1]), wide)
     np.testing.assert_allclose(short[0], -np.linalg.solve(hessian, [0.1, 0.1]), rtol=1e-12)
     np.testing.assert_array_equal(module._trial_steps(np.zeros(2), normal, np.zeros(2), wide), 0.0)
@@ -243,7 +264,9 @@ def test_the_fit_stops_where_little_is_gained() -> None:
     assert map_fit(joint(curve), FREE, np.zeros(3), 40, 1e9).iterations == 1
     near = map_fit(joint(curve), FREE, exact.z, 40, 0.0)  # a ten-thousandth of the cost is too little as well
     assert near.iterations == 1
-    usual = map_fit(joint(curve), FREE, np.zeros(3))
+    stated, usual = map_fit(joint(curve), FREE, np.zeros(3), 12, 0.02), map_fit(joint(curve), FREE, np.zeros(3))
+    assert usual.iterations == stated.iterations < map_fit(joint(curve), FREE, np.zeros(3), 12, 0.0).iterations + 1
+    np.testing.assert_array_equal(usual.z, stated.z)
     assert usual.cost < exact.cost + 0.05
     assert usual.iterations <= 12
 
@@ -265,6 +288,19 @@ def test_several_starts_leave_a_local_minimum() -> None:
     assert found.z == pytest.approx(best.x, abs=0.01)
     again = multi_start(joint(curve), frequency, starts[::-1])
     assert again.cost == found.cost
+
+
+def test_starts_are_tried_briefly_and_two_are_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Broken by other numbers of iterations, or by more or fewer starts that are fitted to the end."""
+    curve, asked = problem(decay, (0.3, 1.6, 2.2)), []
+
+    def noted(problem: JointProblem, free: Sequence[FreeParameter], start: Array, iterations: int) -> Any:
+        asked.append((iterations, float(start[0])))
+        return map_fit(problem, free, start, iterations)
+
+    monkeypatch.setattr(module, "map_fit", noted)
+    multi_start(joint(curve), FREE, [np.full(3, z) for z in (-3.0, 0.3, 3.0)])
+    assert [iterations for iterations, _ in asked] == [4, 4, 4, 25, 25]
 
 
 def test_what_a_fit_tells_of_its_parameters() -> None:

@@ -17,6 +17,7 @@ from hand_model.effects.effect import EXOGENOUS
 from hand_model.kernel import layout as rows
 from hand_model.kernel import step as steps
 from hand_model.kernel.hooks import compose
+from hand_model.kernel.inline import inline
 from hand_model.kernel.layout import CREEP, OMEGA, PHI, P, X, prepare_rows
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_model.kernel.terms import one_sided, terms
@@ -133,6 +134,17 @@ def test_effects_torque_is_carried_to_the_predicted_angle() -> None:
     found, stiffness, _, _ = bent.joint_torque(w, 0, phi, ahead, 0.0, 0.0, 0.0, 0.0, E)
     assert found - plain == pytest.approx(-0.05 * (phi**2 + 2 * phi * (ahead - phi)), rel=1e-9)
     assert stiffness == pytest.approx(-value(w, "statics.a1_nm_per_rad") + 2 * 0.05 * phi, rel=1e-9)
+
+
+def test_effects_of_the_material_follow_its_creep() -> None:
+    """Broken by an effect that acts on the whole angle: an aged elasticity pulls towards the crept rest angle."""
+    w = working_array(ageing__stiffness_per_h=0.5)
+    aged, e = terms(compose((EFFECTS["ageing"],))), (2.0, *E[1:])
+    added = 0.5 * 2.0 * value(w, "statics.a1_nm_per_rad") * (0.8 - 0.3 * value(w, "material.phi_max_deg"))
+    plain = EQUATIONS.joint_torque(w, 0, 0.8, 0.8, 0.0, 0.0, 0.0, 0.3, e)[0]
+    assert aged.joint_torque(w, 0, 0.8, 0.8, 0.0, 0.0, 0.0, 0.3, e)[0] - plain == pytest.approx(added, rel=1e-9)
+    plain = EQUATIONS.free_torque(w, 0, 0.8, 0.0, 0.0, 0.3, e)
+    assert aged.free_torque(w, 0, 0.8, 0.0, 0.0, 0.3, e) - plain == pytest.approx(added, rel=1e-9)
 
 
 def test_damping_of_effects_adds_up() -> None:
@@ -254,6 +266,28 @@ def test_a_split_step_is_exact() -> None:
     assert mean == pytest.approx(expected, rel=1e-12)
     for n in (0, 1, 3, 9):  # before and after, it is an ordinary step
         assert STEP.split_pressure(w, 0, n, E, H) == pytest.approx(STEP.pressure(w, 0, n, E, H), rel=1e-12)
+
+
+@inline
+def noted(w: Any, i: int, u: float, p: float, e: Any, h: float) -> float:
+    """A hook that keeps the set-point that it gets and passes on 2e4 Pa less."""
+    w[rows.RISE, i] = u
+    return u - 2e4
+
+
+def test_effects_get_the_mean_set_point_of_a_split_step() -> None:
+    """Broken by an effect on the set-point that gets another value than the mean, or whose change of it is lost."""
+    w = working_array()
+    tau = value(w, "valve.time_constant_s")
+    noting = steps.assemble(PLAIN._replace(set_point=noted))
+    w[X + P, 0] = 2.5e5
+    steps.deliver(w, 0, 2e5, 3e5, 0.27, 10)
+    after, _ = noting.split_pressure(w, 0, 2, E, H)
+    assert w[rows.RISE, 0] == pytest.approx(2e5 + 0.3 * 1e5, rel=1e-12)
+    assert after == pytest.approx(relaxed(relaxed(2.5e5, 1.8e5, 0.7 * H, tau), 2.8e5, 0.3 * H, tau), rel=1e-9)
+    after, _ = noting.pressure(w, 0, 5, E, H)
+    assert w[rows.RISE, 0] == 3e5
+    assert after == pytest.approx(relaxed(2.5e5, 2.8e5, H, tau), rel=1e-9)
 
 
 def test_a_switching_valve_takes_the_place_of_the_linear_one() -> None:
