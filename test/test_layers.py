@@ -130,3 +130,17 @@ def test_no_relative_imports() -> None:
     for package in [*PACKAGES, "validation"]:
         for path in modules(package):
             assert "relative import" not in imports(path), path
+
+
+def test_tests_share_helpers_in_modules_of_their_own() -> None:
+    """Fails when a test imports a conftest or another test's module, or a bench outside the test of the benches."""
+    for path in sorted((ROOT / "test").glob("**/*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.ImportFrom) or not node.module:
+                continue
+            names = {node.module.split(".")[-1], *(alias.name for alias in node.names)}
+            if node.module.split(".")[0] == "test":
+                assert "conftest" not in names, f"{path.relative_to(ROOT)} imports {node.module}"
+                assert not any(name.startswith("test_") for name in names), f"{path.relative_to(ROOT)}: {node.module}"
+            if node.module.startswith("validation.bench"):
+                assert path.parent.name == "validation", f"{path.relative_to(ROOT)} imports {node.module}"

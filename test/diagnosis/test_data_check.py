@@ -16,8 +16,7 @@ from hand_recording.hand_signals import hand_signals
 from hand_recording.loader import load_recording
 from hand_recording.replay import record_offline
 from hand_recording.signals import Signals
-from test.diagnosis.conftest import changed, record
-from test.diagnosis.test_diagnose_command import hand_tool
+from test.diagnosis.recordings import changed, hand_tool, record
 
 JOINT = 4
 

@@ -14,7 +14,7 @@ from hand_model.description import Hand
 from hand_model.effects import CATALOGUE
 from hand_model.kernel.rows import ROW
 from hand_recording.signals import Signals
-from test.diagnosis.conftest import ANGLE_NOISE_RAD, changed, off_by_a_little, record
+from test.diagnosis.recordings import ANGLE_NOISE_RAD, changed, off_by_a_little, record
 
 JOINT = "index_distal"
 DEGREE = np.pi / 180.0

@@ -11,7 +11,6 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
 
 from hand_diagnosis.diagnose import Diagnosis
 from hand_diagnosis.findings import Finding
@@ -22,14 +21,9 @@ from hand_model.effects import CATALOGUE
 from hand_model.kernel.rows import ROW
 from hand_recording.loader import load_recording
 from hand_recording.replay import record_offline
-from hand_tool.cli import app
-from test.diagnosis.conftest import CONFIG, changed, excitation
+from test.diagnosis.recordings import CONFIG, changed, excitation, hand_tool
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-
-
-def hand_tool(*arguments: str) -> Result:
-    return CliRunner().invoke(app, list(arguments))
 
 
 @pytest.fixture(scope="module")

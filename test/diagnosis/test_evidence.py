@@ -15,7 +15,7 @@ from hand_identification.map_fit import MapFit, map_fit
 from hand_model.description import Hand
 from hand_model.effects import EFFECTS
 from hand_model.kernel.rows import ROW
-from test.diagnosis.conftest import changed, record
+from test.diagnosis.recordings import changed, record
 
 JOINT = "index_distal"
 

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from hand_model.description import load_hand
 from hand_recording.replay import record_offline
 from hand_tool.cli import app
-from test.diagnosis.conftest import CONFIG, changed, excitation
+from test.diagnosis.recordings import CONFIG, changed, excitation
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from hand_model.description import Hand
 from hand_model.effects import EFFECTS
 from hand_model.quantities import HAND
 from hand_tool.cli import app
-from test.diagnosis.conftest import changed, off_by_a_little, record
+from test.diagnosis.recordings import changed, off_by_a_little, record
 
 CYLINDER = """
 schema: 1

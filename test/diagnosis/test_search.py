@@ -11,16 +11,16 @@ from hand_diagnosis.task import Task
 from hand_identification.map_fit import map_fit
 from hand_model.description import Hand
 from hand_recording.signals import Signals
-from test.diagnosis import conftest
-from test.diagnosis.conftest import changed, off_by_a_little, record
+from test.diagnosis import recordings
+from test.diagnosis.recordings import changed, off_by_a_little, record
 
 JOINT = "index_distal"
 
 
 def test_the_last_fit_goes_below_the_practical_floor(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> None:
     """Fails when priors keep structure that the numbers could explain, or when that reduces the standard errors."""
-    monkeypatch.setattr(conftest, "ANGLE_NOISE_RAD", np.radians(0.003))
-    monkeypatch.setattr(conftest, "PRESSURE_NOISE_PA", 20.0)
+    monkeypatch.setattr(recordings, "ANGLE_NOISE_RAD", np.radians(0.003))
+    monkeypatch.setattr(recordings, "PRESSURE_NOISE_PA", 20.0)
     rng = np.random.default_rng(90)
     nominal = off_by_a_little(hand, rng, 0.06)
     ready = Task([record(hand, rng, 16.0)], nominal, [JOINT], [], 0.05, 0, {}).prepare(JOINT)
@@ -39,7 +39,7 @@ def test_a_better_valve_drives_the_joint_better(hand: Hand, monkeypatch: pytest.
     """Fails when the pressure that drives a joint keeps what a nominal valve made of it, once the valve is known."""
     leaking = changed(hand, JOINT, leak__rate_per_s=0.5, leak__turbulent=1.0)
     signals = record(leaking, np.random.default_rng(91))
-    monkeypatch.setattr(conftest, "PRESSURE_NOISE_PA", 0.0)
+    monkeypatch.setattr(recordings, "PRESSURE_NOISE_PA", 0.0)
     truth = record(leaking, np.random.default_rng(91)).pressure_pa[:, hand.joints.index(JOINT)]
     first = Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem.segments[0].driving_pa
     result = diagnose([signals], hand, tolerance=0.05, seed=0, joints=[JOINT], sensor_curve=False)
