@@ -48,7 +48,12 @@ def running(
     """
     state = interrupts.begin(interrupts.Outputs(f"hand {name}", outputs))
     try:
-        yield state
+        try:
+            yield state
+        except Exception as error:
+            if interrupts.was_raised():
+                raise interrupts.Interrupted from error
+            raise
     except ModuleNotFoundError as error:
         fail(name, _missing(error), 2)
     except OSError as error:

@@ -23,6 +23,7 @@ _QUIET_TRACKER = "ignore:resource_tracker:UserWarning"
 _installed = threading.Event()
 _released = threading.Event()
 _ending = threading.Event()
+_raised = threading.Event()
 
 
 class Interrupted(BaseException):
@@ -93,7 +94,13 @@ def release() -> None:
 
 
 def _raise(*_: object) -> None:
+    _raised.set()
     raise Interrupted
+
+
+def was_raised() -> bool:
+    """Whether Interrupted was raised. Compiled library code may turn it into an error of its own."""
+    return _raised.is_set()
 
 
 def before_workers() -> None:
