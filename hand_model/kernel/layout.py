@@ -5,22 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from hand_model.arrays import Array
-from hand_model.kernel.rows import ROW, STATE_ROW, STATES
+from hand_model.kernel.rows import ROW, STATE_ROW, STATES, WORK_ROWS
 
 P, PHI, OMEGA, CREEP = range(STATES)
 """Rows of a state array: pressure [Pa], angle [rad], speed [rad/s], creeping ratio."""
 X = STATE_ROW
 """First row of the state."""
-_OWN = X + STATES
-ACCELERATION, PHI_BEFORE = range(_OWN, _OWN + 2)
+ACCELERATION, PHI_BEFORE = range(WORK_ROWS, WORK_ROWS + 2)
 """Acceleration of the last step [rad/s^2]; angle before it [rad]."""
-BEFORE, AFTER, ARRIVAL = range(_OWN + 2, _OWN + 5)
+BEFORE, AFTER, ARRIVAL = range(WORK_ROWS + 2, WORK_ROWS + 5)
 """Set-points of a sample [Pa], and the step at which the second one reaches the valve."""
-ACTUATOR, MEAN_CREEP, RISE = range(_OWN + 5, _OWN + 8)
+ACTUATOR, MEAN_CREEP, RISE = range(WORK_ROWS + 5, WORK_ROWS + 8)
 """Pressure at the actuator [Pa] and creeping ratio, mean over the step; rate of the pressure [Pa/s]."""
-INPUT, INFLOW_OF_HAND, NEIGHBOUR_ANGLE = range(_OWN + 8, _OWN + 11)
+INPUT, INFLOW_OF_HAND, NEIGHBOUR_ANGLE = range(WORK_ROWS + 8, WORK_ROWS + 11)
 """Measured input pressure [Pa]; what a joint meets of others: inflow of the hand [Pa/s], a neighbour's angle [rad]."""
-PER_TAU, PER_STOP, PER_CONTACT, PER_12_INERTIA, EXTENSION, RECOVERY = range(_OWN + 11, _OWN + 17)
+PER_TAU, PER_STOP, PER_CONTACT, PER_12_INERTIA, EXTENSION, RECOVERY = range(WORK_ROWS + 11, WORK_ROWS + 17)
 """Prepared constants of the plain plant: reciprocals [1/s, 1/rad, 1/(kg m^2)] and rates of creep [1/s],
 see `prepare_rows`."""
 WORK = RECOVERY + 1
