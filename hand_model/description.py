@@ -9,6 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_model.arrays import Array
+from hand_model.description_checks import (
+    MAX_RATE_HZ,
+    MIN_RATE_HZ,
+    check_limits,
+    check_motion,
+    check_rates,
+    check_stops,
+)
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STEP_S
 from hand_model.sensor_description import SensorSet, read_adc, read_names, read_sensors
 from hand_model.yaml_reader import DescriptionError, Section, read_yaml
@@ -118,6 +126,9 @@ def load_hand(path: str | Path) -> Hand:
     for index, joint in enumerate(joints):
         _check_coupling(index, joints, partner, parameters)
         _check_speed(joint, parameters[:, index], parameters[:, partner[index]] if partner[index] >= 0 else None)
+        check_motion(joint.section("dynamics", _GROUPS["dynamics"]), parameters[:, index])
+    rate_hz, watchdog_s = board.number("rate_hz", MIN_RATE_HZ, MAX_RATE_HZ), board.number("watchdog_s", 0.005, 1.0)
+    check_rates(board, rate_hz, watchdog_s)
     return Hand(
         path=path,
         name=top.name("name"),
@@ -126,10 +137,10 @@ def load_hand(path: str | Path) -> Hand:
         parameters=parameters,
         partner=partner,
         limits=_limits([joint.section("limits", _LIMITS) for joint in joints], parameters, supply_pressure_pa),
-        rate_hz=board.number("rate_hz", 1.0, 2000.0),
-        watchdog_s=board.number("watchdog_s", 0.005, 1.0),
+        rate_hz=rate_hz,
+        watchdog_s=watchdog_s,
         supply_pressure_pa=supply_pressure_pa,
-        sensors=read_sensors(top, joints, names, prefix, read_adc(board, supply)),
+        sensors=read_sensors(top, joints, names, prefix, read_adc(board, supply), supply_pressure_pa),
     )
 
 
@@ -169,10 +180,12 @@ def _limits(sections: list[Section], parameters: Array, supply_pressure_pa: floa
     """What a command may ask, checked against the statics: pressure must flex the joint at every angle allowed."""
     rows = []
     a2, a3 = parameters[ROW["statics.a2_nm_per_pa"]], parameters[ROW["statics.a3_nm_per_pa_rad"]]
-    for section, slope, change in zip(sections, a2, a3, strict=True):
+    for section, slope, change, values in zip(sections, a2, a3, parameters.T, strict=True):
         low, high = section.number("low_deg", -180.0, 180.0), section.number("high_deg", -180.0, 360.0)
         if low >= high:
             raise section.error("low_deg", f"is {low:g}; it must be below high_deg, which is {high:g}")
+        check_limits(section, low, high)
+        check_stops(section, low, high, values)
         for key, angle in (("low_deg", low), ("high_deg", high)):
             if slope + change * np.radians(angle) <= 0.0:
                 bound = np.degrees(-slope / change)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_model.arrays import Array
+from hand_model.description_checks import check_span
 from hand_model.sensors import Adc, AngleLine, ForcePolynomial, ForceSensors, HallSensors, PressureSensors
 from hand_model.yaml_reader import Section
 
@@ -52,9 +53,12 @@ def read_adc(board: Section, supply: Section) -> tuple[Adc, float]:
 
 
 def read_sensors(
-    top: Section, joints: list[Section], names: list[str], prefix: str, adc: tuple[Adc, float]
+    top: Section, joints: list[Section], names: list[str], prefix: str, adc: tuple[Adc, float], supply_pa: float
 ) -> SensorSet:
-    """Read the sensors of all joints and the force sites; channels must be 0 ... n - 1, each once."""
+    """Read the sensors of all joints and the force sites; channels must be 0 ... n - 1, each once.
+
+    supply_pa: pressure of the supply [Pa gauge], which the pressure sensors must be able to read.
+    """
     hall = [joint.section("angle_sensor", _HALL) for joint in joints]
     pressure = [joint.section("pressure_sensor", _PRESSURE) for joint in joints]
     defaults = top.section("force_site_defaults", _SITE, required=False)
@@ -73,6 +77,9 @@ def read_sensors(
         1.0 / _column(pressure, "span_pa", 1e4, 1e8),
         _column(pressure, "noise_v", 0.0, 0.5, 0.0),
     )
+    full_ratio = min(1.0, adc[0].reference_v / adc[1])
+    for section, zero, per_pa in zip(pressure, pressures.ratio_at_zero, pressures.ratio_per_pa, strict=True):
+        check_span(section, float(zero), 1.0 / float(per_pa), full_ratio, supply_pa)
     forces = ForceSensors(
         _column(sites, "c0", 1.0, 9.0),
         _column(sites, "c1", 0.1, 5.0),

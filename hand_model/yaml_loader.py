@@ -13,11 +13,28 @@ class DescriptionError(ValueError):
     """A YAML file is not what it should be; the message is one line."""
 
 
+MAX_BYTES = 1_000_000
+"""Largest file that is read; the description of 255 joints with every key of its own has half of it."""
+MAX_NODES = 40_000
+"""Most keys, values and lists of a file; parsing so many takes about 2 s."""
+
+
 class _Loader(yaml.SafeLoader):
-    """Safe loader with the scalars of YAML 1.2's core schema.
+    """Safe loader with the scalars of YAML 1.2's core schema, for a limited number of nodes.
 
     YAML 1.1, which PyYAML speaks by itself, reads 1e5 as text, 0200 as 128, 3:20 as 200 and yes as true.
     """
+
+    nodes = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """Count the nodes as they are found, so that a file of too many is refused before most of it is parsed."""
+        self.nodes += 1
+        if self.nodes > MAX_NODES:
+            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+            problem = f"more than {MAX_NODES} keys and values; at most so many are allowed"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=mark)
+        return super().compose_node(parent, index)  # type: ignore[no-untyped-call]
 
 
 _Loader.yaml_implicit_resolvers = {}
@@ -54,7 +71,11 @@ _Loader.add_constructor("tag:yaml.org,2002:map", _mapping)
 def load_yaml(path: Path) -> Any:
     """The file's data; DescriptionError, one line, for a missing, empty or broken file."""
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open("rb") as stream:
+            content = stream.read(MAX_BYTES + 1)
+        if len(content) > MAX_BYTES:
+            raise DescriptionError(f"{path}: is larger than {MAX_BYTES} bytes, the largest file that is read")
+        text = content.decode()
     except OSError as error:
         raise DescriptionError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:

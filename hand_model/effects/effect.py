@@ -13,7 +13,8 @@ Equations are pure functions of scalars. They know neither rows nor lanes; kerne
     prepare               q, h                                   the prepared constants, a tuple; once per call
     set_point             q, [m,] u, p, e, h                     u [Pa]; with memory (u, m)
     valve_error           q, error                               set-point minus pressure as the valve reacts to it [Pa]
-    pressure_rate         q, rate, p, u, e                       rate [Pa/s]
+    flow_limit            q, limit, p, fills                     limit [Pa/s] of filling or of venting; once per step
+    pressure_source       q, p, e                                rate [Pa/s] in addition to the valve's; once per step
     pressure_reading      q, p                                   reading [Pa]
     pressure_true         q, reading                             p [Pa]; the inverse of pressure_reading
     actuator_pressure     q, [m,] p, h                           p at the actuator [Pa]; with memory (p, m)
@@ -28,9 +29,10 @@ Equations are pure functions of scalars. They know neither rows nor lanes; kerne
     valve                 q, m, p, u, e, h                       p [Pa] after h, and m; it replaces the linear valve
 
 set_point, actuator_pressure, moved, angle_sensor and valve run once per integration step; force_sensor runs once per
-sample, after which h is the sample period. u lies within 0 and the supply pressure; rate lies within the limits of the
-valve; creep_angle is A phi_max of Eq. 11 [rad]. In the catalogue's order, the result of one effect is the input of the
-next at set_point, valve_error, pressure_rate, the readings and the sensors; torques, damping and dry friction add up.
+sample, after which h is the sample period. u lies within 0 and the supply pressure; fills is true while the valve
+fills; creep_angle is A phi_max of Eq. 11 [rad]. In the catalogue's order, the result of one effect is the input of the
+next at set_point, valve_error, flow_limit, the readings and the sensors; sources, torques, damping and dry friction add
+up. flow_limit and pressure_source get the pressure expected in the middle of the step.
 Everything that divides by a parameter or takes an exponential of parameters alone belongs to `prepare`.
 
 With neutral parameters, and memory as it starts, each equation returns its input unchanged to the last bit, or 0.
@@ -84,7 +86,8 @@ HOOKS: dict[str, tuple[str, ...]] = {
     "prepare": ("h",),
     "set_point": ("u", "p", "e", "h"),
     "valve_error": ("error",),
-    "pressure_rate": ("rate", "p", "u", "e"),
+    "flow_limit": ("limit", "p", "fills"),
+    "pressure_source": ("p", "e"),
     "pressure_reading": ("p",),
     "pressure_true": ("reading",),
     "actuator_pressure": ("p", "h"),
@@ -100,7 +103,7 @@ HOOKS: dict[str, tuple[str, ...]] = {
 }
 """Arguments of every hook after q and m."""
 WITHOUT_MEMORY = frozenset(
-    ("prepare", "valve_error", "pressure_rate", "pressure_reading", "pressure_true", "damping"),
+    ("prepare", "valve_error", "flow_limit", "pressure_source", "pressure_reading", "pressure_true", "damping"),
 )
 """Hooks that never take m."""
 ONLY_WITH_MEMORY = frozenset(("moved", "angle_sensor", "force_sensor", "valve"))

@@ -13,7 +13,7 @@ SMALLEST_M3 = 1e-7
 
 
 @inline
-def pressure_rate(q, rate, p, u, e):  # type: ignore[no-untyped-def]
+def pressure_source(q, p, e):  # type: ignore[no-untyped-def]
     """p_abs V^n is constant but for what the valve feeds; dV/dphi = a2 + a3 phi by virtual work.
 
     V also grows with the pressure, by c_V: p_abs' = -n p_abs (a2 + a3 phi) phi' / (V + n c_V p_abs).
@@ -21,7 +21,7 @@ def pressure_rate(q, rate, p, u, e):  # type: ignore[no-untyped-def]
     exponent, vented, growth, a2, a3 = q
     stiff = exponent * (p + ATMOSPHERE_PA)
     volume = max(_volume(p, e[ANGLE], vented, growth, a2, a3), SMALLEST_M3)
-    return rate - stiff * _leverage(e[ANGLE], a2, a3) * e[SPEED] / (volume + stiff * growth)
+    return -stiff * _leverage(e[ANGLE], a2, a3) * e[SPEED] / (volume + stiff * growth)
 
 
 EFFECT = Effect(
@@ -33,7 +33,7 @@ EFFECT = Effect(
         Parameter("gas_compression.volume_m3_per_pa", 0.0, 1e-9, "growth of the volume with pressure", 1.0, 1.2e-12),
     ),
     reads=("statics.a2_nm_per_pa", "statics.a3_nm_per_pa_rad"),
-    hooks={"pressure_rate": pressure_rate},
+    hooks={"pressure_source": pressure_source},
     keys=("gas_compression.exponent",),
     probes=((1.0,), (0.3,)),
     says="motion compresses the gas (exponent {exponent}): the pressure rises when the joint is pushed open",

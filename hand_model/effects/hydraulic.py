@@ -21,10 +21,10 @@ def prepare(q, h):  # type: ignore[no-untyped-def]
 
 
 @inline
-def pressure_rate(q, rate, p, u, e):  # type: ignore[no-untyped-def]
+def pressure_source(q, p, e):  # type: ignore[no-untyped-def]
     """Only the valve changes the volume c_V p + (a2 + a3 phi / 2) phi: motion changes the pressure at once."""
     a2, a3, per_volume = q[2], q[3], q[4]
-    return rate - per_volume * _leverage(e[ANGLE], a2, a3) * e[SPEED]
+    return -per_volume * _leverage(e[ANGLE], a2, a3) * e[SPEED]
 
 
 EFFECT = Effect(
@@ -36,7 +36,7 @@ EFFECT = Effect(
     ),
     reads=("statics.a2_nm_per_pa", "statics.a3_nm_per_pa_rad"),
     prepared=("pa_per_m3",),
-    hooks={"prepare": prepare, "pressure_rate": pressure_rate},
+    hooks={"prepare": prepare, "pressure_source": pressure_source},
     says="the fluid is a liquid",
     doc="Constant volume of an incompressible fluid in an elastic chamber.",
     source="Eq. 7, Martin et al. 2004, with the volume map tied to Eq. 6 by virtual work",

@@ -12,10 +12,10 @@ BAR_PA = 1e5
 
 
 @inline
-def pressure_rate(q, rate, p, u, e):  # type: ignore[no-untyped-def]
+def pressure_source(q, p, e):  # type: ignore[no-untyped-def]
     """Laminar or turbulent loss. The valve feeds against it, so the pressure stays below its set-point."""
     lost, turbulent = q
-    return rate - lost * ((1.0 - turbulent) * p + turbulent * math.sqrt(BAR_PA * max(p, 0.0)))
+    return -lost * ((1.0 - turbulent) * p + turbulent * math.sqrt(BAR_PA * max(p, 0.0)))
 
 
 EFFECT = Effect(
@@ -25,7 +25,7 @@ EFFECT = Effect(
         Parameter("leak.rate_per_s", 0.0, 50.0, "share of the pressure lost in a second, at 1 bar", 1.0, 0.0, 0.1),
         Parameter("leak.turbulent", 0.0, 1.0, "0 a gap, loss with pressure; 1 a hole, with its root", 1.0, 0.0, 0.17),
     ),
-    hooks={"pressure_rate": pressure_rate},
+    hooks={"pressure_source": pressure_source},
     keys=("leak.rate_per_s", "leak.turbulent"),
     probes=((0.2, 0.0), (1.0, 0.0), (0.2, 1.0), (1.0, 1.0)),
     shape=("leak.turbulent",),

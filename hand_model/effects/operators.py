@@ -103,9 +103,14 @@ def loop_torque(z, omega, per_scale, sharp):  # type: ignore[no-untyped-def]
 
 @inline
 def loop_moved(z, before, after, per_scale, sharp):  # type: ignore[no-untyped-def]
-    """Loop state after a motion [rad] from before to after; the growth is taken implicitly, linearised."""
+    """Loop state after a motion [rad] from before to after.
+
+    An exponential step of second order, linearised, with (1 - exp(-x)) / x as (1 + x/2) / (1 + x + x^2/2): no motion is
+    too long for it.
+    """
     way = abs(after - before) * per_scale
     toward = 1.0 if after > before else -1.0
     a = z * toward
-    slower = (1.0 - sharp) + 2.0 * sharp * max(a, 0.0)
-    return toward * min(a + way * loop_growth(z, toward, sharp) / (1.0 + way * slower), 1.0)
+    x = way * ((1.0 - sharp) + 2.0 * sharp * max(a, 0.0))
+    half = 1.0 + 0.5 * x
+    return toward * min(a + way * loop_growth(z, toward, sharp) * half / (1.0 + x * half), 1.0)

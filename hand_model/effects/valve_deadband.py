@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
-import math
-
 from hand_model.effects.effect import Effect
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
 
-LEAST_PA = 1e-3
-"""Keeps the root of the gradual edge away from 0."""
+LEAST_PA = 1e-9
+"""Keeps the reciprocal of the width finite."""
+
+
+@inline
+def prepare(q, h):  # type: ignore[no-untyped-def]
+    """Reciprocal of the width."""
+    return (1.0 / (q[0] + LEAST_PA),)
 
 
 @inline
 def valve_error(q, error):  # type: ignore[no-untyped-def]
-    """The valve reacts to the part of the error beyond the dead band, with a sharp edge or a gradual one."""
-    width, soft = q
+    """The valve reacts to the part of the error beyond the dead band, with a sharp edge or a gradual one.
+
+    A gradual edge opens with the square of the error up to twice the width, as a rounded notch of a spool does.
+    """
+    width, soft, per_width = q
     sharp = min(max(error, -width), width)
-    gradual = width * error / math.sqrt(width * width + error * error + LEAST_PA * LEAST_PA)
+    x = min(max(error * per_width, -2.0), 2.0)
+    gradual = width * x * (1.0 - 0.25 * abs(x))
     return error - sharp - soft * (gradual - sharp)
 
 
@@ -28,7 +36,8 @@ EFFECT = Effect(
         Parameter("valve_deadband.width_pa", 0.0, 2e5, "error that opens nothing", 1.0, 0.0, 5e3),
         Parameter("valve_deadband.softness", 0.0, 1.0, "0 a sharp edge, 1 a gradual opening", 1.0, 0.0, 0.17),
     ),
-    hooks={"valve_error": valve_error},
+    prepared=("per_width",),
+    hooks={"prepare": prepare, "valve_error": valve_error},
     keys=("valve_deadband.width_pa", "valve_deadband.softness"),
     probes=((3e3, 0.0), (1.5e4, 0.0), (3e3, 1.0), (1.5e4, 1.0)),
     shape=("valve_deadband.softness",),

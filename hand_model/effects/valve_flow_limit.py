@@ -15,29 +15,27 @@ _PER_SPAN = 1.0 / (1.0 - CRITICAL)
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
     """Reciprocal of the absolute supply pressure."""
-    return (1.0 / (q[3] + ATMOSPHERE_PA),)
+    return (1.0 / (q[1] + ATMOSPHERE_PA),)
 
 
 @inline
-def pressure_rate(q, rate, p, u, e):  # type: ignore[no-untyped-def]
-    """Limits that follow the pressures on both sides of the valve."""
-    choking, fill_rate, vent_rate, _, per_full = q
+def flow_limit(q, limit, p, fills):  # type: ignore[no-untyped-def]
+    """The limit follows the pressures on both sides of the valve."""
+    choking, per_full = q[0], q[2]
     here = p + ATMOSPHERE_PA
-    fills = rate > 0.0
     ratio = here * per_full if fills else ATMOSPHERE_PA / max(here, 1.0)
     upstream = 1.0 if fills else here * per_full  # over the absolute supply pressure
     choked = subsonic(ratio, CRITICAL, _PER_SPAN) * upstream
-    limit = (fill_rate if fills else vent_rate) * (1.0 - choking + choking * choked)
-    return min(max(rate, -limit), limit)
+    return limit * (1.0 - choking + choking * choked)
 
 
 EFFECT = Effect(
     name="valve_flow_limit",
     place="valve",
     parameters=(Parameter("valve_flow_limit.choking", 0.0, 1.0, "0 a constant limit, 1 a choked one", 1.0, 0.0, 0.17),),
-    reads=("valve.fill_rate_pa_per_s", "valve.vent_rate_pa_per_s", "supply.pressure_pa"),
+    reads=("supply.pressure_pa",),
     prepared=("per_full",),
-    hooks={"prepare": prepare, "pressure_rate": pressure_rate},
+    hooks={"prepare": prepare, "flow_limit": flow_limit},
     keys=("valve.fill_rate_pa_per_s", "valve.vent_rate_pa_per_s", "valve_flow_limit.choking"),
     probes=(
         (Times(0.1), Times(0.1), 0.0),

@@ -127,6 +127,7 @@ def _stages(hooks: Hooks, meets_others: bool) -> dict[str, Any]:
     pressure, split_pressure, creep = steps.pressure, steps.split_pressure, steps.creep
     pair, move, remember = steps.pair, steps.move, steps.remember
     hook_actuator, lags = hooks.actuator_pressure, hooks.uses("actuator_pressure")
+    keeps_rise = meets_others or steps.uses_rise
 
     @inline
     def around(w, i, clock, h):  # type: ignore[no-untyped-def]
@@ -137,9 +138,9 @@ def _stages(hooks: Hooks, meets_others: bool) -> dict[str, Any]:
         return clock + 0.5 * h, 0.0, 0.0, 0.0, ahead, speed, acceleration
 
     @inline
-    def keep(w, i, after, mean, h):  # type: ignore[no-untyped-def]
-        if meets_others:
-            w[RISE, i] = (after - w[X + P, i]) / h
+    def keep(w, i, after, mean, h, per_h):  # type: ignore[no-untyped-def]
+        if keeps_rise:
+            w[RISE, i] = (after - w[X + P, i]) * per_h
         w[X + P, i] = after
         p = hook_actuator(w, i, mean, h) if lags else mean
         before = w[X + CREEP, i]
@@ -148,15 +149,17 @@ def _stages(hooks: Hooks, meets_others: bool) -> dict[str, Any]:
 
     @inline
     def fluids(w, n, clock, h):  # type: ignore[no-untyped-def]
+        per_h = 1.0 / h
         for i in range(LANES):
             after, mean = pressure(w, i, n, around(w, i, clock, h), h)
-            keep(w, i, after, mean, h)
+            keep(w, i, after, mean, h, per_h)
 
     @inline
     def split_fluids(w, n, clock, h):  # type: ignore[no-untyped-def]
+        per_h = 1.0 / h
         for i in range(LANES):
             after, mean = split_pressure(w, i, n, around(w, i, clock, h), h)
-            keep(w, i, after, mean, h)
+            keep(w, i, after, mean, h, per_h)
 
     @inline
     def motions(w, clock, h):  # type: ignore[no-untyped-def]
@@ -287,6 +290,14 @@ class ClosedLoop:
     def hold_history(self, pressure_pa: Array) -> None:
         """Fill the dead-time memory as if pressure_pa (hands, joints) had been commanded for long."""
         self._history[:] = self._lanes(pressure_pa[:, None])[:, :1]
+
+    def change(self, key: str, values: Array) -> None:
+        """Give one parameter other values (hands, joints) in SI from now on.
+
+        Its effect must be one of those compiled in. The dead time cannot be changed.
+        """
+        self._work[self._map.block, ROW[key], self._map.lane] = values.ravel()
+        prepare_rows(self._work, self._h)
 
     def advance(self, pressure_pa: Array) -> Array:
         """Apply set-points (hands, samples, joints) [Pa]; return readings (hands, samples, STATES, joints).

@@ -40,8 +40,10 @@ class Hooks(NamedTuple):
     """(w, i, u, p, e, h) -> u [Pa]; changes memory."""
     valve_error: Any
     """(w, i, error) -> error [Pa]."""
-    pressure_rate: Any
-    """(w, i, rate, p, u, e) -> rate [Pa/s]."""
+    flow_limit: Any
+    """(w, i, limit, p, fills) -> limit [Pa/s]."""
+    pressure_source: Any
+    """(w, i, p, e) -> rate [Pa/s]."""
     pressure_reading: Any
     """(w, i, p) -> reading [Pa]."""
     pressure_true: Any
@@ -77,7 +79,7 @@ class Hooks(NamedTuple):
 _SIGNAL = {
     "set_point": "u",
     "valve_error": "error",
-    "pressure_rate": "rate",
+    "flow_limit": "limit",
     "pressure_reading": "p",
     "pressure_true": "reading",
     "actuator_pressure": "p",
@@ -185,7 +187,7 @@ def _valve_bodies(writer: _Writer, effects: tuple[Effect, ...]) -> tuple[list[st
 
 def _bodies(writer: _Writer, effects: tuple[Effect, ...]) -> dict[str, list[str]]:
     bodies = {hook: _signal_body(writer, hook, effects) for hook in _SIGNAL}
-    bodies |= {hook: _sum_body(writer, hook, effects) for hook in ("torque", "damping", "dry")}
+    bodies |= {hook: _sum_body(writer, hook, effects) for hook in ("pressure_source", "torque", "damping", "dry")}
     bodies |= {hook: _sensor_body(writer, hook, effects) for hook in _SENSORS}
     bodies["moved"] = _memory_body(writer, "moved", effects)
     bodies["prepare"] = _prepare_body(writer, effects)
@@ -242,7 +244,8 @@ def _never(w, i):  # type: ignore[no-untyped-def]
     return False
 
 
-_UNUSED = {"torque": _two_zeros, "damping": _zero, "dry": _zero, "valve_replaced": _never}
+_UNUSED = {"torque": _two_zeros, "valve_replaced": _never}
+_UNUSED |= dict.fromkeys(("pressure_source", "damping", "dry"), _zero)
 _UNUSED |= dict.fromkeys(("prepare", "moved", "angle_sensor", "force_sensor"), _nothing)
 
 

@@ -33,6 +33,7 @@ from hand_model.kernel.layout import (
     OMEGA,
     PHI,
     PHI_BEFORE,
+    RISE,
     WORK,
     P,
     X,
@@ -122,7 +123,7 @@ def _stages(hooks: Hooks) -> dict[str, Any]:
     """One step and the readings, for all lanes."""
     steps, equations = assemble(hooks), terms(hooks)
     pressure, split_pressure, creep = steps.pressure, steps.split_pressure, steps.creep
-    single, move, remember = steps.single, steps.move, steps.remember
+    single, move, remember, keeps_rise = steps.single, steps.move, steps.remember, steps.uses_rise
     free_torque = equations.free_torque
     hook_true, hook_actuator, hook_dry = hooks.pressure_true, hooks.actuator_pressure, hooks.dry
     hook_pressure, hook_angle = hooks.pressure_reading, hooks.angle_reading
@@ -136,14 +137,22 @@ def _stages(hooks: Hooks) -> dict[str, Any]:
         w[ACTUATOR, i], w[MEAN_CREEP, i], w[X + CREEP, i] = p, 0.5 * (before + after), after
 
     @inline
+    def risen(w, i, after, per_h):  # type: ignore[no-untyped-def]
+        if keeps_rise:
+            w[RISE, i] = (after - w[X + P, i]) * per_h
+        w[X + P, i] = after
+
+    @inline
     def valve_step(w, n, e, h):  # type: ignore[no-untyped-def]
+        per_h = 1.0 / h
         for i in range(LANES):
-            w[X + P, i], _ = pressure(w, i, n, e, h)
+            risen(w, i, pressure(w, i, n, e, h)[0], per_h)
 
     @inline
     def split_valve_step(w, n, e, h):  # type: ignore[no-untyped-def]
+        per_h = 1.0 / h
         for i in range(LANES):
-            w[X + P, i], _ = split_pressure(w, i, n, e, h)
+            risen(w, i, split_pressure(w, i, n, e, h)[0], per_h)
 
     @inline
     def free_step(w, e, h):  # type: ignore[no-untyped-def]

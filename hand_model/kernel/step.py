@@ -2,7 +2,8 @@
 
 Pressure: rates at both ends of an explicit trial step give the rate's slope, and the exponential that belongs to it
 gives the pressure; exact to fourth order where the rate is linear in the pressure, and exact where it is constant
-(Hochbruck and Ostermann, Exponential integrators, Acta Numerica 19, 2010, with the slope as a secant).
+(Hochbruck and Ostermann, Exponential integrators, Acta Numerica 19, 2010, with the slope as a secant). Limits and
+sources that effects add are those at the pressure expected in the middle of the step.
 
 Creep: each zone is linear, and prepared rates integrate it exactly at constant pressure (layout.prepare_rows).
 
@@ -36,6 +37,7 @@ from hand_model.kernel.layout import (
     PER_12_INERTIA,
     PHI,
     PHI_BEFORE,
+    RISE,
     P,
     X,
 )
@@ -63,6 +65,8 @@ class Steps(NamedTuple):
     pair: Callable[..., Any]
     move: Callable[..., Any]
     remember: Callable[..., Any]
+    uses_rise: bool
+    """Whether the fluid reads the rate of its pressure in the step before, which the loop then keeps."""
 
 
 @inline
@@ -170,18 +174,23 @@ def rub_pair(a_0, b_0, a, b, m_a, m_b, m_ab, rub_a, rub_b):  # type: ignore[no-u
 def assemble(hooks: Hooks) -> Steps:
     """The steps with the hooks of a set of effects (hooks.compose)."""
     equations = terms(hooks)
-    valve_rate, creep_rate, joint_torque = equations.valve_rate, equations.creep_rate, equations.joint_torque
-    hook_set_point, hook_dry, hook_moved = hooks.set_point, hooks.dry, hooks.moved
-    shapes, replaced, rubs, moves, senses = (
-        hooks.uses(hook) for hook in ("set_point", "valve", "dry", "moved", "angle_sensor")
+    valve_limits, valve_rate = equations.valve_limits, equations.valve_rate
+    creep_rate, joint_torque = equations.creep_rate, equations.joint_torque
+    hook_set_point, hook_source, hook_dry, hook_moved = hooks.set_point, hooks.pressure_source, hooks.dry, hooks.moved
+    shapes, fed, replaced, rubs, moves, senses = (
+        hooks.uses(hook) for hook in ("set_point", "pressure_source", "valve", "dry", "moved", "angle_sensor")
     )
     hook_sensor, hook_replaced, hook_valve = hooks.angle_sensor, hooks.valve_replaced, hooks.valve
 
     @inline
     def filled(w, i, p, u, e, h):  # type: ignore[no-untyped-def]
         """Pressure [Pa] after h [s] under the set-point u [Pa]."""
-        first = valve_rate(w, i, p, u, e)
-        return p + h * exponential_mean(first, valve_rate(w, i, p + h * first, u, e))
+        middle = p + 0.5 * h * w[RISE, i]
+        vent, fill = valve_limits(w, i, p, u, middle)
+        source = hook_source(w, i, middle, e) if fed else 0.0
+        first = valve_rate(w, i, u - p, vent, fill) + source
+        second = valve_rate(w, i, u - p - h * first, vent, fill) + source
+        return p + h * exponential_mean(first, second)
 
     @inline
     def pressure(w, i, n, e, h):  # type: ignore[no-untyped-def]
@@ -267,4 +276,5 @@ def assemble(hooks: Hooks) -> Steps:
         if senses:
             hook_sensor(w, i, w[X + PHI, i], h)
 
-    return Steps(pressure, split_pressure, creep, single, pair, move, remember)
+    uses_rise = fed or hooks.uses("flow_limit")
+    return Steps(pressure, split_pressure, creep, single, pair, move, remember, uses_rise)

@@ -45,6 +45,7 @@ Function = Callable[..., Any]
 class Terms(NamedTuple):
     """Compiled equations with the hooks of a set of effects."""
 
+    valve_limits: Function
     valve_rate: Function
     creep_rate: Function
     joint_torque: Function
@@ -99,16 +100,23 @@ def limited_rate(error, per_tau, vent, fill):  # type: ignore[no-untyped-def]
 
 def terms(hooks: Hooks) -> Terms:
     """The equations with the hooks of a set of effects (hooks.compose)."""
-    hook_error, hook_rate = hooks.valve_error, hooks.pressure_rate
-    hook_torque, hook_damping = hooks.torque, hooks.damping
-    bends, changes, pushes, damps = (hooks.uses(hook) for hook in ("valve_error", "pressure_rate", "torque", "damping"))
+    hook_error, hook_limit, hook_torque, hook_damping = hooks.valve_error, hooks.flow_limit, hooks.torque, hooks.damping
+    bends, chokes, pushes, damps = (hooks.uses(hook) for hook in ("valve_error", "flow_limit", "torque", "damping"))
 
     @inline
-    def valve_rate(w, i, p, u, e):  # type: ignore[no-untyped-def]
-        """Pressure rate [Pa/s] at p [Pa] under the set-point u [Pa]."""
-        error = hook_error(w, i, u - p) if bends else u - p
-        rate = limited_rate(error, w[PER_TAU, i], w[_VENT, i], w[_FILL, i])
-        return hook_rate(w, i, rate, p, u, e) if changes else rate
+    def valve_limits(w, i, p, u, middle):  # type: ignore[no-untyped-def]
+        """Limits of venting and filling [Pa/s] in a step from p [Pa] to the set-point u [Pa], `middle` half way."""
+        vent, fill = w[_VENT, i], w[_FILL, i]
+        if not chokes:
+            return vent, fill
+        fills = u > p
+        limit = hook_limit(w, i, fill if fills else vent, middle, fills)
+        return vent if fills else limit, limit if fills else fill
+
+    @inline
+    def valve_rate(w, i, error, vent, fill):  # type: ignore[no-untyped-def]
+        """Pressure rate [Pa/s] through the valve at an error (set-point minus pressure) [Pa]."""
+        return limited_rate(hook_error(w, i, error) if bends else error, w[PER_TAU, i], vent, fill)
 
     @inline
     def creeping(w, i, p, creep):  # type: ignore[no-untyped-def]
@@ -141,4 +149,4 @@ def terms(hooks: Hooks) -> Terms:
         viscous = w[_D, i] + hook_damping(w, i, omega)
         return actuator_torque(w, i, p, phi, creep) + added - w[_LOAD, i] - viscous * omega
 
-    return Terms(valve_rate, creeping, joint_torque, free_torque)
+    return Terms(valve_limits, valve_rate, creeping, joint_torque, free_torque)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from pathlib import Path
 from typing import Any
 
@@ -31,13 +32,13 @@ BAD = {
     "text": (("a0_nm: -0.010", "a0_nm: ten"), "a0_nm is 'ten'", "a number from -5 to 5"),
     "nan as text": (("a0_nm: -0.010", "a0_nm: nan"), "a0_nm is 'nan'", "a number from -5 to 5"),
     "with its unit": (("a0_nm: -0.010", "a0_nm: 5 mNm"), "a0_nm is '5 mNm'", "a number from -5 to 5"),
-    "quoted": (("rate_hz: 200", 'rate_hz: "200"'), "board.rate_hz is '200'", "a number from 1 to 2000"),
-    "base 60": (("rate_hz: 200", "rate_hz: 3:20"), "board.rate_hz is '3:20'", "a number from 1 to 2000"),
-    "yes": (("rate_hz: 200", "rate_hz: yes"), "board.rate_hz is 'yes'", "a number from 1 to 2000"),
-    "true": (("rate_hz: 200", "rate_hz: true"), "board.rate_hz is True", "a number from 1 to 2000"),
-    "nothing": (("rate_hz: 200", "rate_hz:"), "board.rate_hz is nothing", "a number from 1 to 2000"),
-    "list": (("rate_hz: 200", "rate_hz: [200]"), "board.rate_hz is [200]", "a number from 1 to 2000"),
-    "huge": (("rate_hz: 200", f"rate_hz: {'9' * 400}"), "board.rate_hz is 999", "1 to 2000"),
+    "quoted": (("rate_hz: 200", 'rate_hz: "200"'), "board.rate_hz is '200'", "a number from 20 to 2000"),
+    "base 60": (("rate_hz: 200", "rate_hz: 3:20"), "board.rate_hz is '3:20'", "a number from 20 to 2000"),
+    "yes": (("rate_hz: 200", "rate_hz: yes"), "board.rate_hz is 'yes'", "a number from 20 to 2000"),
+    "true": (("rate_hz: 200", "rate_hz: true"), "board.rate_hz is True", "a number from 20 to 2000"),
+    "nothing": (("rate_hz: 200", "rate_hz:"), "board.rate_hz is nothing", "a number from 20 to 2000"),
+    "list": (("rate_hz: 200", "rate_hz: [200]"), "board.rate_hz is [200]", "a number from 20 to 2000"),
+    "huge": (("rate_hz: 200", f"rate_hz: {'9' * 400}"), "board.rate_hz is 999", "20 to 2000"),
     "beyond int": (("rate_hz: 200", f"rate_hz: {'9' * 5000}"), "is not YAML", "4300 digits"),
     "not whole": (("adc_bits: 16", "adc_bits: 16.0"), "board.adc_bits is 16.0", "a whole number from 8 to 16"),
     "duplicate key": (("rate_hz: 200", "rate_hz: 200\n  rate_hz: 300"), "line 17", "'rate_hz' is there twice"),
@@ -87,6 +88,37 @@ BAD = {
         "joint_defaults.dynamics.inertia_kg_m2 is 3e-05",
         "at least 3.73e-05",
     ),
+    "slow board": (("rate_hz: 200", "rate_hz: 2"), "board.rate_hz is 2", "the allowed range is 20 to 2000"),
+    "short lifetime": (("watchdog_s: 0.1", "watchdog_s: 0.005"), "board.watchdog_s is 0.005", "at least 0.015 s"),
+    "limits in radians": (
+        ("limits: {low_deg: -10, high_deg: 100", "limits: {low_deg: -0.175, high_deg: 1.745"),
+        "joint_defaults.limits.high_deg is 1.745",
+        "at least 10 degrees above low_deg, -0.175; are these limits in radians?",
+    ),
+    "no travel": (("{low_deg: -10", "{low_deg: 91"), "limits.high_deg is 100", "at least 10 degrees above low_deg, 91"),
+    "stop below the limit": (
+        ("    low_deg: -10\n    high_deg: 100", "    low_deg: -10\n    high_deg: 70"),
+        "limits.high_deg is 100",
+        "at most 75: the end stop begins at 70",
+    ),
+    "stop above the limit": (
+        ("    low_deg: -10\n    high_deg: 100", "    low_deg: 0\n    high_deg: 100"),
+        "limits.low_deg is -10",
+        "at least -5: the end stop begins at 0",
+    ),
+    "heavy joint": (("inertia_kg_m2: 1.2e-4", "inertia_kg_m2: 1.0"), "inertia_kg_m2 is 1", "range is 1e-07 to 0.05"),
+    "no friction": (
+        ("viscous_friction_nm_s_per_rad: 4.0e-3", "viscous_friction_nm_s_per_rad: 0"),
+        "dynamics.viscous_friction_nm_s_per_rad is 0",
+        "at least 2.6e-06",
+    ),
+    "short span": (
+        ("span_pa: 8.75e+5", "span_pa: 5e5"),
+        "joint_defaults.pressure_sensor.span_pa is 500000",
+        "at least 6.667e+05: the sensor ends at 4.5e+05 Pa, the supply is 600000 Pa",
+    ),
+    "high zero": (("ratio_at_zero: 0.1", "ratio_at_zero: 0.5"), "span_pa is 875000", "at least 1.2e+06"),
+    "low reference": (("adc_reference_v: 5.12", "adc_reference_v: 3.0"), "span_pa is 875000", "at least 1.2e+06"),
     "flat calibration": (
         ("noise_v: 3.0e-4", "noise_v: 0\n    calibration: {ratio_at_0_deg: 0.5, ratio_at_90_deg: 0.5}"),
         "ratio_at_90_deg is 0.5",
@@ -140,6 +172,53 @@ def test_broken_file_is_one_clear_line(case: tuple[bytes, str], tmp_path: Path) 
     assert str(caught.value).startswith(f"{path}: ")
     assert case[1] in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("watchdog_s: 0.1", "watchdog_s: 0.015"),
+        ("rate_hz: 200", "rate_hz: 30"),
+        ("    low_deg: -10\n    high_deg: 100", "    low_deg: -5\n    high_deg: 95"),
+        ("limits: {low_deg: -10, high_deg: 100", "limits: {low_deg: 0, high_deg: 10"),
+        ("span_pa: 8.75e+5", "span_pa: 6.67e5"),
+        ("inertia_kg_m2: 1.2e-4", "inertia_kg_m2: 0.05"),
+        ("dynamics: {inertia_kg_m2: 3.0e-5, viscous_friction_nm_s_per_rad: 4.0e-3}",
+         "dynamics: {inertia_kg_m2: 3.0e-5, viscous_friction_nm_s_per_rad: 0}\n  coulomb_friction: {torque_nm: 0.01}"),
+    ],
+)  # fmt: skip
+def test_values_at_the_bounds_are_accepted(old: str, new: str, variant: Any) -> None:
+    """Broken by a relation between values that refuses what it states as allowed."""
+    assert load_hand(variant((old, new))).valve_count == 11
+
+
+FLOODS = {
+    "keys": b"".join(b"key_%d: 1\n" % k for k in range(60_000)),
+    "short keys": b"".join(b"%x: 1\n" % k for k in range(100_000)),
+    "one list": b"a: [" + b"1," * 200_000 + b"1]",
+    "nested": b"a: " + b"{b: [" * 20 + b"1" + b"]}" * 20 + b"\nc: [" + b"[]," * 100_000 + b"1]",
+}
+
+
+@pytest.mark.parametrize("content", FLOODS.values(), ids=FLOODS)
+def test_a_file_of_many_keys_is_refused_before_most_of_it_is_parsed(content: bytes, tmp_path: Path) -> None:
+    """Broken by a parser that builds all nodes of a file: 200,000 keys take 20 s of the processor."""
+    path = tmp_path / "hand.yaml"
+    path.write_bytes(content)
+    begun = time.process_time()
+    with pytest.raises(DescriptionError, match="more than 40000 keys and values; at most so many are allowed"):
+        load_hand(path)
+    assert time.process_time() - begun < 8.0
+
+
+def test_a_large_file_is_refused_unread(tmp_path: Path) -> None:
+    """Broken by reading a file of any size into memory."""
+    path = tmp_path / "hand.yaml"
+    path.write_bytes(b"".join(b"key_%d: 1\n" % k for k in range(200_000)))
+    begun = time.process_time()
+    with pytest.raises(DescriptionError, match="is larger than 1000000 bytes, the largest file that is read"):
+        load_hand(path)
+    assert time.process_time() - begun < 0.2
 
 
 def test_missing_file_and_directory(tmp_path: Path) -> None:

@@ -58,7 +58,15 @@ def signals(seed: int) -> dict[str, Any]:
     p, u = rng.uniform(0.0, 1e6, 2).tolist()
     values: dict[str, Any] = {name: float(rng.uniform(-2.0, 2.0)) for name in ("phi", "before", "after", "omega")}
     e = rng.standard_normal(EXOGENOUS) * (100.0, 1.0, 1e6, 50.0, 1.0, 20.0, 50.0)
-    values |= {"p": p, "u": u, "error": u - p, "rate": float(rng.uniform(-5e8, 5e8)), "reading": p, "force": 3.0}
+    values |= {
+        "p": p,
+        "u": u,
+        "error": u - p,
+        "limit": float(rng.uniform(1e5, 5e8)),
+        "fills": u > p,
+        "reading": p,
+        "force": 3.0,
+    }
     return values | {"h": H, "creep_angle": 0.1, "e": tuple(e.tolist())}
 
 
@@ -75,7 +83,7 @@ def test_neutral_hooks_are_identities_in_compiled_code(chosen: tuple[Effect, ...
         composed.force_sensor(w, LANE, s["force"], H)
         got = {hook: getattr(composed, hook)(w, LANE, *(s[name] for name in HOOKS[hook])) for hook in _RETURNING}
         assert got["torque"] == (0.0, 0.0)
-        assert got["damping"] == got["dry"] == 0.0
+        assert got["pressure_source"] == got["damping"] == got["dry"] == 0.0
         for hook, signal in _RETURNING.items():
             if signal and hook != "angle_reading":
                 assert got[hook] == s[signal], hook
@@ -86,7 +94,8 @@ def test_neutral_hooks_are_identities_in_compiled_code(chosen: tuple[Effect, ...
 _RETURNING = {
     "set_point": "u",
     "valve_error": "error",
-    "pressure_rate": "rate",
+    "flow_limit": "limit",
+    "pressure_source": "",
     "pressure_reading": "p",
     "pressure_true": "reading",
     "actuator_pressure": "p",

@@ -191,7 +191,8 @@ def valve_deadband(_: Any) -> None:
     """Broken by a wrong width, a wrong sign, or a gradual edge of another shape."""
     for width, error in np.random.default_rng(1).uniform((1e3, -3e4), (1e4, 3e4), (50, 2)):
         sharp = np.sign(error) * max(abs(error) - width, 0.0)
-        gradual = error * (1.0 - width / np.hypot(width, error))
+        beyond = max(abs(error) - 2.0 * width, 0.0)  # the square up to twice the width, then a straight line
+        gradual = np.sign(error) * (beyond + min(abs(error), 2.0 * width) ** 2 / (4.0 * width))
         for soft in (0.0, 0.3, 1.0):
             felt = call(
                 "valve_deadband", "valve_error", numbers("valve_deadband", width_pa=width, softness=soft), error
@@ -214,8 +215,8 @@ def valve_flow_limit(_: Any) -> None:
             q = numbers("valve_flow_limit", choking=choking)
             fill = 4e6 * (1.0 - choking + choking * iso_6358(here / full, 0.3))
             vent = 3e6 * (1.0 - choking + choking * iso_6358(ATMOSPHERE_PA / here, 0.3) * here / full)
-            for rate, limited in ((1e9, fill), (-1e9, -vent), (0.5 * fill, 0.5 * fill), (-0.5 * vent, -0.5 * vent)):
-                assert call("valve_flow_limit", "pressure_rate", q, rate, p, 0.0, REST) == approx(limited, rel=1e-12)
+            assert call("valve_flow_limit", "flow_limit", q, 4e6, p, True) == approx(fill, rel=1e-12)
+            assert call("valve_flow_limit", "flow_limit", q, 3e6, p, False) == approx(vent, rel=1e-12)
 
 
 def switching_valve(_: Any) -> None:
@@ -257,13 +258,11 @@ def hydraulic(_: Any) -> None:
     middle = 0.5 * (angles[1:] + angles[:-1])
     p = 3e5
     for phi in middle:
-        p += H * call(
-            "hydraulic", "pressure_rate", q, 0.0, p, 0.0, around(angle=phi, speed=(angles[1] - angles[0]) / H)
-        )
+        p += H * call("hydraulic", "pressure_source", q, p, around(angle=phi, speed=(angles[1] - angles[0]) / H))
     assert growth * p + A2 * 0.4 + 0.5 * A3 * 0.16 == approx(growth * 3e5, rel=1e-6)
     half = numbers("hydraulic", share=0.5)
-    assert call("hydraulic", "pressure_rate", half, 7.0, p, 0.0, around(angle=0.4, speed=1.0)) == approx(
-        7.0 - 0.5 * (A2 + A3 * 0.4) / growth
+    assert call("hydraulic", "pressure_source", half, p, around(angle=0.4, speed=1.0)) == approx(
+        -0.5 * (A2 + A3 * 0.4) / growth
     )
 
 
@@ -272,14 +271,14 @@ def leak(_: Any) -> None:
     for turbulent in (0.0, 1.0):
         q, p, rate = numbers("leak", rate_per_s=0.5, turbulent=turbulent), 4e5, 0.5
         for _ in range(2000):
-            middle = p + 0.5 * H * call("leak", "pressure_rate", q, 0.0, p, 0.0, REST)
-            p += H * call("leak", "pressure_rate", q, 0.0, middle, 0.0, REST)
+            middle = p + 0.5 * H * call("leak", "pressure_source", q, p, REST)
+            p += H * call("leak", "pressure_source", q, middle, REST)
         gap, hole = 4e5 * np.exp(-rate * 2.0), (np.sqrt(4e5) - 0.5 * rate * np.sqrt(1e5) * 2.0) ** 2
         assert p == approx(hole if turbulent else gap, rel=1e-6)
-        assert call("leak", "pressure_rate", q, 11.0, 1e5, 0.0, REST) == approx(11.0 - rate * 1e5)
-    assert call("leak", "pressure_rate", numbers("leak", rate_per_s=0.5, turbulent=1.0), 0.0, -1e4, 0.0, REST) == 0.0
+        assert call("leak", "pressure_source", q, 1e5, REST) == approx(-rate * 1e5)
+    assert call("leak", "pressure_source", numbers("leak", rate_per_s=0.5, turbulent=1.0), -1e4, REST) == 0.0
     mixed = numbers("leak", rate_per_s=0.5, turbulent=0.25)
-    assert call("leak", "pressure_rate", mixed, 0.0, 4e5, 0.0, REST) == approx(-0.5 * (0.75 * 4e5 + 0.25 * 2e5))
+    assert call("leak", "pressure_source", mixed, 4e5, REST) == approx(-0.5 * (0.75 * 4e5 + 0.25 * 2e5))
 
 
 def two_lags(name: str, hook: str) -> None:
@@ -315,19 +314,19 @@ def gas_compression(_: Any) -> None:
         angles = np.linspace(0.6, 0.1, 4001)
         p, speed = 2e5, (angles[1] - angles[0]) / H
         for before, after in pairwise(angles):
-            first = call("gas_compression", "pressure_rate", q, 0.0, p, 0.0, around(angle=before, speed=speed))
+            first = call("gas_compression", "pressure_source", q, p, around(angle=before, speed=speed))
             trial = p + 0.5 * H * first
             middle = 0.5 * (before + after)
-            p += H * call("gas_compression", "pressure_rate", q, 0.0, trial, 0.0, around(angle=middle, speed=speed))
+            p += H * call("gas_compression", "pressure_source", q, trial, around(angle=middle, speed=speed))
         assert p > 2e5  # extending closes the chamber
         held = (2e5 + ATMOSPHERE_PA) * chamber(2e5, 0.6) ** exponent
         assert (p + ATMOSPHERE_PA) * chamber(p, 0.1) ** exponent == approx(held, rel=1e-7)
     tiny = numbers("gas_compression", exponent=1.0, volume_m3=1e-7)
-    closed = call("gas_compression", "pressure_rate", tiny, 0.0, 0.0, 0.0, around(angle=-1.0, speed=1.0))
+    closed = call("gas_compression", "pressure_source", tiny, 0.0, around(angle=-1.0, speed=1.0))
     smallest = 1e-7 + 1.2e-12 * ATMOSPHERE_PA  # the map's volume is negative here
     assert closed == approx(-ATMOSPHERE_PA * (A2 - A3) / smallest)
-    still = call("gas_compression", "pressure_rate", numbers("gas_compression", exponent=1.0), 5.0, 2e5, 0.0, REST)
-    assert still == 5.0
+    still = call("gas_compression", "pressure_source", numbers("gas_compression", exponent=1.0), 2e5, REST)
+    assert still == 0.0
 
 
 def dahl_loss(height: float, scale: float, amplitude: float) -> float:
@@ -664,7 +663,8 @@ def outputs(effect: Effect, q: tuple[float, ...], seed: int, steps: int = 60) ->
         p, u, force = (float(rng.uniform(0.0, top)) for top in (SUPPLY_PA, SUPPLY_PA, 20.0))
         signals = {
             "p": p, "u": u, "h": H, "phi": phi, "before": before, "after": phi, "omega": (phi - before) / H,
-            "error": u - p, "rate": float(rng.uniform(-3e6, 4e6)), "reading": p, "force": force, "creep_angle": 0.1,
+            "error": u - p, "limit": float(rng.uniform(1e5, 4e6)), "fills": u > p, "reading": p, "force": force,
+            "creep_angle": 0.1,
             "e": tuple(rng.standard_normal(EXOGENOUS) * (100.0, 1.0, 1e6, 50.0, 1.0, 20.0, 50.0)),
         }  # fmt: skip
         for hook in (*(hook for hook in effect.hooks if hook.endswith("sensor")), *effect.hooks):
@@ -678,7 +678,7 @@ def outputs(effect: Effect, q: tuple[float, ...], seed: int, steps: int = 60) ->
             if effect.memory and hook in ("set_point", "actuator_pressure"):
                 out, m = out
             first = hook_arguments(hook, False)[1]
-            absent = 0.0 if hook in ("torque", "damping", "dry") else signals[first]
+            absent = 0.0 if hook in ("pressure_source", "torque", "damping", "dry") else signals[first]
             result[hook].append(np.ravel(out) - absent)
     return {hook: np.array(values) for hook, values in result.items() if values}
 

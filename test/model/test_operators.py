@@ -44,23 +44,38 @@ def test_lag_without_a_time_constant_keeps_nothing() -> None:
     assert call("two_lag_constants", 0.5, 0.25, 1e-3)[1::2] == (approx(375.0), approx(125.0))
 
 
-@pytest.mark.parametrize("toward", [1.0, -1.0])
-@pytest.mark.parametrize("a", [-0.9, -0.2, 0.0, 0.4, 1.0])
-def test_loop_takes_its_growth_implicitly(a: float, toward: float) -> None:
-    """Fails when a long motion overshoots, or the implicit step is not that of the linearised equation.
+def loop_after(a: float, way: float, sharp: float) -> float:
+    """Exact loop state after a way in the direction of motion: Dahl's, or Bouc's and Wen's of the second power."""
+    if sharp == 0.0:
+        return 1.0 - (1.0 - a) * float(np.exp(-way))
+    straight = min(max(-a, 0.0), way)  # unloading, z' = 1
+    loading = a + straight
+    return loading if loading < 0.0 else float(np.tanh(np.arctanh(loading) + way - straight))
 
-    a: loop state in the direction of motion. Dahl's equation is linear: z' = 1 - z has the implicit solution
-    (z + s) / (1 + s). For Bouc's and Wen's the derivative of z^2 enters while loading.
-    """
-    for way in (1e-3, 0.3, 2.0, 50.0):
-        for sharp, expected in (
-            (0.0, (a + way) / (1.0 + way)),
-            (1.0, a + way * (1.0 - max(a, 0.0) ** 2) / (1.0 + 2.0 * max(a, 0.0) * way)),
-            (0.5, a + way * (1.0 - 0.5 * a - 0.5 * max(a, 0.0) ** 2) / (1.0 + way * (0.5 + max(a, 0.0)))),
-        ):
-            moved = call("loop_moved", a * toward, 0.2, 0.2 + 0.1 * way * toward, 10.0, sharp)
-            assert moved * toward == approx(min(expected, 1.0), abs=1e-9), (way, sharp)
-    assert call("loop_moved", a, 0.2, 0.2, 10.0, 0.0) == approx(a, abs=1e-15)
+
+@pytest.mark.parametrize("sharp", [0.0, 1.0])
+@pytest.mark.parametrize("toward", [1.0, -1.0])
+@pytest.mark.parametrize("a", [-0.9, -0.2, 0.0, 0.4, 0.99])
+def test_loop_follows_its_equation_to_second_order(a: float, toward: float, sharp: float) -> None:
+    """Fails when a step of the loop errs by more than the cube of its length, or stands still where it must not."""
+    for way in (1e-3, 0.01, 0.1):
+        moved = call("loop_moved", a * toward, 0.2, 0.2 + 0.1 * way * toward, 10.0, sharp) * toward
+        assert moved == approx(loop_after(a, way, sharp), abs=0.5 * way**3 + 1e-12), way
+    assert call("loop_moved", a, 0.2, 0.2, 10.0, sharp) == approx(a, abs=1e-15)
+
+
+@pytest.mark.parametrize("sharp", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("a", [-0.9, 0.0, 0.6, 1.0])
+def test_loop_closes_after_a_long_motion_and_never_overshoots(a: float, sharp: float) -> None:
+    """Fails when a motion of many loop lengths in one step leaves the loop open, or takes it beyond 1."""
+    for way in (1.0, 10.0, 1e4):
+        states = [a]
+        for _ in range(3):
+            states.append(call("loop_moved", states[-1], 0.2, 0.2 + 0.1 * way, 10.0, sharp))
+        assert states == sorted(states)
+        assert states[-1] <= 1.0
+        if way > 5.0:
+            assert states[-1] > 0.99
 
 
 def test_direction_passes_through_standstill_without_a_jump() -> None:

@@ -172,7 +172,9 @@ def test_valve_rate_is_limited_on_both_sides() -> None:
     """Broken by a wrong time constant, a swapped or a missing limit."""
     w = working_array(valve__time_constant_s=0.04, valve__fill_rate_pa_per_s=1e6, valve__vent_rate_pa_per_s=4e5)
     for u, p, rate in ((1.5e5, 1.4e5, 2.5e5), (1.4e5, 1.5e5, -2.5e5), (5e5, 1e5, 1e6), (1e5, 5e5, -4e5)):
-        assert EQUATIONS.valve_rate(w, 0, p, u, E) == pytest.approx(rate, rel=1e-12)
+        limits = EQUATIONS.valve_limits(w, 0, p, u, p)
+        assert limits == (4e5, 1e6)
+        assert EQUATIONS.valve_rate(w, 0, u - p, *limits) == pytest.approx(rate, rel=1e-12)
 
 
 def test_prepared_rows() -> None:
@@ -288,6 +290,38 @@ def test_effects_get_the_mean_set_point_of_a_split_step() -> None:
     after, _ = noting.pressure(w, 0, 5, E, H)
     assert w[rows.RISE, 0] == 3e5
     assert after == pytest.approx(relaxed(2.5e5, 2.8e5, H, tau), rel=1e-9)
+
+
+@pytest.mark.parametrize("wanted_pa", [5.9e5, 0.0])
+def test_choked_flow_leak_and_compression_converge_to_solve_ivp(wanted_pa: float) -> None:
+    """Broken by the limit of the other direction, a source with another sign, or limits and sources that are not those
+    of the middle of the step: then halving the step would halve the error and not quarter it."""
+    chosen = compose(tuple(EFFECTS[name] for name in ("valve_flow_limit", "leak", "gas_compression")))
+    effects = {"valve_flow_limit__choking": 0.9, "leak__rate_per_s": 3.0, "leak__turbulent": 0.4}
+    w = working_array(valve__fill_rate_pa_per_s=4e6, valve__vent_rate_pa_per_s=3e6, gas_compression__exponent=1.2,
+                      **effects)  # fmt: skip
+    e = (0.0, 0.0, 0.0, 0.0, 0.4, 3.0, 0.0)
+    choked, until_s = steps.assemble(chosen), 0.08
+
+    def rate(_: float, state: Array) -> list[float]:
+        p = float(state[0])
+        vent, fill = terms(chosen).valve_limits(w, 0, p, wanted_pa, p)
+        through = terms(chosen).valve_rate(w, 0, wanted_pa - p, vent, fill)
+        return [through + chosen.pressure_source(w, 0, p, e)]
+
+    errors = []
+    chosen.prepare(w, 0, H)
+    exact = solve_ivp(rate, (0.0, until_s), [3e5], rtol=1e-9, atol=1e-3, max_step=1e-3).y[0, -1]
+    for h in (2e-3, 1e-3, 5e-4):
+        w[X + P, 0], w[rows.RISE, 0] = 3e5, rate(0.0, np.array([3e5]))[0]
+        steps.deliver(w, 0, wanted_pa, wanted_pa, 0.0, 10)
+        for _ in range(round(until_s / h)):
+            before = w[X + P, 0]
+            w[X + P, 0], _mean = choked.pressure(w, 0, 5, e, h)
+            w[rows.RISE, 0] = (w[X + P, 0] - before) / h
+        errors.append(abs(w[X + P, 0] - exact))
+    assert errors[2] < 20.0
+    assert errors[0] > 3.0 * errors[1] > 9.0 * errors[2], errors
 
 
 def test_a_switching_valve_takes_the_place_of_the_linear_one() -> None:
