@@ -74,9 +74,12 @@ class Layout:
         self._in, self._in_views = self._buffer()
 
     @classmethod
-    def like(cls, spec: MessageSpec, raw: bytes) -> Layout:
-        """The layout of a received message of type `spec`. Raises LayoutError where its bytes are not of that type."""
-        shape = read_shape(spec, raw)
+    def like(cls, spec: MessageSpec, raw: bytes, most_names: int | None = None) -> Layout:
+        """The layout of a received message of type `spec`, with at most most_names entries in a list of names.
+
+        Raises LayoutError where its bytes are not of that type or a list is longer.
+        """
+        shape = read_shape(spec, raw, most_names)
         layout = cls(spec, shape.frame_id, shape.names, shape.lengths)
         if not layout.matches(raw):
             raise LayoutError(f"{spec.type}: {len(raw)} bytes do not have the layout of this type")

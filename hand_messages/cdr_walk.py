@@ -17,6 +17,7 @@ from hand_messages.layouts import MessageSpec
 
 ENCAPSULATION = b"\x00\x01"  # plain CDR, little-endian; the two option bytes after it are not used
 HEADER_SIZE = 4
+LEAST_STRING = 4  # bytes: the length alone
 TIME = "T"  # code of the structure of int32 sec and uint32 nanosec
 
 _CODES: dict[str, str] = {
@@ -126,13 +127,14 @@ def lay_out(spec: MessageSpec, shape: Shape) -> Plan:
     return plan
 
 
-class _Cursor:
+class Cursor:
     """Reads lengths and strings of one message; each step is checked against the end of the message."""
 
-    def __init__(self, spec: MessageSpec, raw: bytes) -> None:
+    def __init__(self, kind: str, raw: bytes) -> None:
+        """Begin after the encapsulation header. kind: type of the message, for errors.  Raises LayoutError."""
         if raw[:2] != ENCAPSULATION:
-            raise LayoutError(f"{spec.type}: not little-endian CDR")
-        self.spec, self.raw, self.position = spec, raw, HEADER_SIZE
+            raise LayoutError(f"{kind}: not little-endian CDR")
+        self.kind, self.raw, self.position = kind, raw, HEADER_SIZE
 
     def skip(self, size: int, count: int = 1) -> int:
         """Skip `count` aligned elements; returns their start."""
@@ -140,25 +142,44 @@ class _Cursor:
         if count:
             start += -(start - HEADER_SIZE) % size
         if start + size * count > len(self.raw):
-            raise LayoutError(f"{self.spec.type}: cut off at byte {len(self.raw)}")
+            raise LayoutError(f"{self.kind}: cut off at byte {len(self.raw)}")
         self.position = start + size * count
         return start
 
     def length(self) -> int:
+        """Length of a list or a string."""
         return int(struct.unpack_from("<I", self.raw, self.skip(4))[0])
 
+    def entries(self, field: str, least_size: int, most: int | None) -> int:
+        """Length of a list, before anything is made of its entries of at least least_size bytes each."""
+        count = self.length()
+        if most is not None and count > most:
+            raise LayoutError(f"{self.kind}: {field} has {count} entries; at most {most} are allowed")
+        if count * least_size > len(self.raw) - self.position:
+            raise LayoutError(f"{self.kind}: cut off at byte {len(self.raw)}")
+        return count
+
+    def strings(self, field: str, most: int | None) -> tuple[str, ...]:
+        """A list of strings; raises LayoutError where it has more than `most` entries."""
+        return tuple(self.string() for _ in range(self.entries(field, LEAST_STRING, most)))
+
     def string(self) -> str:
+        """A string without its closing NUL."""
         size = self.length()
         start = self.skip(1, size)
         try:
             return self.raw[start : start + max(size - 1, 0)].decode()
         except UnicodeDecodeError:
-            raise LayoutError(f"{self.spec.type}: string at byte {start} is not UTF-8") from None
+            raise LayoutError(f"{self.kind}: string at byte {start} is not UTF-8") from None
 
 
-def read_shape(spec: MessageSpec, raw: bytes) -> Shape:
-    """Frame, names and list lengths of one message. Raises LayoutError where its bytes are not of the type."""
-    cursor, frame_id = _Cursor(spec, raw), ""
+def read_shape(spec: MessageSpec, raw: bytes, most_names: int | None = None) -> Shape:
+    """Frame, names and list lengths of one message.
+
+    most_names: largest number of entries of a list of names; None: any.  Raises LayoutError where the bytes are not of
+    the type or a list is too long.
+    """
+    cursor, frame_id = Cursor(spec.type, raw), ""
     names: dict[str, tuple[str, ...]] = {}
     lengths: dict[str, int] = {}
     for field, kind in spec.fields:
@@ -168,7 +189,7 @@ def read_shape(spec: MessageSpec, raw: bytes) -> Shape:
         elif kind in ("time", "duration"):
             cursor.skip(4, 2)
         elif kind == "string[]":
-            names[field] = tuple(cursor.string() for _ in range(cursor.length()))
+            names[field] = cursor.strings(field, most_names)
         elif kind.endswith("[]"):
             lengths[field] = cursor.length()
             cursor.skip(struct.calcsize("<" + element_code(spec, kind[:-2])), lengths[field])
