@@ -164,7 +164,7 @@ static hand_real cut(int n, int i, const hand_real *g, const hand_real *s, hand_
 {
     hand_real command = low_of(high_of(wanted, 0), ceiling);
     const hand_real last = low_of(S(COMMAND), ceiling);
-    if (dt > 0) command = bounded(command, last - G(P_RATE) * dt, last + G(P_RATE) * dt);
+    command = bounded(command, last - G(P_RATE) * dt, last + G(P_RATE) * dt);
     if (size_of(command - last) < G(DEADBAND) && command > 0 && command < ceiling) command = last;
     return command;
 }
@@ -261,6 +261,7 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
         wanted += S(INTEGRAL) / here;
     }
     ceiling = low_of(high_of(ceiling, 0), G(P_MAX));
+    if (G(TORQUE_MODE) != 0 && !(U(LIMIT) > 0)) wanted = ceiling = low_of(ceiling, S(COMMAND));
     if (!finite_real(wanted + ceiling)) {
         hold_command(n, i, s, out);
         return;
@@ -279,5 +280,6 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
 void hand_law_tick(int n, const hand_real *g, hand_real *s, const hand_real *u, hand_real dt, int integrate, int drive,
                    hand_real *out)
 {
-    for (int i = 0; i < n; i++) joint(n, i, g, s, u, dt, integrate, drive, out);
+    const hand_real step = dt >= HAND_C_MIN_DT && finite_real(dt) ? low_of(dt, HAND_C_MAX_DT) : 0;
+    for (int i = 0; i < n; i++) joint(n, i, g, s, u, step, integrate, drive, out);
 }

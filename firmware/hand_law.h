@@ -124,6 +124,8 @@ enum {
 };
 
 /* Fixed numbers of the law. */
+#define HAND_C_MIN_DT ((hand_real)1e-05) /* [s] lower bound of dt; a shorter one counts as 0, because speeds are differences over dt */
+#define HAND_C_MAX_DT ((hand_real)0.05) /* [s] upper bound of dt; a longer gap carries no information about the motion within it */
 #define HAND_C_MIN_LEVERAGE ((hand_real)1e-09) /* [N m/Pa] smallest torque per pressure that a torque is divided by */
 #define HAND_C_NOISE ((hand_real)0.0003) /* [rad] noise of the angle sensor: the integrator ignores smaller errors with a dead-band */
 #define HAND_C_REST_REFERENCE ((hand_real)0.02) /* [rad/s] a joint is at rest while its reference is slower, */
@@ -154,7 +156,8 @@ void hand_law_release(int joints, hand_real *s);
 
 /* One tick of every joint after dt [s]. inputs: HAND_INPUTS x joints, out: HAND_OUTPUTS x joints. integrate: 0 stops the
  * integrators and the adaptation. drive: 0 observes only and commands 0 Pa. Where an input is not finite, the joint
- * keeps its last command. */
+ * keeps its last command. A dt that is negative, NaN, infinite or below HAND_C_MIN_DT
+ * counts as 0, a huge one as HAND_C_MAX_DT. */
 void hand_law_tick(int joints, const hand_real *g, hand_real *s, const hand_real *inputs, hand_real dt, int integrate,
                    int drive, hand_real *out);
 

@@ -1,7 +1,8 @@
 """Run the mutation groups of this folder: `python -m validation.mutation [--group NAME] [--sample N --seed S]`.
 
-Each TOML file of this folder is one group in the format of cosmic-ray: the modules to mutate, the tests to run, the
-operators that are left out. The tree is copied to a temporary folder first, so that no mutated file can remain here.
+The group `firmware` mutates C (c_session.py). Each TOML file of this folder is one group in the format of cosmic-ray:
+the modules to mutate, the tests to run, the operators that are left out. The tree is copied to a temporary folder
+first, so that no mutated file can remain here.
 """
 
 from __future__ import annotations
@@ -21,11 +22,13 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 SKIPPED = shutil.ignore_patterns(".*", "build", "install", "log", "out", "docs", "__pycache__", "hand_msgs")
 GOAL = 0.9
+FIRMWARE = "firmware"
+"""The group of the C files."""
 
 
 def main() -> int:
     """Run the chosen groups; 1 where a group stays below the goal, 2 for bad usage or tests that fail unmutated."""
-    names = sorted(path.stem for path in HERE.glob("*.toml"))
+    names = sorted([*(path.stem for path in HERE.glob("*.toml")), FIRMWARE])
     parser = argparse.ArgumentParser(
         prog="python -m validation.mutation",
         description=__doc__.splitlines()[0],
@@ -57,8 +60,9 @@ def main() -> int:
 def _run(tree: Path, name: str, sample: int, seed: int) -> dict[str, Any]:
     """Run one group in the copied tree; its counts and survivors."""
     fixed = {"NUMBA_DISABLE_JIT": "1", "PYTHONDONTWRITEBYTECODE": "1", "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
-    environment = os.environ | fixed | {"PYTHONPATH": str(tree)}
-    command = [sys.executable, "-m", "validation.mutation.session", name, str(sample), str(seed)]
+    environment = os.environ | {"PYTHONPATH": str(tree)} | ({} if name == FIRMWARE else fixed)
+    session = "validation.mutation.c_session" if name == FIRMWARE else "validation.mutation.session"
+    command = [sys.executable, "-m", session, name, str(sample), str(seed)]
     process = subprocess.Popen(command, cwd=tree, env=environment, stdout=subprocess.PIPE, text=True)
     result: dict[str, Any] = {"mutants": 0, "killed": 0, "error": "the session ended without a result"}
     assert process.stdout is not None

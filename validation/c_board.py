@@ -1,0 +1,225 @@
+"""The board sample in C against a model of it in Python: the driver's own codec, sessions and the safety rules.
+
+A `BoardTrace` calls the model and records every call with its result; `replay` runs the same calls through the C
+board, which compares every byte that is sent, and every state and set-point.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import struct
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cache
+
+import numpy as np
+from cobs import cobs
+
+from hand_control.board_config import BoardConfig, Sensor
+from hand_control.safety_rules import Answer, Fault, SafetyLayer, State, limits_of
+from hand_driver.board import Echo, ProtocolMismatch, Status
+from hand_driver.wire import (
+    AnswerPayload,
+    OfferPayload,
+    PacketDecoder,
+    Payload,
+    SamplePayload,
+    SetPointPayload,
+    encode_answer,
+    encode_sample,
+)
+from validation.c_safety import FIRMWARE, HOST, build, keep
+
+BOARD = FIRMWARE / "board"
+SOURCES = (BOARD / "hand_board.c", BOARD / "hand_wire.c")
+REPLAY = (*SOURCES, FIRMWARE / "hand_safety.c", HOST / "board_replay.c")
+CHANNELS = 64
+VERSIONS = (1, 2)
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    library = ctypes.CDLL(str(build("board.so", REPLAY, "-O2", "-shared", "-fPIC")))
+    library.board_replay.restype = library.board_replay_compared.restype = ctypes.c_size_t
+    library.board_replay.argtypes = (ctypes.c_void_p, ctypes.c_size_t)
+    return library
+
+
+def consistent(config: BoardConfig) -> bool:
+    """Whether every sensor has its channel and every conversion its range."""
+    wired = all(sensor.channel < config.channels for sensor in (*config.angle, *config.pressure))
+    return (
+        0 < config.channels <= CHANNELS
+        and config.highest_count <= config.full_scale
+        and config.lowest_supply_mv > 0
+        and config.reference_mv <= 10 * config.lowest_supply_mv
+        and wired
+    )
+
+
+@dataclass
+class BoardModel:
+    """The rules of docs/protocol.md and of the safety layer, for one board."""
+
+    config: BoardConfig
+    version: int = 1
+    session: int | None = None
+    session_used: bool = False
+    sequence: int = 0
+    accepted: int = 0
+    accepted_us: int | None = None
+    loops: int = 0
+    frames: int = 0
+    decoder: PacketDecoder = field(default_factory=PacketDecoder)
+
+    def __post_init__(self) -> None:
+        """Begin vented."""
+        good = consistent(self.config)
+        rows = np.array(self.config.limits, dtype=np.int32).reshape(-1, 9)
+        self.safety = SafetyLayer(limits_of(rows) if good else ())
+        self.good = self.safety.good
+        self.channels = self.config.channels if good else 0
+
+    def receive(self, now_us: int, data: bytes) -> bytes:
+        """The answer to bytes of the host."""
+        self.loops += 1
+        self.safety.heartbeat(now_us, self.loops)
+        answer = b""
+        for byte in data:  # one by one: a packet of another version ends a longer call of the decoder
+            for payload in self._decoded(bytes([byte])):
+                answer = self._take(now_us, payload) or answer
+        return answer
+
+    def _decoded(self, data: bytes) -> list[Payload]:
+        try:
+            return self.decoder.feed(data)
+        except ProtocolMismatch:
+            return []
+
+    def _take(self, now_us: int, payload: Payload) -> bytes:
+        if isinstance(payload, OfferPayload):
+            return self._offer(payload)
+        if isinstance(payload, SetPointPayload) and len(payload.pressure_pa) == len(self.safety.joints):
+            self._set_points(now_us, payload)
+        return b""
+
+    def _offer(self, offer: OfferPayload) -> bytes:
+        version = min(offer.highest, VERSIONS[-1])
+        if version < offer.lowest:
+            return encode_answer(AnswerPayload(0, VERSIONS[-1], offer.session))
+        if offer.session != self.session:
+            self.version, self.session, self.session_used = version, offer.session, False
+            self.sequence, self.accepted, self.accepted_us = 0, 0, None
+        return encode_answer(AnswerPayload(self.version, VERSIONS[-1], offer.session))
+
+    def _set_points(self, now_us: int, payload: SetPointPayload) -> None:
+        safety = self.safety
+        if payload.session is None:
+            if self.session_used:
+                return
+            if safety.state == State.VENTED:
+                safety.new_session()
+        else:
+            if self.version < 2 or payload.session != self.session:
+                return
+            if not self.session_used:
+                safety.new_session()
+        pressure_pa = [round(p) for p in payload.pressure_pa]
+        if safety.command(now_us, payload.sequence, round(payload.lifetime_s * 1e6), pressure_pa) is Answer.ACCEPTED:
+            self.session_used = payload.session is not None
+            self.sequence, self.accepted, self.accepted_us = payload.sequence, (self.accepted + 1) % 256, now_us
+            if safety.state == State.VENTED and not any(pressure_pa):
+                safety.reset()
+                safety.arm(now_us)
+
+    def sample(self, now_us: int, status: int, supply_mv: int, counts: Sequence[int]) -> tuple[bytes, list[int]]:
+        """The frame of one sample, and the set-points of the next period [Pa]."""
+        config = self.config
+        if config.lowest_supply_mv <= supply_mv <= config.highest_supply_mv and not status & Status.ADC_FAULT:
+            self._measure(now_us, supply_mv, counts)
+        status |= Status.VENTED if self.safety.state == State.VENTED else 0
+        status |= Status.OVER_PRESSURE if self.safety.fault == Fault.OVER_PRESSURE else 0
+        echo = None
+        if self.version > 1:
+            age_s = math.nan if self.accepted_us is None else (now_us - self.accepted_us + 500) // 1000 * 1e-3
+            in_force = np.floor(np.array(self.safety.output_pa, float) / 10.0 + 0.5) * 10.0
+            echo = Echo(self.sequence, age_s, in_force, self.accepted)
+        sent = np.array(counts[: self.channels], np.uint16)
+        payload = SamplePayload(self.frames % 2**32, now_us, supply_mv * 1e-3, Status(status), sent, self.version, echo)
+        self.frames += 1
+        return encode_sample(payload), self.safety.tick(now_us)
+
+    def _measure(self, now_us: int, supply_mv: int, counts: Sequence[int]) -> None:
+        config, count = self.config, len(self.safety.joints)
+        used = [counts[sensor.channel] for sensor in (*config.angle[:count], *config.pressure[:count])]
+        valid = all(config.lowest_count < c < config.highest_count for c in used)
+        angle = [self._value(sensor, supply_mv, counts) for sensor in config.angle[:count]]
+        pressure = [self._value(sensor, supply_mv, counts) for sensor in config.pressure[:count]]
+        self.safety.sample(now_us, self.frames % 2**32, valid, pressure, angle)
+
+    def _value(self, sensor: Sensor, supply_mv: int, counts: Sequence[int]) -> int:
+        ratio_ppm = counts[sensor.channel] * self.config.reference_mv * 10**6 // (self.config.full_scale * supply_mv)
+        scaled = (ratio_ppm - sensor.zero_ppm) * sensor.per_ratio
+        return scaled // 10**6 if scaled >= 0 else -(-scaled // 10**6)
+
+
+class BoardTrace:
+    """The model, with every call recorded."""
+
+    def __init__(self, config: BoardConfig) -> None:
+        """Start a board."""
+        self.model = BoardModel(config)
+        self.words: list[int] = []
+        self.lines: list[str] = []
+        self._valves = [0] * len(self.model.safety.joints)
+        limits = [value for row in config.limits for value in row]
+        sensors = [v for s in (*config.angle, *config.pressure) for v in (s.channel, s.zero_ppm, s.per_ratio)]
+        numbers = [
+            config.joints, config.channels, config.lowest_supply_mv, config.highest_supply_mv, config.reference_mv,
+            config.full_scale, config.lowest_count, config.highest_count,
+        ]  # fmt: skip
+        self._record("start", [0, *numbers, *limits, *sensors, int(self.model.good)])
+
+    def _record(self, line: str, words: Sequence[int]) -> None:
+        model = self.model
+        after = (int(model.safety.state), int(model.safety.fault), model.decoder.corrupt)
+        self.words += [*words, *after, len(self._valves), *self._valves]
+        self.lines.append(f"{line} -> {after} {self._valves}")
+
+    def receive(self, now_us: int, data: bytes = b"") -> bytes:
+        """See BoardModel.receive."""
+        answer = self.model.receive(now_us, data)
+        words = [1, now_us >> 32, now_us & 0xFFFFFFFF, len(data), *data, len(answer), *answer]
+        self._record(f"receive {now_us} {data.hex()}: {answer.hex()}", words)
+        return answer
+
+    def sample(
+        self, now_us: int, counts: Sequence[int], status: int = 0, supply_mv: int = 5000
+    ) -> tuple[bytes, list[int]]:
+        """See BoardModel.sample."""
+        frame, valves = self.model.sample(now_us, status, supply_mv, counts)
+        self._valves = list(valves)
+        times = (now_us >> 32, now_us & 0xFFFFFFFF)
+        self._record(
+            f"sample {now_us} {status} {supply_mv}: {frame.hex()}",
+            [2, *times, status, supply_mv, *map(int, counts), len(frame), *frame],
+        )
+        return frame, self._valves
+
+    def packet(self, payload: bytes) -> bytes:
+        """A payload as the C codec has to pack it."""
+        made = bytes(cobs.encode(payload + struct.pack("<I", zlib.crc32(payload)))) + b"\x00"
+        self._record(f"packet {payload.hex()}: {made.hex()}", [3, len(payload), *payload, len(made), *made])
+        return made
+
+    def replay(self) -> int:
+        """Compare with the C board; the number of calls. AssertionError names the first one that differs."""
+        words = np.array(self.words, dtype=np.int64).astype(np.uint32)
+        keep(words)
+        differs = int(_library().board_replay(words.ctypes.data, len(words)))
+        assert differs == 0, f"call {differs} differs in C: " + "\n".join(
+            line[:300] for line in self.lines[max(differs - 3, 0) : differs]
+        )
+        return int(_library().board_replay_compared())
