@@ -5,35 +5,75 @@ This is the only module of hand_ros that imports rclpy.
 
 from __future__ import annotations
 
+import os
 import signal
+import socket
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.publisher import Publisher as RosPublisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
 from rclpy.task import Future
+from std_msgs.msg import Empty
 
 from hand_messages.health import Health, Level
+from hand_ros.fault_file import FaultFile, state_path
+from hand_ros.memory import return_large_blocks, use_profiles
 from hand_ros.parameters import NodeParameter, ParameterError, check_all
+from hand_ros.processes import processes
+from hand_ros.publishers import Conflict, Publisher, SolePublishers
 
 SENSOR_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Of subscriptions to sensor topics: an old sample is not sent again."""
+RELIABLE_SENSOR_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
+"""Of publishers of sensor topics: every subscriber connects (REP 2003)."""
 STATE_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED_STATE_QOS = QoSProfile(
+    depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+"""Of publishers whose last messages a late subscriber may ask for."""
+EVENT_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""Of publishers of rare events, kept for late subscribers."""
 COMMAND_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 QUEUED_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+LIVE_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Receives from every publisher, whatever its QoS, what it publishes from now on."""
+RETAINED_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""Receives also what a transient-local publisher published before."""
+STOP_SEARCH_S = 0.1
+"""Period of the search for publishers that retain an emergency stop."""
 DEFAULT_NAMESPACE = "hand"
 LOG_PERIOD_S = 2.0
+CHANGE_PERIOD_S = 0.09
+"""Shortest time between two messages of diagnostics, however often a status changes: just below the timer's period."""
+RARELY_S = 600.0
+"""Period in which a line that does not change, as that of a latched fault, is logged again."""
+STATE_FILE = NodeParameter(
+    "state_file",
+    "",
+    "file that keeps a latched fault; empty: NAMESPACE.NODE.json in $ROS_HOME/fluidic_hand or ~/.ros/...",
+)
 AUTOSTART = NodeParameter("autostart", True, "configure and activate at start, without a lifecycle manager")
+EXIT_UNCONFIGURED = NodeParameter(
+    "exit_unconfigured",
+    False,
+    "end with exit code 2 where the configuration at start fails; otherwise wait for another",
+)
 
 
 class HandNode(LifecycleNode):
@@ -46,23 +86,70 @@ class HandNode(LifecycleNode):
     def __init__(self, name: str, table: tuple[NodeParameter, ...]) -> None:
         """Declare the parameters of the table; files and ports are opened by on_configure."""
         super().__init__(name, namespace=DEFAULT_NAMESPACE)
-        self.table = (AUTOSTART, *table)
+        self.table = (AUTOSTART, EXIT_UNCONFIGURED, *table)
         self.problem: str | None = None
         self.active = False
         self.configured = False
-        self._logged_at: dict[str, float] = {}
+        self._sole = SolePublishers(processes)
+        self.conflict = Conflict()
+        self._counts: dict[str, int] = {}
+        self._logged: dict[str, tuple[float, str]] = {}
+        self._healthy = False
         self._shown: list[tuple[str, Level, str]] = []
         self._shown_at = 0.0
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", QUEUED_QOS)
         for parameter in self.table:
-            self.declare_parameter(parameter.name, parameter.default, _descriptor(parameter))
+            self._declare(parameter)
         self._health_timer = self.create_timer(0.1, self.publish_health)
         self.add_on_set_parameters_callback(self._on_set_parameters)
+
+    def frame_id(self, values: Mapping[str, Any]) -> str:
+        """The frame of the hand: the parameter, or the namespace of the node, so that two hands differ."""
+        return str(values["frame_id"]) or self.get_namespace().strip("/") or DEFAULT_NAMESPACE
 
     @property
     def values(self) -> dict[str, Any]:
         """Current value of every declared parameter."""
-        return {parameter.name: self.get_parameter(parameter.name).value for parameter in self.table}
+        return {p.name: p.converted(self.get_parameter(p.name).value) for p in self.table}
+
+    def _declare(self, parameter: NodeParameter) -> None:
+        """Declare a parameter; an integer given at the start for a float is converted.
+
+        Raises ParameterError, one line, where the given value has another type.
+        """
+        descriptor = _descriptor(parameter)
+        try:
+            self.declare_parameter(parameter.name, parameter.default, descriptor)
+        except InvalidParameterTypeException:
+            of_any_type = ParameterDescriptor(dynamic_typing=True)
+            given = self.declare_parameter(parameter.name, parameter.default, of_any_type).value
+            value = parameter.converted(given)
+            parameter.check(value)
+            self.undeclare_parameter(parameter.name)
+            self.declare_parameter(parameter.name, value, descriptor, ignore_override=True)
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """As rclpy does it, for integers given for floats too; a read-only parameter may be set to the value it has.
+
+        So `ros2 param load` accepts what `ros2 param dump` wrote.
+        """
+        table = {parameter.name: parameter for parameter in self.table}
+        changed = []
+        for given in parameter_list:
+            value, name = given.value, given.name
+            if name in table and value is not None:
+                try:
+                    table[name].check_size(value)
+                except ParameterError as error:
+                    return SetParametersResult(successful=False, reason=str(error))
+                value = table[name].converted(value)
+                given = Parameter(name, value=value)
+            unchanged = self.has_parameter(name) and value == self.get_parameter(name).value
+            if not (unchanged and self.describe_parameter(name).read_only):
+                changed.append(given)
+        if not changed and parameter_list:
+            return SetParametersResult(successful=True)
+        return super().set_parameters_atomically(changed)
 
     def configure(self, values: dict[str, Any]) -> None:
         """Load files, open ports, create publishers. Raises ValueError or OSError, one line, where that fails."""
@@ -127,7 +214,9 @@ class HandNode(LifecycleNode):
         return self.on_cleanup(_state)
 
     def _on_set_parameters(self, changed: list[Parameter]) -> SetParametersResult:
-        values = self.values | {parameter.name: parameter.value for parameter in changed}
+        table = {parameter.name: parameter for parameter in self.table}
+        given = {new.name: table[new.name].converted(new.value) for new in changed if new.name in table}
+        values = self.values | given
         try:
             check_all(self.table, values)
             if self.configured:
@@ -147,31 +236,150 @@ class HandNode(LifecycleNode):
         self.publish_health(now=True)
         self.release()
 
-    def log_throttled(self, level: Level, key: str, line: str) -> None:
-        """Log one line, at most once in LOG_PERIOD_S for each key."""
+    def log_throttled(self, level: Level, key: str, line: str, again_s: float = LOG_PERIOD_S) -> None:
+        """Log one line, at most once in LOG_PERIOD_S for each key, and a line that does not change once in again_s."""
         now = time.monotonic()
-        if now - self._logged_at.get(key, -LOG_PERIOD_S) < LOG_PERIOD_S:
+        when_s, last = self._logged.get(key, (-RARELY_S, ""))
+        if now - when_s < (again_s if line == last else LOG_PERIOD_S):
             return
-        self._logged_at[key] = now
+        self._logged[key] = (now, line)
         logger = self.get_logger()
-        {Level.OK: logger.info, Level.WARN: logger.warning}.get(level, logger.error)(line)
+        # Each severity has a line of its own: rclpy refuses another severity from the same line.
+        if level == Level.OK:
+            logger.info(line)
+        elif level == Level.WARN:
+            logger.warning(line)
+        else:
+            logger.error(line)
+
+    def load_fault(self, state_file: str) -> str:
+        """The fault that was latched before a restart, or why that cannot be known, one line; empty for none."""
+        path = state_path(state_file, self.get_namespace(), self.get_name(), os.environ)
+        self._faults = FaultFile(path, self.get_fully_qualified_name())
+        return self._faults.read()
+
+    def keep_fault(self, fault: str) -> None:
+        """Store a latched fault for a restart; called again and again while it is latched."""
+        if fault and not self._faults.keep(fault, time.monotonic_ns()):
+            self.log_throttled(Level.ERROR, "state file", self._faults.problem, RARELY_S)
+
+    def clear_fault(self) -> None:
+        """Remove the stored fault. Raises ValueError, one line, where that fails; then the fault stays latched."""
+        try:
+            self._faults.clear()
+        except OSError as error:
+            raise ValueError(f"not reset: the state file {self._faults.path}: {error.strerror}") from error
+
+    def sole_publisher(self, kind: Any, topic: str, qos: QoSProfile) -> RosPublisher:
+        """A publisher of a topic of which only one may exist; `second_publishers` names any other."""
+        before = {publisher.gid for publisher in self._publishers_of(topic)}
+        made = self.create_publisher(kind, topic, qos)
+        name = self.get_fully_qualified_name()
+        for publisher in self._publishers_of(topic):
+            if publisher.gid not in before and publisher.node == name:
+                self._sole.own(topic, publisher)
+        self._counts[topic] = -1
+        return made
+
+    def sole_source(
+        self, kind: Any, topic: str, callback: Callable[[bytes], None], qos: QoSProfile, changed: Callable[[int], None]
+    ) -> Subscription:
+        """A subscription of serialized messages to a topic of which only one publisher may exist.
+
+        changed: called with the number of publishers that came, before any message of theirs.
+        """
+
+        def matched(event: Any) -> None:
+            self._counts[topic] = -1
+            changed(event.total_count_change)
+
+        events = SubscriptionEventCallbacks(matched=matched)
+        self._counts[topic] = -1
+        return self.create_subscription(kind, topic, callback, qos, raw=True, event_callbacks=events)
+
+    def second_publishers(self) -> str:
+        """Names every second publisher of such topics, one line; empty where there is none. Cheap to call often."""
+        for topic, last in self._counts.items():
+            count = self.count_publishers(self.resolve_topic_name(topic))
+            if count != last or count > 1:
+                self._counts[topic] = count
+                self._sole.update(topic, self._publishers_of(topic))
+        return self._sole.line()
+
+    def accepted_publisher(self, topic: str) -> bytes:
+        """Identifier of the publisher of a topic that is not a second one; empty for none."""
+        return self._sole.accepted(topic)
+
+    def authority_health(self) -> Health:
+        """The status that names a second publisher, and how DDS marks this machine."""
+        values = {"host": socket.gethostname(), "dds_host": self._sole.host}
+        line = self.conflict.line
+        if line:
+            return Health("authority", Level.ERROR, line, values)
+        return Health("authority", Level.OK, "one publisher of each topic", values)
+
+    def _publishers_of(self, topic: str) -> list[Publisher]:
+        return [
+            Publisher(_node_name(info), bytes(info.endpoint_gid)) for info in self.get_publishers_info_by_topic(topic)
+        ]
+
+    def listen_to_stop(self, on_stop: Callable[[], None]) -> Callable[[], None]:
+        """Call on_stop for every message on `emergency_stop`, of any publisher; returns what ends it."""
+        topic = "emergency_stop"
+        live = self.create_subscription(Empty, topic, lambda _: on_stop(), LIVE_QOS, raw=True)
+        retained: list[Subscription] = []
+
+        def follow() -> None:
+            """Subscribe to retained messages only while a publisher retains: all others would log a mismatch."""
+            offers = [info.qos_profile for info in self.get_publishers_info_by_topic(topic)]
+            wanted = any(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers)
+            if wanted and not retained:
+                quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
+                retained.append(
+                    self.create_subscription(
+                        Empty, topic, lambda _: on_stop(), RETAINED_QOS, raw=True, event_callbacks=quiet
+                    )
+                )
+            elif retained and not wanted:
+                self.destroy_subscription(retained.pop())
+
+        timer = self.create_timer(STOP_SEARCH_S, follow)
+
+        def end() -> None:
+            self.destroy_timer(timer)
+            for subscription in (live, *retained):
+                self.destroy_subscription(subscription)
+
+        return end
 
     def publish_health(self, now: bool = False) -> None:
-        """Publish the statuses at 1 Hz, and at once when one changes."""
+        """Publish the statuses at 1 Hz, and within 0.1 s when one changes."""
         statuses = [Health("setup", Level.OK, "not configured")]
         if self.problem:
             statuses = [Health("setup", Level.ERROR, self.problem)]
         elif self.configured:
             statuses = self.health()
+        self._log_recovery(statuses)
         verdicts = [status.verdict for status in statuses]
         clock = time.monotonic()
-        if not now and verdicts == self._shown and clock - self._shown_at < 1.0:
+        least_s = 1.0 if verdicts == self._shown else CHANGE_PERIOD_S
+        if not now and clock - self._shown_at < least_s:
             return
         self._shown, self._shown_at = verdicts, clock
         message = DiagnosticArray()
         message.header.stamp = self.get_clock().now().to_msg()
         message.status = [self._status(status) for status in statuses]
         self._diagnostics.publish(message)
+
+    def _log_recovery(self, statuses: list[Health]) -> None:
+        """Log one line when everything is in order for the first time, or again after an error."""
+        worst = max((status.level for status in statuses), default=Level.OK)
+        if not self.active or worst == Level.ERROR:
+            self._healthy = False
+        elif worst == Level.OK and not self._healthy:
+            self._healthy = True
+            line = "; ".join(f"{status.name}: {status.message}" for status in statuses)
+            self.log_throttled(Level.OK, "healthy", f"healthy: {line}")
 
     def _status(self, status: Health) -> DiagnosticStatus:
         return DiagnosticStatus(
@@ -205,6 +413,13 @@ def default_config(name: str) -> str:
         return str(Path(__file__).resolve().parent.parent / "config" / name)
 
 
+def _node_name(info: Any) -> str:
+    """Fully qualified name of an endpoint's node. DDS gives it later than the endpoint, and for ROS 2 nodes only."""
+    if "UNKNOWN" in info.node_name:
+        return "a node whose name is not known (yet)"
+    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+
+
 def _one_line(error: BaseException) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
@@ -217,6 +432,8 @@ def run(make_node: Callable[[], HandNode], args: list[str] | None = None) -> int
     stopped = Future()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set_result(None))
+    return_large_blocks()
+    use_profiles(Path(default_config("fastdds.xml")), os.environ, Path.cwd())
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make_node()
@@ -226,10 +443,14 @@ def run(make_node: Callable[[], HandNode], args: list[str] | None = None) -> int
         return 2
     executor = EventsExecutor()
     executor.add_node(node)
+    code = 0
     try:
-        autostart = node.get_parameter(AUTOSTART.name).value
-        if autostart and node.trigger_configure() == TransitionCallbackReturn.SUCCESS:
-            node.trigger_activate()
+        if node.get_parameter(AUTOSTART.name).value:
+            if node.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+                node.trigger_activate()
+            elif node.get_parameter(EXIT_UNCONFIGURED.name).value:
+                code = 2
+                stopped.set_result(None)
         while rclpy.ok() and not stopped.done():
             # The time is limited, because Python's signal handlers run between these calls only.
             executor.spin_until_future_complete(stopped, timeout_sec=0.1)
@@ -238,16 +459,34 @@ def run(make_node: Callable[[], HandNode], args: list[str] | None = None) -> int
         executor.remove_node(node)
         node.destroy_node()
         rclpy.try_shutdown()
-    return 0
+    return code
+
+
+def end(code: int) -> NoReturn:
+    """End the process now with an exit code.
+
+    `run` has vented the hand and left the network. What Python does besides, freeing compiled code, takes more time
+    than a launch allows on a busy machine.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
 
 
 __all__ = [
     "COMMAND_QOS",
+    "EVENT_QOS",
+    "LATCHED_STATE_QOS",
+    "LIVE_QOS",
     "QUEUED_QOS",
+    "RARELY_S",
+    "RELIABLE_SENSOR_QOS",
     "SENSOR_QOS",
+    "STATE_FILE",
     "STATE_QOS",
     "HandNode",
     "ParameterError",
     "default_config",
+    "end",
     "run",
 ]

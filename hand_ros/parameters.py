@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import array
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
+
+from hand_messages.bounds import shown
+
+MAX_LENGTH = 4096
+"""Longest text or list that a parameter may be set to."""
 
 
 class ParameterError(ValueError):
@@ -29,13 +35,38 @@ class NodeParameter:
     choices: tuple[str, ...] = ()
     read_only: bool = True
 
+    def check_size(self, value: Any) -> None:
+        """Raises ParameterError for a text or a list that is too long to be converted and shown."""
+        if isinstance(value, str | list | array.array | bytes) and len(value) > MAX_LENGTH:
+            raise ParameterError(
+                f"parameter {self.name} has {len(value)} elements or letters; at most {MAX_LENGTH} are allowed"
+            )
+
+    def converted(self, value: Any) -> Any:
+        """The value in the declared type where it has an equivalent one, otherwise the value itself.
+
+        An integer stands for a float, also in a list; rclpy gives lists of numbers as array.array.
+        """
+        if isinstance(value, array.array):
+            value = value.tolist()
+        if isinstance(self.default, float) and type(value) is int:
+            return float(value)
+        if isinstance(self.default, list) and isinstance(value, list):
+            numbers = any(isinstance(element, float) for element in self.default)
+            return [float(element) if numbers and type(element) is int else element for element in value]
+        return value
+
     def check(self, value: Any) -> None:
         """Raises ParameterError where the value has another type or is outside the allowed range or choices."""
         if isinstance(self.default, bool | str | list):
             if not isinstance(value, type(self.default)):
-                raise ParameterError(f"parameter {self.name} is {value!r}; it must be a {type(self.default).__name__}")
+                raise ParameterError(
+                    f"parameter {self.name} is {shown(value)}; it must be a {type(self.default).__name__}"
+                )
             if self.choices and value not in self.choices:
-                raise ParameterError(f"parameter {self.name} is {value!r}; it must be one of {', '.join(self.choices)}")
+                raise ParameterError(
+                    f"parameter {self.name} is {shown(value)}; it must be one of {', '.join(self.choices)}"
+                )
             return
         self._check_number(value)
 
@@ -45,7 +76,7 @@ class NodeParameter:
         number = isinstance(value, int) or (isinstance(value, float) and not whole)
         if isinstance(value, bool) or not number or not math.isfinite(value):
             kind = "whole number" if whole else "number"
-            raise ParameterError(f"parameter {self.name} is {value!r}; it must be a {kind}, {allowed}")
+            raise ParameterError(f"parameter {self.name} is {shown(value)}; it must be a {kind}, {allowed}")
         low, high = self.low, self.high
         if (low is not None and value < low) or (high is not None and value > high):
             raise ParameterError(f"parameter {self.name} is {value:g}; the allowed range is {allowed}")
