@@ -6,6 +6,7 @@ lifetime of the last set-points has passed; `SetPointsInForce` is this rule, for
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import IntFlag
 from typing import Any, Protocol
@@ -41,6 +42,21 @@ class Status(IntFlag):
 
 
 @dataclass(frozen=True, slots=True)
+class Echo:
+    """The set-points that a board has in force, as the board itself reports them.
+
+    sequence: of the packet that brought them.  age_s: time since the board accepted that packet [s]; NaN where it has
+    accepted none.  pressure_pa: (valves,) [Pa gauge], 0 where the board is vented.  accepted: number of set-point
+    packets that the board has accepted, modulo 2**8.
+    """
+
+    sequence: int
+    age_s: float
+    pressure_pa: Pressures
+    accepted: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class Frame:
     """One sample of every channel.
 
@@ -50,6 +66,7 @@ class Frame:
     status: Status bits.
     counts: uint16 (channels,), read-only.
     received_ns: the host's monotonic clock [ns] when the frame was complete.
+    echo: the set-points in force at acquisition; None where the board sends none (protocol version 1).
     """
 
     sequence: int
@@ -58,6 +75,7 @@ class Frame:
     status: Status
     counts: Counts
     received_ns: int
+    echo: Echo | None = None
 
 
 @dataclass(slots=True)
@@ -68,6 +86,8 @@ class LinkCounters:
     dropped: int = 0  # frames missing in the sequence
     corrupt: int = 0  # byte strings or messages that were not a valid frame
     written: int = 0  # sets of set-points sent
+    replayed: int = 0  # frames that repeat an earlier one, or are older than one: not handed over
+    restarts: int = 0  # restarts of the board
 
 
 class Board(Protocol):
@@ -77,14 +97,23 @@ class Board(Protocol):
     def counters(self) -> LinkCounters:
         """Counters of this connection."""
 
+    @property
+    def protocol(self) -> int:
+        """Protocol version in use; a board of version 1 does not echo its set-points."""
+        return 1
+
     def read(self, timeout_s: float) -> Frame | None:
         """Wait for the next good frame, or return None after timeout_s [s].
 
         Raises LinkLost when the connection is lost, ProtocolMismatch when the board has another protocol.
         """
 
-    def write(self, pressure_pa: Pressures, lifetime_s: float) -> None:
-        """Send one set-point [Pa gauge] per valve, valid for lifetime_s [s] from arrival.
+    def continue_from(self, former: Board) -> None:
+        """Take over from the former connection what recognises a restart of the board in between."""
+        return
+
+    def write(self, pressure_pa: Pressures, lifetime_s: float) -> int | None:
+        """Send one set-point [Pa gauge] per valve, valid for lifetime_s [s] from arrival; returns their sequence.
 
         Values are finite and within the supply range: the caller has checked them.
         Raises LinkLost when the connection is lost.
@@ -92,27 +121,6 @@ class Board(Protocol):
 
     def close(self) -> None:
         """Release the port; further calls have no effect. The board's watchdog vents the hand."""
-
-
-WRAP = 1 << 32
-RESTART = 1 << 16
-"""A larger jump of the sequence number is a restart of the board, not a loss of frames."""
-
-
-class SequenceGap:
-    """Counts the frames that are missing before each frame, from its 32-bit sequence number."""
-
-    def __init__(self) -> None:
-        """Begin with no frame."""
-        self._last: int | None = None
-
-    def missing_before(self, sequence: int) -> int:
-        """Number of frames lost before this one; 0 for the first one and after a restart of the board."""
-        last, self._last = self._last, sequence
-        if last is None:
-            return 0
-        gap = (sequence - last - 1) % WRAP
-        return gap if gap < RESTART else 0
 
 
 def lifetime_ticks(lifetime_s: Any, period_s: float) -> Any:
@@ -134,14 +142,30 @@ class SetPointsInForce:
         self._period_s = period_s
         self.pressure_pa: Pressures = np.zeros(valves)
         self.vent_at_tick = -1
+        self._sequence = 0
+        self._accepted = 0
+        self._accepted_at_tick = -1
 
-    def take_over(self, tick: int, pressure_pa: Pressures | None = None, lifetime_s: float = 0.0) -> None:
+    def take_over(
+        self, tick: int, pressure_pa: Pressures | None = None, lifetime_s: float = 0.0, sequence: int = 0
+    ) -> None:
         """End tick number `tick`: take over set-points (valves,) [Pa] where some arrived, and vent expired ones."""
         if pressure_pa is not None:
             self.pressure_pa = np.array(pressure_pa, dtype=np.float64)
             self.vent_at_tick = tick + int(lifetime_ticks(lifetime_s, self._period_s))
+            self._sequence, self._accepted_at_tick = sequence, tick
+            self._accepted = (self._accepted + 1) & 0xFF
         if tick >= self.vent_at_tick:
             self.pressure_pa = np.zeros_like(self.pressure_pa)
+
+    def forget_sender(self) -> None:
+        """Begin a session: number and count the set-points from 0. Those in force stay until their lifetime ends."""
+        self._sequence, self._accepted, self._accepted_at_tick = 0, 0, -1
+
+    def echo(self, tick: int) -> Echo:
+        """What the sample of a tick reports of the set-points in force while it was taken."""
+        age_s = (tick - self._accepted_at_tick) * self._period_s if self._accepted_at_tick >= 0 else math.nan
+        return Echo(self._sequence, age_s, self.pressure_pa, self._accepted)
 
     def vented(self, tick: int) -> bool:
         """Whether the sample of a tick was taken without set-points in force."""

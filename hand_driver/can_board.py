@@ -9,9 +9,9 @@ from typing import Any
 
 import can
 
-from hand_driver.board import Board, BoardError, Frame, LinkCounters, LinkLost, Pressures, ProtocolMismatch, SequenceGap
-from hand_driver.can_wire import ID_OFFSETS, CanAssembler, CanMessage, encode_set_points
-from hand_driver.wire import SamplePayload, SetPointPayload
+from hand_driver.board import Board, BoardError, Frame, LinkCounters, LinkLost, Pressures
+from hand_driver.can_wire import ID_OFFSETS, CanAssembler, CanMessage, encode_offer, encode_set_points
+from hand_driver.host_protocol import HostProtocol
 
 SLCAN = "slcan"
 SEND_TIMEOUT_S = 0.05
@@ -66,30 +66,35 @@ class CanBoard(Board):
         # An unplugged serial adapter can read as silence; then its device file is missing.
         self._device = channel.partition("@")[0] if interface == SLCAN else None
         self._where = f"CAN channel {channel}"
-        self._channels = channels
+        self._protocol = HostProtocol(channels, self._where)
         self._assembler = CanAssembler()
-        self._gap = SequenceGap()
-        self._last: tuple[int, int] | None = None
-        self._sequence = 0
         self._write_lock = threading.Lock()
-        self._counters = LinkCounters()
 
     @property
     def counters(self) -> LinkCounters:
         """Counters of this connection."""
-        return self._counters
+        self._protocol.counters.corrupt = self._assembler.corrupt
+        return self._protocol.counters
+
+    @property
+    def protocol(self) -> int:
+        """See Board.protocol."""
+        return self._protocol.version
+
+    def continue_from(self, former: Board) -> None:
+        """See Board.continue_from."""
+        if isinstance(former, CanBoard):
+            self._protocol.continue_from(former._protocol)
 
     def read(self, timeout_s: float) -> Frame | None:
         """See Board.read."""
         end = time.monotonic() + timeout_s
         while (left := end - time.monotonic()) > 0.0:
+            self._offer()
             message = self._receive(left)
-            if message is None:
-                continue
-            payload = self._assembler.feed(message)
-            self._counters.corrupt = self._assembler.corrupt
-            if isinstance(payload, SamplePayload) and not self._repeated(payload):
-                return self._frame(payload, time.monotonic_ns())
+            payload = None if message is None else self._assembler.feed(message)
+            if payload is not None and (frame := self._protocol.take(payload, time.monotonic_ns())) is not None:
+                return frame
         if self._device is not None and not os.path.exists(self._device):  # noqa: PTH110 - may be "COM3"
             raise LinkLost(f"{self._where} is lost")
         return None
@@ -104,36 +109,27 @@ class CanBoard(Board):
             raise LinkLost(f"{self._where} is lost: {' '.join(str(error).split())}") from None
         return received_message(message, self._id_offset)
 
-    def _repeated(self, payload: SamplePayload) -> bool:
-        """Whether this sample was already returned: an old value must not be used as a new one."""
-        last, self._last = self._last, (payload.sequence, payload.board_time_us)
-        repeated = self._last == last
-        self._assembler.corrupt += repeated
-        self._counters.corrupt = self._assembler.corrupt
-        return repeated
+    def _offer(self) -> None:
+        offer = self._protocol.offer(time.monotonic_ns())
+        if offer is None:
+            return
+        with self._write_lock:
+            try:
+                send_message(self._bus, encode_offer(offer), self._id_offset)
+            except (can.CanError, OSError, TypeError):
+                return  # the next read or write reports a lost bus
 
-    def _frame(self, payload: SamplePayload, now_ns: int) -> Frame:
-        if len(payload.counts) != self._channels:
-            raise ProtocolMismatch(
-                f"the board on {self._where} sends {len(payload.counts)} channels; the description has {self._channels}"
-            )
-        self._counters.frames += 1
-        self._counters.dropped += self._gap.missing_before(payload.sequence)
-        return Frame(
-            payload.sequence, payload.board_time_us, payload.supply_voltage_v, payload.status, payload.counts, now_ns
-        )
-
-    def write(self, pressure_pa: Pressures, lifetime_s: float) -> None:
+    def write(self, pressure_pa: Pressures, lifetime_s: float) -> int:
         """See Board.write."""
         with self._write_lock:
-            messages = encode_set_points(SetPointPayload(self._sequence, lifetime_s, pressure_pa))
-            self._sequence = (self._sequence + 1) & 0xFFFFFFFF
+            set_points = self._protocol.set_points(pressure_pa, lifetime_s)
             try:
-                for message in messages:
+                for message in encode_set_points(set_points):
                     send_message(self._bus, message, self._id_offset)
             except (can.CanError, OSError, TypeError) as error:
                 raise LinkLost(f"{self._where} accepts no set-points: {' '.join(str(error).split())}") from None
-            self._counters.written += 1
+            self._protocol.counters.written += 1
+            return set_points.sequence
 
     def close(self) -> None:
         """See Board.close."""

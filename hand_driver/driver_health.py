@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from hand_driver.board import Frame, LinkCounters, Status
+from hand_driver.channel_watch import ChannelWatch
+from hand_driver.measurement import within_supply
+from hand_messages.bounds import Budget
 from hand_messages.health import Health, Level
 from hand_model.description import Hand
 
@@ -18,6 +21,8 @@ SILENCE_S = 0.1
 """Time without a frame that is an error; after the same time the controller vents."""
 REFUSAL_S = 5.0
 """Time for which a refused command is shown."""
+REPEATED_SHARE = 0.01
+"""A share of repeated frames above this is a warning."""
 SUPPLY_TOLERANCE = 0.1
 """A relative deviation of the sensor supply above this is a warning."""
 
@@ -41,13 +46,20 @@ class DriverHealth:
         self._last_frame_s = started_s
         self._frame: Frame | None = None
         self._rails: Sequence[str] = ()
+        self._watch: ChannelWatch | None = None
         self._marks: deque[tuple[float, LinkCounters]] = deque()
         self._refusal = (-REFUSAL_S, "")
         self._refused = 0
+        self.budget = Budget()
+        self._asked_s: float | None = None
 
-    def frame(self, frame: Frame, rails: Sequence[str], now_s: float) -> None:
-        """A frame was published."""
-        self._frame, self._rails, self._last_frame_s = frame, rails, now_s
+    def asked(self, pressure: bool, now_s: float) -> None:
+        """Set-points were written: whether any of them was above 0 Pa."""
+        self._asked_s = now_s if pressure else None
+
+    def frame(self, frame: Frame, rails: Sequence[str], now_s: float, watch: ChannelWatch | None = None) -> None:
+        """A frame was published; watch: what is known of its channels."""
+        self._frame, self._rails, self._last_frame_s, self._watch = frame, rails, now_s, watch
 
     def refused(self, line: str, now_s: float) -> None:
         """A command was refused."""
@@ -57,7 +69,7 @@ class DriverHealth:
     def statuses(self, link: LinkState, now_s: float) -> list[Health]:
         """One status for the link, frames, supply, channels, board and commands."""
         counters = link.counters
-        self._marks.append((now_s, LinkCounters(counters.frames, counters.dropped, counters.corrupt)))
+        self._marks.append((now_s, replace(counters)))
         while now_s - self._marks[0][0] > RATE_WINDOW_S:
             self._marks.popleft()
         return [
@@ -65,7 +77,7 @@ class DriverHealth:
             self._frames(counters, now_s),
             self._supply(),
             self._channels(),
-            self._board(),
+            self._board(now_s),
             self._commands(counters, now_s),
         ]
 
@@ -91,11 +103,16 @@ class DriverHealth:
             "frames": str(counters.frames),
             "dropped": str(counters.dropped),
             "corrupt": str(counters.corrupt),
+            "replayed": str(counters.replayed),
+            "restarts": str(counters.restarts),
         }
         if span_s >= 0.9 * RATE_WINDOW_S and rate < RATE_SHARE * self._hand.rate_hz:
             return Health("frames", Level.WARN, "frame rate is below what the description expects", values)
         if corrupt:
             return Health("frames", Level.WARN, "corrupt frames: check cable shielding and baud rate", values)
+        if counters.replayed > past.replayed:
+            line = "old frames are repeated and dropped: check the adapter and other senders on the bus"
+            return Health("frames", Level.WARN, line, values)
         if dropped:
             return Health("frames", Level.WARN, "frames are missing: link too slow or host too busy", values)
         return Health("frames", Level.OK, "arriving", values)
@@ -106,7 +123,7 @@ class DriverHealth:
         volts, nominal = self._frame.supply_voltage_v, self._hand.sensors.supply_voltage_v
         values = {"supply_voltage_v": f"{volts:.3f}", "nominal_v": f"{nominal:g}"}
         off = abs(volts / nominal - 1.0)
-        if off > 2.0 * SUPPLY_TOLERANCE:
+        if not within_supply(volts, nominal):
             return Health("supply", Level.ERROR, "sensor supply is out of range: no measurements", values)
         if off > SUPPLY_TOLERANCE:
             return Health("supply", Level.WARN, "sensor supply is off nominal", values)
@@ -118,9 +135,21 @@ class DriverHealth:
         if self._rails:
             line = f"at the rail (broken wire or short): {', '.join(self._rails)}"
             return Health("channels", Level.ERROR, line, dict.fromkeys(self._rails, "at the rail"))
-        return Health("channels", Level.OK, "every channel is within its range")
+        return self._readings() if self._watch is not None else _CHANNELS_FINE
 
-    def _board(self) -> Health:
+    def _readings(self) -> Health:
+        """Channels that repeat their readings."""
+        assert self._watch is not None
+        lines, share, unwatched = self._watch.lines, self._watch.repeated_share, self._watch.unwatched
+        values = {"repeated frames": f"{100.0 * share:.1f} %", "not watched (no noise)": ", ".join(unwatched)}
+        if lines:
+            return Health("channels", Level.ERROR, "; ".join(lines), values)
+        if share > REPEATED_SHARE:
+            line = f"the converter repeats {100.0 * share:.0f} % of the frames: it converts more slowly than it is read"
+            return Health("channels", Level.WARN, line, values)
+        return Health("channels", Level.OK, _CHANNELS_FINE.message, values)
+
+    def _board(self, now_s: float) -> Health:
         if self._frame is None:
             return Health("board", Level.STALE, "no frame yet")
         status = self._frame.status
@@ -128,18 +157,25 @@ class DriverHealth:
         faults = [text for bit, text in _FAULTS.items() if bit in status]
         if faults:
             return Health("board", Level.ERROR, "; ".join(faults), values)
+        if Status.VENTED in status and self._asked_s is not None and now_s - self._asked_s > SILENCE_S:
+            line = "vented by its watchdog: the set-points outlived their lifetime; check the node that commands"
+            return Health("board", Level.WARN, line, values)
         if Status.VENTED in status:
             return Health("board", Level.OK, "vented: no set-points in force", values)
         return Health("board", Level.OK, "driving the valves", values)
 
     def _commands(self, counters: LinkCounters, now_s: float) -> Health:
-        values = {"written": str(counters.written), "refused": str(self._refused)}
+        dropped = str(self.budget.dropped)
+        values = {"written": str(counters.written), "refused": str(self._refused), "dropped unread": dropped}
         when_s, line = self._refusal
         if now_s - when_s < REFUSAL_S:
             return Health("commands", Level.ERROR, line, values)
+        if flood := self.budget.problem(now_s):
+            return Health("commands", Level.WARN, flood, values)
         return Health("commands", Level.OK, "accepted", values)
 
 
+_CHANNELS_FINE = Health("channels", Level.OK, "every channel is within its range")
 _FAULTS = {
     Status.SUPPLY_LOW: "pressure supply is below the set-points",
     Status.OVER_PRESSURE: "an actuator is over its pressure limit and was vented",

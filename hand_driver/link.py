@@ -26,12 +26,25 @@ class Link:
         self._retry_s = -1.0
         self._past = LinkCounters()
         self._opened = 0
+        self._former: Board | None = None
+        self.sequence = 0
         self.error = ""
 
     @property
     def up(self) -> bool:
         """Whether a board is open."""
         return self._board is not None
+
+    @property
+    def protocol(self) -> int:
+        """Protocol version in use; 0 without a board."""
+        board = self._board
+        return 0 if board is None else board.protocol
+
+    @property
+    def connections(self) -> int:
+        """Number of times a board was opened."""
+        return self._opened
 
     @property
     def reconnects(self) -> int:
@@ -51,6 +64,8 @@ class Link:
             past.dropped + now.dropped,
             past.corrupt + now.corrupt,
             past.written + now.written,
+            past.replayed + now.replayed,
+            past.restarts + now.restarts,
         )
 
     def read(self, timeout_s: float) -> Frame | None:
@@ -79,6 +94,8 @@ class Link:
             return None
         with self._change:
             if not self._closed.is_set():
+                if self._former is not None:
+                    board.continue_from(self._former)
                 self._board = board
                 self._opened += 1
                 return board
@@ -86,12 +103,12 @@ class Link:
         return None
 
     def write(self, pressure_pa: Pressures, lifetime_s: float) -> bool:
-        """Send set-points; False without a board. Never raises BoardError, never waits."""
+        """Send set-points, whose sequence then is `sequence`; False without a board. Never raises BoardError."""
         board = self._board
         if board is None:
             return False
         try:
-            board.write(pressure_pa, lifetime_s)
+            self.sequence = board.write(pressure_pa, lifetime_s) or 0
         except BoardError as error:
             self.error = str(error)
             return False
@@ -110,7 +127,7 @@ class Link:
         with self._change:
             if board is not self._board:
                 return
-            self._past, self._board, self.error = self._sum(board), None, error
+            self._past, self._former, self._board, self.error = self._sum(board), board, None, error
         board.close()
         self._wait_before_retry()
 

@@ -10,15 +10,15 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hand_driver.board import Counts, Frame, Status
-from hand_model.arrays import Array
+from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 from hand_model.sensors import fsr_force, line_angle
 from hand_model.statics import torque
 
 RAIL_MARGIN = 0.002
 """A count within this share of full scale from either end is at the rail."""
-SUPPLY_SHARE = 0.8
-"""Below this share of the nominal supply the sensors are outside their range and nothing is measured."""
+SUPPLY_SHARES = (0.8, 1.2)
+"""Outside these shares of the nominal supply the sensors are outside their range and nothing is measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +102,7 @@ class Converter:
         self._sensors = sensors
         self._velocity = VelocityEstimator(len(hand.joints), velocity_time_constant_s)
         self._volts_per_count = sensors.adc.reference_v / sensors.adc.full_scale
-        self._low, self._high = _rails(hand)
+        self._low, self._high = rails(hand)
         self._channel = np.concatenate([sensors.angle_channel, sensors.pressure_channel, sensors.force_channel])
         line, statics = sensors.angle_line, ("a0_nm", "a1_nm_per_rad", "a2_nm_per_pa", "a3_nm_per_pa_rad")
         columns = (line.ratio_at_0_deg, line.ratio_at_90_deg, sensors.pressure.ratio_per_pa)
@@ -111,13 +111,15 @@ class Converter:
         self._names = channel_names(hand)
         self.pressure_zero_ratio = sensors.pressure.ratio_at_zero.copy()
 
-    def convert(self, frame: Frame) -> Measurement:
-        """Measure one frame."""
+    def convert(self, frame: Frame, faulty: Flags | None = None) -> Measurement:
+        """Measure one frame. faulty (channels,): channels that are not believed and give NaN; None: none of them."""
         sensors = self._sensors
-        per_count = self._volts_per_count / max(frame.supply_voltage_v, 1e-3)
-        if frame.supply_voltage_v < SUPPLY_SHARE * sensors.supply_voltage_v or frame.status & Status.ADC_FAULT:
+        supplied = within_supply(frame.supply_voltage_v, sensors.supply_voltage_v)
+        per_count = self._volts_per_count / frame.supply_voltage_v if supplied else np.nan
+        if frame.status & Status.ADC_FAULT:
             per_count = np.nan
-        rails = (self._low, self._high, self._channel)
+        low = self._low if faulty is None else np.where(faulty, sensors.adc.full_scale, self._low)
+        rails = (low, self._high, self._channel)
         joints, force = np.empty((3, self._joint.shape[1])), np.empty(len(sensors.sites))
         k = sensors.force_polynomial.coefficients
         railed = _measure(
@@ -133,6 +135,12 @@ class Converter:
         return tuple(self._names[channel] for channel in hit.tolist())
 
 
+def within_supply(supply_v: float, nominal_v: float) -> bool:
+    """Whether the sensors measure at a supply [V]; NaN is not within."""
+    low, high = SUPPLY_SHARES
+    return low * nominal_v <= supply_v <= high * nominal_v
+
+
 def channel_names(hand: Hand) -> dict[int, str]:
     """What each ADC channel measures, for people: "index_proximal angle"."""
     sensors = hand.sensors
@@ -142,7 +150,7 @@ def channel_names(hand: Hand) -> dict[int, str]:
     return dict(sorted(names.items()))
 
 
-def _rails(hand: Hand) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def rails(hand: Hand) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Counts (channels,) at or beyond which a channel is at its lower and upper rail."""
     full = hand.sensors.adc.full_scale
     margin = round(RAIL_MARGIN * full)

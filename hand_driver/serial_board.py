@@ -10,8 +10,9 @@ from collections import deque
 import serial
 from serial.tools import list_ports
 
-from hand_driver.board import Board, BoardError, Frame, LinkCounters, LinkLost, Pressures, ProtocolMismatch, SequenceGap
-from hand_driver.wire import PacketDecoder, SamplePayload, SetPointPayload, encode_set_points
+from hand_driver.board import Board, BoardError, Frame, LinkCounters, LinkLost, Pressures
+from hand_driver.host_protocol import HostProtocol
+from hand_driver.wire import PacketDecoder, encode_offer, encode_set_points
 
 
 class SerialBoard(Board):
@@ -25,24 +26,32 @@ class SerialBoard(Board):
         except (serial.SerialException, OSError, ValueError, termios.error) as error:
             raise BoardError(_cannot_open(port, error)) from None
         self._port = port
-        self._channels = channels
+        self._protocol = HostProtocol(channels, port)
         self._decoder = PacketDecoder(joining=True)
-        self._gap = SequenceGap()
         self._ready: deque[Frame] = deque()
-        self._sequence = 0
         self._write_lock = threading.Lock()
-        self._counters = LinkCounters()
 
     @property
     def counters(self) -> LinkCounters:
         """Counters of this connection."""
-        self._counters.corrupt = self._decoder.corrupt
-        return self._counters
+        self._protocol.counters.corrupt = self._decoder.corrupt
+        return self._protocol.counters
+
+    @property
+    def protocol(self) -> int:
+        """See Board.protocol."""
+        return self._protocol.version
+
+    def continue_from(self, former: Board) -> None:
+        """See Board.continue_from."""
+        if isinstance(former, SerialBoard):
+            self._protocol.continue_from(former._protocol)
 
     def read(self, timeout_s: float) -> Frame | None:
         """See Board.read."""
         end = time.monotonic() + timeout_s
         while not self._ready:
+            self._offer()
             left = end - time.monotonic()
             if left <= 0.0:
                 return None
@@ -53,41 +62,34 @@ class SerialBoard(Board):
                 # pyserial raises TypeError and ValueError for a port closed by another thread.
                 raise LinkLost(f"serial port {self._port} is lost: {error}") from None
             self._take(data, time.monotonic_ns())
-        frame = self._ready.popleft()
-        self._counters.frames += 1
-        self._counters.dropped += self._gap.missing_before(frame.sequence)
-        return frame
+        return self._ready.popleft()
 
     def _take(self, data: bytes, now_ns: int) -> None:
         for payload in self._decoder.feed(data):
-            if not isinstance(payload, SamplePayload):
-                continue
-            if len(payload.counts) != self._channels:
-                raise ProtocolMismatch(
-                    f"the board on {self._port} sends {len(payload.counts)} channels; "
-                    f"the description has {self._channels}"
-                )
-            self._ready.append(
-                Frame(
-                    payload.sequence,
-                    payload.board_time_us,
-                    payload.supply_voltage_v,
-                    payload.status,
-                    payload.counts,
-                    now_ns,
-                )
-            )
+            frame = self._protocol.take(payload, now_ns)
+            if frame is not None:
+                self._ready.append(frame)
 
-    def write(self, pressure_pa: Pressures, lifetime_s: float) -> None:
+    def _offer(self) -> None:
+        offer = self._protocol.offer(time.monotonic_ns())
+        if offer is None:
+            return
+        with self._write_lock:
+            try:
+                self._serial.write(encode_offer(offer))
+            except (serial.SerialException, OSError, TypeError):
+                return  # the next read or write reports a lost port
+
+    def write(self, pressure_pa: Pressures, lifetime_s: float) -> int:
         """See Board.write."""
         with self._write_lock:
-            packet = encode_set_points(SetPointPayload(self._sequence, lifetime_s, pressure_pa))
-            self._sequence = (self._sequence + 1) & 0xFFFFFFFF
+            set_points = self._protocol.set_points(pressure_pa, lifetime_s)
             try:
-                self._serial.write(packet)
+                self._serial.write(encode_set_points(set_points))
             except (serial.SerialException, OSError, TypeError) as error:
                 raise LinkLost(f"serial port {self._port} accepts no set-points: {error}") from None
-            self._counters.written += 1
+            self._protocol.counters.written += 1
+            return set_points.sequence
 
     def close(self) -> None:
         """See Board.close."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_messages.bounds import MAX_NAMES, BoundError, check_bytes, shown
 from hand_messages.cdr import Layout, LayoutError
 from hand_messages.layouts import VALVE_COMMAND
 from hand_model.arrays import Array
@@ -45,10 +46,11 @@ class CommandReader:
         """Check a serialized message received at now_ns. Raises RefusedError."""
         try:
             if self._layout is None or not self._layout.matches(raw):
-                self._learn(Layout.like(VALVE_COMMAND, raw))
+                check_bytes(len(raw))
+                self._learn(Layout.like(VALVE_COMMAND, raw, MAX_NAMES))
             assert self._layout is not None
             values = self._layout.decode(raw)
-        except LayoutError as error:
+        except (LayoutError, BoundError) as error:
             raise RefusedError(f"valve_command refused: {error}") from None
         lifetime_s = values["lifetime_ns"] * 1e-9
         pressure_pa = values["pressure"][self._order]
@@ -94,12 +96,13 @@ class CommandReader:
 
 
 def _check_names(names: Sequence[str], joints: Sequence[str]) -> None:
-    unknown = [name for name in names if name not in joints]
-    if unknown:
-        raise RefusedError(f"valve_command refused: unknown joint {unknown[0]!r}; joints are {', '.join(joints)}")
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
-        raise RefusedError(f"valve_command refused: joint {twice[0]!r} appears twice")
-    missing = [joint for joint in joints if joint not in names]
+    known, seen = set(joints), set[str]()
+    for name in names:
+        if name not in known:
+            raise RefusedError(f"valve_command refused: unknown joint {shown(name)}; joints are {', '.join(joints)}")
+        if name in seen:
+            raise RefusedError(f"valve_command refused: joint {name!r} appears twice")
+        seen.add(name)
+    missing = [joint for joint in joints if joint not in seen]
     if missing:
         raise RefusedError(f"valve_command refused: joint {missing[0]!r} is missing; each valve needs a set-point")

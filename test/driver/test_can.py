@@ -120,9 +120,9 @@ def test_ten_thousand_disturbed_samples() -> None:
 def test_another_version_is_named() -> None:
     """Fails when a board of another protocol version is taken for noise or for a good board."""
     messages = encode_sample(sample())[:-1]
-    messages[0] = CanMessage(messages[0].identifier, b"\x02" + messages[0].data[1:])
+    messages[0] = CanMessage(messages[0].identifier, b"\x03" + messages[0].data[1:])
     trailer = CanMessage(can_wire.SAMPLE_TRAILER, can_wire._trailer(messages, 70_000, 0))
-    with pytest.raises(ProtocolMismatch, match="version 2, this driver uses 1"):
+    with pytest.raises(ProtocolMismatch, match="version 3, this driver uses 2 and 1"):
         feed(CanAssembler(), [*messages, trailer])
 
 

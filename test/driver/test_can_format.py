@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hand_driver import can_wire
+from hand_driver import can_wire, wire
 from hand_driver.board import ProtocolMismatch, Status
 from hand_driver.can_wire import CanAssembler, CanMessage, encode_sample, encode_set_points
 from hand_driver.wire import Payload, SamplePayload, SetPointPayload
@@ -55,7 +55,7 @@ def changed(messages: list[CanMessage], place: int, data: bytes) -> list[CanMess
 def test_constants_of_the_layout() -> None:
     """Fails when a number that firmware relies on changes."""
     assert can_wire.ID_OFFSETS == (0x00, 0x40, 0x80, 0xC0)
-    assert (can_wire.VERSION, can_wire.MAX_CHANNELS, can_wire.MAX_VALVES, can_wire.MOST_PARTS) == (1, 40, 16, 64)
+    assert (wire.VERSIONS, can_wire.MAX_CHANNELS, can_wire.MAX_VALVES, can_wire.MOST_PARTS) == ((1, 2), 40, 16, 64)
 
 
 def test_a_sample_has_these_messages() -> None:
@@ -157,10 +157,10 @@ def of_version(version: int, messages: list[CanMessage]) -> list[CanMessage]:
     return with_trailer([m.identifier for m in messages], parts, messages[-1].data[4:])
 
 
-@pytest.mark.parametrize("version", [0, 2])
+@pytest.mark.parametrize("version", [0, 3])
 def test_another_version_is_named(version: int) -> None:
     """Fails when an intact sample of another version is parsed or counted as noise, or set-points of one raise."""
-    with pytest.raises(ProtocolMismatch, match=f"version {version}, this driver uses 1"):
+    with pytest.raises(ProtocolMismatch, match=f"version {version}, this driver uses 2 and 1"):
         assembled(of_version(version, SAMPLE_MESSAGES))
     assert count_of(of_version(version, SET_POINT_MESSAGES)) == (0, 1)
     damaged = changed(of_version(version, SAMPLE_MESSAGES), 2, bytes(8))
@@ -169,7 +169,7 @@ def test_another_version_is_named(version: int) -> None:
 
 def test_a_count_of_another_version_is_not_judged() -> None:
     """Fails when a header of another version is refused for its count, whose meaning is unknown."""
-    for version in (0, 2):
+    for version in (0, 3):
         header = CanMessage(0x100, bytes([version, 200, 0, 0, 0, 0, 0, 0]))
         assert count_of([header]) == (0, 0)
     messages = with_trailer([0x100, 0x130, 0x13F], [header.data, bytes(8)], bytes(4))
@@ -179,7 +179,7 @@ def test_a_count_of_another_version_is_not_judged() -> None:
 
 def test_an_endless_sample_of_another_version_is_given_up() -> None:
     """Fails when messages of another version are collected without bound."""
-    header = CanMessage(0x100, bytes([2, 1, 0, 0, 0, 0, 0, 0]))
+    header = CanMessage(0x100, bytes([3, 1, 0, 0, 0, 0, 0, 0]))
     data = CanMessage(0x120, bytes(8))
     assert count_of([header] + [data] * 63) == (0, 0)
     assert count_of([header] + [data] * 64) == (0, 1)

@@ -17,15 +17,16 @@ import numpy as np
 import pytest
 
 from hand_driver import can_wire
-from hand_driver.board import BoardError, Counts, Frame, LinkLost, ProtocolMismatch, Status
+from hand_driver.board import BoardError, Counts, Echo, Frame, LinkLost, ProtocolMismatch, Status
 from hand_driver.can_board import CanBoard, open_bus
-from hand_driver.can_wire import CanAssembler, CanMessage, encode_sample, encode_set_points
-from hand_driver.wire import SamplePayload, SetPointPayload
+from hand_driver.can_wire import CanAssembler, CanMessage, encode_answer, encode_offer, encode_sample, encode_set_points
+from hand_driver.wire import AnswerPayload, OfferPayload, SamplePayload, SetPointPayload
 from hand_sim.can_endpoint import SlcanEndpoint
 
 ROOT = Path(__file__).parents[2]
 DBC = cantools.database.load_file(Path(can_wire.__file__).with_name("hand_board.dbc"))
 WAIT_S = 20.0
+SESSION = 0x9ABCDEF0
 ECHO = """
 import sys, time
 import numpy as np
@@ -47,11 +48,19 @@ for sequence in range(100_000):
 
 def full_sample() -> SamplePayload:
     counts = np.array([(7919 * (i + 1)) % 65536 for i in range(40)], np.uint16)
-    return SamplePayload(0xFEDCBA98, 0x0123456789ABCDEF, 4.987, Status.SUPPLY_LOW | Status.ADC_FAULT, counts)
+    status = Status.SUPPLY_LOW | Status.ADC_FAULT
+    echo = Echo(0x76543210, 1.234, np.arange(16, dtype=np.float64) * 23_450.0, 200)
+    return SamplePayload(0xFEDCBA98, 0x0123456789ABCDEF, 4.987, status, counts, 2, echo)
 
 
 def full_set_points() -> SetPointPayload:
-    return SetPointPayload(0x89ABCDEF, 0.25, np.arange(16, dtype=np.float64) * 12_340.0)
+    return SetPointPayload(0x89ABCDEF, 0.25, np.arange(16, dtype=np.float64) * 12_340.0, SESSION)
+
+
+def everything() -> list[CanMessage]:
+    """All messages of both directions, at full size."""
+    offers = [encode_offer(OfferPayload(1, 2, SESSION)), encode_answer(AnswerPayload(2, 2, SESSION))]
+    return [*encode_sample(full_sample()), *encode_set_points(full_set_points()), *offers]
 
 
 def a_sample(sequence: int) -> SamplePayload:
@@ -60,7 +69,7 @@ def a_sample(sequence: int) -> SamplePayload:
 
 def test_every_message_of_the_dbc_is_sent_and_nothing_else() -> None:
     """Fails when a message of the DBC is never sent at full size, or one is sent that the DBC does not have."""
-    sent = {m.identifier for m in [*encode_sample(full_sample()), *encode_set_points(full_set_points())]}
+    sent = {m.identifier for m in everything()}
     assert sent == {message.frame_id for message in DBC.messages}
 
 
@@ -68,12 +77,19 @@ def test_every_message_of_the_dbc_is_sent_and_nothing_else() -> None:
 def test_the_dbc_packs_each_message_as_we_do(message: Any) -> None:
     """Fails when byte order, place or scale of any signal differ between the DBC and our packing."""
     sent, order = full_sample(), full_set_points()
-    ours = {m.identifier: m.data for m in [*encode_sample(sent), *encode_set_points(order)]}
+    assert sent.echo is not None
+    ours = {m.identifier: m.data for m in everything()}
     data = ours[message.frame_id]
     values: dict[str, float] = {
-        "Version": 1, "Channels": 40, "Valves": 16, "Status": 10, "BoardTime": sent.board_time_us,
+        "Version": 2, "Channels": 40, "Valves": 16, "Status": 10, "BoardTime": sent.board_time_us,
         "SupplyVoltage": 4.987, "Lifetime": 250, "Reserved": 0, "Crc": int.from_bytes(data[:4], "little"),
     }  # fmt: skip
+    check = int.from_bytes(data[2:4], "little")
+    values |= {"EchoValves": 16, "EchoAccepted": 200, "EchoAge": 1234, "EchoSequence": sent.echo.sequence}
+    values |= {"Session": SESSION, "SessionReserved": 0, "OfferLowest": 1, "OfferHighest": 2, "OfferCheck": check}
+    values |= {"AnswerVersion": 2, "AnswerHighest": 2, "AnswerCheck": check, "OfferSession": SESSION}
+    values |= {"AnswerSession": SESSION}
+    values |= {f"Echo{i}": float(pressure) for i, pressure in enumerate(sent.echo.pressure_pa)}
     own = sent.sequence if message.frame_id < can_wire.SET_POINT_HEADER else order.sequence
     values |= {"Sequence": own, "SequenceLow": own & 0xFFFF}
     values |= {f"Channel{i}": int(count) for i, count in enumerate(sent.counts)}
@@ -95,17 +111,17 @@ def test_random_traffic_yields_nothing_and_harms_nothing() -> None:
         identifier = int(rng.choice(known)) if trial % 3 else int(rng.integers(0, 0x800))
         data = bytearray(rng.bytes(8 if trial % 5 else int(rng.integers(0, 9))))
         if trial % 2 and data:
-            data[0] = 1  # our version, so that a header is taken for one
+            data[0] = 1 + trial // 2 % 2  # our versions, so that a header is taken for one
         assert assembler.feed(CanMessage(identifier, bytes(data))) is None, (seed, trial)
         if trial % 100 == 0:
             got = [payload for message in good if (payload := assembler.feed(message)) is not None]
-            assert [payload.sequence for payload in got] == [0xFEDCBA98], (seed, trial)
+            assert [p.sequence for p in got if isinstance(p, SamplePayload)] == [0xFEDCBA98], (seed, trial)
 
 
 def test_messages_of_two_samples_mixed_are_no_sample() -> None:
     """Fails when parts of different samples are put together to one."""
     first = encode_sample(full_sample())
-    other = SamplePayload(0xFEDCBA99, 1, 4.987, Status(0), full_sample().counts[::-1].copy())
+    other = SamplePayload(0xFEDCBA99, 1, 4.987, Status(0), full_sample().counts[::-1].copy(), 2, full_sample().echo)
     second = encode_sample(other)
     for at in range(1, len(first)):
         assembler = CanAssembler()
@@ -124,7 +140,7 @@ def test_another_version_on_the_bus_stops_the_board() -> None:
     try:
         for message in foreign:
             bus.send(can.Message(arbitration_id=message.identifier, data=message.data, is_extended_id=False))
-        with pytest.raises(ProtocolMismatch, match="version 7, this driver uses 1"):
+        with pytest.raises(ProtocolMismatch, match="version 7, this driver uses 2 and 1"):
             board.read(1.0)
     finally:
         board.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import termios
 from pathlib import Path
 
@@ -27,6 +28,28 @@ def test_a_name_that_is_taken_is_left_alone(tmp_path: Path) -> None:
             Pty(str(path))
     assert named.readlink() == real
     assert real.read_text() == "keep"
+
+
+def test_a_link_to_a_terminal_of_another_program_is_left_alone(tmp_path: Path) -> None:
+    """Fails when the emulator replaces the link that another program, such as socat, made to its own terminal."""
+    master, slave = os.openpty()
+    named = tmp_path / "board"
+    named.symlink_to(os.ttyname(slave))
+    with pytest.raises(FileExistsError, match="that no emulator made; remove it or name another"):
+        Pty(str(named))
+    assert str(named.readlink()) == os.ttyname(slave)
+    os.close(master)
+    os.close(slave)
+
+
+def test_a_link_that_a_killed_emulator_left_is_replaced(tmp_path: Path) -> None:
+    """Fails when an emulator that was killed blocks its name, or the link does not lead to the new terminal."""
+    named = tmp_path / "board"
+    named.symlink_to("/dev/pts/../pts/99999")
+    pty = Pty(str(named))
+    assert named.samefile(os.ttyname(pty._slave))
+    pty.close()
+    assert not named.is_symlink()
 
 
 def test_the_end_of_one_emulator_leaves_the_next_ones_link(tmp_path: Path) -> None:

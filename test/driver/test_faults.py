@@ -11,6 +11,7 @@ import pytest
 from hand_driver.board import Board, Counts, Frame, Pressures, Status
 from hand_driver.link import FIRST_PAUSE_S, Link
 from hand_driver.serial_board import SerialBoard
+from hand_driver.wire import OfferPayload, SamplePayload, SetPointPayload
 from hand_sim.emulator import Emulator
 from hand_sim.faults import Faults
 from hand_sim.serial_endpoint import SerialEndpoint
@@ -163,3 +164,37 @@ def test_an_unplugged_link_comes_back_by_back_off_and_repeats_nothing(tmp_path: 
     finally:
         link.close()
         emulator.close()
+
+
+def test_repeated_frames_are_handed_over_once_and_counted(rig: Callable[[Faults], Rig]) -> None:
+    """Fails when the emulator repeats nothing, or a repeated frame reaches the driver."""
+    made = rig(Faults(repeat=0.3))
+    frames = made.frames(400)
+    assert [frame.sequence for frame in frames] == list(range(400))
+    assert 80 < made.board.counters.replayed < 160
+    assert made.board.counters.dropped == 0
+
+
+def test_a_board_with_a_wrong_clock_sends_its_own_time(rig: Callable[[Faults], Rig]) -> None:
+    """Fails when the error of the clock does not reach the frames, or has the other sign."""
+    frames = rig(Faults(clock_error=0.01)).frames(100)
+    assert [frame.board_time_us for frame in frames] == [5050 * k for k in range(1, 101)]
+
+
+def test_a_restarted_board_begins_again_vented_and_without_its_session(tmp_path: Path) -> None:
+    """Fails when the emulator keeps sequence, time, session or pressure over a restart."""
+    endpoint = SerialEndpoint(str(tmp_path / "board"))
+    plant = NumberedPlant()
+    emulator = Emulator(plant, lambda: endpoint, RATE_HZ, VALVES, Faults(restart=(0.1,)))
+    sent: list[SamplePayload] = []
+    endpoint.send = lambda sample, corrupt=False: sent.append(sample)  # type: ignore[method-assign]
+    endpoint.session.offer(OfferPayload(1, 2, 7))
+    arrived = [SetPointPayload(1, 1.0, np.full(VALVES, 1e5), 7)]
+    endpoint.receive = lambda: [arrived.pop()] if arrived else []  # type: ignore[method-assign]
+    for tick in range(1, 41):
+        emulator.tick(tick)
+    emulator.close()
+    assert [sample.sequence for sample in sent] == [*range(19), *range(21)]
+    assert [sample.board_time_us for sample in sent[19:21]] == [5000, 10_000]
+    assert Status.VENTED not in sent[18].status and Status.VENTED in sent[19].status
+    assert endpoint.session.session is None and endpoint.session.version == 1

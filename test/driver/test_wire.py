@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import struct
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hand_driver import wire
-from hand_driver.board import ProtocolMismatch, Status
-from hand_driver.wire import PacketDecoder, SamplePayload, SetPointPayload, encode_sample, encode_set_points
+from hand_driver.board import Echo, ProtocolMismatch, Status
+from hand_driver.wire import (
+    AnswerPayload,
+    OfferPayload,
+    PacketDecoder,
+    SamplePayload,
+    SetPointPayload,
+    encode_answer,
+    encode_offer,
+    encode_sample,
+    encode_set_points,
+)
 
 PROTOCOL = Path(__file__).parents[2] / "docs" / "protocol.md"
 
@@ -38,7 +49,7 @@ samples = st.builds(
 
 def test_constants_of_the_wire() -> None:
     """Fails when a number that firmware relies on changes."""
-    assert (wire.VERSION, wire.SAMPLE, wire.SET_POINTS) == (1, 1, 2)
+    assert (wire.VERSIONS, wire.SAMPLE, wire.SET_POINTS, wire.OFFER, wire.ANSWER) == ((1, 2), 1, 2, 3, 4)
     assert (wire.PRESSURE_UNIT_PA, wire.LIFETIME_UNIT_S) == (10.0, 1e-3)
     assert [int(bit) for bit in Status] == [1, 2, 4, 8]
 
@@ -118,9 +129,9 @@ def test_endless_noise_takes_bounded_memory() -> None:
 
 def test_another_version_is_named() -> None:
     """Fails when a board of another protocol version is taken for noise or for a good board."""
-    payload = struct.pack("<BB", 2, 1) + b"what version 2 may hold"
+    payload = struct.pack("<BB", 3, 1) + b"what version 3 may hold"
     packet = cobs.encode(payload + struct.pack("<I", zlib.crc32(payload))) + b"\x00"
-    with pytest.raises(ProtocolMismatch, match="version 2, this driver uses 1"):
+    with pytest.raises(ProtocolMismatch, match="version 3, this driver uses 2 and 1"):
         PacketDecoder().feed(packet)
 
 
@@ -130,4 +141,13 @@ def test_the_documents_example_is_what_the_code_sends() -> None:
     shown = [bytes.fromhex(block) for block in re.findall(r"`((?:[0-9a-f]{2} ?){12,})`", text)]
     small = SamplePayload(258, 1_000_000, 5.0, Status.VENTED, np.array([0, 1, 65535], np.uint16))
     order = SetPointPayload(1, 0.1, np.array([0.0, 100_000.0]))
-    assert shown == [encode_sample(small), encode_set_points(order)]
+    echo = Echo(7, 0.005, np.array([0.0, 100_000.0]), 8)
+    session = 0x2A5F11C3
+    assert shown == [
+        encode_offer(OfferPayload(1, 2, session)),
+        encode_answer(AnswerPayload(2, 2, session)),
+        encode_sample(replace(small, version=2, echo=echo)),
+        encode_sample(small),
+        encode_set_points(replace(order, session=session)),
+        encode_set_points(order),
+    ]

@@ -135,16 +135,16 @@ def test_bytes_that_are_not_cobs_are_corrupt() -> None:
 
 
 def test_an_unknown_type_is_corrupt() -> None:
-    """Fails when a type other than sample and set-points is parsed as one of them."""
-    for kind in (0, 3, 255):
+    """Fails when an unknown type is parsed as a known one."""
+    for kind in (0, 5, 255):
         assert decoded(packet(bytes([1, kind]) + SAMPLE_BYTES[2:])) == (0, 1)
 
 
-@pytest.mark.parametrize("version", [0, 2])
+@pytest.mark.parametrize("version", [0, 3])
 def test_another_version_is_named_and_the_following_bytes_are_kept(version: int) -> None:
     """Fails when another version is parsed, counted as noise, or drops the packets after it."""
     decoder = PacketDecoder()
-    with pytest.raises(ProtocolMismatch, match=f"version {version}, this driver uses 1"):
+    with pytest.raises(ProtocolMismatch, match=f"version {version}, this driver uses 2 and 1"):
         decoder.feed(packet(bytes([version]) + SAMPLE_BYTES[1:]) + packet(SAMPLE_BYTES))
     assert decoder.corrupt == 0 and len(decoder.feed(b"")) == 1
 
@@ -175,9 +175,9 @@ def test_a_decoder_that_joins_within_a_packet_counts_no_noise() -> None:
 def test_an_endless_packet_is_given_up_once() -> None:
     """Fails when noise without a delimiter grows without bound, counts twice, or loses the packet after it."""
     decoder = PacketDecoder()
-    assert wire.MAX_PACKET == 1024
-    decoder.feed(b"\1" * 1024)
-    assert decoder.corrupt == 0 and len(decoder._buffer) == 1024
+    assert wire.MAX_PACKET == 1280
+    decoder.feed(b"\1" * 1280)
+    assert decoder.corrupt == 0 and len(decoder._buffer) == 1280
     decoder.feed(b"\1")
     assert decoder.corrupt == 1 and not decoder._buffer
     decoder.feed(b"\1" * 2000)
