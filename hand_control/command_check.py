@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_messages.bounds import shown
+from hand_messages.commands import MAX_POINTS
 from hand_model.arrays import Array
 from hand_model.description import Hand
 
 Index = NDArray[np.int64]
 Points = Sequence[tuple[float, Sequence[float], Sequence[float]]]
 
+JOINT_COMMANDS = "joint_commands"
 MAX_AGE_S = 0.5
 """A command with an older stamp is refused."""
 MAX_AHEAD_S = 0.1
@@ -21,8 +24,6 @@ MAX_AHEAD_S = 0.1
 MAX_DELAY_S = 10.0
 """Largest delay of the start of a trajectory, by a stamp ahead of time."""
 MAX_DURATION_S = 3600.0
-MAX_POINTS = 5000
-"""Checking more points than this would delay the next frame."""
 MIN_STEP_S = 0.5e-9
 """Least distance of points: one step of the message's clock, 1 ns, with rounding."""
 MAX_SPEED_RAD_S = 100.0
@@ -35,7 +36,10 @@ class CommandError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class JointCommand:
-    """index (k,) of the joints, position_rad (k,), max_torque_nm (k,) with NaN for the configured limit."""
+    """index (k,) of the joints, position_rad (k,), max_torque_nm (k,) with NaN where no effort is given.
+
+    position_rad is NaN where a command in torque mode gives efforts alone.
+    """
 
     index: Index
     position_rad: Array
@@ -57,24 +61,75 @@ def check_joint_command(
     hand: Hand, names: Sequence[str], position: Sequence[float], effort: Sequence[float], stamp_ns: int, now_ns: int
 ) -> JointCommand:
     """A joint_commands message; stamps are [ns], 0 means now. Raises CommandError."""
-    topic = "joint_commands"
-    _check_stamp(topic, stamp_ns, now_ns, MAX_AHEAD_S)
-    index = _joints(topic, hand, names)
-    _check_length(topic, "positions", position, names)
+    _check_stamp(JOINT_COMMANDS, stamp_ns, now_ns, MAX_AHEAD_S)
+    index = _joints(JOINT_COMMANDS, hand, names)
+    if len(effort) and not len(position):
+        raise CommandError(f"{JOINT_COMMANDS} refused: efforts without positions; set control_mode to torque for those")
+    angle = _angles(hand, index, names, position)
+    return JointCommand(index, angle, _efforts(hand, index, names, effort, ("maximum torque", "the configured limit")))
+
+
+def check_torque_command(
+    hand: Hand, names: Sequence[str], position: Sequence[float], effort: Sequence[float], stamp_ns: int, now_ns: int
+) -> JointCommand:
+    """A joint_commands message in torque mode; positions may be missing. Raises CommandError."""
+    _check_stamp(JOINT_COMMANDS, stamp_ns, now_ns, MAX_AHEAD_S)
+    index = _joints(JOINT_COMMANDS, hand, names)
+    angle = _angles(hand, index, names, position) if len(position) else np.full(len(index), np.nan)
+    return JointCommand(index, angle, _efforts(hand, index, names, effort, ("torque", "no torque")))
+
+
+def _angles(hand: Hand, index: Index, names: Sequence[str], position: Sequence[float]) -> Array:
+    _check_length(JOINT_COMMANDS, "positions", position, names)
     angle = np.array(position, dtype=np.float64)
-    _check_angles(topic, hand, index, angle)
+    _check_angles(JOINT_COMMANDS, hand, index, angle)
+    return angle
+
+
+def _efforts(hand: Hand, index: Index, names: Sequence[str], effort: Sequence[float], words: tuple[str, str]) -> Array:
+    """Efforts (k,) [N m], NaN where none is given. words: what an effort is, and what replaces a missing one."""
     if not len(effort):
-        return JointCommand(index, angle, np.full(len(index), np.nan))
-    _check_length(topic, "efforts", effort, names)
-    limit = np.array(effort, dtype=np.float64)
-    allowed = hand.limits.max_torque_nm[index]
-    for joint, value, most in zip(index, limit, allowed, strict=True):
+        return np.full(len(index), np.nan)
+    _check_length(JOINT_COMMANDS, "efforts", effort, names)
+    torque = np.array(effort, dtype=np.float64)
+    for joint, value, most in zip(index, torque, hand.limits.max_torque_nm[index], strict=True):
         if not (np.isnan(value) or 0.0 <= value <= most):
             raise CommandError(
-                f"{topic} refused: {hand.joints[joint]} maximum torque is {value:g} N m; "
-                f"the allowed range is 0 to {most:g} N m, or NaN for the configured limit"
+                f"{JOINT_COMMANDS} refused: {hand.joints[joint]} {words[0]} is {value:g} N m; "
+                f"the allowed range is 0 to {most:g} N m, or NaN for {words[1]}"
             )
-    return JointCommand(index, angle, limit)
+    return torque
+
+
+def check_stop(hand: Hand, names: Sequence[str], stamp_ns: int, now_ns: int) -> Index:
+    """A joint_trajectory message without points: the joints (k,) that stop, all where none is named.
+
+    Raises CommandError.
+    """
+    topic = "joint_trajectory"
+    _check_stamp(topic, stamp_ns, now_ns, MAX_DELAY_S)
+    return _joints(topic, hand, names) if len(names) else np.arange(len(hand.joints))
+
+
+def unused_fields(topic: str, names: Sequence[str], fields: Mapping[str, Sequence[Sequence[float]]]) -> str:
+    """One line that names the given fields that have no effect; empty where none is given.
+
+    fields: lists of values by the name of the field.  Raises CommandError where a list has a wrong length or a value
+    that is not finite: such a message is broken.
+    """
+    given = []
+    for field, lists in fields.items():
+        for values in lists:
+            if not len(values):
+                continue
+            _check_length(topic, field, values, names)
+            bad = ~np.isfinite(np.array(values, dtype=np.float64))
+            if bad.any():
+                joint = int(np.argmax(bad))
+                raise CommandError(f"{topic} refused: {names[joint]} has {values[joint]:g} in {field}")
+            if field not in given:
+                given.append(field)
+    return f"{topic}: fields without effect: {', '.join(given)}" if given else ""
 
 
 def check_trajectory(hand: Hand, names: Sequence[str], points: Points, stamp_ns: int, now_ns: int) -> Trajectory:
@@ -93,9 +148,12 @@ def check_trajectory(hand: Hand, names: Sequence[str], points: Points, stamp_ns:
         )
     for _, angles, _ in points:
         _check_length(topic, "positions", angles, names)
-        _check_angles(topic, hand, index, np.array(angles, dtype=np.float64))
-    start_ns = max(stamp_ns, now_ns) if stamp_ns else now_ns
     position = np.array([angles for _, angles, _ in points], dtype=np.float64)
+    low, high = hand.limits.low_rad[index], hand.limits.high_rad[index]
+    wrong = ~((position >= low) & (position <= high)).all(axis=1)  # NaN fails both comparisons
+    if wrong.any():
+        _check_angles(topic, hand, index, position[int(np.argmax(wrong))])
+    start_ns = max(stamp_ns, now_ns) if stamp_ns else now_ns
     return Trajectory(index, start_ns, times, position, _velocities(topic, names, points))
 
 
@@ -131,12 +189,15 @@ def _check_stamp(topic: str, stamp_ns: int, now_ns: int, ahead_s: float) -> None
 def _joints(topic: str, hand: Hand, names: Sequence[str]) -> Index:
     if not len(names):
         raise CommandError(f"{topic} refused: no joint is named; joints are {', '.join(hand.joints)}")
+    known = {joint: index for index, joint in enumerate(hand.joints)}
+    seen = set[str]()
     for name in names:
-        if name not in hand.joints:
-            raise CommandError(f"{topic} refused: unknown joint {name!r}; joints are {', '.join(hand.joints)}")
-        if names.count(name) > 1:
+        if name not in known:
+            raise CommandError(f"{topic} refused: unknown joint {shown(name)}; joints are {', '.join(hand.joints)}")
+        if name in seen:
             raise CommandError(f"{topic} refused: joint {name!r} appears twice")
-    return np.array([hand.joints.index(name) for name in names], dtype=np.int64)
+        seen.add(name)
+    return np.array([known[name] for name in names], dtype=np.int64)
 
 
 def _check_length(topic: str, what: str, values: Sequence[float], names: Sequence[str]) -> None:

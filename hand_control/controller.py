@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from hand_control.command_check import JointCommand, Points, check_joint_command, check_trajectory
+from hand_control.arming_ramp import ArmingRamp
+from hand_control.board_watch import BoardWatch
+from hand_control.command_check import (
+    JointCommand,
+    Points,
+    check_joint_command,
+    check_stop,
+    check_torque_command,
+    check_trajectory,
+    unused_fields,
+)
 from hand_control.contact_monitor import ContactMonitor, Event
-from hand_control.declared import OUT, Settings, U
+from hand_control.declared import OUT, Settings, U, bounded_dt
 from hand_control.frame_checks import (
     FOLLOWING,
     JUMPED,
@@ -20,11 +30,15 @@ from hand_control.frame_checks import (
     STUCK_HIGH,
     PressureWatch,
     ToleranceWatch,
+    allowed_jump,
     implausible,
 )
+from hand_control.gaps import Gap
 from hand_control.grasps import Approach, Grasp, Grasping, Outcome
 from hand_control.law import Law
-from hand_control.references import References, Shaper
+from hand_control.references import References
+from hand_control.sensor_watch import SensorWatch
+from hand_control.shaping import Shaper, TorqueLimiter
 from hand_control.supervisor import VENT_S, Phase, Supervisor
 from hand_control.tuning import gains
 from hand_messages.health import Health, Level
@@ -35,8 +49,6 @@ REFUSAL_S = 5.0
 """A refused command is shown on diagnostics for this time."""
 FUTURE_S = 0.1
 """A frame stamped further ahead than this comes from another clock."""
-MAX_DT_S = 0.05
-"""Upper bound on the dt passed to the control law; a longer gap carries no information about the motion within it."""
 
 
 class Times(NamedTuple):
@@ -77,32 +89,51 @@ class Controller:
         count = len(hand.joints)
         self.hand = hand
         self.safety = Supervisor()
+        self.board = BoardWatch()
+        self._ramp = ArmingRamp()
         self._references = References(hand)
         self._law = Law(gains(hand, settings))
-        self._shaper = Shaper(count, self._law.inputs)
+        self._gap = Gap(self._law)
+        self._settling = False
+        self._shaper = Shaper(count, self._law.inputs, (hand.limits.low_rad, hand.limits.high_rad))
+        self._torque = TorqueLimiter(hand.limits.max_torque_nm)
         self._pressure_watch = PressureWatch(hand)
+        self._sensor_watch = SensorWatch(hand)
         self._contact_monitor = ContactMonitor(hand)
         self._tolerance_watch = ToleranceWatch(hand)
         self._last_position = np.full(count, np.nan)
         self._stamp_ns: int | None = None
         self._refusal: tuple[int, str] | None = None
+        self._remark: tuple[int, str] | None = None
         self._none = np.zeros(count, dtype=np.bool_)
         self._starved = ""
         self._grasp: Grasping | None = None
+        self.held = False
         self.grasp_end = ""
         self.grasp_contact: Flags = self._none
-        self._limit = hand.limits.max_torque_nm.copy()
+        self.settings = settings
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
-        """Use new settings from the next tick on; the pressures do not jump."""
+        """Use new settings from the next tick on; the pressures do not jump.
+
+        A new control mode begins at the newest measurement: torque mode from its torque, position mode from its pose.
+        """
+        switched = settings.control_mode != self.settings.control_mode and self.safety.phase is Phase.ACTIVE
         self.settings = settings
+        if switched:
+            self.stop_grasp("preempted by a change of control_mode")
+            self._begin_mode(self._last_position)
+            if self._torque_mode:
+                self._torque.start(self._law.out[OUT.torque])
         self._max_jump_rad = math.radians(settings.max_jump_deg)
         self._law.change(gains(self.hand, settings))
 
     def enable(self, on: bool) -> None:
         """Drive the hand from its present pose, or vent it. ValueError while a fault is latched."""
         if on:
+            if self.board.fault and not self.safety.fault:
+                raise ValueError(f"not enabled: the driver holds the hand vented ({self.board.fault})")
             self.safety.enable()
         else:
             self.vent("disabled on request")
@@ -115,14 +146,24 @@ class Controller:
         """Clear a latched fault; returns it, empty where there was none."""
         return self.safety.reset()
 
-    def command(self, times: Times, names: Sequence[str], position: Sequence[float], effort: Sequence[float]) -> None:
+    def command(
+        self,
+        times: Times,
+        names: Sequence[str],
+        position: Sequence[float],
+        effort: Sequence[float],
+        unused: Mapping[str, Sequence[Sequence[float]]] | None = None,
+    ) -> None:
         """Follow a joint command (partial lists allowed) of positions [rad] and efforts [N m].
 
+        unused: the other lists of the message by the name of their field; they are checked and reported.
         Raises ValueError, one line, where the whole command is refused.
         """
+        check = check_torque_command if self._torque_mode else check_joint_command
         try:
             self._accept()
-            checked = check_joint_command(self.hand, names, position, effort, times.stamp_ns, times.now_ns)
+            checked = check(self.hand, names, position, effort, times.stamp_ns, times.now_ns)
+            self._check_unused("joint_commands", names, unused, times.host_ns)
         except ValueError as error:
             self.refuse(str(error), times.host_ns)
             raise
@@ -130,17 +171,49 @@ class Controller:
         self._references.command(checked)
         self.safety.command(times.host_ns)
 
-    def trajectory(self, times: Times, names: Sequence[str], points: Points) -> None:
-        """Follow a trajectory of (time [s], positions, velocities). ValueError: it is refused whole, one line."""
+    def trajectory(
+        self,
+        times: Times,
+        names: Sequence[str],
+        points: Points,
+        unused: Mapping[str, Sequence[Sequence[float]]] | None = None,
+    ) -> None:
+        """Follow a trajectory of (time [s], positions, velocities); without points, the joints stop.
+
+        unused: as in `command`.  Raises ValueError, one line: it is refused whole.
+        """
+        stamps = times.stamp_ns, times.now_ns
         try:
             self._accept()
-            checked = check_trajectory(self.hand, names, points, times.stamp_ns, times.now_ns)
+            if not len(points):
+                stopped = check_stop(self.hand, names, *stamps)
+            elif self._torque_mode:
+                raise ValueError("joint_trajectory refused: control_mode is torque")
+            else:
+                checked = check_trajectory(self.hand, names, points, *stamps)
+                self._check_unused("joint_trajectory", names, unused, times.host_ns)
         except ValueError as error:
             self.refuse(str(error), times.host_ns)
             raise
         self.stop_grasp("preempted by joint_trajectory")
-        self._references.trajectory(checked)
+        if len(points):
+            self._references.trajectory(checked)
+        else:
+            joints = np.isin(np.arange(len(self.hand.joints)), stopped)
+            self._references.hold(self._shaper.stopping_point(self.settings), joints)
         self.safety.command(times.host_ns)
+
+    @property
+    def _torque_mode(self) -> bool:
+        return self.settings.control_mode == "torque"
+
+    def _check_unused(
+        self, topic: str, names: Sequence[str], fields: Mapping[str, Sequence[Sequence[float]]] | None, host_ns: int
+    ) -> None:
+        """Report given fields that have no effect on diagnostics, for REFUSAL_S. ValueError for broken ones."""
+        line = unused_fields(topic, names, fields or {})
+        if line:
+            self._remark = (host_ns, line)
 
     def grasp(self, grasp: Grasp, closure: float, max_torque_nm: float, host_ns: int) -> None:
         """Begin a grasp of a closure 0 to 1 [-] from the present reference; a running one is preempted.
@@ -148,6 +221,8 @@ class Controller:
         Raises ValueError, one line, where it is refused.
         """
         self._accept()
+        if self._torque_mode:
+            raise ValueError("control_mode is torque")
         approach = Approach(math.radians(self.settings.grasp_speed_deg_per_s), self.settings.grasp_torque_nm)
         started = Grasping(self.hand, grasp.shape(closure), max_torque_nm, self._shaper.r, approach)
         self.stop_grasp("preempted by another grasp")
@@ -194,27 +269,39 @@ class Controller:
         if self._stamp_ns is not None and -1.0 < dt <= 0.0:
             return None  # repeated or out of order
         self._stamp_ns = times.stamp_ns
-        step_s = min(max(dt, 0.0), MAX_DT_S)
+        if self.held and self.safety.phase is Phase.ACTIVE:
+            self.safety.frame(times.host_ns)
+            return self._hold(times.stamp_ns, position)
+        step_s = bounded_dt(dt)
+        elapsed_s = dt if dt >= 0.0 else math.inf  # the clock was restarted: how long ago the last frame was is unknown
+        self._settling = self._gap.before(elapsed_s, 1.0 / self.hand.rate_hz, position, pressure)
         fresh = self.safety.frame(times.host_ns)
         if self.safety.phase is not Phase.VENTED:
-            self._check_measurement(position, velocity, pressure, times.host_ns, step_s)
+            self._check_measurement(position, velocity, pressure, times.host_ns, elapsed_s)
         self.safety.check(times.host_ns, self.settings.command_timeout_s)
         if self.safety.phase is not Phase.ACTIVE:
             return self._vented(times.stamp_ns, position, pressure, step_s)
         if self.safety.command_held(times.host_ns, self.settings.command_timeout_s):
             self.stop_grasp("no command for too long")
-            self._references.latch(self._shaper.r)
+            self._references.hold(self._shaper.r, ~self._none)
         return self._drive(times, step_s, fresh, position, pressure)
 
     def check(self, host_ns: int) -> bool:
         """Between frames: whether the hand has just become vented and 0 Pa is to be sent."""
         before = self.safety.phase
         self.safety.check(host_ns, self.settings.command_timeout_s)
+        if self.safety.phase is Phase.ACTIVE:
+            fault = self.board.check(bool(self._law.out[OUT.pressure].any()), host_ns)
+            if fault:
+                self.safety.trip(fault)
         return before is Phase.ACTIVE and self.safety.phase is Phase.VENTED
 
-    def _check_measurement(self, position: Array, velocity: Array, pressure: Array, host_ns: int, dt: float) -> None:
-        """Trip on an implausible measurement; arm on the first plausible one."""
-        verdict, worst = implausible(position, velocity, pressure, self._last_position, self._max_jump_rad)
+    def _check_measurement(
+        self, position: Array, velocity: Array, pressure: Array, host_ns: int, elapsed_s: float
+    ) -> None:
+        """Trip on an implausible measurement, elapsed_s [s] after the last one; arm on the first plausible one."""
+        jump_rad = allowed_jump(self._max_jump_rad, elapsed_s, 1.0 / self.hand.rate_hz)
+        verdict, worst = implausible(position, velocity, pressure, self._last_position, jump_rad)
         if verdict == NOT_FINITE:
             if self.safety.phase is Phase.ACTIVE:
                 self.safety.trip(f"{self.hand.joints[worst]}: the measurement is not a number")
@@ -226,11 +313,18 @@ class Controller:
             jump = math.degrees(abs(position[worst] - self._last_position[worst]))
             self.safety.trip(f"{self.hand.joints[worst]}: angle jumped by {jump:.0f} degrees")
         else:
-            self._check_pressure(pressure, dt)
+            self._check_pressure(pressure, position, elapsed_s)
+            self._check_sensors(position, pressure, elapsed_s)
         self._last_position[:] = position
 
-    def _check_pressure(self, pressure: Array, dt: float) -> None:
-        verdict, worst = self._pressure_watch.check(self._law.out[OUT.pressure], pressure, dt)
+    def _check_sensors(self, position: Array, pressure: Array, elapsed_s: float) -> None:
+        watch = self._pressure_watch
+        found = self._sensor_watch.check(position, pressure, watch.expected, watch.driven, elapsed_s)
+        if found is not None:
+            self.safety.trip(self._sensor_watch.line(found))
+
+    def _check_pressure(self, pressure: Array, position: Array, elapsed_s: float) -> None:
+        verdict, worst = self._pressure_watch.check(self._law.out[OUT.pressure], pressure, elapsed_s, position)
         joint, bar = self.hand.joints[worst], pressure[worst] * 1e-5
         self._starved = ""
         if verdict == OVER_PRESSURE:
@@ -247,21 +341,60 @@ class Controller:
         """Drive from the measured pose, so that nothing jumps."""
         self._law.release()
         self._law.out[OUT.pressure] = 0.0
-        self._pressure_watch.start(pressure)
-        pose = np.clip(position, self.hand.limits.low_rad, self.hand.limits.high_rad)
-        self._references.latch(pose)
-        self._shaper.latch(pose)
+        self._pressure_watch.start(pressure, position)
+        self._sensor_watch.start(position, pressure)
+        self._begin_mode(position)
+        if self._torque_mode:
+            zero = np.zeros(len(position))
+            torque = self._law.tick(np.array([position, zero, zero, zero, position, pressure]), 0.0, False, False)
+            self._torque.start(torque[OUT.torque])
+        else:
+            self._torque.start(self.hand.limits.max_torque_nm)
         self._last_position[:] = position
+        self._ramp.start(pressure)
+        self.board.start(host_ns)
         self.safety.arm(host_ns)
+
+    def _begin_mode(self, position: Array) -> None:
+        """Hold the measured pose (n,) [rad], without a command and in the present control mode."""
+        self._references.latch_in_mode(self._torque_mode, position)
+        self._shaper.latch(position)
+
+    def _hold(self, stamp_ns: int, position: Array) -> Tick:
+        """Repeat the last pressures: the measurement or the command may be another's, so neither is used."""
+        self._last_position.fill(math.nan)
+        self.stop_grasp("the hand holds: a topic has a second publisher")
+        reference, out = self._shaper.r, self._law.out
+        self._references.hold(reference, ~self._none)
+        error, saturated = reference - position, out[OUT.saturated] != 0.0
+        return Tick(
+            stamp_ns,
+            reference,
+            position,
+            error,
+            out[OUT.pressure],
+            out[OUT.torque],
+            self._torque.now,
+            saturated,
+            self._none,
+        )
 
     def _drive(self, times: Times, dt: float, fresh: bool, position: Array, pressure: Array) -> Tick:
         if self._grasp is not None:
             self._follow_grasp(self._grasp, position, dt, times.host_ns)
-        target, speed, self._limit = self._references.sample(times.now_ns)
-        self._shaper.step(target, speed, self.settings, dt)
+        target, speed, torque = self._references.sample(times.now_ns)
+        self._torque.step(torque, self.settings.max_torque_rate_nm_per_s, dt, self._torque_mode)
+        if self._torque_mode:
+            self._shaper.latch(position)  # the angle is free: the reference follows it
+        else:
+            self._shaper.step(target, speed, self.settings, dt)
         inputs = self._law.inputs
-        inputs[U.limit], inputs[U.position], inputs[U.pressure] = self._limit, position, pressure
-        out = self._law.tick(inputs, dt, fresh and not self._starved)
+        inputs[U.limit], inputs[U.position], inputs[U.pressure] = self._torque.now, position, pressure
+        out = self._law.tick(inputs, dt, fresh and not self._starved and not self._settling and not self._ramp.active)
+        self._ramp.limit(out[OUT.pressure], dt)
+        if self._settling:
+            self._gap.after()
+        self._sensor_watch.hold(out[OUT.pressure])
         self._contact_monitor.update(times.stamp_ns, out[OUT.contact], out[OUT.contact_age], out[OUT.contact_torque])
         error = self._shaper.r - position
         self._check_tolerance(error, position, dt, times.host_ns)
@@ -272,7 +405,7 @@ class Controller:
             error,
             out[OUT.pressure],
             out[OUT.torque],
-            self._limit,
+            self._torque.now,
             out[OUT.saturated] != 0.0,
             self._contact_monitor.contact,
         )
@@ -298,15 +431,17 @@ class Controller:
         zero = np.zeros(len(position))
         self.stop_grasp(f"the hand was vented: {self.safety.fault or self.safety.reason or 'not enabled'}")
         self._law.release()
-        inputs = np.array([position, zero, zero, self._limit, position, pressure])
+        inputs = np.array([position, zero, zero, zero, position, pressure])
         out = self._law.tick(inputs, dt, False, False)
         self._contact_monitor.release()
-        return Tick(stamp_ns, position, position, zero, zero, out[OUT.torque], self._limit, self._none, self._none)
+        return Tick(stamp_ns, position, position, zero, zero, out[OUT.torque], self._torque.now, self._none, self._none)
 
     def health(self, host_ns: int) -> list[Health]:
         """State of the safety, the commands and the valves."""
         commands = Health("commands", Level.OK, "accepted")
+        if self._remark is not None and (host_ns - self._remark[0]) * 1e-9 < REFUSAL_S:
+            commands = Health("commands", Level.WARN, self._remark[1])
         if self._refusal is not None and (host_ns - self._refusal[0]) * 1e-9 < REFUSAL_S:
             commands = Health("commands", Level.ERROR, self._refusal[1])
         valves = Health("valves", Level.WARN if self._starved else Level.OK, self._starved or "following")
-        return [self.safety.health(host_ns), commands, valves]
+        return [self.safety.health(host_ns), commands, valves, self.board.health()]

@@ -8,6 +8,7 @@ here: `python -m hand_control.declared --write` writes them, `--check` compares 
 from __future__ import annotations
 
 import dataclasses
+import math
 import sys
 from collections import namedtuple
 from collections.abc import Mapping, Sequence
@@ -76,8 +77,14 @@ class Settings:
 
     hand_description: str = _text("", "path of hand.yaml; if empty, the installed file")
     grasps: str = _text("", "path of grasps.yaml; if empty, the installed file")
-    frame_id: str = _text("hand", "frame_id of every message")
-    enabled_at_start: bool = _switch(True, "drive the hand once activated, without a call of `enable`", changes=START)
+    frame_id: str = _text("", "frame_id of every message; if empty, the namespace of the node")
+    enabled_at_start: bool = _switch(False, "drive the hand once activated, without a call of `enable`", changes=START)
+    state_file: str = _text(
+        "", "file that keeps a latched fault; if empty, NAMESPACE.NODE.json in $ROS_HOME/fluidic_hand or ~/.ros/..."
+    )
+    heartbeat_timeout_s: float = _number(
+        "s", 0.0, 0.0, 60.0, "age of the last message on `heartbeat` that vents the hand; 0: not needed", changes=START
+    )
     command_lifetime_s: float = _number(
         "s", 0.1, 0.01, 1.0, "lifetime of set-points at the board; the board vents after it", changes=START
     )
@@ -85,6 +92,12 @@ class Settings:
         "s", 0.0, 0.0, 3600.0, "age at which a command is held; after twice this age the hand is vented; 0: never"
     )
     max_speed_deg_per_s: float = _number("deg/s", 400.0, 1.0, 2000.0, "largest speed of the reference")
+    max_acceleration_deg_per_s2: float = _number(
+        "deg/s^2", 15000.0, 100.0, 1e6, "largest acceleration of the reference"
+    )
+    max_torque_rate_nm_per_s: float = _number(
+        "N m/s", 3.0, 0.01, 1000.0, "largest rate of the target in torque mode, and of a rising torque limit"
+    )
     reference_bandwidth_rad_per_s: float = _number("rad/s", 12.0, 1.0, 100.0, "bandwidth of the reference filter")
     max_jump_deg: float = _number("deg", 30.0, 1.0, 360.0, "largest plausible change of an angle between two frames")
     path_tolerance_deg: float = _number(
@@ -100,7 +113,7 @@ class Settings:
     integral_limit_nm: Array = _per_joint("N m", 0.6, 0.0, 10.0, "bound of the integral", "i_max")  # noqa: RUF009
     control_mode: str = _choice(
         "torque", "torque_mode",
-        "in mode torque, the effort of a command is the wanted torque and its position is ignored",
+        "in mode torque, the effort of a command is the wanted torque (none: zero), and its position is ignored",
         "position", "torque",
     )  # fmt: skip
     anti_windup: str = _choice(
@@ -275,6 +288,8 @@ OUTPUTS = (
     Row("contact_age", "s", "time since the onset of contact"),
 )
 CONSTANTS: dict[str, tuple[float, str, str]] = {
+    "min_dt": (1e-5, "s", "lower bound of dt; a shorter one counts as 0, because speeds are differences over dt"),
+    "max_dt": (0.05, "s", "upper bound of dt; a longer gap carries no information about the motion within it"),
     "min_leverage": (1e-9, "N m/Pa", "smallest torque per pressure that a torque is divided by"),
     "noise": (3e-4, "rad", "noise of the angle sensor: the integrator ignores smaller errors with a dead-band"),
     "rest_reference": (0.02, "rad/s", "a joint is at rest while its reference is slower,"),
@@ -312,6 +327,11 @@ G, S, U, OUT = _rows("G", GAINS), _rows("S", STATE), _rows("U", INPUTS), _rows("
 """Row numbers by name: of the gains, the state, the inputs and the outputs of the law."""
 C = _names("C", list(CONSTANTS), [value for value, _, _ in CONSTANTS.values()])
 """CONSTANTS by name."""
+
+
+def bounded_dt(dt: float) -> float:
+    """The time [s] that a step may take: 0 for a dt below C.min_dt or not finite, and at most C.max_dt."""
+    return min(float(dt), C.max_dt) if C.min_dt <= dt < math.inf else 0.0  # NaN fails the comparison
 
 
 def _of_each_joint(hand: Hand, declared: NodeParameter, values: Any) -> Array:

@@ -8,7 +8,12 @@ Pressures that differ from what the set-points ask for:
     below it, for NOT_FOLLOWING_S                                warning, and the integrators stop: a leak, an empty
                                                                  supply or a closed valve gives less than commanded
 The expectation is the set-point through the kernel's valve, whose time constant is lengthened by the dead time, from
-the pressure measured at first.
+the pressure measured at first. Motion displaces fluid and changes the pressure (Eq. 7): the kernel's equation for the
+described fluid belongs to the expectation, and what may be wrong with it widens the band, through the lag of the valve:
+UNCERTAIN of what a liquid does, and all of it where the description does not say that there is a liquid. After GAP_S
+without a frame, in which the board may have vented, the expectation starts again.
+
+An angle may change by the largest jump between two frames, and by FASTEST_RAD_PER_S over the time that is missing.
 """
 
 from __future__ import annotations
@@ -21,6 +26,10 @@ from numba import njit
 from hand_control.declared import Settings
 from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
+from hand_model.effects.effect import ANGLE, SPEED
+from hand_model.effects.gas_compression import pressure_source as gas_rate
+from hand_model.effects.hydraulic import prepare as per_volume
+from hand_model.effects.hydraulic import pressure_source as liquid_rate
 from hand_model.kernel.step import valve_pressure
 
 FINE, NOT_FINITE, JUMPED = range(3)
@@ -36,7 +45,30 @@ FOLLOWING, OVER_PRESSURE, STUCK_HIGH, STUCK_LOW = range(4)
 """Verdicts of `PressureWatch`, the most urgent first after FOLLOWING."""
 PATIENCE_S = 0.1
 """Time for which a joint may leave its path: one noisy sample or a push of its partner aborts nothing."""
-_EXPECTED, _OVER, _HIGH, _LOW = range(4)
+FASTEST_RAD_PER_S = 70.0
+"""Speed that no joint exceeds, also when an obstacle lets it go: an angle may change by so much in a gap."""
+GAP_S = 0.1
+"""After a longer time between two frames the board may have vented: the expectation starts again."""
+UNCERTAIN = 1.5
+"""Share of the pressure by displaced liquid that may be wrong: volume and leverage 30 % off, twice the lag."""
+SPEED_FILTER_S = 0.02
+_EXPECTED, _OVER, _HIGH, _LOW, _ANGLE, _SPEED, _WIDER, _DRIVEN = range(8)
+_TAU, _VENT, _FILL, _A2, _A3, _LIQUID, _GROWTH, _EXPONENT, _VOLUME, _GAS_GROWTH = range(10)
+_FLUID = (
+    "statics.a2_nm_per_pa",
+    "statics.a3_nm_per_pa_rad",
+    "hydraulic.share",
+    "hydraulic.volume_m3_per_pa",
+    "gas_compression.exponent",
+    "gas_compression.volume_m3",
+    "gas_compression.volume_m3_per_pa",
+)
+assert (ANGLE, SPEED) == (4, 5)
+
+
+def allowed_jump(max_jump: float, elapsed_s: float, period_s: float) -> float:
+    """Largest plausible change of an angle [rad] over elapsed_s [s] between two frames of a period [s]."""
+    return max_jump + FASTEST_RAD_PER_S * max(elapsed_s - 1.5 * period_s, 0.0)
 
 
 @njit(cache=True)
@@ -56,12 +88,38 @@ def implausible(position, velocity, pressure, last_position, max_jump):  # type:
 
 
 @njit(cache=True)
-def _watch(s, valve, limit, command, pressure, dt):  # type: ignore[no-untyped-def]
+def _displaced(v, i, p, angle, speed):  # type: ignore[no-untyped-def]
+    """Pressure rate [Pa/s] of joint i by displaced fluid, and by how much it may be wrong [Pa/s]; Eq. 7."""
+    around = (0.0, 0.0, 0.0, 0.0, angle, speed, 0.0)
+    a2, a3, growth = v[_A2, i], v[_A3, i], v[_GROWTH, i]
+    full = liquid_rate((1.0, growth, a2, a3, per_volume((1.0, growth), 0.0)[0]), p, around)
+    gas = gas_rate((v[_EXPONENT, i], v[_VOLUME, i], v[_GAS_GROWTH, i], a2, a3), p, around)
+    if v[_LIQUID, i] > 0.0:
+        return full * v[_LIQUID, i] + gas, UNCERTAIN * abs(full)
+    return gas, abs(full)
+
+
+@njit(cache=True)
+def _expect(s, v, i, u, angle, dt):  # type: ignore[no-untyped-def]
+    """Advance the expected pressure of joint i by dt [s]; returns the half width of its band [Pa]."""
+    tau = v[_TAU, i]
+    rate, wrong = 0.0, 0.0
+    if dt > 0.0:
+        share = dt / (dt + SPEED_FILTER_S)
+        s[_SPEED, i] += share * ((angle - s[_ANGLE, i]) / dt - s[_SPEED, i])
+        s[_ANGLE, i] = angle
+        rate, wrong = _displaced(v, i, s[_EXPECTED, i], angle, s[_SPEED, i])
+    s[_EXPECTED, i] = max(valve_pressure(s[_EXPECTED, i], u, tau, v[_VENT, i], v[_FILL, i], dt) + rate * dt, 0.0)
+    s[_DRIVEN, i] = valve_pressure(s[_DRIVEN, i], u, tau, v[_VENT, i], v[_FILL, i], dt)
+    s[_WIDER, i] += dt / (dt + tau) * (wrong * tau - s[_WIDER, i])
+    return BAND_PA + BAND * s[_EXPECTED, i] + s[_WIDER, i]
+
+
+@njit(cache=True)
+def _watch(s, valve, limit, command, pressure, position, dt):  # type: ignore[no-untyped-def]
     verdict, worst = FOLLOWING, 0
     for i in range(len(command)):
-        tau, vent, fill = valve[0, i], valve[1, i], valve[2, i]
-        s[_EXPECTED, i] = valve_pressure(s[_EXPECTED, i], command[i], tau, vent, fill, dt)
-        band = BAND_PA + BAND * s[_EXPECTED, i]
+        band = _expect(s, valve, i, command[i], position[i], dt)
         excess = pressure[i] - s[_EXPECTED, i]
         s[_OVER, i] = s[_OVER, i] + dt if pressure[i] > (1.0 + OVER) * limit[i] else 0.0
         s[_HIGH, i] = s[_HIGH, i] + dt if excess > band else 0.0
@@ -84,18 +142,46 @@ class PressureWatch:
     def __init__(self, hand: Hand) -> None:
         """Expect no pressure; `start` sets the first expectation."""
         lag = hand.row("valve.time_constant_s") + hand.row("valve.dead_time_s")
-        self._valve = np.array([lag, hand.row("valve.vent_rate_pa_per_s"), hand.row("valve.fill_rate_pa_per_s")])
+        valve = [lag, hand.row("valve.vent_rate_pa_per_s"), hand.row("valve.fill_rate_pa_per_s")]
+        self._valve = np.array([*valve, *(hand.row(key) for key in _FLUID)])
         self._limit = np.asarray(hand.limits.max_pressure_pa, dtype=np.float64)
-        self._state = np.zeros((4, len(hand.joints)))
+        self._state = np.zeros((8, len(hand.joints)))
+        self._still = np.zeros(len(hand.joints))
 
-    def start(self, pressure: Array) -> None:
-        """Expect the measured pressure (n,) [Pa]."""
+    @property
+    def expected(self) -> Array:
+        """Expected pressure now, (n,) [Pa]; the next check overwrites it."""
+        expected: Array = self._state[_EXPECTED]
+        return expected
+
+    @property
+    def driven(self) -> Array:
+        """Pressure that the set-points alone give, (n,) [Pa]; the next check overwrites it."""
+        driven: Array = self._state[_DRIVEN]
+        return driven
+
+    def start(self, pressure: Array, position: Array | None = None) -> None:
+        """Expect the measured pressure (n,) [Pa] of joints that stand still at position (n,) [rad]."""
         self._state[:] = 0.0
-        self._state[_EXPECTED] = pressure
+        self._state[_EXPECTED] = self._state[_DRIVEN] = pressure
+        self._state[_ANGLE] = self._still if position is None else position
 
-    def check(self, command: Array, pressure: Array, dt: float) -> tuple[int, int]:
-        """Verdict and its joint after dt [s] under command (n,) [Pa], now at pressure (n,) [Pa]."""
-        return _watch(self._state, self._valve, self._limit, command, pressure, dt)  # type: ignore[no-any-return]
+    def check(self, command: Array, pressure: Array, dt: float, position: Array | None = None) -> tuple[int, int]:
+        """Verdict and its joint after dt [s] under command (n,) [Pa], now at pressure (n,) [Pa].
+
+        position: (n,) [rad]; None: the joints stand still. After a gap the measured pressure is expected.
+        """
+        if dt > GAP_S:
+            self._skip(pressure, position)
+            dt = 0.0
+        angle = self._still if position is None else position
+        return _watch(self._state, self._valve, self._limit, command, pressure, angle, dt)  # type: ignore[no-any-return]
+
+    def _skip(self, pressure: Array, position: Array | None) -> None:
+        """Expect the measured state after a gap; how long a pressure has been off is kept."""
+        self._state[_EXPECTED] = self._state[_DRIVEN] = pressure
+        self._state[_SPEED] = 0.0
+        self._state[_ANGLE] = self._still if position is None else position
 
 
 class ToleranceWatch:

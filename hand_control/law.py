@@ -38,7 +38,7 @@ from numba import njit
 
 from hand_control.adaptation import adapt, map_variance, reset_covariance, reset_map
 from hand_control.contact import contradicted_by_motion, detect
-from hand_control.declared import INPUTS, OUT, OUTPUTS, STATE, C, G, S, U, inlined
+from hand_control.declared import INPUTS, OUT, OUTPUTS, STATE, C, G, S, U, bounded_dt, inlined
 from hand_model.arrays import Array
 from hand_model.material import creep_rate
 from hand_model.statics import leverage, pressure_for_torque, stiffness, torque
@@ -135,9 +135,8 @@ def _send(g, s, i, wanted, ceiling, dt):  # type: ignore[no-untyped-def]
     """Command [Pa] for a wanted pressure: limits, bounded rate, dead-band."""
     command = min(max(wanted, 0.0), ceiling)
     last = min(s[S.command, i], ceiling)  # a falling ceiling is obeyed at once
-    if dt > 0.0:
-        step = g[G.p_rate, i] * dt
-        command = min(max(command, last - step), last + step)
+    step = g[G.p_rate, i] * dt
+    command = min(max(command, last - step), last + step)
     if abs(command - last) < g[G.deadband, i] and command > 0.0 and command < ceiling:
         command = last
     return command
@@ -226,6 +225,9 @@ def _control(g, s, u, i, a0, a1, a2, a3, d, dt, integrate, out):  # type: ignore
             s[S.integral, i] = min(max((s[S.command, i] - wanted) * here, -g[G.i_max, i]), g[G.i_max, i])
         wanted += s[S.integral, i] / here
     ceiling = min(max(ceiling, 0.0), g[G.p_max, i])
+    # At no wanted torque the pressure never rises: with an error of the map it would follow the joint that it moves.
+    if g[G.torque_mode, i] != 0.0 and u[U.limit, i] <= 0.0:
+        wanted = ceiling = min(ceiling, s[S.command, i])
     if not math.isfinite(wanted + ceiling):
         _hold_command(s, i, out)
         return math.nan
@@ -293,8 +295,9 @@ class Law:
     def tick(self, inputs: Array, dt: float, integrate: bool = True, drive: bool = True) -> Array:
         """One tick of every joint after dt [s]; returns the outputs (rows, n), which the next tick overwrites.
 
+        A dt below C.min_dt or not finite counts as 0, in which no command can rise; a huge one as C.max_dt.
         inputs: (rows, n), rows as in `declared.INPUTS`; `Law.inputs` is an array of this shape for the caller's use.
         integrate: False stops the integrators and the adaptation.  drive: False observes only, and commands 0 Pa.
         """
-        _tick(self.gains, self.state, inputs, dt, integrate, drive, self.out)
+        _tick(self.gains, self.state, inputs, bounded_dt(dt), integrate, drive, self.out)
         return self.out

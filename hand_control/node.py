@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -10,25 +9,43 @@ from typing import Any
 
 import numpy as np
 from hand_msgs.action import Grasp
-from hand_msgs.msg import Contact, ContactForces, ControllerState, JointPressures, ValveCommand
+from hand_msgs.msg import BoardState, Contact, ContactForces, ControllerState, JointPressures, ValveCommand
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Empty
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from hand_control.command_inputs import CommandInputs
 from hand_control.controller import Controller, Tick, Times
 from hand_control.declared import PARAMETERS, Settings
 from hand_control.grasps import Outcome, load_grasps
 from hand_control.inputs import JointInput
-from hand_control.supervisor import FREEZE_S
+from hand_control.supervisor import FREEZE_S, Phase
+from hand_messages.bounds import shown
 from hand_messages.cdr import Layout
 from hand_messages.health import Health, Level
 from hand_messages.layouts import CONTACT_FORCES, CONTROLLER_STATE, JOINT_PRESSURES, JOINT_STATE, VALVE_COMMAND
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
-from hand_ros.node import COMMAND_QOS, QUEUED_QOS, SENSOR_QOS, STATE_QOS, HandNode, default_config, run
+from hand_ros.heartbeat import Heartbeat
+from hand_ros.node import (
+    COMMAND_QOS,
+    EVENT_QOS,
+    LIVE_QOS,
+    QUEUED_QOS,
+    RARELY_S,
+    RELIABLE_SENSOR_QOS,
+    SENSOR_QOS,
+    STATE_QOS,
+    HandNode,
+    default_config,
+    end,
+    run,
+)
+from hand_ros.publishers import Verdict
 
 WATCH_PERIOD_S = 0.02
 """Largest delay until silence is detected; the board also vents when the lifetime of its set-points ends."""
@@ -42,6 +59,7 @@ class ControllerNode(HandNode):
     def __init__(self) -> None:
         """Declare parameters."""
         super().__init__("controller", PARAMETERS)
+        self._grasp_ends: dict[bytes, Future] = {}
         self._interfaces: list[Callable[[], object]] = []
 
     def configure(self, values: dict[str, Any]) -> None:
@@ -51,10 +69,14 @@ class ControllerNode(HandNode):
         self._enabled_at_start = values["enabled_at_start"]
         self._grasps = load_grasps(Path(values["grasps"] or default_config("grasps.yaml")), self._hand)
         self._controller = Controller(self._hand, self._settings)
-        joints, frame_id = self._hand.joints, values["frame_id"]
+        self._heartbeat = Heartbeat(self._settings.heartbeat_timeout_s)
+        if before := self.load_fault(values["state_file"]):
+            self._controller.safety.trip(before)
+        joints, frame_id = self._hand.joints, self.frame_id(values)
         self._states_in = JointInput(JOINT_STATE, joints, ("position", "velocity"))
         self._forces_in = JointInput(CONTACT_FORCES, self._hand.sensors.sites, ("force",))
         self._pressures_in = JointInput(JOINT_PRESSURES, joints, ("pressure",))
+        self._commands_in = CommandInputs(len(joints))
         self._command_out = Layout(VALVE_COMMAND, frame_id, joints)
         self._state_out = Layout(CONTROLLER_STATE, frame_id, joints)
         self._state_out_frame = frame_id
@@ -72,25 +94,36 @@ class ControllerNode(HandNode):
             rehearsal.frame(Times(stamp_ns, stamp_ns, stamp_ns), joints, joints, joints)
 
     def _create_interfaces(self) -> None:
-        self._command_publisher = self.create_publisher(ValveCommand, "valve_command", COMMAND_QOS)
-        self._state_publisher = self.create_publisher(ControllerState, "controller_state", SENSOR_QOS)
+        self._command_publisher = self.sole_publisher(ValveCommand, "valve_command", COMMAND_QOS)
+        self._state_publisher = self.create_publisher(ControllerState, "controller_state", RELIABLE_SENSOR_QOS)
         subscriptions = (
-            self.create_subscription(JointPressures, "pressures", self._on_pressures, SENSOR_QOS, raw=True),
-            self.create_subscription(JointState, "joint_states", self._on_joint_states, STATE_QOS, raw=True),
+            self.sole_source(JointPressures, "pressures", self._on_pressures, SENSOR_QOS, self._on_publishers),
+            self.sole_source(JointState, "joint_states", self._on_joint_states, STATE_QOS, self._on_publishers),
             self.create_subscription(ContactForces, "contact_forces", self._on_forces, SENSOR_QOS, raw=True),
-            self.create_subscription(JointState, "joint_commands", self._on_command, QUEUED_QOS),
-            self.create_subscription(JointTrajectory, "joint_trajectory", self._on_trajectory, QUEUED_QOS),
+            self.create_subscription(JointState, "joint_commands", self._on_raw_command, QUEUED_QOS, raw=True),
+            self.create_subscription(
+                JointTrajectory, "joint_trajectory", self._on_raw_trajectory, QUEUED_QOS, raw=True
+            ),
+            self.create_subscription(BoardState, "board_state", self._on_board_state, STATE_QOS),
+            self.create_subscription(Empty, "heartbeat", self._on_heartbeat, LIVE_QOS, raw=True),
         )
         services = (
             self.create_service(Trigger, "vent", self._on_vent),
             self.create_service(Trigger, "reset", self._on_reset),
             self.create_service(SetBool, "enable", self._on_enable),
         )
-        self._contact_publisher = self.create_publisher(Contact, "contacts", QUEUED_QOS)
+        self._contact_publisher = self.create_publisher(Contact, "contacts", EVENT_QOS)
         self._grasp_server = ActionServer(
-            self, Grasp, "grasp", self._run_grasp, goal_callback=self._on_goal, cancel_callback=self._on_cancel
+            self,
+            Grasp,
+            "grasp",
+            self._run_grasp,
+            goal_callback=self._on_goal,
+            handle_accepted_callback=self._on_accepted,
+            cancel_callback=self._on_cancel,
         )
         self._interfaces = [
+            self.listen_to_stop(self._on_stop),
             self._grasp_server.destroy,
             lambda: self.destroy_publisher(self._contact_publisher),
             lambda: self.destroy_publisher(self._command_publisher),
@@ -107,10 +140,9 @@ class ControllerNode(HandNode):
         """Begin to control from the present pose of the hand."""
         self._pressure: Array = np.full(len(self._hand.joints), np.nan)
         self._pressure_ns = 0
-        if self._enabled_at_start:
+        if self._enabled_at_start and not self._controller.safety.fault:
             self._controller.enable(True)
         self._grasp_handle: ServerGoalHandle | None = None
-        self._grasp_over: Future | None = None
         self._feedback_ns = 0
         self._watch = self.create_timer(WATCH_PERIOD_S, self._on_watch)
 
@@ -157,6 +189,11 @@ class ControllerNode(HandNode):
             self._publish_contacts()
             self._watch_grasp(tick)
         self._input_fault = ""
+
+    def _on_board_state(self, state: BoardState) -> None:
+        self._controller.board.state(state.status, state.protocol, state.fault, time.monotonic_ns())
+        if self.active:
+            self._on_watch()
 
     def _input_problem(self, line: str) -> None:
         """Report input that cannot be used. It is not a frame, so that lasting bad input vents as silence does."""
@@ -209,58 +246,68 @@ class ControllerNode(HandNode):
         try:
             if not self.active:
                 raise ValueError("the controller is not active")
+            if not self._commands_in.take("grasp", time.monotonic()):
+                return GoalResponse.REJECT
             if goal.pattern not in self._grasps:
-                raise ValueError(f"pattern is {goal.pattern!r}; it must be one of {', '.join(self._grasps)}")
+                raise ValueError(f"pattern is {shown(goal.pattern)}; it must be one of {', '.join(self._grasps)}")
             pattern = self._grasps[goal.pattern]
             self._controller.grasp(pattern, goal.closure, goal.max_torque, time.monotonic_ns())
         except ValueError as error:
             line = f"grasp refused: {error}"
             self.log_throttled(Level.ERROR, "grasp", line)
             self._controller.refuse(line, time.monotonic_ns())
-            self.publish_health()
             return GoalResponse.REJECT
-        if self._grasp_over is not None and not self._grasp_over.done():
-            self._grasp_over.set_result("preempted by another grasp")
-        self._grasp_over = Future()
+        self._end_grasp("preempted by another grasp")
         return GoalResponse.ACCEPT
+
+    def _on_accepted(self, handle: ServerGoalHandle) -> None:
+        """Begin the goal that was accepted last; each goal has an end of its own, also when many come in succession."""
+        self._grasp_ends[bytes(handle.goal_id.uuid)] = Future()
+        self._grasp_handle = handle
+        handle.execute()
 
     def _on_cancel(self, _handle: ServerGoalHandle) -> CancelResponse:
         return CancelResponse.ACCEPT
 
+    def _end_grasp(self, reason: str) -> None:
+        """End the goal of the running grasp, where there is one, with its contacts and angles of now."""
+        handle, self._grasp_handle = self._grasp_handle, None
+        if handle is None:
+            return
+        contact = self._controller.grasp_contact.tolist()
+        held = f"{sum(contact)} joints are in contact"
+        result = Grasp.Result(
+            success=reason == DONE,
+            message=held if reason == DONE else reason,
+            name=list(self._hand.joints),
+            contact=contact,
+            position=self._position.tolist(),
+        )
+        self._grasp_ends[bytes(handle.goal_id.uuid)].set_result((reason, result))
+
     async def _run_grasp(self, handle: ServerGoalHandle) -> Grasp.Result:
-        over = self._grasp_over
-        self._grasp_handle = handle
-        assert over is not None
-        end = await over
-        if end == CANCELLED:
+        goal = bytes(handle.goal_id.uuid)
+        reason, result = await self._grasp_ends[goal]
+        del self._grasp_ends[goal]
+        if reason == CANCELLED:
             handle.canceled()
-        elif end == DONE:
+        elif reason == DONE:
             handle.succeed()
         else:
             handle.abort()
-        contact = self._controller.grasp_contact
-        held = int(contact.sum())
-        message = f"{held} joints are in contact" if end == DONE else end
-        return Grasp.Result(
-            success=end == DONE,
-            message=message,
-            name=list(self._hand.joints),
-            contact=contact.tolist(),
-            position=self._position.tolist(),
-        )
+        return result
 
     def _watch_grasp(self, tick: Tick | None = None) -> None:
         """Publish feedback of a running grasp at FEEDBACK_HZ, and its end where it has ended or is cancelled."""
-        handle, over = self._grasp_handle, self._grasp_over
-        if over is None or over.done():
+        handle = self._grasp_handle
+        if handle is None:
             return
-        if handle is not None and handle.is_cancel_requested:
+        if handle.is_cancel_requested:
             self._controller.stop_grasp(CANCELLED)
         grasp = self._controller.grasping
         if grasp is None:
-            over.set_result(self._controller.grasp_end)
-            self._grasp_handle = None
-        elif handle is not None and tick is not None and tick.stamp_ns - self._feedback_ns > 1e9 / FEEDBACK_HZ:
+            self._end_grasp(self._controller.grasp_end)
+        elif tick is not None and tick.stamp_ns - self._feedback_ns > 1e9 / FEEDBACK_HZ:
             self._feedback_ns = tick.stamp_ns
             handle.publish_feedback(
                 Grasp.Feedback(
@@ -282,19 +329,63 @@ class ControllerNode(HandNode):
     def _on_watch(self) -> None:
         if self._controller.check(time.monotonic_ns()):
             self._send_vent()
-        if self._controller.safety.fault:
-            self.log_throttled(
-                Level.ERROR, "fault", f"vented: {self._controller.safety.fault}; call reset, then enable"
-            )
+        self._on_publishers()
+        missing = self._heartbeat.missing(time.monotonic_ns())
+        if missing and self._controller.safety.phase is not Phase.VENTED:
+            self._trip(missing)
+        fault = self._controller.safety.fault
+        if fault:
+            self.keep_fault(fault)
+            self.log_throttled(Level.ERROR, "fault", f"vented: {fault}; call reset, then enable", RARELY_S)
+
+    def _trip(self, fault: str) -> None:
+        """Vent now because of a fault outside of the frames, and latch it."""
+        self._controller.safety.trip(fault)
+        if self.active:
+            self._send_vent()
+
+    def _on_publishers(self, _came: int = 0) -> None:
+        """Hold, then vent, while a topic of which only one publisher may exist has a second one."""
+        verdict = self.conflict.update(time.monotonic_ns(), self.second_publishers())
+        self._controller.held = verdict is not Verdict.ALONE
+        if verdict is Verdict.ALONE:
+            return
+        self.log_throttled(Level.ERROR, "authority", self.conflict.line, RARELY_S)
+        if verdict is Verdict.VENT and self._controller.safety.phase is not Phase.VENTED:
+            self._trip(self.conflict.line)
+
+    def _on_stop(self) -> None:
+        self._trip("emergency stop: a message arrived on emergency_stop")
+        self.keep_fault(self._controller.safety.fault)
+
+    def _on_heartbeat(self, _raw: bytes) -> None:
+        self._heartbeat.beat(time.monotonic_ns())
+
+    def _on_raw_command(self, raw: bytes) -> None:
+        self._try(lambda: self._read(self._commands_in.joint_command, raw, self._on_command))
+
+    def _on_raw_trajectory(self, raw: bytes) -> None:
+        self._try(lambda: self._read(self._commands_in.trajectory, raw, self._on_trajectory))
+
+    def _read(self, read: Callable[[bytes, float], Any], raw: bytes, use: Callable[[Any], None]) -> None:
+        """Decode a command within its bounds and use it; what arrives too fast is dropped. ValueError: refused."""
+        try:
+            message = read(raw, time.monotonic())
+        except ValueError as error:
+            self._controller.refuse(str(error), time.monotonic_ns())
+            raise
+        if message is not None:
+            use(message)
 
     def _on_command(self, message: JointState) -> None:
-        times = self._times(message)
-        self._try(lambda: self._controller.command(times, message.name, message.position, message.effort))
+        times, unused = self._times(message), {"velocity": [message.velocity]}
+        self._try(lambda: self._controller.command(times, message.name, message.position, message.effort, unused))
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         points = [(_seconds(point), point.positions, point.velocities) for point in message.points]
         times = self._times(message)
-        self._try(lambda: self._controller.trajectory(times, message.joint_names, points))
+        unused = {name: [getattr(point, name) for point in message.points] for name in ("accelerations", "effort")}
+        self._try(lambda: self._controller.trajectory(times, message.joint_names, points, unused))
 
     def _times(self, message: JointState | JointTrajectory) -> Times:
         return Times(_ns(message), self._now_ns(), time.monotonic_ns())
@@ -307,7 +398,6 @@ class ControllerNode(HandNode):
             accept()
         except ValueError as error:
             self.log_throttled(Level.ERROR, "refused", str(error))
-            self.publish_health()
 
     def _on_vent(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._controller.vent("vent was called")
@@ -317,15 +407,26 @@ class ControllerNode(HandNode):
         return response
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        fault = self._controller.reset()
+        if not self._controller.safety.fault:
+            response.message = "no fault is latched; call enable to drive the hand"
+            return response
+        try:
+            self.clear_fault()
+        except ValueError as error:
+            response.message = str(error)
+            return response
         response.success = True
-        response.message = f"cleared: {fault}; call enable to drive the hand" if fault else "no fault was latched"
+        response.message = f"cleared: {self._controller.reset()}; call enable to drive the hand"
         return response
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         try:
             if not self.active:
                 raise ValueError("the controller is not active")
+            if request.data and (missing := self._heartbeat.missing(time.monotonic_ns())):
+                raise ValueError(f"not enabled: {missing}")
+            if request.data and self.conflict.line:
+                raise ValueError(f"not enabled: {self.conflict.line}")
             self._controller.enable(request.data)
             if not request.data:
                 self._send_vent()
@@ -338,9 +439,11 @@ class ControllerNode(HandNode):
         """Safety, commands and inputs."""
         if not self.active:
             return [Health("safety", Level.OK, "vented: not active")]
-        statuses = self._controller.health(time.monotonic_ns())
+        statuses = [*self._controller.health(time.monotonic_ns()), self.authority_health()]
         if self._input_fault:
             statuses.append(Health("input", Level.ERROR, self._input_fault))
+        if flood := self._commands_in.problem(time.monotonic()):
+            statuses.append(Health("floods", Level.WARN, flood))
         return statuses
 
 
@@ -355,4 +458,4 @@ def _seconds(point: JointTrajectoryPoint) -> float:
 
 def main() -> None:
     """Entry point of the executable `controller`."""
-    sys.exit(run(ControllerNode))
+    end(run(ControllerNode))

@@ -1,4 +1,4 @@
-"""The reference of each joint: the last command or a running trajectory, its torque limit, and the reference filter.
+"""The reference of each joint: the last command or a running trajectory, and its torque limit or target.
 
 Trajectories begin at the present reference. Between points they are cubic Hermite splines with the velocities given;
 without velocities, with the slopes of a monotone cubic (Fritsch and Carlson 1980: no overshoot between points),
@@ -8,24 +8,19 @@ a trajectory that starts later does not change the running ones until then.
 When time goes back, the clock is another one, that of a board or a simulation that was restarted. Start times on the
 old clock have no meaning then: trajectories are dropped and the targets hold.
 
-The reference filter makes a motion that the valve can follow of a step; a smooth trajectory passes without lag. It is
-a critically damped second-order filter with bandwidth w [rad/s] on target and target speed:
-
-    v' = w^2 (target - r) + 2 w (target' - v),   r' = v,   |v| <= largest speed
+In torque mode the effort of a command is the target, and a missing effort is zero torque; the angles stand still.
+`shaping.py` makes a motion within the limits of what is sampled here.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
-from hand_control.command_check import JointCommand, Trajectory
-from hand_control.declared import Settings, U
+from hand_control.command_check import MIN_STEP_S, JointCommand, Trajectory
 from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 
@@ -58,7 +53,8 @@ class References:
         self._hand = hand
         self._target = hand.limits.low_rad.copy()
         self._speed = np.zeros(len(hand.joints))
-        self._limit = hand.limits.max_torque_nm.copy()
+        self._torque_mode = False
+        self._limit = self._without_effort()
         self._motions: list[_Motion] = []
         self._waiting: list[Trajectory] = []
         self._now_ns = 0
@@ -66,21 +62,41 @@ class References:
         self._at_goal = np.zeros(len(hand.joints), dtype=np.bool_)
 
     @property
+    def torque_mode(self) -> bool:
+        """Whether efforts are targets; otherwise they are limits."""
+        return self._torque_mode
+
+    def latch_in_mode(self, torque_mode: bool, position_rad: Array) -> None:
+        """Change the meaning of efforts, and latch position_rad (n,)."""
+        self._torque_mode = torque_mode
+        self.latch(position_rad)
+
+    def _without_effort(self) -> Array:
+        """Torques (n,) [N m] of joints that are commanded without an effort: the limit, or no torque as a target."""
+        most = self._hand.limits.max_torque_nm
+        return np.zeros_like(most) if self._torque_mode else most.copy()
+
+    @property
     def motion(self) -> tuple[Flags, Flags]:
         """(n,) each: joints within a trajectory, and joints past the end of their last one."""
         return self._on_path, self._at_goal
 
     def hold(self, position_rad: Array, joints: Flags) -> None:
-        """Hold some joints (n,) at position_rad (n,) or the nearest limit, and end their trajectories."""
+        """Hold some joints (n,) at position_rad (n,) or the nearest limit, and end their trajectories.
+
+        Their torque limits stay. In torque mode they get no torque.
+        """
         index = np.flatnonzero(joints)
         self._take(index)
         self._drop_waiting(index)
         limits = self._hand.limits
         self._target[index] = np.clip(position_rad, limits.low_rad, limits.high_rad)[index]
         self._speed[index] = 0.0
+        if self._torque_mode:
+            self._limit[index] = 0.0
 
     def latch(self, position_rad: Array) -> None:
-        """Hold position_rad (n,) or the nearest limit, with the configured torque limits and without trajectories.
+        """Hold position_rad (n,) or the nearest limit, with the torques of no command and without trajectories.
 
         A joint whose position is NaN keeps its target.
         """
@@ -88,19 +104,20 @@ class References:
         target = np.where(np.isfinite(position_rad), position_rad, self._target)
         self._target = np.clip(target, limits.low_rad, limits.high_rad)
         self._speed = np.zeros_like(self._speed)
-        self._limit = limits.max_torque_nm.copy()
+        self._limit = self._without_effort()
         self._motions = []
         self._waiting = []
         self._on_path[:] = self._at_goal[:] = False
 
     def command(self, command: JointCommand) -> None:
-        """Go to the commanded angles; the reference filter limits the speed of the step."""
+        """Go to the commanded angles, or to the commanded torques in torque mode."""
         self._take(command.index)
         self._drop_waiting(command.index)
-        self._target[command.index] = command.position_rad
-        self._speed[command.index] = 0.0
-        configured = self._hand.limits.max_torque_nm[command.index]
-        self._limit[command.index] = np.where(np.isnan(command.max_torque_nm), configured, command.max_torque_nm)
+        if not self._torque_mode:
+            self._target[command.index] = command.position_rad
+            self._speed[command.index] = 0.0
+        missing = self._without_effort()[command.index]
+        self._limit[command.index] = np.where(np.isnan(command.max_torque_nm), missing, command.max_torque_nm)
 
     def trajectory(self, trajectory: Trajectory) -> None:
         """Follow a trajectory from its start time on, beginning at the target and speed of that moment."""
@@ -110,7 +127,7 @@ class References:
     def _begin(self, trajectory: Trajectory) -> None:
         index = trajectory.index
         times, position, velocity = trajectory.times_s, trajectory.position_rad, trajectory.velocity_rad_s
-        if times[0] > 0.0:
+        if times[0] >= MIN_STEP_S:
             times = np.concatenate([[0.0], times])
             position = np.vstack([self._target[index], position])
             if velocity is not None:
@@ -186,36 +203,3 @@ def _curve(times: Array, position: Array, velocity: Array | None) -> CubicHermit
     slopes = np.nan_to_num(slopes, posinf=0.0, neginf=0.0)
     slopes[0] = slopes[-1] = 0.0
     return CubicHermiteSpline(times, position, slopes)
-
-
-@njit(cache=True)
-def _shape(rows, target, target_speed, bandwidth, max_speed, dt):  # type: ignore[no-untyped-def]
-    steps = max(1, int(np.ceil(2.0 * bandwidth * dt / 0.2)))  # the explicit step stays well inside stability
-    h = dt / steps
-    for i in range(rows.shape[1]):
-        r = rows[U.reference, i]
-        v = before = rows[U.speed, i]
-        for _ in range(steps):
-            a = bandwidth * bandwidth * (target[i] - r) + 2.0 * bandwidth * (target_speed[i] - v)
-            v = min(max(v + a * h, -max_speed), max_speed)
-            r += v * h
-        rows[U.reference, i], rows[U.speed, i] = r, v
-        rows[U.acceleration, i] = (v - before) / dt if dt > 0.0 else 0.0
-
-
-class Shaper:
-    """The filtered reference r [rad], its speed v [rad/s] and acceleration a [rad/s^2], (n,) each."""
-
-    def __init__(self, joints: int, inputs: Array | None = None) -> None:
-        """Begin at 0; latch before use. inputs: the array (rows, n) of the law whose first rows it fills."""
-        self._rows = np.zeros((3, joints)) if inputs is None else inputs
-        self.r, self.v, self.a = (self._rows[row] for row in (U.reference, U.speed, U.acceleration))
-
-    def latch(self, position: Array) -> None:
-        """Stand still at position (n,) [rad]."""
-        self.r[:], self.v[:], self.a[:] = position, 0.0, 0.0
-
-    def step(self, target: Array, target_speed: Array, settings: Settings, dt: float) -> None:
-        """Follow target (n,) [rad] and its speed (n,) [rad/s] for dt [s]."""
-        max_speed = math.radians(settings.max_speed_deg_per_s)
-        _shape(self._rows, target, target_speed, settings.reference_bandwidth_rad_per_s, max_speed, dt)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hand_control.controller import Controller, Times
 from hand_control.declared import OUT, S, Settings
 from hand_control.law import Law
-from hand_control.references import Shaper
+from hand_control.shaping import Shaper
 from hand_control.tuning import gains
 from hand_model.description import load_hand
 from hand_model.kernel.rows import ROW
@@ -134,6 +134,7 @@ class Driven:
 def test_arming_holds_the_measured_pose() -> None:
     """Fails when the hand would jump when it is enabled."""
     driven = Driven()
+    assert driven.frame().pressure_command.max() == 0.0  # no time has passed since the frame before: no rise
     tick = driven.frame()
     assert tick.reference == pytest.approx(driven.pose)
     hold = (0.010 + 0.0573 * 0.3) / (1.12e-6 - 5.6e-7 * 0.3)

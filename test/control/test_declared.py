@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import array
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,13 +13,23 @@ from hand_control import generated
 from hand_control.declared import CONSTANTS, DECLARED, GAINS, INPUTS, OUTPUTS, STATE, C, G, Row, S, Settings
 from hand_control.tuning import gains
 from hand_model.description import load_hand
-from hand_ros.parameters import ParameterError
+from hand_ros.parameters import NodeParameter, ParameterError
 
 ROOT = Path(__file__).parents[2]
 HAND = load_hand(ROOT / "config" / "hand.yaml")
 
 
-@pytest.mark.parametrize("name", [generated.HEADER, generated.YAML, generated.DOCUMENT])
+FILES = [
+    generated.HEADER,
+    generated.YAML,
+    generated.DOCUMENT,
+    generated.SAFETY_HEADER,
+    generated.FIRMWARE_DOCUMENT,
+    generated.ROWS,
+]
+
+
+@pytest.mark.parametrize("name", FILES)
 def test_the_generated_files_are_those_of_the_declaration(name: str) -> None:
     """Fails when a number is changed in the declaration, or in a generated file, and not in the other."""
     text = (ROOT / name).read_text(encoding="utf-8")
@@ -105,3 +117,25 @@ def test_gains_of_each_joint_keep_their_order() -> None:
     settings = Settings.of(HAND, {"kp_nm_per_rad": values.tolist(), "ki_nm_per_rad_s": [2.0]})
     assert np.array_equal(settings.kp_nm_per_rad, values)
     assert np.array_equal(settings.ki_nm_per_rad_s, np.full(len(HAND.joints), 2.0))
+
+
+@pytest.mark.parametrize(
+    ("default", "given", "taken"),
+    [
+        (1.5, 2, 2.0),
+        (1.5, True, True),
+        (3, 2, 2),
+        ([1.5], array.array("d", [0.1, 0.2]), [0.1, 0.2]),
+        ([1.5], array.array("q", [1, 2]), [1.0, 2.0]),
+        ([1.5], [1, 0.5], [1.0, 0.5]),
+        ([1.5], [True], [True]),
+        (["a"], ["b"], ["b"]),
+        ("a", 1, 1),
+    ],
+)
+def test_values_of_parameters_get_their_declared_type(default: Any, given: Any, taken: Any) -> None:
+    """Fails when a list from rclpy or an integer for a float is refused, or another type is silently changed."""
+    value = NodeParameter("x", default, "").converted(given)
+    assert value == taken and type(value) is type(taken)
+    if isinstance(taken, list):
+        assert [type(element) for element in value] == [type(element) for element in taken]

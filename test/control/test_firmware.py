@@ -11,6 +11,8 @@ import pytest
 
 from hand_control.declared import OUT, OUTPUTS, Settings
 from hand_control.law import Law
+from hand_control.safety_numbers import joint_limits
+from hand_control.safety_rules import limits_of
 from hand_control.tuning import gains
 from hand_model.arrays import Array
 from hand_model.description import load_hand
@@ -83,6 +85,19 @@ def test_not_a_number_keeps_the_last_command() -> None:
     broken[4] = np.where(np.arange(11) == 3, np.nan, broken[4])
     out = law.tick(broken, DT_S, integrate=True, drive=True)
     assert np.isfinite(out).all() and out[OUT.pressure][3] == before[3]
+
+
+def test_the_law_is_not_limited_by_the_layer() -> None:
+    """Fails when the torque bound cuts what the law commands within its own torque limit."""
+    law = Law(gains(HAND, Settings.of(HAND, {})))
+    rng = np.random.default_rng(5)
+    ones = np.ones(11)
+    for _ in range(200):
+        angle = rng.uniform(HAND.limits.low_rad, HAND.limits.high_rad)
+        given = np.array([HAND.limits.high_rad, 0 * ones, 0 * ones, HAND.limits.max_torque_nm, angle, 3e5 * ones])
+        command = law.tick(given, 0.005)[0]
+        for joint, at, pressure in zip(limits_of(joint_limits(HAND)), angle, command, strict=True):
+            assert pressure <= joint.torque_ceiling(round(at * 1e6)) + 1
 
 
 @pytest.mark.skipif(shutil.which(cortex_m4.COMPILER) is None, reason="needs arm-none-eabi-gcc")

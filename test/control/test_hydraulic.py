@@ -9,7 +9,7 @@ import numpy as np
 
 from hand_control.declared import OUT, Settings
 from hand_control.law import Law
-from hand_control.references import Shaper
+from hand_control.shaping import Shaper
 from hand_control.tuning import gains
 from hand_model.description import load_hand
 from hand_model.kernel.rows import ROW

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hand_control.declared import OUT, C, G, S, Settings, U
+from hand_control.declared import OUT, STATE, C, G, S, Settings, U
 from hand_control.law import Law, _send
 from hand_control.tuning import gains
 from hand_model.arrays import Array
@@ -20,6 +20,7 @@ HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
 DT_S = 0.005
 JOINTS, TICKS = 18, 420
 SIZES = np.array([6e5, 0.6, 1.0, 1.0, 0.6, 1.0])[:, None]
+BAD_DTS = (-1.0, math.nan, math.inf, -math.inf, 1e38, 1e300, -1e300, 5e-324)
 SWITCHES = ("schedule", "feed_forward", "creep", "back_calculation", "adapt", "detect")
 
 
@@ -85,8 +86,11 @@ def test_the_law_is_the_law_in_c_in_every_branch() -> None:
     python, other = Law(g), CLaw("double", g)
     saturated = contact = contradicted = adapted = 0
     bounds = set()
+    # The rounding of a pressure of 6e5 Pa is 1e-10 Pa.
+    smallest = np.array([[1.0 if row.unit == "Pa" else 1e-3] for row in STATE])
     for k in range(TICKS):
         dt = 0.0 if k % 97 == 96 else 0.012 if k % 41 == 40 else DT_S
+        dt = BAD_DTS[k // 29 % len(BAD_DTS)] if k % 29 == 28 else dt
         integrate, drive = k % 53 < 48, k % 71 < 68
         if k == 150:
             python.release()
@@ -96,7 +100,7 @@ def test_the_law_is_the_law_in_c_in_every_branch() -> None:
         before = python.state[S.contact].copy()
         got, want = python.tick(inputs[k], dt, integrate, drive), other.tick(inputs[k], dt, integrate, drive)
         np.testing.assert_allclose(got / SIZES, want / SIZES, rtol=1e-9, atol=1e-9, err_msg=f"tick {k}")
-        scale = np.abs(other.state) + 1e-3
+        scale = np.abs(other.state) + smallest
         np.testing.assert_allclose(python.state / scale, other.state / scale, rtol=0, atol=1e-9, err_msg=f"tick {k}")
         saturated += int(got[OUT.saturated].sum())
         contact += int(got[OUT.contact].sum())
@@ -246,6 +250,17 @@ def test_torque_mode_commands_the_limit() -> None:
     assert torque_at(g, commands[0], 0.5) == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize("kind", ["python", "double"])
+def test_no_wanted_torque_never_raises_the_pressure(kind: str) -> None:
+    """Fails when the pressure of no torque follows a joint upwards, or does not fall with the joint."""
+    g = gains_of({"control_mode": "torque", "creep_compensation": False, "deadband_pa": 0.0})
+    law = Law(g) if kind == "python" else CLaw(kind, g)
+    held = float(law.tick(at(0.0, 0.5, 5e4, 0.02), DT_S)[OUT.pressure, 0])
+    upwards = [float(law.tick(at(0.0, angle, 5e4, 0.0), DT_S)[OUT.pressure, 0]) for angle in (1.2, 1.4, 1.6)]
+    assert held > 4e4 and max(upwards) <= held
+    assert float(law.tick(at(0.0, 0.2, 5e4, 0.0), DT_S)[OUT.pressure, 0]) < 0.6 * held
+
+
 def test_the_rate_of_the_command_is_bounded() -> None:
     """Fails when a step of the reference moves the set-point faster than the configured rate."""
     law = Law(gains_of({"max_pressure_rate_pa_per_s": 1e6, "deadband_pa": 0.0}))
@@ -253,6 +268,22 @@ def test_the_rate_of_the_command_is_bounded() -> None:
     assert np.diff([0.0, *commands]) == pytest.approx(np.full(5, 1e6 * DT_S))
     commands = [law.tick(at(-2.0, 0.8, 0.0), DT_S)[OUT.pressure, 0] for _ in range(3)]
     assert np.diff(commands) == pytest.approx(np.full(2, -1e6 * DT_S))
+
+
+@pytest.mark.parametrize("kind", ["python", "double", "float"])
+@pytest.mark.parametrize("dt", [0.0, *BAD_DTS, 10.0])
+def test_no_dt_widens_the_rate_of_the_command(kind: str, dt: float) -> None:
+    """Fails when dt = 0, negative, NaN, infinite or huge lets the set-point pass its rate, or spoils the state."""
+    g = gains_of({"max_pressure_rate_pa_per_s": 1e6, "deadband_pa": 0.0})
+    law = Law(g) if kind == "python" else CLaw(kind, g)
+    for _ in range(5):
+        before = float(law.tick(at(1.2, 0.2, 0.0), DT_S)[OUT.pressure, 0])
+    after = float(law.tick(at(1.2, 0.2, 0.0), dt)[OUT.pressure, 0])
+    most = C.max_dt if 1e-3 < dt < math.inf else 0.0
+    assert 0.0 <= after - before <= 1e6 * most * (1.0 + 1e-6)
+    assert np.isfinite(law.state).all()
+    later = float(law.tick(at(1.2, 0.2, 0.0), DT_S)[OUT.pressure, 0])
+    assert later == pytest.approx(min(after + 1e6 * DT_S, 6e5), rel=1e-4)
 
 
 @pytest.mark.parametrize(

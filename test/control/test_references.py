@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from hand_control.command_check import CommandError, check_joint_command, check_trajectory
 from hand_control.declared import Settings
-from hand_control.references import References, Shaper
+from hand_control.references import References
+from hand_control.shaping import Shaper
 from hand_model.arrays import Array
 from hand_model.description import load_hand
 

@@ -1,0 +1,84 @@
+"""Gaps in the frames are gaps: no jump, no contact in empty air; and a liquid is no valve that does not follow."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hand_control.controller import Controller
+from hand_control.declared import Settings
+from hand_control.frame_checks import FASTEST_RAD_PER_S, FOLLOWING, STUCK_LOW, PressureWatch, allowed_jump
+from hand_model.description import load_hand
+from validation.faults.sensor_loop import Loop, Plant
+
+HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
+COUNT = len(HAND.joints)
+
+
+def test_the_allowed_jump_grows_with_the_time_that_is_missing() -> None:
+    """Fails when a gap is a jump, or two frames at the usual distance allow more than the parameter."""
+    assert allowed_jump(0.5, 0.005, 0.005) == 0.5
+    assert allowed_jump(0.5, 0.0925, 0.005) == pytest.approx(0.5 + 0.085 * FASTEST_RAD_PER_S)
+    assert allowed_jump(0.5, math.inf, 0.005) == math.inf
+
+
+def driven_with_gaps(gap_frames: int, every: int, seed: int, error: float) -> tuple[Loop, int, list[int]]:
+    """A hand in fast motion that loses gap_frames frames out of `every`; the loop, frames driven, contact events."""
+    print(f"seed {seed}")
+    loop, rng, contacts, driven = Loop(HAND, Plant(error), seed), np.random.default_rng(seed), [], 0
+    loop.controller.enable(True)
+    for number in range(2400):
+        heard = number % every < every - gap_frames
+        if number % 200 == 1:
+            loop.step()
+            loop.command(np.radians(rng.uniform(0.0, 80.0, COUNT)))
+        if not loop.step(heard):
+            break
+        driven += 1
+        contacts += [event.joint for event in loop.controller.contacts() if event.touching]
+    return loop, driven, contacts
+
+
+@pytest.mark.parametrize(("gap_frames", "every"), [(17, 60), (17, 37), (8, 23), (99, 431)])
+def test_gaps_and_stalls_in_fast_motion_trip_nothing(gap_frames: int, every: int) -> None:
+    """Fails when a gap of 90 ms or a stall of 0.5 s in fast motion latches a fault."""
+    loop, driven, _ = driven_with_gaps(gap_frames, every, 91 + gap_frames, 0.3)
+    assert loop.controller.safety.fault == ""
+    assert driven == 2400
+
+
+@pytest.mark.parametrize(("gap_frames", "every"), [(17, 60), (8, 46)])
+def test_gaps_in_empty_air_are_no_contacts(gap_frames: int, every: int) -> None:
+    """Fails when gaps bring more contacts than the same motion without gaps, by more than chance."""
+    whole = sum(len(driven_with_gaps(0, every, seed, 0.0)[2]) for seed in (7, 8))
+    broken = sum(len(driven_with_gaps(gap_frames, every, seed, 0.0)[2]) for seed in (7, 8))
+    assert broken <= whole + 1
+
+
+@pytest.mark.parametrize("error", [0.1, 0.2, 0.3])
+@pytest.mark.parametrize("liquid_described", [True, False])
+def test_a_hydraulic_hand_never_trips(error: float, liquid_described: bool) -> None:
+    """Fails when displaced liquid counts as a valve that does not follow, also where the description says air."""
+    seed = round(100 * error)
+    print(f"seed {seed}")
+    loop, rng = Loop(HAND, Plant(error, liquid=True), seed), np.random.default_rng(seed)
+    if not liquid_described:
+        loop.controller = Controller(HAND, Settings.of(HAND, {}))
+    loop.controller.enable(True)
+    loop.step()
+    for number in range(2400):
+        if number % 300 == 0:
+            loop.command(np.radians(rng.uniform(0.0, 80.0, COUNT)))
+        assert loop.step(), loop.controller.safety.fault
+
+
+def test_a_dead_valve_of_a_hydraulic_hand_is_found() -> None:
+    """Fails when the allowance for the liquid hides a valve that gives no pressure to a joint at rest."""
+    watch = PressureWatch(HAND)
+    watch.start(np.zeros(COUNT), np.zeros(COUNT))
+    verdicts = [watch.check(np.full(COUNT, 1e5), np.zeros(COUNT), 0.005, np.zeros(COUNT))[0] for _ in range(160)]
+    assert verdicts[90] == FOLLOWING
+    assert verdicts[-1] == STUCK_LOW
