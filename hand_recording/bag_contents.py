@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -64,9 +64,13 @@ class TopicCount:
 
 @dataclass
 class Contents:
-    """What was written of all topics, by topic name in the order of their first appearance."""
+    """What was written of all topics, by topic name in the order of their first appearance.
+
+    compression: "MESSAGE" where rosbag2 compressed each message, "FILE" where it compressed the files, else empty.
+    """
 
     topics: dict[str, TopicCount] = field(default_factory=dict)
+    compression: str = ""
 
     @property
     def messages(self) -> int:
@@ -87,14 +91,38 @@ def qos_text(qos: Sequence[Qos]) -> str:
     return yaml_text(dump_qos_v9(list(qos))).strip() if qos else ""
 
 
-def metadata(storage: str, file: str, contents: Contents) -> dict[str, Any]:
-    """The content of metadata.yaml for a recording of one file. storage: mcap or sqlite3."""
+def joined(parts: Sequence[Contents]) -> Contents:
+    """The contents of all parts of a split recording."""
+    whole = Contents(compression=parts[0].compression if parts else "")
+    for part in parts:
+        for name, count in part.topics.items():
+            known = whole.topics.setdefault(name, TopicCount(count.topic))
+            if count.messages:
+                first = min(known.first_ns, count.first_ns) if known.messages else count.first_ns
+                known.first_ns, known.last_ns = first, max(known.last_ns, count.last_ns)
+            known.messages += count.messages
+            known.bytes += count.bytes
+    return whole
+
+
+def _extent(contents: Contents) -> dict[str, Any]:
     first_ns, last_ns = contents.span_ns
-    extent = {
+    return {
         "duration": {"nanoseconds": last_ns - first_ns},
         "starting_time": {"nanoseconds_since_epoch": first_ns},
         "message_count": contents.messages,
     }
+
+
+def metadata(storage: str, file: str, contents: Contents) -> dict[str, Any]:
+    """The content of metadata.yaml for a recording of one file. storage: mcap or sqlite3."""
+    return split_metadata(storage, {file: contents})
+
+
+def split_metadata(storage: str, parts: Mapping[str, Contents]) -> dict[str, Any]:
+    """The content of metadata.yaml for a recording of several files, by name in their order."""
+    contents = joined(list(parts.values()))
+    extent = _extent(contents)
     return {
         "version": METADATA_VERSION,
         "storage_identifier": storage,
@@ -112,10 +140,10 @@ def metadata(storage: str, file: str, contents: Contents) -> dict[str, Any]:
             }
             for count in contents.topics.values()
         ],
-        "compression_format": "",
-        "compression_mode": "",
-        "relative_file_paths": [file],
-        "files": [{"path": file, **extent}],
+        "compression_format": "zstd" if contents.compression else "",
+        "compression_mode": contents.compression,
+        "relative_file_paths": list(parts),
+        "files": [{"path": file, **_extent(part)} for file, part in parts.items()],
         "custom_data": None,
         "ros_distro": "jazzy",
     }

@@ -8,8 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from zstandard import ZstdDecompressor, ZstdError, get_frame_parameters
 
 BATCH_BYTES = 4 * 1024 * 1024
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+"""First bytes of a message that rosbag2 has compressed; a message that is not begins with 00."""
+MOST_BYTES = 64 * 1024 * 1024
+"""Largest message that is decompressed [bytes]."""
 SPARE = 8  # zero bytes after every buffer, so that the last message can be read in words of 8
 
 
@@ -47,6 +52,24 @@ class Batch:
     def message(self, index: int) -> bytes:
         """The bytes of one message."""
         return self.buffer[self.starts[index] : self.starts[index] + self.sizes[index]].tobytes()
+
+
+def plain(raw: bytes) -> bytes:
+    """The message itself, decompressed where rosbag2 compressed it. Raises ZstdError where that fails."""
+    if raw[:4] != ZSTD_MAGIC:
+        return raw
+    if get_frame_parameters(raw).content_size > MOST_BYTES:
+        raise ZstdError(f"a message has more than {MOST_BYTES} bytes")
+    return ZstdDecompressor().decompress(raw, max_output_size=MOST_BYTES)
+
+
+def plain_batch(batch: Batch) -> Iterator[Batch]:
+    """The batch itself, or its messages decompressed."""
+    if not len(batch.sizes) or batch.message(0)[:4] != ZSTD_MAGIC:
+        yield batch
+        return
+    times = zip(batch.log_ns.tolist(), batch.publish_ns.tolist(), strict=True)
+    yield from gather(RawMessage(batch.topic, plain(batch.message(k)), *both) for k, both in enumerate(times))
 
 
 Wanted = Callable[[RawTopic], bool]

@@ -12,13 +12,13 @@ from hand_model.description import Hand
 from hand_recording.interpolation import bridge
 from hand_recording.loader import Recording, RecordingError
 from hand_recording.signals import Signals, samples_on_grid
-from hand_recording.time_base import TimeBase, nearest, published_on_stamp_clock
+from hand_recording.time_base import FOREIGN_CLOCK_NS, TimeBase, nearest, published_on_stamp_clock
 from hand_sim.offline import Commands, Ticks, rebuild_ticks, set_points_in_force
 
 SHORTEST_S = 2.0
 LONGEST_GAP_S = 0.1
-FOREIGN_CLOCK_NS = 1e9
-"""Publish times further than this from the stamps belong to another clock; the stamps are used instead."""
+LATE_S = 0.02
+"""Set-points sent later than this after the stamp of their frame are reported; a controller needs a few ms."""
 ON_GRID, STEADY = 0.02, 0.1
 """Shares of a period: distance of pressure stamps from the ticks that is ignored; largest scatter of a steady one."""
 OFFSET_NS = 2e6
@@ -48,7 +48,7 @@ def hand_signals(recording: Recording, hand: Hand) -> Signals:
     pressure_pa, late_s = _pressures(recording, base, joints)
     pressure, pressure_known = bridge(pressure_pa)
     held, commanded = _set_points(recording, joints, ticks)
-    notes = _notes(recording)
+    notes = (*_notes(recording), *_other_rate(rate_hz, hand))
     return Signals(
         recording.path.name,
         joints,
@@ -98,8 +98,6 @@ def _set_points(recording: Recording, joints: tuple[str, ...], ticks: Ticks) -> 
     columns = [data.names.index(joint) for joint in joints if joint in data.names]
     pressure = data["pressure"][:, columns]
     sent_ns = published_on_stamp_clock(recording.topics)
-    if abs(float(np.median(sent_ns - data.stamp_ns))) > FOREIGN_CLOCK_NS:
-        sent_ns = data.stamp_ns
     usable = np.isfinite(pressure).all(axis=1) & (data["lifetime_ns"] > 0)
     order = np.argsort(sent_ns[usable], kind="stable")
     commands = Commands(sent_ns[usable][order], pressure[usable][order], data["lifetime_ns"][usable][order] * 1e-9)
@@ -123,7 +121,31 @@ def _notes(recording: Recording) -> tuple[str, ...]:
     for topic in ("pressures", "valve_command"):
         if topic not in recording or not len(recording[topic]):
             notes.append(f"no {topic}: the stages that need them are not evaluated")
-    return (*notes, *_clocks(recording))
+    return (*notes, *_clocks(recording), *_late(recording))
+
+
+def _late(recording: Recording) -> list[str]:
+    """Set-points that were sent long after the frames that they answer."""
+    if "valve_command" not in recording or not len(recording["valve_command"]):
+        return []
+    late_s = (published_on_stamp_clock(recording.topics) - recording["valve_command"].stamp_ns) * 1e-9
+    usual, worst = np.quantile(late_s, [0.5, 0.95])
+    if worst <= LATE_S:
+        return []
+    return [
+        f"valve_command: sent {usual * 1e3:.3g} ms after the stamps, 5 % of them later than {worst * 1e3:.3g} ms;"
+        " the controller's host was too busy, and findings about timing are uncertain"
+    ]
+
+
+def _other_rate(rate_hz: float, hand: Hand) -> list[str]:
+    """A hint that the recording was made with another description than the one in use."""
+    if rate_hz == hand.rate_hz:
+        return []
+    return [
+        f"joint_states comes at {rate_hz:.3g} Hz, and board.rate_hz of {hand.path} is {hand.rate_hz:g};"
+        " was the recording made with another description?"
+    ]
 
 
 def _clocks(recording: Recording) -> list[str]:

@@ -8,6 +8,8 @@ index and summary replace the end mark.
 from __future__ import annotations
 
 import fcntl
+import os
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, cast
 
@@ -17,10 +19,12 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from hand_model.yaml_document import yaml_text
 from hand_recording.bag_contents import Contents, Topic, TopicCount, metadata, qos_text, write_metadata
+from hand_recording.chunk_index import ChunkIndexOnDisk
 
 CHUNK_BYTES = 64 * 1024
 CHUNK_AGE_NS = 500_000_000
-_BUFFER_BYTES = 1024 * 1024  # more than a chunk with its index, so that both are written at once
+_INDEXES = "_Writer__chunk_indices"
+"""The list of the library that would keep the index of every chunk in memory."""
 
 
 def _end_mark() -> bytes:
@@ -45,14 +49,54 @@ def claim(stream: BinaryIO) -> bool:
     return True
 
 
-class _Unflushed:
-    """A stream whose flush does nothing: chunk and end mark must be written at once."""
+class _File:
+    """The file of a recording: what is written waits in memory until it is settled with an end mark behind it."""
 
-    def __init__(self, stream: BinaryIO) -> None:
-        self.write, self.tell = stream.write, stream.tell
+    def __init__(self, path: Path) -> None:
+        """Create the file, which must not exist. Raises OSError."""
+        self.raw = path.open("xb", buffering=0)
+        claim(self.raw)
+        self._waiting = bytearray()
+        self._settled = 0
+
+    def write(self, data: bytes) -> int:
+        """Keep the bytes until settle or finish."""
+        self._waiting += data
+        return len(data)
+
+    def tell(self) -> int:
+        """Position of the next byte [bytes]."""
+        return self._settled + len(self._waiting)
 
     def flush(self) -> None:
-        """Leave the bytes in the buffer."""
+        """Nothing: chunk and end mark are written together."""
+
+    def settle(self) -> None:
+        """Give what waits and an end mark to the operating system. OSError: the file is as it was settled last."""
+        self._put(self._waiting + END_MARK)
+        self._settled += len(self._waiting)
+        self._waiting.clear()
+
+    def finish(self) -> None:
+        """Write what waits, which ends with the end of the file, and close. OSError: see settle."""
+        self._put(self._waiting)
+        os.ftruncate(self.raw.fileno(), self.tell())
+        self.raw.close()
+
+    def _put(self, data: bytearray) -> None:
+        done = 0
+        try:
+            while done < len(data):
+                done += os.pwrite(self.raw.fileno(), memoryview(data)[done:], self._settled + done)
+        except OSError:
+            self._restore()
+            raise
+
+    def _restore(self) -> None:
+        """Put the end mark back to where it was; its bytes exist on the disk, so that a full one has place for them."""
+        with suppress(OSError):
+            os.pwrite(self.raw.fileno(), END_MARK, self._settled)
+            os.ftruncate(self.raw.fileno(), self._settled + len(END_MARK))
 
 
 class McapBag:
@@ -63,12 +107,11 @@ class McapBag:
         self.path = path
         self.contents = Contents()
         self._folder = folder
-        self._stream: BinaryIO = path.open("xb", buffering=_BUFFER_BYTES)
-        claim(self._stream)
+        self._stream = _File(path)
         # This class closes the chunks, never the library, so that the end mark follows each of them.
-        self._writer = Writer(
-            cast(BinaryIO, _Unflushed(self._stream)), chunk_size=1 << 40, compression=CompressionType.LZ4
-        )
+        self._writer = Writer(cast(BinaryIO, self._stream), chunk_size=1 << 40, compression=CompressionType.LZ4)
+        assert hasattr(self._writer, _INDEXES)  # otherwise the memory would grow with the recording
+        setattr(self._writer, _INDEXES, ChunkIndexOnDisk(path))
         self._channels: dict[str, int] = {}
         self._schemas: dict[tuple[str, str], int] = {}
         self._open_bytes = 0
@@ -118,24 +161,25 @@ class McapBag:
             self._settle()
 
     def close(self) -> None:
-        """See BagWriter. Harmless when repeated."""
-        if self._stream.closed:
+        """See BagWriter. Harmless when repeated.
+
+        Raises OSError where the disk is full; the file then is complete up to its last chunk, without an index.
+        """
+        if self._stream.raw.closed:
             return
         content = metadata("mcap", self.path.name, self.contents)
-        with self._stream:
-            self._writer.flush()
+        try:
+            self._settle()
             self._writer.add_metadata("rosbag2", {"serialized_metadata": yaml_text(content)})
             self._writer.finish()
-            self._stream.flush()
-            self._stream.truncate()
+            self._stream.finish()
+        finally:
+            self._stream.raw.close()
         if self._folder:
             write_metadata(self._folder, content)
 
     def _settle(self) -> None:
-        """Close the chunk, write everything to the operating system, and set the position to before the end mark."""
+        """Close the chunk and give everything to the operating system, with an end mark behind it."""
         self._open_bytes = 0
         self._writer.flush()
-        position = self._stream.tell()
-        self._stream.write(END_MARK)
-        self._stream.flush()
-        self._stream.seek(position)
+        self._stream.settle()

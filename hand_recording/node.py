@@ -19,6 +19,8 @@ from typing import Any
 
 import rclpy
 from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.callback_groups import CallbackGroup
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
@@ -32,6 +34,8 @@ from hand_ros.parameters import NodeParameter, check_all
 PERIOD_S = 0.02
 DISCOVERY_S = 0.2
 PROGRESS_S = 0.5
+ANSWERS = 2
+"""Requests to the parameter services that are answered every DISCOVERY_S."""
 PARAMETERS = (
     NodeParameter("out", "", "new folder, or NAME.mcap for one bare file; empty: hand_DATE_TIME"),
     NodeParameter("storage", "mcap", "file format", choices=STORAGES),
@@ -68,12 +72,12 @@ def main(args: Sequence[str] | None = None) -> None:
         try:
             try:
                 rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-                node = Node("recorder", start_parameter_services=False)
+                node = Node("recorder")
             except Exception as error:  # rcl raises several unrelated classes for bad arguments
                 raise ValueError(" ".join(str(error).split())) from error
             options = _options_of(node)
             node.get_logger().info(f"recording to {options.out}")
-            summary = _run(node, options, stop.wait, None)
+            summary = _run(node, options, stop.wait, None, _answering(node))
         except ValueError as error:
             print(f"recorder: {error}", file=sys.stderr)
             sys.exit(2)
@@ -117,7 +121,9 @@ def _run(
     options: RecordOptions,
     until: Callable[[float], bool],
     progress: Callable[[RecordSummary], None] | None,
+    answer: Callable[[], None] = lambda: None,
 ) -> RecordSummary:
+    """Record; answer is called every DISCOVERY_S."""
     recorder = _Recorder(node, options)
     try:
         began = now = time.monotonic()
@@ -126,6 +132,7 @@ def _run(
         while now < end:
             if now >= next_search:
                 recorder.discover()
+                answer()
                 next_search = now + DISCOVERY_S
             recorder.collect(time.time_ns(), time.monotonic_ns())
             if progress and now >= next_report:
@@ -136,10 +143,40 @@ def _run(
             now = time.monotonic()
         return recorder.finish(time.monotonic() - began)
     except OSError as error:
-        raise BagError(f"{options.out} cannot be written further: {error.strerror}") from error
+        raise BagError(
+            f"{options.out} cannot be written further: {error.strerror}; what was recorded before is kept;"
+            f" complete it, where there is space, with: hand record --repair {options.out}"
+        ) from error
     finally:
         recorder.abandon()
         node.destroy_node()
+
+
+class _Untouched(CallbackGroup):
+    """Keeps an executor from taking messages of its subscriptions: the recorder takes them itself."""
+
+    def can_execute(self, _entity: Any) -> bool:
+        """Never."""
+        return False
+
+    def beginning_execution(self, _entity: Any) -> bool:
+        """Never."""
+        return False
+
+    def ending_execution(self, _entity: Any) -> None:
+        """Nothing has begun."""
+
+
+def _answering(node: Node) -> Callable[[], None]:
+    """A function that answers the requests to the parameter services of a node that have arrived."""
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+
+    def answer() -> None:
+        for _ in range(ANSWERS):
+            executor.spin_once(timeout_sec=0.0)
+
+    return answer
 
 
 class _Subscribed:
@@ -150,7 +187,8 @@ class _Subscribed:
         self.publishers = 0
         self._kind = kind
         self._node = node
-        self._handle = node.create_subscription(kind, topic, lambda _: None, qos, raw=True)
+        group = _Untouched()
+        self._handle = node.create_subscription(kind, topic, lambda _: None, qos, raw=True, callback_group=group)
 
     def take(self) -> Iterator[tuple[bytes, dict[str, int]]]:
         """Every queued message, with its times."""

@@ -16,7 +16,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.errors import ReaderError
 from zstandard import ZstdError
 
-from hand_recording.batches import Batch, RawMessage, RawTopic, Wanted, gather
+from hand_recording.batches import Batch, RawMessage, RawTopic, Wanted, gather, plain, plain_batch
 from hand_recording.mcap_chunks import indexed_batches, is_indexed, topics_of
 from hand_recording.recording_files import RecordingError, RecordingFiles, damaged, locate
 
@@ -76,7 +76,8 @@ def read_batches(path: Path, wanted: Wanted) -> Iterator[Batch]:
         with _one_line(file), file.open("rb") as stream:
             summary = make_reader(stream).get_summary()
             if summary is not None and is_indexed(summary):
-                yield from indexed_batches(stream, summary, wanted)
+                for batch in indexed_batches(stream, summary, wanted):
+                    yield from plain_batch(batch)
             else:
                 yield from gather(mcap_messages(file, wanted, ordered=False))
 
@@ -107,7 +108,7 @@ def mcap_messages(file: Path, wanted: Wanted, ordered: bool) -> Iterator[RawMess
                 topic = RawTopic(channel.topic, schema.name if schema else "", text)
                 topics[channel.id] = topic if wanted(topic) else None
             if (known := topics[channel.id]) is not None:
-                yield RawMessage(known, message.data, message.log_time, message.publish_time)
+                yield RawMessage(known, plain(message.data), message.log_time, message.publish_time)
 
 
 def _rosbags_topics(reader: Reader) -> dict[int, RawTopic]:
@@ -129,4 +130,4 @@ def _rosbags_messages(found: RecordingFiles, wanted: Wanted) -> Iterator[RawMess
         chosen = [connection for connection in reader.connections if wanted(topics[connection.id])]
         if chosen:
             for connection, log_ns, raw in reader.messages(chosen):
-                yield RawMessage(topics[connection.id], bytes(raw), log_ns, log_ns)
+                yield RawMessage(topics[connection.id], plain(bytes(raw)), log_ns, log_ns)

@@ -50,7 +50,7 @@ def locate(path: Path) -> RecordingFiles:
 def _in_folder(folder: Path) -> RecordingFiles:
     metadata = folder / METADATA
     if not metadata.is_file():
-        if any(folder.glob("*.mcap")) or any(folder.glob("*.db3")):
+        if any(any(folder.glob(f"*{ending}")) for ending in (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")):
             raise RecordingError(
                 f"{folder} was never closed (no {METADATA}); repair it with: hand record --repair {folder}"
             )
@@ -68,6 +68,10 @@ def _in_folder(folder: Path) -> RecordingFiles:
 
 
 def _check(file: Path) -> None:
+    if file.suffix == ".zstd":
+        raise RecordingError(
+            f"{file} is one compressed file of a recording; give its folder, {file.parent}, or unpack it with: zstd -d"
+        )
     if file.suffix not in _MAGIC:
         raise RecordingError(f"{file} is not a recording: neither a folder nor a .mcap or .db3 file")
     magic = _MAGIC[file.suffix]

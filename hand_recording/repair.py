@@ -5,13 +5,15 @@ from __future__ import annotations
 import sqlite3
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from io import BytesIO
-from pathlib import Path
+from pathlib import Path, PurePath
+from tempfile import TemporaryDirectory
 from typing import Any, BinaryIO
 
+import yaml
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -21,7 +23,7 @@ from mcap.stream_reader import CRCValidationError, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 from rosbags.rosbag2.errors import ReaderError
 from rosbags.rosbag2.metadata import parse_qos
-from zstandard import ZstdError
+from zstandard import ZstdCompressor, ZstdDecompressor, ZstdError
 
 from hand_recording.bag_contents import (
     METADATA,
@@ -29,12 +31,18 @@ from hand_recording.bag_contents import (
     Contents,
     Topic,
     TopicCount,
-    metadata,
+    joined,
+    split_metadata,
     write_metadata,
 )
+from hand_recording.batches import ZSTD_MAGIC
+from hand_recording.file_use import changes, user_of
 from hand_recording.mcap_bag import McapBag, claim
 from hand_recording.mcap_chunks import indexed_batches, is_indexed
 
+PACKED = ".zstd"
+"""What rosbag2 appends to the name of a file that it has compressed."""
+_ENDINGS = (".mcap", ".db3", f".mcap{PACKED}", f".db3{PACKED}")
 _RECORD = struct.Struct("<BQ")  # opcode and length before every record
 # What the library and the decompressors (lz4: RuntimeError) raise on damaged bytes.
 _BROKEN = (
@@ -76,31 +84,161 @@ class Repair:
         return {**asdict(self), "path": str(self.path), "damaged": self.damaged and str(self.damaged)}
 
 
-def repair(path: Path) -> Repair:
-    """Repair the recording at `path`: a folder, or a bare .mcap file.
+def repair(path: Path, watch_s: float = 0.0) -> Repair:
+    """Repair the recording at `path`: a folder with any number of files, or a bare .mcap file.
 
+    watch_s: time [s] for which files that changed lately are watched for further changes.
     An intact recording is not changed. Where bytes could not be read, the original file is kept next to the new one,
-    `.damaged` appended to its name. Raises BagError where there is nothing to repair.
+    `.damaged` appended to its name. Raises BagError where there is nothing to repair, or it is still being written.
     """
     if path.is_dir():
-        return _repair_folder(path)
+        files = _parts(path)
+        _check_idle(files, watch_s)
+        return _repair_folder(path, files)
     if not path.is_file():
         raise BagError(f"{path} does not exist")
+    if path.suffix == ".db3":
+        raise BagError(f"{path}: SQLite repairs the file itself when it is opened; repair its folder: {path.parent}")
+    if path.suffix == PACKED:
+        raise BagError(f"{path} is one compressed file of a recording; repair its folder: {path.parent}")
     if path.suffix != ".mcap":
         raise BagError(f"{path} is not an MCAP file; only .mcap files and recording folders can be repaired")
-    return _repair_mcap(path, None)
+    _check_idle([path], watch_s)
+    part = _mend_mcap(path)
+    return _outcome(path, [part], part.changed)
 
 
-def _repair_folder(folder: Path) -> Repair:
-    files = [file for suffix in ("*.mcap", "*.db3") for file in sorted(folder.glob(suffix))]
-    if len(files) != 1:
-        raise BagError(f"{folder} holds {len(files)} recording files; a folder with exactly one can be repaired")
-    if files[0].suffix == ".mcap":
-        return _repair_mcap(files[0], folder)
-    return _repair_sqlite(files[0], folder)
+def _check_idle(files: Sequence[Path], watch_s: float) -> None:
+    """Raises BagError where a file is open elsewhere or changes; rosbag2 takes no lock."""
+    for file in files:
+        process = user_of(file)
+        if process is not None:
+            raise BagError(f"{file} is still being recorded or read: process {process} has it open")
+    changing = changes(files, watch_s)
+    if changing is not None:
+        raise BagError(f"{changing} is still being recorded: it changes")
 
 
-def _repair_mcap(path: Path, folder: Path | None) -> Repair:
+@dataclass(frozen=True)
+class _Part:
+    """One file of a recording after its repair: file name, contents, and as in Repair."""
+
+    name: str
+    contents: Contents
+    lost_bytes: int = 0
+    damaged: Path | None = None
+    changed: bool = False
+
+
+def _outcome(path: Path, parts: Sequence[_Part], changed: bool) -> Repair:
+    contents = joined([part.contents for part in parts])
+    messages = {name: count.messages for name, count in contents.topics.items()}
+    damaged = next((part.damaged for part in parts if part.damaged), None)
+    return Repair(path, messages, sum(part.lost_bytes for part in parts), damaged, changed)
+
+
+def _parts(folder: Path) -> list[Path]:
+    """The files of a recording in their order, those that rosbag2 compressed included. Raises BagError."""
+    files = [file for ending in _ENDINGS for file in folder.glob(f"*{ending}")]
+    if not files:
+        raise BagError(f"{folder} holds 0 recording files; a folder with at least one can be repaired")
+    kinds = {_plain_name(file).rpartition(".")[2] for file in files}
+    if len(kinds) > 1:
+        raise BagError(f"{folder} holds files of several kinds, .mcap and .db3; repair each in a folder of its own")
+    return sorted(files, key=_number)
+
+
+def _plain_name(file: Path) -> str:
+    return file.name.removesuffix(PACKED)
+
+
+def _number(file: Path) -> tuple[int, str, bool]:
+    """Order of the parts NAME_0, NAME_1, ... NAME_10; of one part, the file that is not compressed comes first."""
+    number = _plain_name(file).rpartition(".")[0].rpartition("_")[2]
+    return int(number) if number.isdecimal() else 0, _plain_name(file), file.suffix == PACKED
+
+
+def _repair_folder(folder: Path, files: Sequence[Path]) -> Repair:
+    """Repair every file, leave out those without a message that never began, and write metadata.yaml again."""
+    packed = any(file.suffix == PACKED for file in files)
+    plain = {file.name for file in files if file.suffix != PACKED and file.stat().st_size}
+    # A file was never begun, or was being compressed when the recorder ended.
+    unused = [
+        file for file in files if not file.stat().st_size or file.name.removesuffix(PACKED) in plain - {file.name}
+    ]
+    if len(unused) == len(files):
+        raise BagError(f"{folder} holds only empty recording files (0 bytes); there is nothing to repair")
+    for file in unused:
+        file.replace(file.with_name(file.name + ".damaged"))
+    done = []
+    for file in files:
+        if file not in unused:
+            part = _mend_packed(file) if file.suffix == PACKED else _mend(file)
+            if packed and file.suffix != PACKED:
+                part = replace(part, name=_pack(file).name, changed=True)
+            done.append(part)
+    if packed:
+        for part in done:
+            part.contents.compression = "FILE"
+    changed = bool(unused) or any(part.changed for part in done) or not _described(folder, done)
+    if changed:
+        storage = "mcap" if files[0].name.removesuffix(PACKED).endswith(".mcap") else "sqlite3"
+        write_metadata(folder, split_metadata(storage, {part.name: part.contents for part in done}))
+    return _outcome(folder, done, changed)
+
+
+def _described(folder: Path, parts: Sequence[_Part]) -> bool:
+    """Whether metadata.yaml exists, lists these files, and states their number of messages and compression."""
+    try:
+        content = yaml.safe_load((folder / METADATA).read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+        listed = [PurePath(name).name for name in content["relative_file_paths"]]
+        mode = str(content.get("compression_mode") or "").upper().replace("NONE", "")
+        count = content["message_count"]
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, AttributeError):
+        return False
+    contents = joined([part.contents for part in parts])
+    stated = listed == [part.name for part in parts] and count == contents.messages
+    return stated and mode in (contents.compression, "STORAGE")
+
+
+def _mend(file: Path) -> _Part:
+    return _mend_mcap(file) if file.suffix == ".mcap" else _mend_sqlite(file)
+
+
+def _mend_packed(file: Path) -> _Part:
+    """Repair a compressed file through a copy that is not; it is compressed again only where it was damaged."""
+    with TemporaryDirectory(dir=file.parent, prefix=".repair_") as scratch:
+        plain = Path(scratch) / _plain_name(file)
+        lost = 0
+        with file.open("rb") as source, plain.open("wb") as target:
+            try:
+                ZstdDecompressor().copy_stream(source, target)
+            except ZstdError:
+                lost = file.stat().st_size - source.tell() or 1
+        if plain.stat().st_size == 0:
+            raise BagError(f"{file} cannot be decompressed; remove it from the folder to repair the rest")
+        part = _mend(plain)
+        if not part.changed and not lost:
+            return replace(part, name=file.name, damaged=None)
+        damaged = file.with_name(file.name + ".damaged")
+        file.replace(damaged)
+        packed = _pack(plain)
+        packed.replace(file)
+        return replace(part, name=file.name, lost_bytes=part.lost_bytes + lost, damaged=damaged, changed=True)
+
+
+def _pack(file: Path) -> Path:
+    """Compress a file as rosbag2 does, NAME.zstd, and remove it."""
+    packed = file.with_name(file.name + PACKED)
+    new = file.with_name(packed.name + ".new")
+    with file.open("rb") as source, new.open("wb") as target:
+        ZstdCompressor().copy_stream(source, target)
+    new.replace(packed)
+    file.unlink()
+    return packed
+
+
+def _mend_mcap(path: Path) -> _Part:
     scan = _Scan()
     new = path.with_name(path.name + ".new")
     new.unlink(missing_ok=True)
@@ -113,21 +251,19 @@ def _repair_mcap(path: Path, folder: Path | None) -> Repair:
         try:
             for record in scan.records(stream, path.stat().st_size):
                 scan.copy(record, bag)
+            bag.contents.compression = "MESSAGE" if scan.compressed else ""
             bag.close()
         except BaseException:
             new.unlink(missing_ok=True)
             raise
-    messages = {name: count.messages for name, count in bag.contents.topics.items()}
-    if scan.intact and _summary_agrees(path, bag.contents) and (folder is None or (folder / METADATA).is_file()):
+    if scan.intact and _summary_agrees(path, bag.contents):
         new.unlink()
-        return Repair(path, messages, 0, None, changed=False)
+        return _Part(path.name, bag.contents)
     damaged = path.with_name(path.name + ".damaged") if scan.lost_bytes else None
     if damaged:
         path.replace(damaged)
     new.replace(path)
-    if folder:
-        write_metadata(folder, metadata("mcap", path.name, bag.contents))
-    return Repair(path, messages, scan.lost_bytes, damaged, changed=True)
+    return _Part(path.name, bag.contents, scan.lost_bytes, damaged, changed=True)
 
 
 def _summary_agrees(path: Path, contents: Contents) -> bool:
@@ -161,6 +297,7 @@ class _Scan:
     def __init__(self) -> None:
         self.lost_bytes = 0
         self.intact = True  # every record is complete and consistent, up to the footer and the closing magic
+        self.compressed = False  # rosbag2 has compressed each message
         self._chunked = False
         self._schemas: dict[int, Schema] = {}
         self._topics: dict[int, str] = {}
@@ -221,6 +358,7 @@ class _Scan:
             if topic is None:
                 self._lose(len(record.data))
             else:
+                self.compressed |= record.data[:4] == ZSTD_MAGIC
                 bag.write(topic, record.data, record.log_time, record.publish_time, record.sequence)
 
     def _add_channel(self, channel: Channel, bag: McapBag) -> None:
@@ -239,25 +377,23 @@ class _Scan:
         bag.add_topic(Topic(channel.topic, schema.name, text, type_hash, qos, schema.encoding))
 
 
-def _repair_sqlite(path: Path, folder: Path) -> Repair:
-    """SQLite itself rolls back what was not committed; metadata.yaml is written again."""
+def _mend_sqlite(path: Path) -> _Part:
+    """SQLite itself rolls back what was not committed."""
     contents = Contents()
     try:
         with closing(sqlite3.connect(path)) as database:
             rows = database.execute(
                 "SELECT topics.name, topics.type, topics.type_description_hash, topics.offered_qos_profiles,"
                 " count(messages.id), min(messages.timestamp), max(messages.timestamp),"
-                " sum(length(messages.data))"
+                " sum(length(messages.data)), min(substr(messages.data, 1, 4))"
                 " FROM topics LEFT JOIN messages ON topics.id = messages.topic_id"
                 " GROUP BY topics.id ORDER BY topics.id"
             ).fetchall()
     except sqlite3.Error as error:
         raise BagError(f"{path} is not a recording that can be repaired: {error}") from error
-    for name, type_name, type_hash, qos, messages, first_ns, last_ns, size in rows:
+    for name, type_name, type_hash, qos, messages, first_ns, last_ns, size, head in rows:
         topic = Topic(name, type_name, "", type_hash, tuple(parse_qos(qos)))
         contents.topics[name] = TopicCount(topic, messages, size or 0, first_ns or 0, last_ns or 0)
-    counts = {name: count.messages for name, count in contents.topics.items()}
-    if (folder / METADATA).is_file():
-        return Repair(path, counts, 0, None, changed=False)
-    write_metadata(folder, metadata("sqlite3", path.name, contents))
-    return Repair(path, counts, 0, None, changed=True)
+        if head == ZSTD_MAGIC:
+            contents.compression = "MESSAGE"
+    return _Part(path.name, contents)

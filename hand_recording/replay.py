@@ -26,6 +26,8 @@ VELOCITY_TIME_CONSTANT_S = 0.01
 """The driver's default, so that the replayed velocities are comparable."""
 START_NS = 1_700_000_000_000_000_000
 """First stamp of a simulated recording."""
+MIN_SHARE = 0.1
+"""Least share of the frames that a replay must reach."""
 LIFETIME_S = 0.1
 """Lifetime of the set-points of a simulated recording."""
 
@@ -58,6 +60,11 @@ def replay_recording(recording: Recording, hand: Hand) -> Replay:
     pressure = _by_name(recording, "pressures", "pressure", hand)[nearest]
     commands = _commands(recording, hand)
     ticks, plant_states = replay(hand, Measured(stamps, position[first], velocity[first], pressure), commands)
+    if len(plant_states) < MIN_SHARE * len(stamps):
+        raise RecordingError(
+            f"{recording.path}: the set-points in force are known at {len(plant_states)} of {len(stamps)} frames only;"
+            f" at least {MIN_SHARE:.0%} are needed: the commands begin too late, or were sent by another clock"
+        )
     return Replay(hand, recording.namespace, ticks, plant_states, commands)
 
 

@@ -31,6 +31,10 @@ from hand_recording.table_file import TABLES, UNITS, read_table
 
 LONGEST_GAP_S = 0.2
 """Samples farther apart than this, and than three periods, are not joined by a line."""
+PERIOD_S = (1e-6, 1.0)
+"""Least and largest median distance of the samples of a table; no motion of a machine is seen at a lower rate."""
+LATEST_S = 1e12
+"""Largest time of a table: beyond any epoch, and small enough for differences of a microsecond."""
 QUANTITIES = {"set_point": "pa", "pressure": "pa", "angle": "deg", "force": "n"}
 
 
@@ -68,14 +72,22 @@ def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
 def uniform_clock(path: Path, time_s: Array) -> tuple[NDArray[np.intp], Array]:
     """Indices (n,) of the rows with increasing times among all, and the uniform grid (T,) [s] of their median period.
 
-    Raises RecordingError where too few different times are left, or one is not finite.
+    Raises RecordingError where too few different times are left, one is not finite, or their distance is absurd.
     """
     order = np.argsort(time_s, kind="stable")
     kept = order[np.concatenate([[True], np.diff(time_s[order]) > 0.0])]
     times = time_s[kept]
+    if np.isfinite(times).all() and len(times) and np.abs(times).max() > LATEST_S:
+        worst = times[np.argmax(np.abs(times))]
+        raise RecordingError(f"{path}: a time is {worst:g} s; the allowed range is {-LATEST_S:g} to {LATEST_S:g} s")
     if len(times) < 3 or not np.isfinite(times).all() or times[-1] - times[0] < SHORTEST_S:
         raise RecordingError(f"{path} has {len(times)} different times; {SHORTEST_S:g} s of samples are needed")
     period_s = float(np.median(np.diff(times)))
+    if not PERIOD_S[0] <= period_s <= PERIOD_S[1]:
+        raise RecordingError(
+            f"{path}: its times are {period_s:.4g} s apart; the allowed range is {PERIOD_S[0]:g} to {PERIOD_S[1]:g} s;"
+            " check the unit of the time column"
+        )
     count = samples_on_grid(path, times[0], times[-1], period_s)
     return kept, times[0] + period_s * np.arange(count)
 

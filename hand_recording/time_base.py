@@ -8,8 +8,9 @@ Rules:
   where the last one is older than max_gap_s.
 - valve_command holds from its publish time, not from its stamp, because the board cannot have received it before.
   After its lifetime the board vents: 0 Pa until the next command. It is NaN before the first command.
-- Under simulated time (/clock was recorded) publish times are converted to that clock: a command published between
-  two ticks counts from the earlier tick.
+- Under simulated time (/clock was recorded) publish times are converted to that clock, linearly between two ticks.
+- Publish times of a recording that was played without /clock and recorded again are moved back by the offset, and
+  divided by the rate, that the frames of joint_states show.
 - Of samples that share a stamp the last one counts. Samples are sorted by their stamps.
 """
 
@@ -29,6 +30,12 @@ from hand_recording.recording_files import RecordingError
 
 Times = NDArray[np.int64]
 NS = 1_000_000_000
+FOREIGN_CLOCK_NS = 1e9
+"""Publish times further than this from the stamps are those of another clock."""
+BLOCKS = 20
+"""Parts of a recording whose promptest frames give the rate of a player's clock."""
+SMALL_DELAY = 0.1
+"""Quantile of the frames' delays that counts as the delay of a host that is not busy."""
 
 
 @dataclass(frozen=True)
@@ -143,18 +150,48 @@ def _reference(times: Times, topics: Mapping[str, TopicData], joints: Sequence[s
 
 
 def published_on_stamp_clock(topics: Mapping[str, TopicData]) -> Times:
-    """Publish time of each valve command [ns], on the clock of the headers."""
-    return _on_stamp_clock(topics["valve_command"].publish_ns, topics.get("clock"))
+    """Publish time of each valve command [ns], on the clock of the headers.
+
+    Publish times that lie far from the stamps are those of a played recording, which was recorded again.
+    """
+    commands = topics["valve_command"]
+    sent = _on_stamp_clock(commands.publish_ns, topics.get("clock"))
+    if not len(sent) or abs(float(np.median(sent - commands.stamp_ns))) <= FOREIGN_CLOCK_NS:
+        return sent
+    return _on_played_clock(commands, topics.get("joint_states"))
 
 
 def _on_stamp_clock(publish_ns: Times, clock: TopicData | None) -> Times:
-    """Publish times, converted to the clock of the stamps."""
+    """Publish times, converted to the clock of the stamps between the ticks of /clock around them."""
     if clock is None or not len(clock):
         return publish_ns
     ticks, rows = _in_order(clock.publish_ns)
-    row = np.maximum(np.searchsorted(ticks, publish_ns, side="right") - 1, 0)
-    shown: Times = clock.stamp_ns[rows][row]
-    return shown
+    shown = clock.stamp_ns[rows]
+    passed = np.interp((publish_ns - ticks[0]).astype(float), (ticks - ticks[0]).astype(float), shown - shown[0])
+    converted: Times = shown[0] + np.rint(passed).astype(np.int64)
+    return converted
+
+
+def _on_played_clock(commands: TopicData, states: TopicData | None) -> Times:
+    """Publish times of a recording that was played and recorded again, on the clock of the stamps.
+
+    The player keeps the distances of the messages, so that the frames of joint_states give offset and rate of the
+    clocks. Of their delays a small one counts, because a busy host delays some. Without frames the stamps are used.
+    """
+    if states is None or len(states) < 2 or np.ptp(states.stamp_ns) == 0:
+        return commands.stamp_ns
+    first_stamp, first_sent = int(states.stamp_ns[0]), int(states.publish_ns[0])
+    stamp, sent = (states.stamp_ns - first_stamp).astype(float), (states.publish_ns - first_sent).astype(float)
+    rate = float(np.polyfit(stamp, sent, 1)[0])
+    blocks = np.array_split(np.arange(len(stamp)), min(BLOCKS, len(stamp)))
+    prompt = [block[np.argmin((sent - rate * stamp)[block])] for block in blocks]
+    rate = float(np.polyfit(stamp[prompt], sent[prompt], 1)[0])
+    if not 0.01 < rate < 100.0:
+        return commands.stamp_ns
+    offset = float(np.quantile(sent - rate * stamp, SMALL_DELAY))
+    played = (commands.publish_ns - first_sent).astype(float)
+    converted: Times = first_stamp + np.rint((played - offset) / rate).astype(np.int64)
+    return converted
 
 
 def _in_order(stamps: Times) -> tuple[Times, NDArray[np.intp]]:

@@ -43,5 +43,5 @@ def test_messages_are_committed_within_half_a_second(tmp_path: Path) -> None:
     with AnyReader([killed]) as reader:
         assert [time for _, time, _ in reader.messages()] == [1]
     assert not repair(killed).changed
-    with closing(sqlite3.connect(killed / "bag.db3")) as database:
+    with closing(sqlite3.connect(killed / "bag_0.db3")) as database:
         assert database.execute("PRAGMA integrity_check").fetchone() == ("ok",)

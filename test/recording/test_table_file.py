@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hand_recording.recording_files import RecordingError
+from hand_recording.signal_files import uniform_clock
 from hand_recording.table_file import read_rig, read_table
 
 TEXT = '\ufefft_s, p_bar,note,angle_rad\n# a comment\n0,1.5,start,0.1\n\n0.5,,"a, b",0.2\n1.0,2.5,,0.3\n'
@@ -67,3 +69,27 @@ def test_other_files_are_refused(tmp_path: Path, name: str) -> None:
         (tmp_path / name).write_bytes(bytes(range(256)) * 4)
     with pytest.raises(RecordingError, match=name):
         read_table(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("step_s", "line"),
+    [
+        (1e18, "a time is"),
+        (1e300, "a time is"),
+        (2.0, "its times are 2 s apart; the allowed range is 1e-06 to 1 s; check the unit"),
+        (1e-7, "2 s of samples are needed"),
+    ],
+)
+def test_absurd_time_steps_are_refused(step_s: float, line: str) -> None:
+    """Fails when a table whose times have another unit or are nonsense is diagnosed, and agrees with everything."""
+    with pytest.raises(RecordingError, match=re.escape(line)) as caught:
+        uniform_clock(Path("table.csv"), np.arange(2000.0) * step_s)
+    assert "table.csv" in str(caught.value)
+
+
+@pytest.mark.parametrize("step_s", [1e-4, 0.005, 1.0])
+def test_usual_time_steps_are_used(step_s: float) -> None:
+    """Fails when the clock of a rig between 1 Hz and 10 kHz is refused."""
+    kept, grid = uniform_clock(Path("table.csv"), 1.7e9 + np.arange(30_000.0) * step_s)
+    assert len(kept) == 30_000
+    np.testing.assert_allclose(np.diff(grid), step_s, rtol=1e-2)

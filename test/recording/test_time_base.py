@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from hand_recording.columns import TopicData
 from hand_recording.interpolation import interpolate
 from hand_recording.loader import Recording, RecordingError, load_recording
+from hand_recording.time_base import published_on_stamp_clock
 
 MS = 1_000_000
 NAN = np.nan
@@ -20,7 +22,7 @@ NAN = np.nan
 
 def _topic(stamps_ms: list[int], publish_ms: list[int] | None = None, **fields: list[list[float]]) -> TopicData:
     stamps = np.array(stamps_ms, np.int64) * MS
-    publish = stamps if publish_ms is None else np.array(publish_ms, np.int64) * MS
+    publish = stamps if publish_ms is None else np.rint(np.array(publish_ms, np.float64) * MS).astype(np.int64)
     columns = {name: np.array(values, np.float64) for name, values in fields.items()}
     return TopicData("t", "T", ("a", "b"), stamps, publish, publish, columns, 0)
 
@@ -77,6 +79,41 @@ def test_publication_is_moved_onto_a_simulated_clock() -> None:
     recording = _recording(joint_states=_states([0, 20], [[0, 0], [0, 0]]), valve_command=command, clock=clock)
     base = recording.on_time_base(stamps_ns=_at(9, 10, 20))
     np.testing.assert_array_equal(base.valve_command[:, 1], [NAN, 7, 7])
+
+
+def test_publication_between_two_ticks_of_a_simulated_clock() -> None:
+    """Breaks when the tick before is held: ticks of a played recording are 25 ms apart, five frames."""
+    clock = _topic([0, 25, 50], [1000, 1025, 1050])
+    command = _topic([0, 0], [1010, 1060], pressure=[[7.0, 7.0], [8.0, 8.0]])
+    command.fields["lifetime_ns"] = np.array([100 * MS] * 2)
+    recording = _recording(joint_states=_states([0, 20], [[0, 0], [0, 0]]), valve_command=command, clock=clock)
+    np.testing.assert_array_equal(published_on_stamp_clock(recording.topics), np.array([10, 50]) * MS)
+
+
+@pytest.mark.parametrize("rate", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_played_recording_keeps_the_times_of_its_commands(rate: float, seed: int) -> None:
+    """Breaks when a recording that was played without /clock and recorded again loses the delay of its commands."""
+    rng = np.random.default_rng(seed)
+    print("seed", seed)
+    stamps = 1_700_000_000_000 + np.arange(0, 5000, 5)
+    sent = stamps + 2.6
+    busy = np.where(rng.random(len(stamps)) < 0.3, rng.exponential(20.0, len(stamps)), 0.0)
+
+    def played(times_ms: Any, delay: Any) -> list[float]:
+        return list(1_750_000_000_000 + (times_ms - stamps[0]) / rate + delay)
+
+    states = _topic(stamps.tolist(), played(stamps + 1.0, busy), position=[[0.0, 0.0]] * 1000)  # type: ignore[arg-type]
+    command = _topic(stamps.tolist(), played(sent, 0.0), pressure=[[7.0, 7.0]] * 1000)  # type: ignore[arg-type]
+    moved = published_on_stamp_clock({"joint_states": states, "valve_command": command})
+    delay_ms = (moved - stamps * MS) / MS
+    assert np.abs(delay_ms - 1.6).max() < 1.0
+
+
+def test_without_frames_the_stamps_stand_for_foreign_publish_times() -> None:
+    """Breaks when commands of another clock are used at the times of that clock."""
+    command = _topic([0, 10], [10**9, 10**9 + 10], pressure=[[7.0, 7.0]] * 2)
+    np.testing.assert_array_equal(published_on_stamp_clock({"valve_command": command}), np.array([0, 10]) * MS)
 
 
 def test_reference_holds_until_it_is_stale() -> None:
