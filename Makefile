@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 # `make demo` installs what runs; every other target also what tests, benches and the proof import.
 BASE := $(VENV)/.base
-FULL := $(VENV)/.full
+CHECKED := $(VENV)/.full
 BUILT := install/.built
 RUNNING := requirements-ros.txt requirements.txt
 CHECKING := requirements-analysis.txt requirements-validation.txt requirements-dev.txt
@@ -24,12 +24,14 @@ export ROS_DOMAIN_ID ?= $(shell echo $$(( $$$$ % 90 + 10 )))
 # Only these files need another build.
 BUILD_INPUTS := $(wildcard hand_msgs/*/* hand_msgs/* config launch/* tools/nodes/* hand_*/__init__.py hand_*/*/__init__.py validation/__init__.py validation/*/__init__.py setup.py package.xml resource/*)
 
-.PHONY: help demo test lint bench proof figures mutate build wheelhouse clean
+.PHONY: help demo test lint bench faults soak proof figures mutate build wheelhouse clean
 
 help:
 	@echo "make demo        simulated hand, controller and recorder over ROS 2; results in out/demo"
 	@echo "make test        lint, types and all tests"
 	@echo "make bench       speed and quality into out/bench.json, about half an hour"
+	@echo "make faults      injects faults in virtual time, minutes; FULL=1: also into processes in real time"
+	@echo "make soak        HOURS=1: the simulated hand in motion as processes; memory, missed periods, latches"
 	@echo "make figures     tables, numbers and pictures of README and docs, two minutes; TAKE=out/bench.json stores a run"
 	@echo "make proof       the blind trial of the diagnosis, about an hour; scores into out/proof and the documents"
 	@echo "make mutate      mutation tests: which changes of the code no test notices"
@@ -43,21 +45,27 @@ demo: $(BUILT)
 test: lint
 	$(RUN) python -m pytest -n $(WORKERS) --dist loadfile
 
-lint: $(BUILT) $(FULL)
+lint: $(BUILT) $(CHECKED)
 	$(RUN) ruff format --check . && ruff check . && mypy && hadolint Dockerfile
 
-bench: $(BUILT) $(FULL)
+bench: $(BUILT) $(CHECKED)
 	$(RUN) python -m validation.bench --out out/bench.json
 
-figures: $(BUILT) $(FULL)
+faults: $(BUILT) $(CHECKED)
+	$(RUN) python -m validation.faults $(if $(FULL),--full) --out out/faults.json
+
+soak: $(BUILT) $(CHECKED)
+	$(RUN) python -m validation.faults.soak --hours $(or $(HOURS),1) --out out/soak.json
+
+figures: $(BUILT) $(CHECKED)
 	$(RUN) python -m validation.figures $(if $(TAKE),--take $(TAKE))
 
-mutate: $(BUILT) $(FULL)
+mutate: $(BUILT) $(CHECKED)
 	$(RUN) python -m validation.mutation
 
 # The key is a variable of this recipe's shell; the processes of the diagnosis do not receive it.
 # DATA=folder: public recordings of real machines (docs/proof.md names them), diagnosed as well.
-proof: $(BUILT) $(FULL)
+proof: $(BUILT) $(CHECKED)
 	$(RUN) rm -rf out/proof && made=$$(hand trial make out/proof --cases $(or $(CASES),404)) && \
 	key=$$(echo "$$made" | sed -n 's/^key //p') && echo "$$made" | sed '/^key /d' && \
 	hand trial run out/proof && (echo "$$key" | hand trial score out/proof || [ $$? = 1 ]) && \
@@ -76,7 +84,7 @@ $(BASE): $(RUNNING) tools/bootstrap.sh
 	bash tools/bootstrap.sh $(PYTHON) $(VENV) $(RUNNING) $(OFFLINE)
 	touch $@
 
-$(FULL): $(BASE) $(CHECKING)
+$(CHECKED): $(BASE) $(CHECKING)
 	bash tools/bootstrap.sh $(PYTHON) $(VENV) $(RUNNING) $(CHECKING) $(OFFLINE)
 	touch $@
 

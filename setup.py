@@ -29,6 +29,7 @@ PACKAGES = [
     "hand_tool",
     "validation",
     "validation.bench",
+    "validation.faults",
     "validation.magnet",
     "validation.mutation",
     "validation.paper",
@@ -68,12 +69,14 @@ setup(
     python_requires=">=3.11",
     packages=PACKAGES,
     package_data={
-        package: ["*.dbc", "*.html", "*.json", "*.txt", "*.yaml", "*.toml", "*.c", "*.h"] for package in PACKAGES
+        package: ["*.dbc", "*.html", "*.json", "*.txt", "*.yaml", "*.toml", "*.c", "*.h", "rows/*.yaml"]
+        for package in PACKAGES
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/config", files("config", "*.yaml")),
+        (f"share/{NAME}/config", [*files("config", "*.yaml"), "config/fastdds.xml"]),
+        (f"share/{NAME}/config/security", files("config/security", "*.xml")),
         (f"share/{NAME}/launch", files("launch", "*.launch.py")),
         # Recordings hold the definitions of their messages; without ROS they are read here.
         (f"share/{NAME}/interfaces/hand_msgs/msg", files("hand_msgs/msg", "*.msg")),

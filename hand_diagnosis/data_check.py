@@ -49,8 +49,18 @@ def check(signals: Signals, model: JointModel) -> Checked:
         unusable.add(joint)
     kept, spikes = _without_spikes(signals, unusable)
     kept, rails = _without_rails(kept, unusable)
-    lines += [f"{signals.name}: {line}" for line in (*_gaps(signals), *spikes, *rails)]
+    lines += [f"{signals.name}: {line}" for line in (*_lost(signals), *_gaps(signals), *spikes, *rails)]
     return Checked(kept, tuple(lines), frozenset(unusable))
+
+
+def _lost(signals: Signals) -> list[str]:
+    """Frames that are missing because a host or a link was too slow."""
+    if signals.dropped <= SETTINGS.max_lost_share:
+        return []
+    return [
+        f"{signals.dropped:.0%} of its frames are missing; the host or the link was too slow, and findings about"
+        " timing, valves and unknown effects are uncertain"
+    ]
 
 
 def _gaps(signals: Signals) -> list[str]:

@@ -92,21 +92,58 @@ def _rows(recording: str, content: dict[str, Any]) -> list[dict[str, Any]]:
     return rows or [dict.fromkeys(COLUMNS) | {"recording": recording, "verdict": content["verdict"]}]
 
 
-def run_fleet(jobs: Sequence[Job], workers: int, scheduler: str | None) -> Iterator[list[dict[str, Any]]]:
-    """Rows of each recording as it is done, on `workers` processes here or on the cluster at an address.
+@dataclass(frozen=True, slots=True)
+class Cluster:
+    """A dask scheduler: its address; for tls:// also the files of the authority, of our certificate and of its key."""
 
-    Raises OSError where the cluster does not answer.
+    address: str
+    ca: Path | None = None
+    certificate: Path | None = None
+    key: Path | None = None
+
+    def check(self) -> None:
+        """Raises ValueError where files and address do not fit, or a file is missing."""
+        files = {"--tls-ca": self.ca, "--tls-cert": self.certificate, "--tls-key": self.key}
+        given = [name for name, path in files.items() if path is not None]
+        if self.address.startswith("tls://") and len(given) < len(files):
+            raise ValueError(f"--scheduler {self.address} needs {', '.join(files)}")
+        if given and not self.address.startswith("tls://"):
+            raise ValueError(f"{given[0]} needs a --scheduler address that begins with tls://, not {self.address}")
+        for name, path in files.items():
+            if path is not None and not path.is_file():
+                raise ValueError(f"{name} {path} is not a file")
+
+    def security(self) -> Any:
+        """What dask needs for TLS; None without. Raises ValueError for files that are not PEM."""
+        if self.ca is None:
+            return None
+        from distributed.security import Security  # noqa: PLC0415 - only for fleets
+
+        files = {"tls_ca_file": self.ca, "tls_client_cert": self.certificate, "tls_client_key": self.key}
+        security = Security(require_encryption=True, **{name: str(path) for name, path in files.items()})
+        try:
+            security.get_connection_args("client")
+        except OSError as error:  # ssl.SSLError is one
+            raise ValueError(f"--tls-ca, --tls-cert and --tls-key cannot be used: {error.args[-1]}") from error
+        return security
+
+
+def run_fleet(jobs: Sequence[Job], workers: int, cluster: Cluster | None) -> Iterator[list[dict[str, Any]]]:
+    """Rows of each recording as it is done, on `workers` processes here or on a cluster.
+
+    Raises OSError where the cluster does not answer, ValueError where its certificates cannot be used.
     """
-    if workers == 1 and scheduler is None:
+    if workers == 1 and cluster is None:
         yield from map(run_job, jobs)
         return
     from distributed import Client, LocalCluster, as_completed  # noqa: PLC0415 - only for fleets
 
     local = None
-    if scheduler is None:
-        local = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=":0")
+    if cluster is None:
+        local = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0")
     try:
-        with Client(scheduler or local, timeout=20) as client:
+        where = (local, None) if cluster is None else (cluster.address, cluster.security())
+        with Client(where[0], security=where[1], timeout=20) as client:
             waiting = client.map(_run_beside_others, list(jobs), pure=False)
             for future in as_completed(waiting):
                 yield future.result()

@@ -72,6 +72,9 @@ class Settings:
     travel_quantile: float = _setting(
         0.02, "-", "Share of samples left out at each end of a range before it is compared.", CHOICE,
         "Single spikes widen the range.", "Short excursions are ignored.")
+    max_lost_share: float = _setting(
+        0.05, "-", "Share of missing frames above which they are reported.", CHOICE,
+        "Small losses are reported.", "A tenth of the frames may be missing unsaid.")
     level_quantile: float = _setting(
         0.95, "-", "Quantile of a signal that stands for its level.", CHOICE,
         "Meaningless: the median would stand for the level.", "Not possible above 1.")

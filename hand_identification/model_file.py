@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from hand_model.description import Hand, load_hand
+from hand_model.description_checks import STOP_MARGIN_DEG, least_friction
+from hand_model.kernel.plant_rows import DEGREE
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_model.yaml_document import YamlDocument, number_text
 
@@ -43,6 +45,8 @@ def write_model(hand: Hand, changes: Changes, out: Path, comment: str, *, resolu
                 keys = sum(other.startswith(f"{group}.") for other in texts)
                 section = document.data["supply"] if group == "supply" else document.group(entry, group, keys)
                 document.set_number(section, name, text)
+        for name, angle_deg in _reachable(hand, joint, values).items():
+            document.set_number(document.group(entries[joint], "limits", 1), name, number_text(angle_deg))
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(document.text(comment), encoding="utf-8")
     return load_hand(out)
@@ -67,9 +71,27 @@ def _texts(nominal: Mapping[str, float], values: Mapping[str, float], known: Map
     }
 
 
+def _reachable(hand: Hand, joint: str, values: Mapping[str, float]) -> dict[str, float]:
+    """Limits [degree] of a joint that must move to its end stops, because these are found well inside them."""
+    column, moved = hand.joints.index(joint), {}
+    limits = (("low_deg", hand.limits.low_rad, 1.0), ("high_deg", hand.limits.high_rad, -1.0))
+    for name, limit, inward in limits:
+        stop = values.get(f"end_stop.{name}")
+        if stop is not None and inward * (stop - limit[column]) / DEGREE > 0.9 * STOP_MARGIN_DEG:
+            moved[name] = stop / DEGREE
+    return moved
+
+
 def _consistent(full: Mapping[str, float], values: Mapping[str, float]) -> dict[str, float]:
-    """The changes, with creep rescaled where A would pass 1 at supply pressure or extend below its recovery line."""
+    """The changes, with creep rescaled where A would pass 1 at supply pressure or extend below its recovery line.
+
+    A joint without any friction gets the least that a description allows.
+    """
     changed = dict(values)
+    inertia, elasticity = full["dynamics.inertia_kg_m2"], full["statics.a1_nm_per_rad"]
+    damping = least_friction(inertia, elasticity, full["coulomb_friction.torque_nm"]) * (1.0 + EXACT)
+    if full["dynamics.viscous_friction_nm_s_per_rad"] < damping:
+        changed["dynamics.viscous_friction_nm_s_per_rad"] = damping
     if not any(key.startswith("material.") for key in values):
         return changed
     b0, b1 = full["material.b0_per_pa"], full["material.b1_per_pa"]

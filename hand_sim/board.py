@@ -39,7 +39,7 @@ class SimulatedBoard(Board):
         self._begun_ns = monotonic_ns()
         self._tick = 0
         self._lock = threading.Lock()
-        self._pending: tuple[Pressures, float] | None = None
+        self._pending: list[tuple[Pressures, float, int]] = []
         self._in_force = SetPointsInForce(plant.hand.valve_count, 1.0 / rate_hz)
         self._closed = False
         self._counters = LinkCounters()
@@ -49,13 +49,20 @@ class SimulatedBoard(Board):
         """Counters; a simulated link corrupts nothing."""
         return self._counters
 
-    def write(self, pressure_pa: Pressures, lifetime_s: float) -> None:
+    @property
+    def protocol(self) -> int:
+        """Version 2: frames carry the echo of the set-points in force."""
+        return 2
+
+    def write(self, pressure_pa: Pressures, lifetime_s: float) -> int:
         """Set-points [Pa], taken over at the next tick."""
         if self._closed:
             raise LinkLost("the simulated board is closed")
         with self._lock:
-            self._pending = (np.array(pressure_pa), lifetime_s)
+            sequence = self._counters.written & 0xFFFFFFFF
+            self._pending.append((np.array(pressure_pa), lifetime_s, sequence))
             self._counters.written += 1
+        return sequence
 
     def read(self, timeout_s: float) -> Frame | None:
         """Wait for the next tick (or timeout_s [s]) and sample."""
@@ -79,7 +86,7 @@ class SimulatedBoard(Board):
     def _sample(self) -> Frame:
         counts, supply_v, status = self._plant.step(self._in_force.pressure_pa)
         self._tick += 1
-        vented = self._in_force.vented(self._tick)
+        vented, echo = self._in_force.vented(self._tick), self._in_force.echo(self._tick)
         self._take_over()
         self._counters.frames += 1
         return Frame(
@@ -89,6 +96,7 @@ class SimulatedBoard(Board):
             status=status | (Status.VENTED if vented else Status(0)),
             counts=counts,
             received_ns=self._now(),
+            echo=echo,
         )
 
     def _lose(self, ticks: int) -> None:
@@ -103,5 +111,7 @@ class SimulatedBoard(Board):
 
     def _take_over(self) -> None:
         with self._lock:
-            pending, self._pending = self._pending, None
-        self._in_force.take_over(self._tick, *(pending or ()))
+            arrived, self._pending = self._pending, []
+        for pressure_pa, lifetime_s, sequence in arrived:
+            self._in_force.take_over(self._tick, pressure_pa, lifetime_s, sequence)
+        self._in_force.take_over(self._tick)

@@ -6,9 +6,10 @@ import can
 
 from hand_driver.board import LinkLost, ProtocolMismatch
 from hand_driver.can_board import check_id_offset, open_bus, received_message, send_message
-from hand_driver.can_wire import CanAssembler, CanMessage, encode_sample
-from hand_driver.wire import SamplePayload, SetPointPayload
-from hand_sim.emulator import BoardEndpoint
+from hand_driver.can_wire import CanAssembler, CanMessage, encode_answer, encode_sample
+from hand_driver.negotiation import HIGHEST, BoardSession
+from hand_driver.wire import OfferPayload, SamplePayload, SetPointPayload
+from hand_sim.emulator import BoardEndpoint, in_session
 from hand_sim.serial_endpoint import Pty
 
 ANSWERS = {
@@ -20,22 +21,26 @@ ANSWERS = {
 """The answer of the adapter to each command."""
 
 
-class _SetPointReader:
-    """Turns messages into set-points; invalid ones are skipped."""
+class _HostReader:
+    """Turns messages of the host into set-points and answers; invalid ones are skipped."""
 
-    def __init__(self) -> None:
+    def __init__(self, session: BoardSession) -> None:
         self._assembler = CanAssembler()
+        self._session = session
 
-    def of(self, messages: list[CanMessage]) -> list[SetPointPayload]:
-        found = []
+    def of(self, messages: list[CanMessage]) -> tuple[list[SetPointPayload], list[CanMessage]]:
+        """The accepted set-points, and the answers to send."""
+        accepted, answers = [], []
         for message in messages:
             try:
                 payload = self._assembler.feed(message)
             except ProtocolMismatch:
                 continue
-            if isinstance(payload, SetPointPayload):
-                found.append(payload)
-        return found
+            if isinstance(payload, OfferPayload) and (answer := self._session.offer(payload)) is not None:
+                answers.append(encode_answer(answer))
+            elif isinstance(payload, SetPointPayload) and self._session.accepts(payload):
+                accepted.append(payload)
+        return accepted, answers
 
 
 def _messages(sample: SamplePayload, corrupt: bool) -> list[CanMessage]:
@@ -50,12 +55,18 @@ def _messages(sample: SamplePayload, corrupt: bool) -> list[CanMessage]:
 class CanEndpoint(BoardEndpoint):
     """The emulated board on a bus of python-can."""
 
-    def __init__(self, interface: str, channel: str, bitrate: int, id_offset: int = 0) -> None:
-        """Join the bus; id_offset as of CanBoard. BoardError where it cannot be opened."""
+    def __init__(self, interface: str, channel: str, bitrate: int, id_offset: int = 0, protocol: int = HIGHEST) -> None:
+        """Join the bus with protocol versions up to `protocol`; id_offset as of CanBoard. BoardError: it cannot."""
         self._id_offset = check_id_offset(id_offset)
         self._bus = open_bus(interface, channel, bitrate)
         self._name = f"CAN {interface} {channel} {bitrate} bit/s"
-        self._reader = _SetPointReader()
+        self._session = BoardSession(protocol)
+        self._reader = _HostReader(self._session)
+
+    @property
+    def session(self) -> BoardSession:
+        """See BoardEndpoint.session."""
+        return self._session
 
     @property
     def description(self) -> str:
@@ -64,11 +75,14 @@ class CanEndpoint(BoardEndpoint):
 
     def send(self, sample: SamplePayload, corrupt: bool = False) -> None:
         """See BoardEndpoint.send."""
-        for message in _messages(sample, corrupt):
+        self._send(_messages(in_session(sample, self._session), corrupt))
+
+    def _send(self, messages: list[CanMessage]) -> None:
+        for message in messages:
             try:
                 send_message(self._bus, message, self._id_offset)
             except can.CanError:
-                return  # a full transmit queue: the sample is lost, as on a real bus
+                return  # a full transmit queue: the rest is lost, as on a real bus
 
     def receive(self) -> list[SetPointPayload]:
         """See BoardEndpoint.receive. Raises LinkLost when the bus is lost."""
@@ -79,7 +93,9 @@ class CanEndpoint(BoardEndpoint):
                     arrived.append(ours)
         except (can.CanError, OSError) as error:
             raise LinkLost(f"{self._name} is lost: {' '.join(str(error).split())}") from None
-        return self._reader.of(arrived)
+        accepted, answers = self._reader.of(arrived)
+        self._send(answers)
+        return accepted
 
     def close(self) -> None:
         """See BoardEndpoint.close."""
@@ -93,12 +109,18 @@ class SlcanEndpoint(BoardEndpoint):
     standard frame.
     """
 
-    def __init__(self, path: str) -> None:
-        """Serve the adapter at path."""
+    def __init__(self, path: str, protocol: int = HIGHEST) -> None:
+        """Serve the adapter at path; the board uses protocol versions up to `protocol`."""
         self._pty = Pty(path)
         self._open = False
         self._line = b""
-        self._reader = _SetPointReader()
+        self._session = BoardSession(protocol)
+        self._reader = _HostReader(self._session)
+
+    @property
+    def session(self) -> BoardSession:
+        """See BoardEndpoint.session."""
+        return self._session
 
     @property
     def description(self) -> str:
@@ -108,8 +130,10 @@ class SlcanEndpoint(BoardEndpoint):
     def send(self, sample: SamplePayload, corrupt: bool = False) -> None:
         """See BoardEndpoint.send; a closed channel sends nothing."""
         if self._open:
-            lines = (b"t%03X8%s\r" % (m.identifier, m.data.hex().upper().encode()) for m in _messages(sample, corrupt))
-            self._pty.write(b"".join(lines))
+            self._send(_messages(in_session(sample, self._session), corrupt))
+
+    def _send(self, messages: list[CanMessage]) -> None:
+        self._pty.write(b"".join(b"t%03X8%s\r" % (m.identifier, m.data.hex().upper().encode()) for m in messages))
 
     def receive(self) -> list[SetPointPayload]:
         """See BoardEndpoint.receive; commands to the adapter are executed and answered."""
@@ -118,7 +142,10 @@ class SlcanEndpoint(BoardEndpoint):
             *lines, self._line = (self._line + data).split(b"\r")
             self._line = self._line[-64:]
             arrived += [message for line in lines if (message := self._execute(line)) is not None]
-        return self._reader.of(arrived)
+        accepted, answers = self._reader.of(arrived)
+        if self._open:
+            self._send(answers)
+        return accepted
 
     def _execute(self, line: bytes) -> CanMessage | None:
         command = line[:1]

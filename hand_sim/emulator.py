@@ -5,21 +5,28 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Protocol
 
 from hand_driver.board import Counts, Pressures, SetPointsInForce, Status
+from hand_driver.negotiation import BoardSession
 from hand_driver.wire import SamplePayload, SetPointPayload
 from hand_sim.faults import Faults, FaultState
 
 
 class BoardEndpoint(Protocol):
-    """The board's end of an open link, for bytes or CAN messages."""
+    """The board's end of an open link, for bytes or CAN messages. It answers the offers of the host by itself."""
+
+    @property
+    def session(self) -> BoardSession | None:
+        """What the board has agreed on with its host; None for a link without versions."""
+        return None
 
     def send(self, sample: SamplePayload, corrupt: bool = False) -> None:
         """Send one sample; with corrupt, damage it on the way as noise on the wire would. Never blocks for long."""
 
     def receive(self) -> list[SetPointPayload]:
-        """All valid set-points that have arrived since the last call; invalid ones are ignored. Never blocks."""
+        """All set-points accepted since the last call; invalid, repeated and old ones are ignored. Never blocks."""
 
     def close(self) -> None:
         """Disconnect: the other side sees the link end."""
@@ -27,6 +34,13 @@ class BoardEndpoint(Protocol):
     @property
     def description(self) -> str:
         """Kind, name and rate of the link, for people: "serial /tmp/hand 1000000 baud"."""
+
+
+def in_session(sample: SamplePayload, session: BoardSession) -> SamplePayload:
+    """A sample in the version of a session; version 1 carries no echo."""
+    if session.version == sample.version:
+        return sample
+    return replace(sample, version=session.version, echo=sample.echo if session.version > 1 else None)
 
 
 class EmulatedPlant(Protocol):
@@ -58,6 +72,10 @@ class Emulator:
         self._endpoint: BoardEndpoint | None = open_endpoint()
         self._in_force = SetPointsInForce(valves, self._period_s)
         self._late: deque[tuple[float, SamplePayload, bool]] = deque()
+        self._host: int | None = None
+        self._first_tick = 0
+        self._sent: deque[SamplePayload] = deque(maxlen=100)
+        self._restart_asked = False
         self._unplug_for_s = 0.0
         self._unplugged_until_s = 0.0
 
@@ -90,11 +108,19 @@ class Emulator:
     def tick(self, tick: int) -> None:
         """Sample number tick, 1 for the first."""
         now_s = tick * self._period_s
+        if self._restart_asked or self._faults.restarts(now_s):
+            self._restart(tick)
         counts, supply_v, status = self._plant.step(self._in_force.pressure_pa)
         if self._in_force.vented(tick):
             status |= Status.VENTED
+        run_s = (tick - self._first_tick) * self._period_s
         sample = SamplePayload(
-            (tick - 1) & 0xFFFFFFFF, round(now_s * 1e6), supply_v, status, self._faults.counts(counts)
+            (tick - self._first_tick - 1) & 0xFFFFFFFF,
+            round(run_s * 1e6 * (1.0 + self._faults.faults.clock_error)),
+            supply_v,
+            status,
+            self._faults.counts(counts),
+            echo=self._in_force.echo(tick),
         )
         self._plug(now_s)
         if not self._faults.dropped():
@@ -103,7 +129,25 @@ class Emulator:
             _, due, corrupt = self._late.popleft()
             if self._endpoint is not None:
                 self._endpoint.send(due, corrupt)
+                self._repeat(due)
         self._take_over(tick)
+
+    def _repeat(self, sample: SamplePayload) -> None:
+        self._sent.append(sample)
+        if self._endpoint is not None and self._faults.repeated():
+            self._endpoint.send(self._sent[0])
+
+    def restart(self) -> None:
+        """Restart the board at the next tick, as after a loss of its power; safe in a signal handler."""
+        self._restart_asked = True
+
+    def _restart(self, tick: int) -> None:
+        self._restart_asked = False
+        self._first_tick = tick - 1
+        self._in_force = SetPointsInForce(self._valves, self._period_s)
+        session = self._endpoint.session if self._endpoint is not None else None
+        if session is not None:
+            session.restart()
 
     def _plug(self, now_s: float) -> None:
         if self._unplug_for_s > 0.0:
@@ -116,7 +160,12 @@ class Emulator:
 
     def _take_over(self, tick: int) -> None:
         received = self._endpoint.receive() if self._endpoint is not None else []
+        session = self._endpoint.session if self._endpoint is not None else None
+        if session is not None and session.session != self._host:
+            self._host = session.session
+            self._in_force.forget_sender()
         for set_points in received:
-            if len(set_points.pressure_pa) == self._valves:
-                self._in_force.take_over(tick, set_points.pressure_pa, set_points.lifetime_s)
+            if len(set_points.pressure_pa) == self._valves and self._faults.taken_over(tick * self._period_s):
+                held = self._faults.set_points(set_points.pressure_pa)
+                self._in_force.take_over(tick, held, set_points.lifetime_s, set_points.sequence)
         self._in_force.take_over(tick)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -14,7 +13,7 @@ from hand_driver.node import COMMON_PARAMETERS, DriverNode
 from hand_messages.cdr import Layout
 from hand_messages.layouts import CLOCK
 from hand_model.description import Hand
-from hand_ros.node import QUEUED_QOS, run
+from hand_ros.node import QUEUED_QOS, end, run
 from hand_ros.parameters import NodeParameter
 from hand_sim.board import SimulatedBoard
 from hand_sim.plant import SimulatedPlant
@@ -51,10 +50,14 @@ class SimulationNode(DriverNode):
         plant = SimulatedPlant(hand, hand.rate_hz, values["seed"])
         return lambda: SimulatedBoard(plant, hand.rate_hz, values["speed"])
 
-    def stamp_ns(self, frame: Frame) -> int:
+    def acquired_ns(self, frame: Frame) -> int:
+        """The board shares the clock of the host, so that nothing is to be mapped where its time is scaled."""
+        return super().acquired_ns(frame) if self._time_ns is None else frame.received_ns
+
+    def stamp_ns(self, frame: Frame, acquired_ns: int) -> int:
         """Simulated time where /clock is published, otherwise the time of the driver."""
         if self._time_ns is None:
-            return super().stamp_ns(frame)
+            return super().stamp_ns(frame, acquired_ns)
         self._time_ns = frame.board_time_us * 1000
         self._clock_publisher.publish(self._clock_layout.encode(clock_ns=self._time_ns))
         return self._time_ns
@@ -66,4 +69,4 @@ class SimulationNode(DriverNode):
 
 def main() -> None:
     """Entry point of the executable `simulation`."""
-    sys.exit(run(SimulationNode))
+    end(run(SimulationNode))

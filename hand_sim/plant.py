@@ -53,6 +53,10 @@ class HandPlants:
         """Apply set-points (hands, samples, joints) [Pa]; return readings (hands, samples, STATES, joints)."""
         return self._loop.advance(pressure_pa)
 
+    def change(self, key: str, values: Array) -> None:
+        """Give a parameter of an effect that acts already, or of the plain plant, other values (hands, joints), SI."""
+        self._loop.change(key, values)
+
 
 class HandPlant:
     """The joints of one hand, in the hand's own joint order."""
@@ -76,6 +80,10 @@ class HandPlant:
         readings: Array = self._plants.advance(pressure_pa[None])[0]
         return readings
 
+    def change(self, key: str, values: Array) -> None:
+        """Give a parameter of an effect that acts already, or of the plain plant, other values (joints,), SI."""
+        self._plants.change(key, values[None])
+
 
 class SimulatedPlant:
     """Plant and sensors: what the ADC of a board on this hand converts."""
@@ -86,6 +94,10 @@ class SimulatedPlant:
         self.plant = HandPlant(hand, 1.0 / rate_hz, state)
         self._rng = np.random.default_rng(seed)
         self._channels = Channels(hand)
+
+    def scale_noise(self, factor: float) -> None:
+        """Multiply the noise of every channel by a factor [-]."""
+        self._channels.noise_v = factor * self._channels.noise_v
 
     def step(self, pressure_pa: Array) -> tuple[Counts, float, Status]:
         """Hold set-points (valves,) [Pa] for one period; return counts (channels,), sensor supply [V], status."""

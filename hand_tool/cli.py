@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from hand_tool.check_board import check_board
 from hand_tool.demo import demo
 from hand_tool.diagnose import diagnose
 from hand_tool.emulate_board import emulate_board
@@ -32,6 +33,7 @@ app = typer.Typer(
 app.command()(record)
 app.command()(simulate)
 app.command("emulate-board")(emulate_board)
+app.command("check-board")(check_board)
 app.command()(demo)
 app.command()(diagnose)
 app.command()(excite)

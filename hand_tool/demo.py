@@ -138,13 +138,18 @@ def _play(files: Files, hand: Hand, grasps: dict[str, Grasp], progress: Progress
         poses.append(Pose(f"{name} grasp", grasps[name].shape(1.0), CLOSE_S, HOLD_S))
         poses.append(Pose(f"open after {name}", grasps["open"].shape(0.0), OPEN_S, REST_S))
     total = sum(pose.move_s + pose.stay_s for pose in poses)
-    use = ["-p", f"hand_description:={files.model}"]
+    logs = files.folder / "logs"
+    use = {
+        node: ["-p", f"hand_description:={files.model}", "-p", f"state_file:={logs / node}.json"]
+        for node in ("simulation", "controller")
+    }
     bar = progress.add_task("starting", total=total)
-    with Processes(files.folder / "logs") as processes:
+    with Processes(logs) as processes:
         processes.start("recorder", ["recorder", "--ros-args", "-p", f"out:={files.recording}"])
-        processes.start("simulation", ["simulation", "--ros-args", *use])
+        processes.start("simulation", ["simulation", "--ros-args", *use["simulation"]])
         settings = default_model().with_name("controller.yaml")
-        processes.start("controller", ["controller", "--ros-args", "--params-file", str(settings), *use])
+        drive = ["--params-file", str(settings), *use["controller"], "-p", "enabled_at_start:=true"]
+        processes.start("controller", ["controller", "--ros-args", *drive])
 
         def show(label: str, seconds: float) -> None:
             moving = not label.startswith("waiting")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,10 +14,14 @@ from hand_tool.console import progress_bar, require, running
 from hand_tool.options import AsJson, Model, Quiet, Verbose
 from hand_tool.paths import check_exists, check_file, check_folder
 
+if TYPE_CHECKING:
+    from hand_diagnosis.fleet import Cluster
+
 LINES = 15
 
 
 def diagnose(
+    *,
     recordings: Annotated[list[Path], typer.Argument(help="rosbag2 folders or .mcap/.db3 files, or CSV with --map.")],
     out: Annotated[Path, typer.Option(help="Folder for report.json, report.html, model.yaml and PNGs.")],
     model: Model = None,
@@ -40,6 +44,11 @@ def diagnose(
     each: Annotated[bool, typer.Option("--each", help="Diagnose every recording by itself, into one table.")] = False,
     jobs: Annotated[int, typer.Option(help="Number of processes; more than 1 implies --each.")] = 1,
     scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler; implies --each.")] = None,
+    tls_ca: Annotated[
+        Path | None, typer.Option(help="With --scheduler tls://...: certificate of its authority.")
+    ] = None,
+    tls_cert: Annotated[Path | None, typer.Option(help="The same: our certificate.")] = None,
+    tls_key: Annotated[Path | None, typer.Option(help="The same: the key of our certificate.")] = None,
     ask: Annotated[bool, typer.Option("--ask", help="Print the command of the experiment to record next.")] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -53,9 +62,11 @@ def diagnose(
     """
     files = (out / "report.json", out / "report.html", out / "model.yaml")
     fleet = each or jobs > 1 or scheduler is not None
+    tls = (tls_ca, tls_cert, tls_key)
     table = (out / "findings.parquet", out / "summary.json")
     with running("diagnose", *(table if fleet else files)) as outputs:
         _check(recordings, mapping, rerun or [], tolerance, jobs, fleet)
+        cluster = _cluster(scheduler, tls)
         check_folder(out)
         chosen = choose_model(machine or model)
         if machine is not None:
@@ -70,7 +81,7 @@ def diagnose(
         if fleet:
             chosen.print(as_json)
             options = (tolerance, seed, tuple(_list(joints)), tuple(_list(without)), sensor_curve)
-            summary = _fleet(recordings, hand.path, mapping, out, options, jobs, scheduler, as_json)
+            summary = _fleet(recordings, hand.path, mapping, out, options, jobs, cluster, as_json)
             _print_fleet(summary | {"model_file": chosen.as_json()}, out, as_json)
             return
         from hand_diagnosis.diagnose import diagnose as run
@@ -160,7 +171,7 @@ def _fleet(
     out: Path,
     options: Any,
     jobs: int,
-    scheduler: str | None,
+    cluster: Cluster | None,
     as_json: bool,
 ) -> dict[str, Any]:
     """Diagnose every recording by itself; a recording that has a report is not diagnosed again. The summary."""
@@ -176,10 +187,23 @@ def _fleet(
         interrupts.before_workers()
     with progress_bar(as_json, counted=True) as progress:
         bar = progress.add_task("recordings", total=len(work))
-        for part in run_fleet(work, jobs, scheduler):
+        for part in run_fleet(work, jobs, cluster):
             rows += part
             progress.advance(bar)
     return write_table(rows, out)
+
+
+def _cluster(scheduler: str | None, tls: tuple[Path | None, Path | None, Path | None]) -> Cluster | None:
+    """The cluster of the options. Raises ValueError where they do not fit."""
+    from hand_diagnosis.fleet import Cluster
+
+    if scheduler is None:
+        if any(tls):
+            raise ValueError("--tls-ca, --tls-cert and --tls-key need --scheduler tls://HOST:PORT")
+        return None
+    cluster = Cluster(scheduler, *tls)
+    cluster.check()
+    return cluster
 
 
 def _print_fleet(summary: dict[str, Any], out: Path, as_json: bool) -> None:

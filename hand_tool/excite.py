@@ -28,6 +28,7 @@ NAMES = (
 
 
 def excite(
+    *,
     name: Annotated[str, typer.Argument(help=f"The experiment: {', '.join(NAMES)}.")],
     out: Annotated[Path, typer.Option(help="New recording: a folder, or NAME.mcap for one bare file.")],
     joints: Annotated[str, typer.Option(help="Comma-separated joints. Default: all.")] = "",
@@ -46,7 +47,7 @@ def excite(
 
     Example: hand excite slow_triangle --joints index_proximal --out triangle.mcap
 
-    With --live the controller must be disabled or not running; the hand is vented at the end and on Ctrl-C.
+    With --live the controller must not run; the hand is vented at the end and on Ctrl-C.
 
     Exit codes: 0 done, 2 bad usage, bad input or no running hand.
     """

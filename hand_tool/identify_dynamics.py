@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 
 def dynamics(
+    *,
     recordings: Annotated[list[Path], typer.Argument(help="rosbag2 folders or .mcap/.db3 files.")],
     out: Annotated[Path, typer.Option(help="Folder for model.yaml, dynamics.json and one figure per joint.")],
     model: Model = None,

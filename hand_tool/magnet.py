@@ -20,6 +20,7 @@ METHODS = ("ga", "cmaes")
 
 
 def magnet(
+    *,
     out: Annotated[Path, typer.Option(help="Folder for contours, figure and results.json.")],
     method: Annotated[str, typer.Option(help="ga, cmaes or both.")] = "both",
     budget: Annotated[int, typer.Option(help="Field evaluations per method, 30 to 100000.")] = 1000,

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from hand_recording.repair import Repair
 
 
+WATCH_S = 1.0
+"""Time for which a recording that changed lately is watched before it is repaired [s]."""
 HINT = (
     "hint: does a hand run? Start one with: ros2 launch fluidic_hand simulated_hand.launch.py; its namespace is set "
     "with --namespace, and ROS_DOMAIN_ID and ROS_AUTOMATIC_DISCOVERY_RANGE must be those of its nodes"
@@ -31,6 +33,7 @@ HINT = (
 
 
 def record(
+    *,
     out: Annotated[
         Path | None,
         typer.Option(help="New folder, or NAME.mcap for one bare file. Default: hand_DATE_TIME."),
@@ -61,7 +64,7 @@ def record(
             check_exists(mend)
             from hand_recording.repair import repair
 
-            _show_repair(repair(mend), as_json)
+            _show_repair(repair(mend, WATCH_S), as_json)
             return
         check_new(path)
         from hand_recording.record_options import RecordOptions, Selection

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 
 def simulate(
+    *,
     recording: Annotated[Path, typer.Argument(help="A rosbag2 folder or .mcap/.db3 file.")],
     out: Annotated[Path, typer.Option(help="New folder, or NAME.mcap for one bare file.")],
     model: Model = None,
@@ -60,9 +61,11 @@ def _report(result: Replay, loaded: Recording, out: Path, chosen: ChosenModel, a
     from hand_tool.replay_difference import difference_deg
 
     rms = difference_deg(loaded, result)
-    frames = len(result.states)
+    frames, recorded = len(result.states), len(np.unique(loaded["joint_states"].stamp_ns))
     if as_json:
-        print(json.dumps({"out": str(out), "frames": frames, "replay_rms_deg": rms, "model_file": chosen.as_json()}))
+        counts = {"frames": frames, "recorded_frames": recorded}
+        print(json.dumps({"out": str(out), **counts, "replay_rms_deg": rms, "model_file": chosen.as_json()}))
         return
     worst = max(rms, key=lambda joint: np.nan_to_num(rms[joint]))
-    print(f"{frames} frames written to {out}; the largest difference is {rms[worst]:.3f} degree RMS at {worst}")
+    difference = f"the largest difference is {rms[worst]:.3f} degree RMS at {worst}"
+    print(f"{frames} of {recorded} frames written to {out}; {difference}")

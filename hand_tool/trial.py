@@ -31,6 +31,7 @@ _Jobs = Annotated[int, typer.Option(help="Number of processes, 1 to 256.")]
 
 @app.command()
 def make(
+    *,
     out: _Folder,
     cases: Annotated[int, typer.Option(help="Number of recordings, 10 to 100000.")] = 400,
     seed: Annotated[int | None, typer.Option(help="Master seed. Default: a new one, sealed with the truth.")] = None,

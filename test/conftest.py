@@ -32,13 +32,22 @@ _STAMP = hashlib.sha256(b"".join(path.read_bytes() for path in _SOURCES)).hexdig
 # Set before numba is imported, and inherited by every process that a test starts.
 os.environ["NUMBA_CACHE_DIR"] = str(ROOT / ".pytest_cache" / f"kernels-{_STAMP}")
 
-REAL_TIME = ("nodes/", "tool/test_demo", "recording/test_recorder_live", "driver/test_emulator.py", "driver/test_can_")
+REAL_TIME = (
+    "nodes/",
+    "tool/test_demo",
+    "recording/test_recorder_live",
+    "driver/test_emulator.py",
+    "driver/test_can_",
+    "driver/test_c_board",
+)
 """Tests of processes that keep deadlines, by the beginning of their path."""
 WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
 # A domain per test process, before rclpy is imported: nodes of another process must not be heard.
 _DOMAIN = int(os.environ.get("ROS_DOMAIN_ID") or os.getpid() % 90 + 10)
 os.environ["ROS_DOMAIN_ID"] = str((_DOMAIN - 10 + 17 * WORKER) % 90 + 10)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+# Logs and latched faults of nodes under test do not belong to the user.
+os.environ["ROS_HOME"] = str(ROOT / ".pytest_cache" / "ros" / str(os.getpid()))
 
 
 # A shell that starts the tests in the background lets them ignore SIGINT, and so would every process under test.

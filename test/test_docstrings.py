@@ -23,8 +23,10 @@ COMPLYING = (
     "hand_recording",
     "hand_ros",
     "hand_sim",
+    "hand_tool",
+    "validation",
 )
-"""Packages whose public functions are checked. The commands of hand_tool state units in the help of their options."""
+"""Packages whose public functions are checked: all."""
 MOST_POSITIONAL = 6
 ARRAY = re.compile(r"\b(Array|Flags|NDArray|ndarray)\b")
 AXIS = r"(?:\.\.\.|\w+)(?: (?:[-+*/]|of) \w+)?"

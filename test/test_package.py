@@ -12,6 +12,8 @@ import xml.etree.ElementTree as ET
 from functools import cache
 from importlib import metadata
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, ClassVar
 
 import pytest
 
@@ -252,6 +254,53 @@ def test_launch_files_start_what_exists_with_parameters_that_exist() -> None:
         assert {*board, "hand_description"} <= {parameter.name for parameter in PARAMETERS}
 
 
+class Described:
+    """What stands for a class of the packages launch and launch_ros: it keeps its arguments."""
+
+    made: ClassVar[list[Described]] = []
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        self.arguments, self.named = arguments, named
+        Described.made.append(self)
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "launch").glob("*.launch.py")), ids=lambda path: path.name)
+def test_launch_files_describe_their_arguments_and_end_with_a_node_that_cannot_be_configured(
+    path: Path,
+) -> None:
+    """Fails when an argument has no description, is used and not declared, or an unconfigured node stays up."""
+    kinds = {name: type(name, (Described,), {}) for name in ("DeclareLaunchArgument", "LaunchConfiguration", "Node")}
+    text = path.read_text(encoding="utf-8")
+    Described.made.clear()
+    lines = [line for line in text.splitlines() if not line.startswith(("from launch", "import launch"))]
+    names = set(re.findall(r"^from launch\S* import (.+)$", text, re.MULTILINE))
+    namespace: dict[str, Any] = {name: kinds.get(name, Described) for line in names for name in line.split(", ")}
+    exec(compile("from __future__ import annotations\n" + "\n".join(lines), path.name, "exec"), namespace)
+    namespace["generate_launch_description"]()
+    made = {name: [item for item in Described.made if type(item) is kind] for name, kind in kinds.items()}
+    declared = {item.arguments[0]: item.named for item in made["DeclareLaunchArgument"]}
+    assert {"namespace", "hand_description", "parameter_file", "use_sim_time", "log_level"} <= set(declared)
+    assert all(named["description"] and named["default_value"] for named in declared.values())
+    assert {item.arguments[0] for item in made["LaunchConfiguration"]} <= set(declared)
+    assert declared["localhost_only"]["default_value"] == "true"
+    order = [item.arguments[:1] for item in Described.made]
+    (local,) = (item for item in Described.made if item.arguments[:1] == ("ROS_AUTOMATIC_DISCOVERY_RANGE",))
+    assert local.arguments[1] == "LOCALHOST" and local.named["condition"].arguments[0].arguments == ("localhost_only",)
+    assert all(order.index(local.arguments[:1]) < Described.made.index(node) for node in made["Node"])
+    given = [values for node in made["Node"] for values in node.named["parameters"]]
+    enabled = [values for values in given if "enabled_at_start" in str(values)]
+    assert enabled == [{"enabled_at_start": True}] * path.name.startswith("simulated")
+    for node in made["Node"]:
+        if node.named["executable"] == "recorder":
+            continue
+        given = [values for values in node.named["parameters"] if isinstance(values, dict)]
+        assert any(values.get("exit_unconfigured") for values in given)
+        on_exit = node.named["on_exit"]
+        (ended,) = on_exit(SimpleNamespace(returncode=2, process_name="controller-1"), None)
+        assert "controller-1" in ended.named["reason"]
+        assert on_exit(SimpleNamespace(returncode=0, process_name="controller-1"), None) == []
+
+
 def test_interface_is_the_published_one() -> None:
     """Fails when a message or the action changes: other people's bags and nodes depend on them."""
     fields = {path.stem: _fields(path.read_text(encoding="utf-8")) for path in (ROOT / "hand_msgs/msg").glob("*.msg")}
@@ -264,6 +313,9 @@ def test_interface_is_the_published_one() -> None:
         "ContactForces": [header, name, ("float64[]", "force")],
         "AdcFrame": [header, ("uint32", "sequence"), ("float64", "supply_voltage"), ("uint16[]", "channel"),
                      ("uint32[]", "counts")],
+        "BoardState": [header, ("uint8", "protocol"), ("bool", "link_up"), ("uint16", "status"),
+                       ("float64", "supply_voltage"), ("uint32", "set_point_sequence"), ("float64", "set_point_age"),
+                       name, ("float64[]", "set_point"), ("string", "fault")],
         "ValveCommand": [header, ("builtin_interfaces/Duration", "lifetime"), name, ("float64[]", "pressure")],
         "Contact": [header, ("string", "name"), ("bool", "touching"), ("float64", "torque"), ("float64", "force"),
                     ("string", "source"), ("float64", "delay")],

@@ -50,7 +50,7 @@ class CLaw:
         return values.ctypes.data_as(ctypes.c_void_p)
 
     def tick(self, inputs: Array, dt: float, integrate: bool = True, drive: bool = True) -> Any:
-        """See `hand_control.law.Law.tick`."""
+        """Outputs (rows, joints) of a tick from inputs (rows, joints) after dt [s]; see `hand_control.law.Law.tick`."""
         given = np.ascontiguousarray(inputs, self._type)
         arrays = (self._pointer(values) for values in (self.gains, self.state, given))
         flags = int(integrate), int(drive)

@@ -1,4 +1,4 @@
-"""The control law on a Cortex-M4: flash, RAM and cycles of one tick, counted per instruction in an emulator.
+"""The firmware on a Cortex-M4: flash, RAM and cycles of one tick of the law, and the board sample in an emulator.
 
 The cycles of an instruction are those of the table in the Cortex-M4 technical reference manual (ARM DDI 0439), and
 every taken branch counts the longest refill of the pipeline: an upper bound for memory without wait states.
@@ -13,6 +13,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hand_control.declared import GAINS, INPUTS, OUTPUTS, STATE, Settings
 from hand_control.tuning import gains
@@ -24,6 +25,8 @@ ROOT = Path(__file__).parents[1]
 FIRMWARE = ROOT / "firmware"
 TARGET = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
 OPTIONS = (*TARGET, "-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-ffreestanding")
+WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror")
+INCLUDES = (f"-I{FIRMWARE}", f"-I{FIRMWARE / 'board'}", f"-I{FIRMWARE / 'host'}")
 COMPILER, EMULATOR = "arm-none-eabi-gcc", "qemu-system-arm"
 TICKS, DT_S = 60, 0.005
 CLOCK_HZ, RATE_HZ = 168e6, 1000.0
@@ -67,6 +70,36 @@ def measure() -> dict[str, float]:
         "cycles": float(cycles),
         SHARE: 100.0 * cycles * RATE_HZ / CLOCK_HZ,
     }
+
+
+def board_sizes(folder: Path) -> dict[str, float]:
+    """Flash of safety layer and board sample, and RAM of one board [B], compiled with every warning as an error."""
+    sizes = {}
+    for name in ("hand_safety.c", "board/hand_wire.c", "board/hand_board.c"):
+        made = folder / f"{Path(name).stem}.o"
+        _call(COMPILER, *OPTIONS, *WARNINGS, *INCLUDES, "-c", FIRMWARE / name, "-o", made)
+        sizes[f"{made.stem} flash"] = float(_call("arm-none-eabi-size", made).splitlines()[1].split()[0])
+    probe = folder / "probe.c"
+    probe.write_text('#include "hand_board.h"\nhand_board board;\nhand_safety safety;\n', encoding="ascii")
+    _call(COMPILER, *OPTIONS, *INCLUDES, "-c", probe, "-o", folder / "probe.o")
+    for line in _call("arm-none-eabi-nm", "-S", folder / "probe.o").splitlines():
+        _, size, _, name = line.split()
+        sizes[f"hand_{name} ram"] = float(int(size, 16))
+    return sizes
+
+
+def replay_board(words: NDArray[np.uint32], folder: Path) -> None:
+    """Replay a trace (words,) of `validation.c_board` on the emulated Cortex-M4. RuntimeError: a result differs."""
+    values = ",".join(f"{word}u" for word in words.tolist())
+    text = f"#define TRACE_WORDS {len(words)}u\nstatic const uint32_t trace[] = {{{values}}};\n"
+    (folder / "trace.h").write_text(text, encoding="ascii")
+    elf = folder / "board.elf"
+    _call(
+        COMPILER, *OPTIONS, *WARNINGS, *INCLUDES, f"-I{folder}", "-nostdlib", "-T", FIRMWARE / "target" / "link.ld",
+        FIRMWARE / "target" / "board_main.c", FIRMWARE / "host" / "board_replay.c", FIRMWARE / "hand_safety.c",
+        FIRMWARE / "board" / "hand_wire.c", FIRMWARE / "board" / "hand_board.c", "-o", elf, "-lgcc",
+    )  # fmt: skip
+    _call(EMULATOR, "-M", "mps2-an386", "-nographic", "-semihosting", "-kernel", elf)
 
 
 def data_header() -> str:

@@ -20,6 +20,7 @@ from typing import Any
 
 from validation import tables
 from validation.bench.__main__ import BENCHES, missing_tools, quick_results
+from validation.faults import page as faults_page
 from validation.results import ROOT, STORE, load, provenance, read_run, store
 from validation.trial import document
 
@@ -67,6 +68,8 @@ PARTS: dict[str, Part] = {
     _bench("steps"): Part("bench/steps", tables.steps_sentence, exact=True),
     _bench("effects"): Part("bench/effects", tables.effects_table),
     _bench("compare"): Part("bench/compare", tables.compare_table),
+    "make faults # hazards": Part("faults", faults_page.hazards_table),
+    "make faults # results": Part("faults", faults_page.results_table),
     "make proof # summary": Part("trial", tables.trial_summary),
     "make proof # scores": Part("trial", _trial(document.scores_table)),
     "make proof # effects": Part("trial", _trial(document.effects_table)),
@@ -95,7 +98,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--check", action="store_true", help="change nothing; say which section is not current")
     parser.add_argument(
         "--take", type=Path, action="append", default=[], metavar="RUN",
-        help="store a long run's results first: out/bench.json, a trial's folder, reality.json; may be repeated",
+        help="store a long run's results first: out/bench.json, out/faults.json, out/soak.json, a trial's folder,"
+        " reality.json; may be repeated",
     )  # fmt: skip
     options = parser.parse_args(arguments)
     if options.check:

@@ -1,7 +1,7 @@
 """Results of long runs, kept in docs/figures/results.json: what README and docs print comes from there.
 
-The file maps a source ("bench/control", "trial", "reality", "paper") to its results, with the command that gave them,
-the date, the commit and the machine.
+The file maps a source ("bench/control", "faults", "trial", "reality", "paper") to its results, with the command that
+gave them, the date, the commit and the machine.
 """
 
 from __future__ import annotations
@@ -64,9 +64,9 @@ def store(new: dict[str, Any]) -> None:
 
 
 def read_run(path: Path) -> dict[str, Any]:
-    """Sources of a run's output: a bench file, a trial's folder, reality.json, or results.json of `hand reproduce`.
+    """Sources of a run's output: a bench file, faults.json, soak.json, a trial's folder, reality.json, or results.json.
 
-    Raises ValueError for anything else, and for a quick bench, whose numbers are no measurement.
+    Raises ValueError for anything else, and for a quick bench or campaign, whose numbers are no measurement.
     """
     if path.is_dir():
         path = path / "scores.json"
@@ -82,10 +82,21 @@ def read_run(path: Path) -> dict[str, Any]:
             f"bench/{name}": {**about, "command": f"python -m validation.bench --only {name}", "results": results}
             for name, results in data["benches"].items()
         }
+    if isinstance(data, dict) and "faults" in data:
+        if data["size"] == "quick" or "--only" in data["command"]:
+            raise ValueError(f"{path} holds a part of the campaign of faults; run make faults")
+        about = {key: data[key] for key in ("date", "commit", "machine")}
+        command = "make faults FULL=1" if data["size"] == "full" else "make faults"
+        return {"faults": {**about, "command": command, "results": data["faults"]}}
+    if isinstance(data, dict) and "soak" in data:
+        about = {key: data[key] for key in ("date", "commit", "machine")}
+        return {"soak": {**about, "command": f"make soak HOURS={data['soak']['hours']:g}", "results": data["soak"]}}
     if isinstance(data, dict) and "scores" in data:
         return {"trial": {**provenance("make proof"), "results": data}}
     if isinstance(data, list) and data and "baselines" in data[0]:
         return {"reality": {**provenance("make proof DATA=folder"), "results": data}}
     if isinstance(data, list) and data and "quantity" in data[0]:
         return {"paper": {**provenance("hand reproduce --out out/paper"), "results": data}}
-    raise ValueError(f"{path}: neither results of benches, of a trial, of real machines nor of hand reproduce")
+    raise ValueError(
+        f"{path}: neither results of benches, of faults, of a trial, of real machines nor of hand reproduce"
+    )

@@ -44,7 +44,9 @@ def step_response(hand: Hand, rate_hz: float, seed: int, plant: SimulatedPlant |
 
 
 def figures(angles: Array, rate_hz: float) -> tuple[float, float]:
-    """Time [s] after which the worst joint stays within BAND_DEG, and its overshoot [% of the step]."""
+    """Time [s] after which the worst joint of angles (samples, joints) stays within BAND_DEG, and its overshoot [% of
+    the step].
+    """
     outside = np.abs(angles - HIGH_DEG) > BAND_DEG
     last = np.where(outside.any(axis=0), len(angles) - np.argmax(outside[::-1], axis=0), 0)
     overshoot = (angles.max(axis=0) - HIGH_DEG) / (HIGH_DEG - LOW_DEG) * 100.0

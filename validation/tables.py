@@ -24,7 +24,7 @@ def markdown(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
 
 
 def number(value: float | None) -> str:
-    """Three significant digits, thousands in groups; empty for None."""
+    """Three significant digits of a value [any unit], thousands in groups; empty for None."""
     if value is None:
         return ""
     return f"{float(f'{value:.3g}'):,.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"

@@ -137,6 +137,18 @@ def test_a_clock_of_its_own_is_said(late_ms: float, says: str, hand: Hand, tmp_p
     assert all(says in note for note in notes), notes
 
 
+@pytest.mark.parametrize("described_hz", [200.0, 50.0])
+def test_a_recording_at_another_rate_than_described_is_said(described_hz: float, hand: Hand, tmp_path: Path) -> None:
+    """Fails when a recording that does not fit the rate of the description gives no hint, or any other gives one."""
+    out = tmp_path / "run.mcap"
+    for _ in record_offline(hand, np.full((600, 11), 1e5), out, seed=4):
+        pass
+    described = replace(hand, rate_hz=described_hz)
+    notes = [note for note in hand_signals(load_recording(out), described).notes if "another description" in note]
+    assert len(notes) == (described_hz != 200.0)
+    assert all("joint_states comes at 200 Hz" in note and "is 50;" in note for note in notes)
+
+
 def test_pressures_between_the_ticks_keep_their_times(hand: Hand, tmp_path: Path) -> None:
     """Fails when readings stamped between the angles' are interpolated, which cuts corners and hides noise."""
     out = tmp_path / "run.mcap"

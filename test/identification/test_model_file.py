@@ -137,3 +137,24 @@ def test_every_parameter_can_be_written(tmp_path: Path) -> None:
     patched = write_model(hand, changes, tmp_path / "model.yaml", "")
     for key in changed:
         assert patched.row(key)[j] == pytest.approx(1.001 * hand.row(key)[j], rel=5.1e-6), key
+
+
+def test_a_nearer_end_stop_becomes_the_limit_of_the_joint(tmp_path: Path) -> None:
+    """Broken by a model with an end stop found well inside the limits that does not load, or still allows the rest."""
+    hand = load_hand(CONFIG)
+    changes = {"index_distal": {"end_stop.high_deg": np.radians(70.0), "end_stop.low_deg": np.radians(-7.0)}}
+    patched = write_model(hand, changes, tmp_path / "model.yaml", "")
+    joint = hand.joints.index("index_distal")
+    assert np.degrees(patched.limits.high_rad[joint]) == pytest.approx(70.0)
+    assert np.degrees(patched.limits.low_rad[joint]) == pytest.approx(-10.0)
+    others = np.arange(len(hand.joints)) != joint
+    np.testing.assert_array_equal(patched.limits.high_rad[others], hand.limits.high_rad[others])
+
+
+def test_friction_identified_as_zero_is_written_as_the_least(tmp_path: Path) -> None:
+    """Broken by a model without friction, which its own loader refuses."""
+    hand = load_hand(CONFIG)
+    changes = {"index_distal": {"dynamics.viscous_friction_nm_s_per_rad": 0.0}}
+    patched = write_model(hand, changes, tmp_path / "model.yaml", "")
+    friction = patched.row("dynamics.viscous_friction_nm_s_per_rad")[hand.joints.index("index_distal")]
+    assert 0.0 < friction < 1e-5

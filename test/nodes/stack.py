@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -36,13 +38,19 @@ class Stack:
 
     def start(self, name: str, *arguments: str) -> Started:
         log = (self.folder / f"{name}.log").open("ab")
+        environment = os.environ | {"ROS_HOME": str(self.folder)}  # a latched fault of an earlier test stays there
         command = TOOL if name == "hand" else (str(NODES / name),)
-        process = subprocess.Popen([*command, *arguments], stdout=log, stderr=subprocess.STDOUT, cwd=self.folder)
+        process = subprocess.Popen(
+            [*command, *arguments], stdout=log, stderr=subprocess.STDOUT, cwd=self.folder, env=environment
+        )
         log.close()
         self.running.append(process)
         return process
 
     def node(self, name: str, **parameters: object) -> Started:
+        """Start a node; a controller drives at once by default."""
+        if name == "controller":
+            parameters = {"enabled_at_start": "true"} | parameters
         pairs = [part for key, value in parameters.items() for part in ("-p", f"{key}:={value}")]
         return self.start(name, "--ros-args", *pairs)
 
@@ -84,7 +92,11 @@ class Client:
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnose, 50)
         self.commands = self.node.create_publisher(JointState, "joint_commands", 10)
         self.trajectories = self.node.create_publisher(JointTrajectory, "joint_trajectory", 10)
-        self.valve_publisher = self.node.create_publisher(ValveCommand, "valve_command", 1)
+
+    @cached_property
+    def valve_publisher(self) -> Any:
+        """Made when first used: a second publisher makes the hand hold, then vent."""
+        return self.node.create_publisher(ValveCommand, "valve_command", 1)
 
     def _diagnose(self, message: DiagnosticArray) -> None:
         for status in message.status:

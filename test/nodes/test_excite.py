@@ -21,18 +21,12 @@ def command(out: Path, *more: str) -> list[str]:
     return [*TOOL, "excite", "steps", *joints, "--live", "--out", str(out), *more]
 
 
-def alone(client: Client) -> None:
-    """Leave commanding the valves to others."""
-    client.node.destroy_publisher(client.valve_publisher)
-
-
 def vented(client: Client) -> bool:
     return bool(client.valves and max(client.valves[-1].pressure) == 0.0)
 
 
 def test_the_experiment_is_driven_and_recorded(stack: Stack, client: Client) -> None:
     """Fails when a selected joint does not move, another does, frames are lost, or it is not vented at the end."""
-    alone(client)
     stack.node("simulation")
     client.until(lambda: client.joints)
     out = stack.folder / "steps.mcap"
@@ -51,7 +45,6 @@ def test_the_experiment_is_driven_and_recorded(stack: Stack, client: Client) -> 
 
 def test_who_else_commands_and_ctrl_c(stack: Stack, client: Client) -> None:
     """Fails when two nodes drive one hand, or an interrupted experiment leaves pressure on it."""
-    alone(client)
     stack.node("simulation")
     controller = stack.node("controller")
     client.controlling()

@@ -102,3 +102,29 @@ def test_nothing_in_the_hand_cancel_preempt_refuse_vent(stack: Stack, client: Cl
     ended = grasper.result(last)
     assert ended.status == GoalStatus.STATUS_ABORTED and "vented" in ended.result.message
     assert not grasper.send("hook").accepted
+
+
+def test_goals_in_quick_succession_end_each_in_its_own_way(stack: Stack, client: Client) -> None:
+    """Fails when a preempted goal reports success, or a cancel ends another goal than its own."""
+    grasper = started(stack, client, obstacle=False)
+
+    def sent(*patterns: str) -> list[Any]:
+        goals = [Grasp.Goal(pattern=pattern, closure=0.5, max_torque=0.1) for pattern in patterns]
+        futures = [grasper.action.send_goal_async(goal) for goal in goals]
+        client.until(lambda: all(future.done() for future in futures))
+        return [future.result() for future in futures]
+
+    handles = sent("cylindrical", "hook", "tripod", "lateral", "open")
+    ended = [grasper.result(handle) for handle in handles]
+    assert [end.status for end in ended] == [GoalStatus.STATUS_ABORTED] * 4 + [GoalStatus.STATUS_SUCCEEDED]
+    assert all("preempted by another grasp" in end.result.message for end in ended[:4])
+
+    first, second = sent("cylindrical", "hook")
+    for handle in (first, second):
+        cancelled = handle.cancel_goal_async()
+        client.until(cancelled.done)
+        if handle is first:
+            client.spin(0.3)
+            assert second.status not in (GoalStatus.STATUS_CANCELING, GoalStatus.STATUS_CANCELED)
+    assert grasper.result(first).status == GoalStatus.STATUS_ABORTED
+    assert grasper.result(second).status == GoalStatus.STATUS_CANCELED

@@ -78,7 +78,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 
 def compare(hand: Hand, hidden: str, seconds: float, joints: tuple[str, ...]) -> Row:
-    """Apply every method to one recording; joints: the ones to diagnose, empty for all."""
+    """Apply every method to one recording of `seconds` [s]; joints: the ones to diagnose, empty for all."""
     signals = record(hand, hidden, seconds)
     nominal = _off(hand)
     result = diagnose([signals], nominal, tolerance=0.05, seed=0, joints=joints, sensor_curve=False)
@@ -126,7 +126,9 @@ def _beyond(problem: JointProblem, rmse: float) -> float:
 
 
 def record(hand: Hand, hidden: str, seconds: float) -> Signals:
-    """A staircase, a triangle and steps of every joint, with sensor noise and the hidden effect at JOINT."""
+    """A staircase, a triangle and steps of every joint in `seconds` [s], with sensor noise and the hidden effect at
+    JOINT.
+    """
     rng = np.random.default_rng([SEED, len(hidden)])
     parameters = hand.parameters.copy()
     column = hand.joints.index(JOINT)

@@ -125,7 +125,10 @@ def _alarms(trial: Trial) -> float:
 
 
 def run_simple_pid(hand: Hand, parameters: Array, settings: Settings, pid: Array, seed: int) -> Run:
-    """simple-pid with the fixed gains, one object per joint; its derivative has no filter."""
+    """simple-pid with fixed gains, one object per joint; its derivative has no filter.
+
+    parameters: (rows, joints).  pid: (gains, joints).
+    """
     objects = [
         PID(*pid[:3], sample_time=None, output_limits=(0.0, 6e5), differential_on_measurement=True)
         for _ in range(parameters.shape[2])

@@ -47,6 +47,7 @@ class Row:
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
+    """Results of the bench; quick: fewer effects."""
     print(f"seed {SEED}")
     rng = np.random.default_rng(SEED)
     names = list(QUICK) if quick else [concealed.name for concealed in KNOWN] * ROUNDS

@@ -42,7 +42,7 @@ KEPT = 1.0 / 3.0
 
 
 def make_recording(path: Path, seconds: float) -> None:
-    """A bare MCAP file of every topic at RATE_HZ with noisy numbers."""
+    """A bare MCAP file of every topic at RATE_HZ with noisy numbers, `seconds` [s] long."""
     bag = open_bag(path)
     table = []
     for suffix in TOPICS:

@@ -5,6 +5,9 @@ host. A period is missed if no command answers its frame, or if the command is p
 The round trip is the time from the source timestamp of joint_states to that of the valve command that answers it. The
 plain pair stamps a frame when its timer wakes and the driver at the tick of the board, so acquisition stamps of the two
 are not comparable.
+
+HAND_FORMER=folder: the built tree of another version of this project, run in turn with this one at 200 Hz and 1 kHz.
+The result is the median of the pairs' ratios, since latencies of two days or of two machines are not comparable.
 """
 
 from __future__ import annotations
@@ -38,6 +41,10 @@ TAKE_PERIOD_S = 0.05
 ROUND_TRIP_HZ = 200
 GOALS = ((200, 0.01), (500, 0.03), (1000, 0.05))
 """Rates [Hz] with the largest share of missed periods."""
+FORMER = "HAND_FORMER"
+"""Environment variable with the folder of the other version."""
+FORMER_HZ = (200, 1000)
+FORMER_GOAL = 1.1
 
 
 class Length(NamedTuple):
@@ -69,12 +76,15 @@ def run(quick: bool) -> list[dict[str, Any]]:
         for rate_hz, goal in rates:
             runs = [measure(context, stack(rate_hz), rate_hz, length) for _ in range(length.rounds)]
             results += loop_results(rate_hz, goal, runs)
+        if FORMER in os.environ:
+            results += former_latency(context, Path(os.environ[FORMER]).resolve(), length)
         return results + round_trip(context, length)
     finally:
         context.try_shutdown()
 
 
 def loop_results(rate_hz: int, goal: float, runs: list[Run]) -> list[dict[str, Any]]:
+    """Results of the runs at one rate; goal: largest share of missed periods [-]."""
     p50, p99 = (median(float(np.percentile(r.latency_s, q)) * 1e3 for r in runs) for q in (50, 99))
     figures = [
         (f"loop {rate_hz} Hz missed periods", median(r.missed for r in runs), goal, "fraction"),
@@ -106,18 +116,56 @@ def round_trip(context: Any, length: Length) -> list[dict[str, Any]]:
     ]
 
 
-def stack(rate_hz: int) -> list[list[str]]:
-    """Command lines of the simulation and the controller at a frame rate [Hz]."""
-    folder = Path(get_package_prefix("fluidic_hand")) / "lib" / "fluidic_hand"
-    config = Path(get_package_share_directory("fluidic_hand")) / "config"
-    hand = Path(tempfile.gettempdir()) / f"hand_bench_{os.getpid()}_{rate_hz}.yaml"
+def former_latency(context: Any, tree: Path, length: Length) -> list[dict[str, Any]]:
+    """Latency of this version and of the one in another tree, in turn. ValueError where that tree is not built."""
+    if not (tree / "install" / "setup.bash").is_file():
+        raise ValueError(f"{FORMER} is {tree}; it must be a tree of this project after make build")
+    results = []
+    for rate_hz in FORMER_HZ:
+        # The other version gets its own description of the hand: this one's may have keys that it does not know.
+        former = [["bash", "-c", f'unset PYTHONPATH; source {tree}/env.bash; exec "$@"', "former", *command]
+                  for command in stack(rate_hz, tree / "install" / "fluidic_hand")]  # fmt: skip
+        pairs = [
+            (measure(context, stack(rate_hz), rate_hz, length), measure(context, former, rate_hz, length))
+            for _ in range(length.rounds)
+        ]
+        for share in (50, 99):
+            values = [tuple(1e3 * float(np.percentile(run.latency_s, share)) for run in pair) for pair in pairs]
+            ours, theirs = (median(column) for column in zip(*values, strict=True))
+            name = f"loop {rate_hz} Hz latency p{share} (reference: former version)"
+            goal = FORMER_GOAL if share == 50 else None  # the tail of seconds is that of the machine
+            ratio = median(own / other for own, other in values)
+            results.append(figure(name, ours, goal, "ms", theirs) | {"ratio": ratio})
+    return results
+
+
+def stack(rate_hz: int, prefix: Path | None = None) -> list[list[str]]:
+    """Command lines of the simulation and the controller at a frame rate [Hz]; prefix: of another installation."""
+    folder = (prefix or Path(get_package_prefix("fluidic_hand"))) / "lib" / "fluidic_hand"
+    share = prefix / "share" / "fluidic_hand" if prefix else Path(get_package_share_directory("fluidic_hand"))
+    config = share / "config"
+    version = "former" if prefix else "this"
+    hand = Path(tempfile.gettempdir()) / f"hand_bench_{os.getpid()}_{version}_{rate_hz}.yaml"
     text = (config / "hand.yaml").read_text(encoding="utf-8")
     hand.write_text(text.replace("rate_hz: 200", f"rate_hz: {rate_hz}"), encoding="utf-8")
-    use = ["-p", f"hand_description:={hand}"]
-    return [
-        [str(folder / "simulation"), "--ros-args", *use],
-        [str(folder / "controller"), "--ros-args", "--params-file", str(config / "controller.yaml"), *use],
+    drive = [
+        "--params-file",
+        str(config / "controller.yaml"),
+        *_use(hand, "controller"),
+        "-p",
+        "enabled_at_start:=true",
     ]
+    return [
+        [str(folder / "simulation"), "--ros-args", *_use(hand, "simulation")],
+        [str(folder / "controller"), "--ros-args", *drive],
+    ]
+
+
+def _use(hand: Path, node: str) -> list[str]:
+    """Parameters of a node: the hand, and a file of its own for a latched fault, which an earlier run may have left."""
+    state = hand.with_suffix(f".{node}.json")
+    state.unlink(missing_ok=True)
+    return ["-p", f"hand_description:={hand}", "-p", f"state_file:={state}"]
 
 
 def plain(rate_hz: int) -> list[list[str]]:
@@ -128,6 +176,7 @@ def plain(rate_hz: int) -> list[list[str]]:
 
 @contextmanager
 def processes(commands: list[list[str]]) -> Iterator[list[subprocess.Popen[bytes]]]:
+    """Processes of the commands, ended on leaving."""
     started = [subprocess.Popen(command, stderr=subprocess.DEVNULL) for command in commands]
     try:
         yield started

@@ -64,6 +64,7 @@ print(json.dumps([imported, time.process_time() - imported]))
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
+    """All results of this bench; quick: few rounds."""
     return [*against_c(5 if quick else 100), *start_up(1 if quick else 5), one_sample(100 if quick else 2000)]
 
 
@@ -126,6 +127,7 @@ def one_sample(calls: int) -> dict[str, Any]:
 
 @cache
 def default_hand() -> Hand:
+    """The shipped hand."""
     return load_hand(ROOT / "config" / "hand.yaml")
 
 
@@ -147,6 +149,8 @@ def new_loop(effects: tuple[Effect, ...]) -> ClosedLoop:
 
 
 def ours(effects: tuple[Effect, ...]) -> Reference:
+    """The closed loop with a set of effects, as a function like those of the references."""
+
     def advance(commands: Array) -> tuple[float, Array]:
         loop = new_loop(effects)
         begin = time.thread_time()
@@ -199,6 +203,7 @@ def compile_reference(folder: Path, width: int) -> Reference:
 
 
 def pointer(data: Any) -> ctypes.c_void_p:
+    """Pointer to an array's memory."""
     return ctypes.c_void_p(data.data)
 
 
@@ -221,6 +226,7 @@ def fresh_process(cache_folder: str) -> list[float]:
 
 
 def compiler() -> str:
+    """First line of what the C compiler says of its version. RuntimeError: there is none."""
     if shutil.which("cc") is None:
         raise RuntimeError("the plant bench needs a C compiler named cc")
     return subprocess.run(["cc", "--version"], capture_output=True, text=True, check=True).stdout.splitlines()[0]

@@ -36,6 +36,7 @@ class Sensor(Node):
         self.create_timer(1.0 / rate_hz, self.sample)
 
     def sample(self) -> None:
+        """Publish one sample of every topic."""
         stamp = self.get_clock().now().to_msg()
         pressures = JointPressures(name=JOINTS, pressure=self.values)
         states = JointState(name=JOINTS, position=self.values, velocity=self.values, effort=self.values)
@@ -61,9 +62,11 @@ class Control(Node):
         self.pressure = array("d", [0.0] * len(JOINTS))
 
     def keep(self, message: JointPressures) -> None:
+        """Keep the newest pressures."""
         self.pressure = message.pressure
 
     def answer(self, message: JointState) -> None:
+        """Publish a command and a state with the stamp of a joint state."""
         command = ValveCommand(name=JOINTS, pressure=self.pressure, lifetime=Duration(nanosec=100_000_000))
         command.header.stamp = message.header.stamp
         self.commands.publish(command)
@@ -75,6 +78,7 @@ class Control(Node):
 
 
 def main() -> None:
+    """Run the node that the first argument names: sensor, with a rate [Hz], or control."""
     rclpy.init()
     node = Sensor(float(sys.argv[2])) if sys.argv[1] == "sensor" else Control()
     executor = SingleThreadedExecutor()

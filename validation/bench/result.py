@@ -11,7 +11,7 @@ KEYS = ("name", "ours", "reference", "ratio", "goal", "unit")
 def figure(name: str, ours: float, goal: float | None, unit: str, reference: float | None = None) -> dict[str, Any]:
     """One result with the keys KEYS.
 
-    ours: this project's value in `unit`.  reference: the same of what it is compared with; the ratio is then ours over
+    ours: this project's value [unit].  reference: the same of what it is compared with; the ratio is then ours over
     reference.  goal: upper bound of the ratio where there is a reference, else of our value; None where there is none.
     """
     ratio = float(ours / reference) if reference else None

@@ -35,7 +35,9 @@ METHODS = ("ga", "cmaes")
 
 
 def contour_m(genes_m: Array) -> Array:
-    """Eq. 4: radius [m] every degree from 0 to 180 for GENES genes [m]; mirrored about both ends, kept in range."""
+    """Eq. 4: radius (181,) [m] every degree from 0 to 180 for genes (GENES,) [m]; mirrored about both ends, kept in
+    range.
+    """
     angle = np.radians(np.arange(181.0))
     places = np.radians(np.linspace(0.0, 180.0, GENES))
     radius = np.full(181, SMALLEST_M)
@@ -48,12 +50,14 @@ def contour_m(genes_m: Array) -> Array:
 
 
 def magnet_of(genes_m: Array) -> Magnet:
-    """The ring with the contour of Eq. 4."""
+    """The ring with the contour of Eq. 4 for genes (GENES,) [m]."""
     return Magnet(contour_m(genes_m), INNER_M, SENSOR_M)
 
 
 def cost_deg(genes_m: Array, elements: int = COARSE_ELEMENTS) -> float:
-    """RMS plus a third of the largest position error [deg] over -90 ... 90 degrees of the magnet angle."""
+    """RMS plus a third of the largest position error [deg] over -90 ... 90 degrees of the magnet angle, for genes
+    (GENES,) [m].
+    """
     error = position_error_deg(*radial_field(magnet_of(genes_m), elements))[1]
     return float(np.sqrt(np.mean(error**2)) + np.abs(error).max() / 3.0)
 

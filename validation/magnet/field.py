@@ -44,7 +44,7 @@ class Magnet:
     remanence_t: float = 1.0
 
     def contour_m(self, angle_rad: Array) -> Array:
-        """Radius of the contour at angles 0 ... pi."""
+        """Radius (n,) [m] of the contour at angles (n,) 0 ... pi."""
         outer = np.atleast_1d(self.outer_m)
         radius: Array = np.interp(angle_rad, np.linspace(0.0, np.pi, len(outer)), outer)
         return radius
@@ -151,6 +151,8 @@ def _on_sensor_circle(basis: Basis, psi: Array, magnet: Magnet, edges: Array) ->
 
 
 def disc_field(radius_m: float, remanence_t: float, distance_m: float, angle_rad: Array) -> Array:
-    """B_n [T] of a uniformly magnetised disc (an infinite cylinder) outside it, exact: a two-dimensional dipole."""
+    """B_n (n,) [T] at angles (n,) of a uniformly magnetised disc (an infinite cylinder) outside it, exact: a
+    two-dimensional dipole.
+    """
     field: Array = 0.5 * remanence_t * (radius_m / distance_m) ** 2 * np.sin(angle_rad)
     return field

@@ -18,7 +18,9 @@ NOISE = 0.02
 
 
 def rig(seed: int, samples: int = 120) -> tuple[Array, Array, Array]:
-    """A laboratory scale and a sensor over the range of the paper: force [N], resistance [ohm], divider voltage [V]."""
+    """A laboratory scale and a sensor over the range of the paper: force [N], resistance [ohm] and divider voltage [V],
+    (samples,) each.
+    """
     rng = np.random.default_rng(seed)
     force = np.geomspace(0.1, 100.0, samples)
     log_force = np.log10(force)
@@ -66,6 +68,6 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
 
 
 def fsr_resistance(force_n: float) -> Array:
-    """R_S [ohm] of the sensor as the hand is described, Eq. 5."""
+    """R_S (sites,) [ohm] of the sensors as the hand is described, Eq. 5."""
     ratio = fsr_ratio(force_n, C0, C1, DIVIDER_OHM, 0.0)
     return np.asarray(DIVIDER_OHM * (1.0 / ratio - 1.0))

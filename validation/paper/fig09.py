@@ -17,7 +17,9 @@ TORQUE_NOISE_NM, PRESSURE_NOISE_PA, VOLUME_NOISE_M3 = 3e-3, 500.0, 2e-9
 
 
 def rig(seed: int) -> tuple[Array, Array, Array, Array]:
-    """Angle stepped over 0 ... 90 degrees at pressures 0 ... 5e5 Pa: p [Pa], phi [rad], torque [N m], volume [m^3]."""
+    """Angle stepped over 0 ... 90 degrees at pressures 0 ... 5e5 Pa: p [Pa], phi [rad], torque [N m] and volume [m^3],
+    (n,) each.
+    """
     rng = np.random.default_rng(seed)
     pressure, phi = (x.ravel() for x in np.meshgrid(np.linspace(0, 5e5, 11), np.radians(np.linspace(0, 90, 46))))
     torque = TRUTH.torque_nm(pressure, phi) + TORQUE_NOISE_NM * rng.standard_normal(phi.size)

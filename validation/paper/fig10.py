@@ -16,7 +16,7 @@ KINDS = (("isothermal", BLUE), ("adiabatic", GREEN), ("hydraulic", RED))
 
 
 def trajectory(kind: str, start_pa: float, start_rad: float) -> tuple[Array, Array]:
-    """Angles from the start down to 0 [rad] and gauge pressures [Pa], of a closed valve."""
+    """Angles from the start down to 0 [rad] and gauge pressures [Pa], (n,) each, of a closed valve."""
     phi = np.linspace(start_rad, 0.0, 60)
     if kind == "hydraulic":
         return phi, hydraulic_pressure_pa(TRUTH, start_pa, start_rad, phi)

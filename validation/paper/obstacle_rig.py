@@ -11,7 +11,7 @@ import numpy as np
 
 from hand_control.declared import OUT, G, Settings, U
 from hand_control.law import Law
-from hand_control.references import Shaper
+from hand_control.shaping import Shaper
 from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
@@ -48,7 +48,7 @@ class Trial:
 
 
 def identified(hand: Hand, plants: Array, settings: Settings, error: float, rng: np.random.Generator) -> Array:
-    """Gains (rows, hands * joints): each joint's own constants with relative errors of at most `error`."""
+    """Gains (rows, hands * joints): each joint's own constants with relative errors of at most `error` [-]."""
     hands, joints = plants.shape[0], plants.shape[2]
     g = many_gains(hand, settings, hands)
     for name, key in zip(("a0", "a1", "a2", "a3", "inertia", "viscous"), DRAWN, strict=True):
@@ -59,7 +59,10 @@ def identified(hand: Hand, plants: Array, settings: Settings, error: float, rng:
 def close_on_obstacles(
     hand: Hand, hands: int, settings: Settings, seed: int, error: float = 0.02, obstacle: bool = True
 ) -> Trial:
-    """Every joint of `hands` hands closes at 90 deg/s from 6 to 92 degrees, obstacles drawn between; 5 s."""
+    """Every joint of `hands` hands closes at 90 deg/s from 6 to 92 degrees, obstacles drawn between; 5 s.
+
+    error: largest relative error of the identified constants [-].
+    """
     rng = np.random.default_rng([seed, 4])
     plants = draw(hand, hands, 0.3, rng)
     count = hands * len(hand.joints)

@@ -16,7 +16,7 @@ from scipy.optimize import differential_evolution
 
 from hand_control.declared import OUT, G, Settings, U
 from hand_control.law import Law
-from hand_control.references import Shaper
+from hand_control.shaping import Shaper
 from hand_control.tuning import gains
 from hand_model.arrays import Array
 from hand_model.description import Hand
@@ -94,7 +94,7 @@ def reference(settings: Settings) -> Array:
 
 
 def draw(hand: Hand, hands: int, error: float, rng: np.random.Generator) -> Array:
-    """Parameters (hands, rows, joints); each of DRAWN has a uniformly distributed relative error of at most `error`."""
+    """Parameters (hands, rows, joints); each of DRAWN has a uniform relative error of at most `error` [-]."""
     parameters = np.repeat(hand.parameters[None], hands, axis=0)
     todo = np.ones((hands, len(hand.joints)), dtype=np.bool_)
     while todo.any():

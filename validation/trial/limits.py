@@ -75,7 +75,9 @@ class Scene:
 
 
 def switch_on(concealed: Concealed, q: Array, joint: int, size: float, where: Scene) -> None:
-    """Add an effect to q; a stop or obstacle stands nearer than the joint's reach, the more so the larger its size."""
+    """Add an effect of a size [detection limits] to q (rows, joints); a stop or obstacle stands nearer than the joint's
+    reach, the more so the larger its size.
+    """
     concealed.apply(q, joint, size)
     kind, _, rows = concealed.needs.partition(":")
     if kind == "inverse":
@@ -126,7 +128,7 @@ class Projector:
 
 
 def rms(values: Array) -> float:
-    """Root mean square."""
+    """Root mean square of values (...,)."""
     return float(np.sqrt(np.mean(values**2)))
 
 
@@ -161,7 +163,9 @@ def _in_the_way(concealed: Concealed) -> bool:
 
 
 def inseparable(concealed: Concealed, size: float, where: Scene) -> list[str]:
-    """Isolability class of an effect in a scene: its own name first, then those that the data cannot separate."""
+    """Isolability class of an effect of a size [detection limits] in a scene: its own name first, then those that the
+    data cannot separate.
+    """
     group = [concealed.name]
     if concealed.needs in {"drop", "clock"} or concealed.place == "unknown":
         return group

@@ -9,19 +9,48 @@ import time
 from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 PASSED_ON = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "PYTHONPATH", "AMENT_PREFIX_PATH", "VIRTUAL_ENV", "TMPDIR")
 """The only environment variables that the diagnosing processes get."""
 BATCH = 24
+CASE: dict[str, type] = {"number": int, "model": str, "without": str}
+KINDS = {int: "a whole number", str: "text"}
+MOST_CASES = 100_000
+
+
+def read_plan(folder: Path) -> list[dict[str, Any]]:
+    """The cases of folder/plan.json: number, model and without. Raises ValueError, one line, for any other content."""
+    path = folder / "plan.json"
+    try:
+        plan = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path} is not JSON: {' '.join(str(error).split())}") from None
+    if not isinstance(plan, list) or not plan:
+        raise ValueError(f"{path} must be a list with at least one case, as hand trial make writes it")
+    numbers = set[int]()
+    for place, case in enumerate(plan):
+        if not isinstance(case, dict) or case.keys() != CASE.keys():
+            raise ValueError(f"{path}: case {place} must be a mapping of {', '.join(CASE)}")
+        for key, kind in CASE.items():
+            if type(case[key]) is not kind:
+                raise ValueError(f"{path}: {key} of case {place} must be {KINDS[kind]}")
+        if not 0 <= case["number"] <= MOST_CASES or case["number"] in numbers:
+            raise ValueError(f"{path}: number of case {place} must be 0 to {MOST_CASES}, each once")
+        numbers.add(case["number"])
+        if not (folder / case["model"]).resolve().is_relative_to(folder.resolve()):
+            raise ValueError(f"{path}: model of case {place} must be a file of the trial's folder")
+    return plan
 
 
 def run(folder: Path, command: list[str], jobs: int, tolerance: float, progress: Callable[[float], None]) -> None:
     """Write folder/reports/BATCH/*_case_NNNN/report.json for every case; an interrupted run continues.
 
     command: how to call the tool, as in ["hand"].  tolerance: relative error of the nominal parameters.  progress:
-    called with the share done, 0 to 1.  Raises RuntimeError with the last line of the tool where it fails.
+    called with the share done, 0 to 1.  Raises ValueError for a broken plan, RuntimeError with the last line
+    of the tool where it fails.
     """
-    plan = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
+    plan = read_plan(folder)
     groups: dict[tuple[str, str], list[int]] = defaultdict(list)
     for case in plan:
         groups[case["model"], case["without"]].append(case["number"])

@@ -189,7 +189,7 @@ def _save(figure: Any, path: Path) -> None:
 
 
 def met(name: str, value: float | None) -> bool | None:
-    """Whether a score reaches its goal; None where there is no goal or no score."""
+    """Whether a score [unit of its goal] reaches its goal; None where there is no goal or no score."""
     goal = GOALS.get(name)
     if goal is None or value is None:
         return None

@@ -23,6 +23,7 @@ from validation.trial.make import draw_cases
 from validation.trial.motions import EXPERIMENTS, set_points
 from validation.trial.nominal import Nominal
 from validation.trial.plant import record
+from validation.trial.run import read_plan
 from validation.trial.score import calibration_error
 from validation.trial.seal import SEALED, new_key, seal, unseal
 
@@ -200,3 +201,39 @@ def test_bad_usage_is_one_line(arguments: tuple[str, ...], line: str) -> None:
     done = hand("trial", *arguments)
     assert done.returncode == 2
     assert line in done.stderr and len(done.stderr.strip().splitlines()) == 1
+
+
+CASE = {"number": 0, "model": "m.yaml", "without": ""}
+BROKEN = {
+    "no JSON": "{",
+    "deep": "[" * 100_000,
+    "a mapping": "{}",
+    "no case": "[]",
+    "a number": "[3]",
+    "a missing key": json.dumps([{"number": 0, "model": "m.yaml"}]),
+    "another key": json.dumps([CASE | {"stray": 1}]),
+    "text for a number": json.dumps([CASE | {"number": "0"}]),
+    "truth for a number": json.dumps([CASE | {"number": True}]),
+    "a list for the model": json.dumps([CASE | {"model": ["m.yaml"]}]),
+    "twice": json.dumps([CASE, CASE]),
+    "negative": json.dumps([CASE | {"number": -1}]),
+    "outside": json.dumps([CASE | {"model": "../m.yaml"}]),
+}
+
+
+@pytest.mark.parametrize("text", BROKEN.values(), ids=BROKEN)
+def test_a_broken_plan_is_one_line(text: str, tmp_path: Path) -> None:
+    """Fails when a plan.json that was edited or cut off ends in another exception or in several lines."""
+    (tmp_path / "plan.json").write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match=r"plan\.json") as caught:
+        read_plan(tmp_path)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_command_names_a_broken_plan(tmp_path: Path) -> None:
+    """Fails when `hand trial run` shows a traceback for a plan without numbers, or diagnoses anything."""
+    (tmp_path / "plan.json").write_text(json.dumps([{"model": "m.yaml", "without": ""}]), encoding="utf-8")
+    done = hand("trial", "run", str(tmp_path))
+    assert done.returncode == 2
+    assert done.stderr.strip().splitlines()[-1].endswith("case 0 must be a mapping of number, model, without")
+    assert "Traceback" not in done.stderr and not (tmp_path / "reports").exists()

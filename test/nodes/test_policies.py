@@ -1,0 +1,122 @@
+"""The access policies of config/security are valid, and allow exactly what each running node uses."""
+
+from __future__ import annotations
+
+import copy
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from typing import TYPE_CHECKING
+
+import pytest
+from rclpy.node import NodeNameNonExistentError
+from std_msgs.msg import Empty
+
+from test.nodes.policies import FOLDER, allowed, problems, real
+
+if TYPE_CHECKING:
+    from test.nodes.stack import Client, Stack
+
+NODES = ("driver", "simulation", "controller", "recorder")
+LIVE = {
+    "demo": "perform(['a'], [], lambda *_: None, lambda: None)",
+    "experiment": "list(run_experiment(load_hand('config/hand.yaml'), zeros((1, 11)), 'hand', lambda: None))",
+}
+"""The nodes of the tool, and the call that makes each: they then wait for a hand."""
+IMPORTS = """
+from numpy import zeros
+from hand_model.description import load_hand
+from hand_tool.live_node import perform, run_experiment
+"""
+
+
+def policy(name: str) -> ET.Element:
+    return ET.parse(FOLDER / f"{name}.xml").getroot()
+
+
+@pytest.mark.parametrize("name", [*NODES, *LIVE])
+def test_a_policy_has_the_form_of_the_schema(name: str) -> None:
+    """Fails when SROS2 would refuse a policy, or when it is for another node than its file says."""
+    root = policy(name)
+    assert problems(root) == []
+    assert [enclave.get("path") for enclave in root.iter("enclave")] == [f"/hand/{name}"]
+    assert [profile.attrib for profile in root.iter("profile")] == [{"ns": "/hand", "node": name}]
+
+
+def test_every_node_has_a_policy() -> None:
+    """Fails when a policy is added or removed without a place in these tests."""
+    assert {path.stem for path in FOLDER.iterdir()} == {*NODES, *LIVE}
+
+
+def _change(root: ET.Element, how: str) -> None:
+    profile = next(root.iter("profile"))
+    group = profile[0]
+    if how == "version":
+        root.set("version", "0.1.0")
+    elif how == "node":
+        del profile.attrib["node"]
+    elif how == "verb":
+        group.set("write", "ALLOW")
+    elif how == "value":
+        group.set("publish", "YES")
+    elif how == "none":
+        group.attrib.clear()
+    elif how == "group":
+        group.tag = "parameters"
+    elif how == "item":
+        group[0].tag = "service"
+    elif how == "name":
+        group[0].text = " "
+    elif how == "empty":
+        group.clear()
+        group.set("publish", "ALLOW")
+    else:
+        next(root.iter("enclave")).clear()
+
+
+@pytest.mark.parametrize(
+    "how", ["version", "node", "verb", "value", "none", "group", "item", "name", "empty", "enclave"]
+)
+def test_a_policy_of_another_form_is_refused(how: str) -> None:
+    """Fails when the check of the form misses a defect."""
+    root = copy.deepcopy(policy("controller"))
+    _change(root, how)
+    assert problems(root)
+
+
+def test_the_policies_allow_exactly_what_the_nodes_use(stack: Stack, client: Client) -> None:
+    """Fails when a node gains a topic, service or action that its policy denies, or a policy allows an unused one."""
+    for topic in ("emergency_stop", "heartbeat"):
+        client.node.create_publisher(Empty, topic, 1)  # so that the recorder records it
+    stack.node("driver", serial_port="/dev/nothing_here")
+    stack.node("simulation", publish_clock="true")
+    stack.node("controller", use_sim_time="true", enabled_at_start="false")
+    for name, call in LIVE.items():  # they wait until there is a recorder
+        stack.running.append(subprocess.Popen([sys.executable, "-c", IMPORTS + call], stderr=subprocess.DEVNULL))
+        _await(client, name)
+    stack.start("recorder", "--ros-args", "-r", "__ns:=/hand", "-p", f"out:={stack.folder / 'all.mcap'}")
+    for name in NODES:
+        _await(client, name)
+    client.spin(1.0)  # a graph that is discovered in part must not pass
+    for name in NODES:  # the live nodes have ended: the experiment refuses to run while the controller does
+        assert real(client.node, name, "/hand") == allowed(policy(name)), name
+
+
+def _await(client: Client, name: str) -> None:
+    """Until the node has what its policy allows; then it must not have more."""
+    want = allowed(policy(name))
+
+    def seen() -> bool:
+        names = client.node.get_node_names_and_namespaces()
+        try:
+            return (name, "/hand") in names and real(client.node, name, "/hand") == want
+        except NodeNameNonExistentError:  # it has left the graph between both calls
+            return False
+
+    try:
+        client.until(seen)
+    except AssertionError:
+        have = real(client.node, name, "/hand")
+        denied = {verb: sorted(have[verb] - want[verb]) for verb in have if have[verb] - want[verb]}
+        unused = {verb: sorted(want[verb] - have[verb]) for verb in have if want[verb] - have[verb]}
+        raise AssertionError(f"config/security/{name}.xml: not allowed {denied}, not used {unused}") from None

@@ -1,0 +1,81 @@
+"""What subscribers with default and with transient-local QoS receive, and what a healthy node logs."""
+
+from __future__ import annotations
+
+import os
+import resource
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hand_msgs.msg import AdcFrame, BoardState, Contact, ContactForces, ControllerState, JointPressures, ValveCommand
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+if TYPE_CHECKING:
+    from test.nodes.stack import Client, Stack
+
+TOPICS = {
+    "adc": AdcFrame,
+    "board_state": BoardState,
+    "contact_forces": ContactForces,
+    "controller_state": ControllerState,
+    "joint_states": JointState,
+    "pressures": JointPressures,
+    "valve_command": ValveCommand,
+}
+LATE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def test_every_topic_reaches_a_default_subscriber_and_late_ones_get_the_last_state(
+    stack: Stack, client: Client
+) -> None:
+    """Fails when a topic is published best effort, a late subscriber gets no state, or a healthy node is silent."""
+    received: dict[str, list[Any]] = {topic: [] for topic in TOPICS}
+    for topic, kind in TOPICS.items():
+        client.node.create_subscription(kind, topic, received[topic].append, 10)
+    stack.node("simulation")
+    stack.node("controller")
+    client.controlling()
+    client.until(lambda: min(len(messages) for messages in received.values()) >= 3)
+    assert {messages[-1].header.frame_id for messages in received.values()} == {"hand"}
+    spaces = [name for name, _ in client.node.get_topic_names_and_types() if name.startswith("/hand/")]
+    publishers = [info for name in spaces for info in client.node.get_publishers_info_by_topic(name)]
+    own = [info for info in publishers if info.node_name in ("simulation", "controller")]
+    assert len(own) > len(TOPICS)
+    assert {info.qos_profile.reliability for info in own} == {ReliabilityPolicy.RELIABLE}
+    for name in ("simulation", "controller"):
+        assert len([line for line in stack.log(name).splitlines() if "healthy: " in line]) == 1, stack.log(name)
+
+    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE))
+    assert client.call(ChangeState, "simulation/change_state", request).success
+    client.spin(0.3)
+    late: dict[str, list[Any]] = {"joint_states": [], "board_state": []}
+    for topic, messages in late.items():
+        client.node.create_subscription(TOPICS[topic], topic, messages.append, LATE)
+    client.until(lambda: all(late.values()))
+    contacts: list[Any] = []
+    client.node.create_subscription(Contact, "contacts", contacts.append, LATE)
+    (offered,) = client.node.get_publishers_info_by_topic("/hand/contacts")
+    assert offered.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+
+
+def test_two_hands_have_frames_of_their_own(stack: Stack, client: Client) -> None:
+    """Fails when a hand in another namespace claims the frame of the first one, or a node takes long to end."""
+    states: list[Any] = []
+    client.node.create_subscription(JointState, "/left_hand/joint_states", states.append, 10)
+    node = stack.start("simulation", "--ros-args", "-r", "__ns:=/left_hand")
+    client.until(lambda: states)
+    assert states[-1].header.frame_id == "left_hand"
+    before_s, children = _cpu_s(node.pid), resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert stack.stop(node) == 0
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    lived_s = after.ru_utime + after.ru_stime - children.ru_utime - children.ru_stime
+    assert lived_s - before_s < 0.3  # 0.65 s where Python frees the compiled code
+
+
+def _cpu_s(pid: int) -> float:
+    """Time of the processor [s] that a running process has used."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
