@@ -338,6 +338,7 @@ def _breaks(s, i, phi, dt):  # type: ignore[no-untyped-def]
     surprise = abs(now - before) * dt
     s[_NOISE, i] += dt / (dt + NOISE_S) * (min(surprise, STEP_RAD) - s[_NOISE, i])
     turns = abs(before) > REVERSED_RAD_PER_S and before * now < -REVERSED * before * before
+    turns = turns and surprise > _least_step(s, i)  # in a short frame the noise alone turns a speed back
     if turns:
         _be_careful(s, i)
     s[_BROKE, i] = 2.0 if turns else 1.0 if surprise > _least_step(s, i) + STEP * abs(before) * dt else 0.0

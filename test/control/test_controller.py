@@ -192,7 +192,7 @@ def test_gains_change_without_a_jump() -> None:
             Settings.of(HAND, bad)
 
 
-@pytest.mark.parametrize("rate_hz", [200, 500])
+@pytest.mark.parametrize("rate_hz", [200, 500, 1000])
 def test_step_tracking(rate_hz: int) -> None:
     """Fails when a step of 50 degrees settles later than 1.5 s or overshoots by more than 5 %."""
     settle_s, overshoot = figures(step_response(HAND, rate_hz, seed=3), rate_hz)
