@@ -37,6 +37,7 @@ ENDINGS: dict[str, Dimension] = {
     "rad_per_s": Dimension(0, 1, 0, -1),
     "pa_per_s": Dimension(0, 0, 1, -1),
     "per_pa": Dimension(0, 0, -1),
+    "per_rad": Dimension(0, -1),
     "per_s": Dimension(0, 0, 0, -1),
     "nm": Dimension(1),
     "pa": Dimension(0, 0, 1),

@@ -1,6 +1,7 @@
 """Update the tables of parameters and effects in the documents: `python -m hand_model.tables [TREE]`.
 
-docs/model.md holds the parameters, docs/diagnosis.md the catalogue, each between the comments of a generated section.
+docs/model.md holds the parameters, docs/diagnosis.md the catalogue, and docs/effects.md the classes, each between the
+comments of a generated section.
 `python -m validation.figures` writes them too, with all other sections.
 """
 
@@ -11,12 +12,14 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+from hand_model.effects import class_table
 from hand_model.effects import markdown_table as effect_table
 from hand_model.kernel.rows import markdown_table as parameter_table
 
 TABLES: tuple[tuple[str, str, Callable[[], str]], ...] = (
     ("docs/model.md", "parameters", parameter_table),
     ("docs/diagnosis.md", "catalogue", effect_table),
+    ("docs/effects.md", "classes", class_table),
 )
 """Document, name of the section, and the table."""
 

@@ -68,3 +68,28 @@ def markdown_table() -> str:
             shown = ", ".join(effect.experiments) or "-"
             rows.append(f"| {effect.place} | `{effect.name}` | {effect.doc} | {shown} | {effect.source} |")
     return "\n".join(rows) + "\n"
+
+
+def class_table() -> str:
+    """The classes as a Markdown table; docs/effects.md carries it."""
+    heads = (
+        "effect",
+        "acts on",
+        "sign",
+        "passive",
+        "law",
+        "memory",
+        "may depend on",
+        "coefficients",
+        "constraints from",
+    )
+    rows = [f"| {' | '.join(heads)} |", "|" + "---|" * len(heads)]
+    for effect in CATALOGUE:
+        known = effect.constitution
+        if known is None:
+            raise ValueError(f"effect {effect.name}: its class is not stated")
+        passive = {True: "yes", False: "no", None: "-"}[known.passive]
+        over = ", ".join(known.over) or "-"
+        cells = (known.acts_on, known.sign, passive, known.monotone, known.memory, over)
+        rows.append(f"| `{effect.name}` | {' | '.join(cells)} | {len(known.coefficients) or '-'} | {known.source} |")
+    return "\n".join(rows) + "\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect, Times
 
 EFFECT = Effect(
@@ -13,4 +14,12 @@ EFFECT = Effect(
     experiments=("steps", "multisine"),
     doc="Inertia of the phalanx and of what it carries.",
     source="Eq. 8, Martin et al. 2004",
+    constitution=Constitution(
+        acts_on="inertia of the joint",
+        sign="positive",
+        passive=True,
+        monotone="torque in proportion to the acceleration",
+        over=("acceleration",),
+        source="positive definite mass matrix, Goldstein, Classical Mechanics, 2002",
+    ),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
@@ -25,4 +26,11 @@ EFFECT = Effect(
     experiments=("stops", "staircase"),
     doc="Span error of the two-point calibration.",
     source="Eq. 3, Martin et al. 2004",
+    constitution=Constitution(
+        acts_on="reading of the angle",
+        sign="either",
+        monotone="rises with the angle",
+        over=("angle",),
+        source="two-point calibration, Martin et al. 2004",
+    ),
 )

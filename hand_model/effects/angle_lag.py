@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 from hand_model.effects.operators import lagged_twice, two_lag_constants
 from hand_model.kernel.inline import inline
@@ -45,4 +46,12 @@ EFFECT = Effect(
     experiments=("steps", "multisine"),
     doc="Low-pass filter between the joint and its reading, of first or second order.",
     source="first-order filters in series",
+    constitution=Constitution(
+        acts_on="reading of the angle",
+        sign="behind the angle, without an error at rest",
+        monotone="no overshoot",
+        memory="one or two real poles",
+        over=("time",),
+        source="anti-alias filter of real poles, Oppenheim and Schafer, 2010",
+    ),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import DEGREE, Parameter
@@ -25,4 +26,11 @@ EFFECT = Effect(
     experiments=("stops", "staircase"),
     doc="Zero error of the Hall sensor.",
     source="Eq. 1, phi_0, Martin et al. 2004",
+    constitution=Constitution(
+        acts_on="reading of the angle",
+        sign="either",
+        monotone="constant",
+        over=(),
+        source="two-point calibration, Martin et al. 2004",
+    ),
 )

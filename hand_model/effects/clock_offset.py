@@ -5,6 +5,7 @@ The loop that runs the stages on measured inputs shifts its inputs by these para
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 from hand_model.kernel.plant_rows import Parameter
 
@@ -32,4 +33,11 @@ EFFECT = Effect(
     doc="A constant difference between the clocks of two topics, the same at every joint.",
     source="definition",
     everywhere=True,
+    constitution=Constitution(
+        acts_on="stamps of the pressures",
+        sign="early or late",
+        monotone="a shift in time",
+        over=("time",),
+        source="REP-103 stamps; Mills, Computer Network Time Synchronization, 2011",
+    ),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 
 EFFECT = Effect(
@@ -13,4 +14,12 @@ EFFECT = Effect(
     experiments=("second_attitude", "staircase"),
     doc="The disturbance torque of Eq. 8 as a constant.",
     source="Eq. 8, Martin et al. 2004",
+    constitution=Constitution(
+        acts_on="torque of the joint",
+        sign="either",
+        passive=True,
+        monotone="constant",
+        over=(),
+        source="Eq. 8, Martin et al. 2004",
+    ),
 )

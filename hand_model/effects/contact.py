@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 
 EFFECT = Effect(
@@ -16,4 +17,12 @@ EFFECT = Effect(
     experiments=("slow_triangle", "staircase"),
     doc="A one-sided elastic obstacle in the direction of flexion.",
     source="one-sided spring and damper, Hunt and Crossley, J. Appl. Mech. 42, 1975",
+    constitution=Constitution(
+        acts_on="torque of the joint",
+        sign="pushes away from the obstacle",
+        passive=True,
+        monotone="rises with the depth; an obstacle never pulls",
+        over=("angle", "speed"),
+        source="Hunt and Crossley, J. Appl. Mech. 42, 1975",
+    ),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 from hand_model.effects.operators import loop_moved, loop_torque
 from hand_model.kernel.inline import inline
@@ -16,39 +17,72 @@ def prepare(q, h):  # type: ignore[no-untyped-def]
     """Reciprocals, and the share of the friction whose contacts yield."""
     stribeck, presliding = q[2], q[4]
     yielding = min(max((presliding - RIGID_RAD) * (1.0 / (YIELDING_RAD - RIGID_RAD)), 0.0), 1.0)
-    return 1.0 / stribeck, 1.0 / presliding, yielding
+    return 1.0 / stribeck, 1.0 / presliding, yielding, 1.0 / q[12]
 
 
 @inline
 def _level(q, omega, p):  # type: ignore[no-untyped-def]
-    """Magnitude of the friction torque of a sliding joint [N m]."""
-    torque_nm, breakaway, per_pa, per_stribeck = q[0], q[1], q[3], q[5]
+    """Magnitude of the friction torque of a sliding joint [N m].
+
+    By the law it also falls from rest to four speeds, linearly to each, and grows over each half of the pressure.
+    """
+    torque_nm, breakaway, per_pa, per_stribeck = q[0], q[1], q[3], q[13]
     x = omega * per_stribeck
-    return torque_nm + breakaway / (1.0 + x * x) + per_pa * max(p, 0.0)
+    level = torque_nm + breakaway / (1.0 + x * x) + per_pa * max(p, 0.0)
+    speed, share = abs(omega), min(max(p * q[16], 0.0), 1.0)
+    level += q[5] * max(1.0 - 20.0 * speed, 0.0) + q[6] * max(1.0 - 5.0 * speed, 0.0)
+    level += q[7] * max(1.0 - 1.25 * speed, 0.0) + q[8] * max(1.0 - 0.3125 * speed, 0.0)
+    return level + q[9] * min(2.0 * share, 1.0) + q[10] * max(2.0 * share - 1.0, 0.0)
 
 
 @inline
 def dry(q, m, omega, p):  # type: ignore[no-untyped-def]
     """Magnitude of the friction torque of rigid contacts, in which the joint sticks."""
-    return _level(q, omega, p) * (1.0 - q[7])
+    return _level(q, omega, p) * (1.0 - q[15])
 
 
 @inline
 def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     """Torque of contacts that yield, against the motion so far."""
-    whole = _level(q, omega, p) * q[7]
+    whole = _level(q, omega, p) * q[15]
     (bristle,) = m
-    share, stiffness = loop_torque(bristle, omega, q[6], 0.0)
+    share, stiffness = loop_torque(bristle, omega, q[14], q[11])
     return whole * share, whole * stiffness
 
 
 @inline
 def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
-    """Dahl's loop over the presliding motion."""
+    """Dahl's loop over the presliding motion, or by the law one with a knee."""
     (bristle,) = m
-    return (loop_moved(bristle, before, after, q[6], 0.0),)
+    return (loop_moved(bristle, before, after, q[14], q[11]),)
 
 
+def curve(q, x, y):  # type: ignore[no-untyped-def]
+    """Level [N m] at the speed x [rad/s] and the pressure y [Pa]."""
+    return float(_level(q, x, y))
+
+
+SPEEDS_RAD_S = (0.05, 0.2, 0.8, 3.2)
+"""Speeds to which the coefficients of the law fall."""
+_FALLS = tuple(
+    Parameter(
+        f"coulomb_friction.fall_{k}_nm", 0.0, 5.0, f"law: more at rest, gone at {s:g} rad/s", 1.0, 0.0, 0.003, law=True
+    )
+    for k, s in enumerate(SPEEDS_RAD_S, 1)
+)
+_GROWTHS = tuple(
+    Parameter(
+        f"coulomb_friction.half_{k}_nm",
+        0.0,
+        5.0,
+        f"law: more over half {k} of supply pressure",
+        1.0,
+        0.0,
+        0.003,
+        law=True,
+    )
+    for k in (1, 2)
+)
 EFFECT = Effect(
     name="coulomb_friction",
     place="joint",
@@ -65,8 +99,12 @@ EFFECT = Effect(
             DEGREE,
             0.01,
         ),
+        *_FALLS,
+        *_GROWTHS,
+        Parameter("coulomb_friction.knee", 0.0, 1.0, "law: 1 builds up with a knee", 1.0, 0.0, 0.3, law=True),
     ),
-    prepared=("per_stribeck", "per_presliding", "yielding"),
+    reads=("supply.pressure_pa",),
+    prepared=("per_stribeck", "per_presliding", "yielding", "per_supply"),
     memory=("bristle",),
     hooks={"prepare": prepare, "dry": dry, "torque": torque, "moved": moved},
     keys=(
@@ -91,4 +129,22 @@ EFFECT = Effect(
     doc="Dry friction lets the joint stick and lag after reversals by the same torque at any speed. Before it slides,"
     " its contacts give.",
     source="Coulomb 1785; Stribeck 1902; Dahl 1968 before it slides; Armstrong-Helouvry et al., Automatica 30(7), 1994",
+    constitution=Constitution(
+        acts_on="torque of the joint",
+        sign="against the motion",
+        passive=True,
+        monotone="the level falls with the speed to that of sliding, and rises with the pressure",
+        memory="the motion since a reversal, while contacts yield",
+        over=("speed", "pressure"),
+        coefficients=(
+            "coulomb_friction.stribeck_rad_per_s",
+            *(parameter.key for parameter in _FALLS + _GROWTHS),
+            "coulomb_friction.knee",
+        ),
+        quantity="friction",
+        unit="nm",
+        curve=curve,
+        source="Armstrong-Helouvry et al., Automatica 30(7), 1994: Stribeck curve; Bowden and Tabor, The Friction and"
+        " Lubrication of Solids, 1950: friction rises with the load; Bliman, Eur. J. Mech. A 11(6), 1992: passive",
+    ),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 
 EFFECT = Effect(
@@ -11,4 +12,11 @@ EFFECT = Effect(
     doc="Seen in the stamps themselves; the data check reports it.",
     source="definition",
     everywhere=True,
+    constitution=Constitution(
+        acts_on="samples that arrive",
+        sign="fewer than sent",
+        monotone="a count",
+        over=("time",),
+        source="sequence numbers of the frames",
+    ),
 )

@@ -45,6 +45,7 @@ from dataclasses import dataclass, field
 from string import Formatter
 from typing import Any
 
+from hand_model.effects.constitution import Constitution
 from hand_model.kernel.plant_rows import PLANT_ROW, Parameter
 
 TIME, NEIGHBOUR, INFLOW, PARTNER, ANGLE, SPEED, ACCELERATION = range(7)
@@ -138,6 +139,7 @@ class Effect:
     experiments: excitations that show it, the best first.  doc: what it is.  source: where the equations come from.
     everywhere: whether one cause acts on the whole hand and not on one joint.
     meets_others: whether its equations use NEIGHBOUR or INFLOW of e.
+    constitution: the class of the effect, apart from its law; every entry of the catalogue has one.
 
     Raises ValueError, one line with the effect's name, for anything that does not fit together.
     """
@@ -160,6 +162,7 @@ class Effect:
     experiments: tuple[str, ...] = ()
     everywhere: bool = False
     meets_others: bool = False
+    constitution: Constitution | None = None
 
     def __post_init__(self) -> None:
         """Refuse what does not fit together."""
@@ -179,6 +182,11 @@ class Effect:
     def starts(self) -> dict[str, float | str]:
         """Names of the memory in order, with what each starts at."""
         return dict(self.memory) if isinstance(self.memory, Mapping) else dict.fromkeys(self.memory, 0.0)
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """Keys that a learned law sets free in addition to `keys`; none where only the textbook form exists."""
+        return self.constitution.coefficients if self.constitution else ()
 
     def _error(self, what: str, given: str, allowed: Iterable[str]) -> ValueError:
         return ValueError(f"effect {self.name}: {what} is '{given}'; it must be one of {', '.join(allowed)}")
@@ -209,6 +217,7 @@ class Effect:
             for key in keys:
                 if key not in self.keys:
                     raise self._error(f"key of {what}", key, self.keys)
+        self._check_coefficients(known)
         for probe in self.probes:
             if len(probe) != len(self.keys):
                 raise ValueError(
@@ -218,6 +227,17 @@ class Effect:
         for _, named, _, _ in Formatter().parse(self.says):
             if named is not None and named not in last:
                 raise self._error("key in 'says'", named, last)
+
+    def _check_coefficients(self, known: Iterable[str]) -> None:
+        """Refuse a law coefficient that is unknown, that a plain fit moves, or that no learned law sets free."""
+        for key in self.coefficients:
+            if key not in known or key in self.keys:
+                raise self._error("coefficient", key, sorted(set(known) - set(self.keys)))
+        for parameter in self.parameters:
+            if parameter.law and parameter.key not in self.coefficients:
+                raise self._error("law parameter", parameter.key, self.coefficients)
+            if parameter.law and not parameter.typical > 0.0:
+                raise ValueError(f"effect {self.name}: the law parameter '{parameter.key}' has no typical size")
 
     def _check_hooks(self) -> None:
         for hook, function in self.hooks.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect, Times
 
 EFFECT = Effect(
@@ -21,4 +22,12 @@ EFFECT = Effect(
     experiments=("staircase", "slow_triangle"),
     doc="Range of motion of the joint, with an elastic stop at both ends.",
     source="one-sided spring and damper, Hunt and Crossley, J. Appl. Mech. 42, 1975",
+    constitution=Constitution(
+        acts_on="torque of the joint",
+        sign="pushes back into the range",
+        passive=True,
+        monotone="rises with the depth; a stop never pulls",
+        over=("angle", "speed"),
+        source="Hunt and Crossley, J. Appl. Mech. 42, 1975",
+    ),
 )

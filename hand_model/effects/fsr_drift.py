@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
@@ -40,4 +41,13 @@ EFFECT = Effect(
     experiments=("hold", "taps"),
     doc="Creep of the polymer of a force sensing resistor.",
     source="one retardation term, Eq. 9, Martin et al. 2004",
+    constitution=Constitution(
+        acts_on="reading of the force",
+        sign="that of the force",
+        passive=True,
+        monotone="rises under lasting load, ever more slowly",
+        memory="one retardation",
+        over=("time", "force"),
+        source="Ferry, Viscoelastic Properties of Polymers, 1980",
+    ),
 )

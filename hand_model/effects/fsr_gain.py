@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
@@ -25,4 +26,11 @@ EFFECT = Effect(
     experiments=("taps", "closed_valve_push"),
     doc="Span error of a force sensing resistor.",
     source="Eq. 5, Martin et al. 2004",
+    constitution=Constitution(
+        acts_on="reading of the force",
+        sign="either",
+        monotone="rises with the force",
+        over=("force",),
+        source="Eq. 5, Martin et al. 2004",
+    ),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
@@ -47,4 +48,13 @@ EFFECT = Effect(
     experiments=("taps", "slow_triangle"),
     doc="Loading and unloading curves of a force sensing resistor differ.",
     source="stop operator, Visintin, Differential Models of Hysteresis, 1994",
+    constitution=Constitution(
+        acts_on="reading of the force",
+        sign="behind the force",
+        passive=True,
+        monotone="does not go back while the force goes on",
+        memory="one state that changes with the force only",
+        over=("force",),
+        source="Visintin, Differential Models of Hysteresis, 1994",
+    ),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import ANGLE, ATMOSPHERE_PA, SPEED, Effect
 from hand_model.kernel.inline import inline, inlined
 from hand_model.kernel.plant_rows import Parameter
@@ -17,11 +18,18 @@ def pressure_source(q, p, e):  # type: ignore[no-untyped-def]
     """p_abs V^n is constant but for what the valve feeds; dV/dphi = a2 + a3 phi by virtual work.
 
     V also grows with the pressure, by c_V: p_abs' = -n p_abs (a2 + a3 phi) phi' / (V + n c_V p_abs).
+    The law multiplies it by a gain that changes linearly with the pressure and is never negative.
     """
-    exponent, vented, growth, a2, a3 = q
+    exponent, vented, growth, gain, a2, a3, supply = q
     stiff = exponent * (p + ATMOSPHERE_PA)
     volume = max(_volume(p, e[ANGLE], vented, growth, a2, a3), SMALLEST_M3)
-    return -stiff * _leverage(e[ANGLE], a2, a3) * e[SPEED] / (volume + stiff * growth)
+    rate = -stiff * _leverage(e[ANGLE], a2, a3) * e[SPEED] / (volume + stiff * growth)
+    return rate * (1.0 + gain * min(max(p / supply, 0.0), 1.0))
+
+
+def curve(q, x, y):  # type: ignore[no-untyped-def]
+    """Rise of the pressure x [Pa] per angle of extension [Pa/rad], at the angle 0."""
+    return float(pressure_source(q, x, (0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0)))
 
 
 EFFECT = Effect(
@@ -31,8 +39,11 @@ EFFECT = Effect(
         Parameter("gas_compression.exponent", 0.0, 3.0, "Eq. 7, polytropic exponent; 1 isothermal", 1.0, 0.0, 1.0),
         Parameter("gas_compression.volume_m3", 1e-7, 1e-3, "of actuator and tube, vented at 0", 1.0, 2e-6),
         Parameter("gas_compression.volume_m3_per_pa", 0.0, 1e-9, "growth of the volume with pressure", 1.0, 1.2e-12),
+        Parameter(
+            "gas_compression.with_pressure", -1.0, 10.0, "law: growth up to supply pressure", 1.0, 0.0, 0.5, law=True
+        ),
     ),
-    reads=("statics.a2_nm_per_pa", "statics.a3_nm_per_pa_rad"),
+    reads=("statics.a2_nm_per_pa", "statics.a3_nm_per_pa_rad", "supply.pressure_pa"),
     hooks={"pressure_source": pressure_source},
     keys=("gas_compression.exponent",),
     probes=((1.0,), (0.3,)),
@@ -40,4 +51,17 @@ EFFECT = Effect(
     experiments=("closed_valve_push", "steps"),
     doc="A change of angle changes the chamber volume; the valve needs time to restore the pressure.",
     source="Eq. 7, Martin et al. 2004, with absolute pressure and the volume map tied to Eq. 6 by virtual work",
+    constitution=Constitution(
+        acts_on="rate of the pressure",
+        sign="opposes the change of volume",
+        passive=True,
+        monotone="in proportion to the speed; the gain is not negative at any pressure",
+        memory="the pressure itself",
+        over=("pressure", "angle", "speed"),
+        coefficients=("gas_compression.volume_m3", "gas_compression.with_pressure"),
+        quantity="the rise of the pressure per angle of extension",
+        unit="pa_per_rad",
+        curve=curve,
+        source="second law for a gas spring: its stiffness is positive; Beater, Pneumatic Drives, 2007, ch. 2",
+    ),
 )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from hand_model.effects.effect import Effect
+from hand_model.effects.constitution import Constitution
+from hand_model.effects.effect import TIME, Effect
 from hand_model.effects.operators import sine_cosine
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
@@ -10,10 +11,15 @@ from hand_model.kernel.plant_rows import Parameter
 
 @inline
 def torque(q, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
-    """-m g l sin(phi + attitude), in a part with the sine and one with the cosine of phi."""
-    sine, cosine = q
-    s, c = sine_cosine(phi)
+    """-m g l sin(phi + attitude), in a part with the sine and one with the cosine of phi; by the law, both turn."""
+    sine, cosine, turning = q
+    s, c = sine_cosine(phi + turning * e[TIME])
     return -(sine * s + cosine * c), sine * c - cosine * s
+
+
+def curve(q, x, y):  # type: ignore[no-untyped-def]
+    """Torque [N m] at the angle x [rad] after the time y [s]."""
+    return float(torque(q, x, 0.0, 0.0, 0.0, (y,))[0])
 
 
 EFFECT = Effect(
@@ -22,6 +28,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("gravity.sine_nm", -5.0, 5.0, "torque against flexion at 90 degrees", 1.0, 0.0, 0.01),
         Parameter("gravity.cosine_nm", -5.0, 5.0, "torque against flexion at 0 degrees", 1.0, 0.0, 0.01),
+        Parameter("gravity.turning_rad_per_s", -0.5, 0.5, "law: turning of the attitude", 1.0, 0.0, 0.01, law=True),
     ),
     hooks={"torque": torque},
     keys=("gravity.sine_nm", "gravity.cosine_nm"),
@@ -30,4 +37,16 @@ EFFECT = Effect(
     experiments=("staircase", "second_attitude"),
     doc="Weight of the phalanx at a fixed attitude of the hand.",
     source="rigid pendulum",
+    constitution=Constitution(
+        acts_on="torque of the joint",
+        sign="towards the lowest point",
+        passive=True,
+        monotone="one harmonic of the angle, of constant size",
+        over=("angle", "time"),
+        coefficients=("gravity.turning_rad_per_s",),
+        quantity="the torque of gravity",
+        unit="nm",
+        curve=curve,
+        source="weight of a rigid body about an axis, Goldstein, Classical Mechanics, 2002",
+    ),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 from hand_model.effects.operators import sine_cosine
 from hand_model.kernel.inline import inline
@@ -33,4 +34,11 @@ EFFECT = Effect(
     experiments=("stops", "staircase"),
     doc="Eccentric or tilted magnet: harmonics of the angle in its reading.",
     source="Eq. 1 with harmonics; harmonic error of magnetic encoders",
+    constitution=Constitution(
+        acts_on="reading of the angle",
+        sign="either",
+        monotone="periodic in the angle, continuous",
+        over=("angle",),
+        source="Fourier series of a magnetic field, Popovic, Hall Effect Devices, 2004",
+    ),
 )

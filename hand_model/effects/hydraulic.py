@@ -5,6 +5,7 @@ A search does not try it. The description chooses it with `fluid: hydraulic`.
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import ANGLE, SPEED, Effect
 from hand_model.kernel.inline import inline, inlined
 from hand_model.kernel.plant_rows import Parameter
@@ -40,4 +41,12 @@ EFFECT = Effect(
     says="the fluid is a liquid",
     doc="Constant volume of an incompressible fluid in an elastic chamber.",
     source="Eq. 7, Martin et al. 2004, with the volume map tied to Eq. 6 by virtual work",
+    constitution=Constitution(
+        acts_on="rate of the pressure",
+        sign="opposes the change of volume",
+        passive=True,
+        monotone="in proportion to the speed",
+        over=("angle", "speed"),
+        source="conservation of volume, Eq. 7, Martin et al. 2004",
+    ),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import NEIGHBOUR, Effect
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
@@ -33,4 +34,12 @@ EFFECT = Effect(
     doc="Skin, tubes or tendons that span two joints.",
     source="spring between two joints, the next term of its arm's series",
     meets_others=True,
+    constitution=Constitution(
+        acts_on="torque of the joint",
+        sign="towards the neighbour's motion",
+        passive=True,
+        monotone="in proportion to the difference of the angles",
+        over=("angle",),
+        source="Betti's reciprocity of elastic structures",
+    ),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
@@ -13,9 +14,18 @@ BAR_PA = 1e5
 
 @inline
 def pressure_source(q, p, e):  # type: ignore[no-untyped-def]
-    """Laminar or turbulent loss. The valve feeds against it, so the pressure stays below its set-point."""
-    lost, turbulent = q
-    return -lost * ((1.0 - turbulent) * p + turbulent * math.sqrt(BAR_PA * max(p, 0.0)))
+    """Laminar or turbulent loss. The valve feeds against it, so the pressure stays below its set-point.
+
+    The law lets the conductance grow with the pressure, as a gas becomes denser and a gap opens.
+    """
+    lost, turbulent, growth, supply = q
+    loss = -lost * ((1.0 - turbulent) * p + turbulent * math.sqrt(BAR_PA * max(p, 0.0)))
+    return loss * (1.0 + growth * min(max(p / supply, 0.0), 1.0))
+
+
+def curve(q, x, y):  # type: ignore[no-untyped-def]
+    """Loss [Pa/s] at the pressure x [Pa]."""
+    return -float(pressure_source(q, x, ()))
 
 
 EFFECT = Effect(
@@ -24,7 +34,9 @@ EFFECT = Effect(
     parameters=(
         Parameter("leak.rate_per_s", 0.0, 50.0, "share of the pressure lost in a second, at 1 bar", 1.0, 0.0, 0.1),
         Parameter("leak.turbulent", 0.0, 1.0, "0 a gap, loss with pressure; 1 a hole, with its root", 1.0, 0.0, 0.17),
+        Parameter("leak.with_pressure", 0.0, 20.0, "law: growth up to supply pressure", 1.0, 0.0, 0.5, law=True),
     ),
+    reads=("supply.pressure_pa",),
     hooks={"pressure_source": pressure_source},
     keys=("leak.rate_per_s", "leak.turbulent"),
     probes=((0.2, 0.0), (1.0, 0.0), (0.2, 1.0), (1.0, 1.0)),
@@ -33,4 +45,16 @@ EFFECT = Effect(
     experiments=("closed_valve_push", "hold"),
     doc="Leakage to the room: through a gap proportional to gauge pressure, through a hole to its root.",
     source="ideal gas at constant temperature through a laminar gap or an orifice, Beater, Pneumatic Drives, 2007",
+    constitution=Constitution(
+        acts_on="rate of the pressure",
+        sign="towards the pressure of the room",
+        passive=True,
+        monotone="rises with the pressure and is 0 at that of the room",
+        over=("pressure",),
+        coefficients=("leak.with_pressure",),
+        quantity="the loss",
+        unit="pa_per_s",
+        curve=curve,
+        source="flow from high to low pressure only; Beater, Pneumatic Drives, 2007, ch. 2",
+    ),
 )

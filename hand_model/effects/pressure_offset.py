@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
@@ -32,4 +33,11 @@ EFFECT = Effect(
     experiments=("staircase", "hold"),
     doc="Zero error of a piezoresistive sensor.",
     source="IEC 61298-2, zero error",
+    constitution=Constitution(
+        acts_on="reading of the pressure",
+        sign="either",
+        monotone="constant",
+        over=(),
+        source="ratiometric sensor, Martin et al. 2004",
+    ),
 )

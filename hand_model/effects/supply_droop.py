@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import INFLOW, Effect
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
@@ -10,19 +11,28 @@ from hand_model.kernel.plant_rows import Parameter
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
     """Share of a change of the sag that happens within a step, and the ratio per set-point [1/Pa]."""
-    tau, ratio, supply = q[2], q[4], q[5]
-    return h / (tau + 0.5 * h), ratio / supply
+    tau, ratio, recovery, supply = q[2], q[4], q[6], q[7]
+    return h / (tau + 0.5 * h), ratio / supply, h / (tau * recovery + 0.5 * h), 1.0 / supply
 
 
 @inline
 def set_point(q, m, u, p, e, h):  # type: ignore[no-untyped-def]
-    """No valve delivers more than the supply has; a regulator passes a part of the sag on, a throttle its ratio."""
-    deficit, resistance, share, supply, approach, ratio_per_pa = q[0], q[1], q[3], q[5], q[6], q[7]
+    """No valve delivers more than the supply has; a regulator passes a part of the sag on, a throttle its ratio.
+
+    By the law the resistance grows with the flow, and the reservoir recovers at another rate than it sags.
+    """
+    deficit, resistance, share, supply, approach, ratio_per_pa = q[0], q[1], q[3], q[7], q[8], q[9]
     (before,) = m
-    growth = (resistance * e[INFLOW] - before) * approach
+    change = resistance * e[INFLOW] * (1.0 + q[5] * (e[INFLOW] * q[11])) - before
+    growth = max(change, 0.0) * approach + min(change, 0.0) * q[10]
     sag = before + 0.5 * growth  # in the middle of the step, for which the set-point holds
     passed = (share + ratio_per_pa * u) * sag
     return max(min(u - passed, supply - deficit - sag), 0.0), (before + growth,)
+
+
+def curve(q, x, y):  # type: ignore[no-untyped-def]
+    """Sag [Pa] at the lasting inflow x [Pa/s] of the hand."""
+    return float(q[0] + q[1] * x * (1.0 + q[5] * x * q[11]))
 
 
 EFFECT = Effect(
@@ -34,9 +44,15 @@ EFFECT = Effect(
         Parameter("supply_droop.time_constant_s", 5e-3, 5.0, "in which the supply sags and recovers", 1.0, 0.1),
         Parameter("supply_droop.share", 0.0, 1.0, "of the sag that the pressure valves pass on", 1.0, 0.0, 0.3),
         Parameter("supply_droop.ratio", 0.0, 2.0, "of set-point over supply that they pass on, too", 1.0, 0.0, 0.3),
+        Parameter(
+            "supply_droop.turbulent", 0.0, 10.0, "law: growth at a supply pressure a second", 1.0, 0.0, 0.5, law=True
+        ),
+        Parameter(
+            "supply_droop.recovery_ratio", 0.1, 10.0, "law: time of recovery over that of sag", 1.0, 1.0, 0.5, law=True
+        ),
     ),
     reads=("supply.pressure_pa",),
-    prepared=("approach", "ratio_per_pa"),
+    prepared=("approach", "ratio_per_pa", "recovering", "per_supply"),
     memory=("sag",),
     hooks={"prepare": prepare, "set_point": set_point},
     keys=(
@@ -61,4 +77,18 @@ EFFECT = Effect(
     doc="Supply pressure falls with the flow drawn; no set-point above it is reached.",
     source="resistance and capacity of a supply line, Beater, Pneumatic Drives, 2007",
     meets_others=True,
+    constitution=Constitution(
+        acts_on="supply pressure of all valves",
+        sign="below the nominal supply",
+        passive=True,
+        monotone="the sag rises with the flow drawn, at least in proportion",
+        memory="one reservoir",
+        over=("inflow",),
+        coefficients=("supply_droop.turbulent", "supply_droop.recovery_ratio"),
+        quantity="the sag of the supply",
+        unit="pa",
+        curve=curve,
+        source="Darcy-Weisbach, White, Fluid Mechanics, 2016, ch. 6: losses of a line rise at least in proportion to"
+        " the flow; one capacity",
+    ),
 )

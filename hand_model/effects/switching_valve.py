@@ -5,6 +5,7 @@ A search does not try it. The description chooses it with `valve_kind: switching
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import ANGLE, ATMOSPHERE_PA, SPEED, Effect
 from hand_model.kernel.inline import inline, inlined
 from hand_model.kernel.plant_rows import Parameter
@@ -74,4 +75,13 @@ EFFECT = Effect(
     says="two switching valves and a pressure loop stand in place of an analog pressure valve",
     doc="Pulse-width modulated fill and vent valves; the loop knows their flow.",
     source="ISO 6358-1:2013, flow characteristics of pneumatic components",
+    constitution=Constitution(
+        acts_on="pressure behind the valves",
+        sign="towards the set-point",
+        passive=True,
+        monotone="flow does not fall with the pressure ratio",
+        memory="the pulse of the period",
+        over=("pressure", "direction"),
+        source="ISO 6358-1:2013",
+    ),
 )

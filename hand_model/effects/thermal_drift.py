@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
@@ -11,13 +14,13 @@ from hand_model.kernel.plant_rows import Parameter
 def prepare(q, h):  # type: ignore[no-untyped-def]
     """Share of the remaining warming that happens within a step; midpoint rule."""
     tau = q[2]
-    return (h / (tau + 0.5 * h),)
+    return h / (tau + 0.5 * h), 1.0 / h
 
 
 @inline
 def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     """A rest torque and a loss of elasticity in proportion to the warmth."""
-    shift, softening, a1 = q[0], q[1], q[3]
+    shift, softening, a1 = q[0], q[1], q[4]
     (warmth,) = m
     elastic = softening * warmth * a1
     return shift * warmth - elastic * (phi - creep_angle), elastic
@@ -25,9 +28,15 @@ def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
 
 @inline
 def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
-    """Warmth goes from 0 to 1 as a first-order lag."""
+    """Warmth goes from 0 to 1 as a first-order lag; by the law it follows the mean speed over 1 rad/s in part."""
     (warmth,) = m
-    return (warmth + (1.0 - warmth) * q[4],)
+    heated = 1.0 + q[3] * (abs(after - before) * q[6] - 1.0)
+    return (warmth + (heated - warmth) * q[5],)
+
+
+def curve(q, x, y):  # type: ignore[no-untyped-def]
+    """Torque gained [N m] after the time x [s] at the mean speed y [rad/s]."""
+    return float(q[0] * (1.0 + q[3] * (y - 1.0)) * -math.expm1(-x / q[2]))
 
 
 EFFECT = Effect(
@@ -37,9 +46,12 @@ EFFECT = Effect(
         Parameter("thermal_drift.torque_nm", -1.0, 1.0, "torque gained once warm", 1.0, 0.0, 0.01),
         Parameter("thermal_drift.softening", -1.0, 1.0, "share of the elasticity lost once warm", 1.0, 0.0, 0.1),
         Parameter("thermal_drift.time_constant_s", 5.0, 1e4, "of the warming", 1.0, 100.0),
+        Parameter(
+            "thermal_drift.by_use", 0.0, 1.0, "law: share of the heat that motion gives", 1.0, 0.0, 0.3, law=True
+        ),
     ),
     reads=("statics.a1_nm_per_rad",),
-    prepared=("approach",),
+    prepared=("approach", "per_h"),
     memory=("warmth",),
     hooks={"prepare": prepare, "torque": torque, "moved": moved},
     keys=("thermal_drift.torque_nm", "thermal_drift.softening", "thermal_drift.time_constant_s"),
@@ -51,4 +63,16 @@ EFFECT = Effect(
     experiments=("hold", "staircase"),
     doc="First-order warming that shifts the static map.",
     source="lumped thermal model of one capacity",
+    constitution=Constitution(
+        acts_on="rest torque and elasticity",
+        sign="either",
+        monotone="in proportion to the warmth, which follows the heat without overshoot",
+        memory="the warmth",
+        over=("time", "speed"),
+        coefficients=("thermal_drift.by_use",),
+        quantity="the torque gained by warming",
+        unit="nm",
+        curve=curve,
+        source="heat balance of one capacity, Incropera and DeWitt, Fundamentals of Heat Transfer, 2002, ch. 5",
+    ),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
@@ -21,12 +22,19 @@ def valve_error(q, error):  # type: ignore[no-untyped-def]
     """The valve reacts to the part of the error beyond the dead band, with a sharp edge or a gradual one.
 
     A gradual edge opens with the square of the error up to twice the width, as a rounded notch of a spool does.
+    The law leaves a share of the slope within the band, which is the leakage of the closed edge.
     """
-    width, soft, per_width = q
+    width, soft, left, per_width = q
     sharp = min(max(error, -width), width)
     x = min(max(error * per_width, -2.0), 2.0)
     gradual = width * x * (1.0 - 0.25 * abs(x))
-    return error - sharp - soft * (gradual - sharp)
+    closed = 1.0 - left
+    return error - closed * sharp - closed * soft * (gradual - sharp)
+
+
+def curve(q, x, y):  # type: ignore[no-untyped-def]
+    """Part of the pressure error x [Pa] to which the valve reacts [Pa]."""
+    return float(valve_error(q, x))
 
 
 EFFECT = Effect(
@@ -35,6 +43,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("valve_deadband.width_pa", 0.0, 2e5, "error that opens nothing", 1.0, 0.0, 5e3),
         Parameter("valve_deadband.softness", 0.0, 1.0, "0 a sharp edge, 1 a gradual opening", 1.0, 0.0, 0.17),
+        Parameter("valve_deadband.slope_left", 0.0, 1.0, "law: share of the slope within", 1.0, 0.0, 0.1, law=True),
     ),
     prepared=("per_width",),
     hooks={"prepare": prepare, "valve_error": valve_error},
@@ -45,4 +54,15 @@ EFFECT = Effect(
     experiments=("slow_triangle", "staircase"),
     doc="Overlap of a spool or a regulator's tolerance: little or no flow while the error is small.",
     source="ISO 6358 valves with overlap, Beater, Pneumatic Drives, 2007",
+    constitution=Constitution(
+        acts_on="error to which the valve reacts",
+        sign="that of the error, and never more than it",
+        monotone="rises with the error, with a slope of at most 1",
+        over=("pressure error",),
+        coefficients=("valve_deadband.slope_left",),
+        quantity="the error to which the valve reacts",
+        unit="pa",
+        curve=curve,
+        source="sector condition of a memoryless nonlinearity, Khalil, Nonlinear Systems, 2002, sec. 6.1",
+    ),
 )

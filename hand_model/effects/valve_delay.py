@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 
 EFFECT = Effect(
@@ -13,4 +14,12 @@ EFFECT = Effect(
     experiments=("steps", "multisine"),
     doc="Dead time between a set-point and the first change of pressure.",
     source="Martin et al. 2004, Sec. 3.3",
+    constitution=Constitution(
+        acts_on="set-point that reaches the valve",
+        sign="late",
+        monotone="a shift in time",
+        memory="the set-points of the dead time",
+        over=("time",),
+        source="pure transport delay, Ljung, System Identification, 1999",
+    ),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import ATMOSPHERE_PA, Effect, Times
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
@@ -14,27 +15,55 @@ _PER_SPAN = 1.0 / (1.0 - CRITICAL)
 
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
-    """Reciprocal of the absolute supply pressure."""
-    return (1.0 / (q[1] + ATMOSPHERE_PA),)
+    """Reciprocals of the supply pressure, absolute and gauge, and of the law's values at the full difference."""
+    _, fill_1, fill_2, fill_3, vent_1, vent_2, vent_3, supply, _, _ = q
+    per_fill, per_vent = 1.0 / (1.0 + fill_1 + fill_2 + fill_3), 1.0 / (1.0 + vent_1 + vent_2 + vent_3)
+    return 1.0 / (supply + ATMOSPHERE_PA), 1.0 / supply, per_fill, per_vent
 
 
 @inline
 def flow_limit(q, limit, p, fills):  # type: ignore[no-untyped-def]
-    """The limit follows the pressures on both sides of the valve."""
-    choking, per_full = q[0], q[2]
+    """The limit follows the pressures on both sides of the valve.
+
+    By the law it also grows with the difference that drives the flow, by increments for each third of the supply
+    pressure that cannot be negative; at the full difference it is the textbook limit.
+    """
+    choking, per_full = q[0], q[10]
     here = p + ATMOSPHERE_PA
     ratio = here * per_full if fills else ATMOSPHERE_PA / max(here, 1.0)
     upstream = 1.0 if fills else here * per_full  # over the absolute supply pressure
     choked = subsonic(ratio, CRITICAL, _PER_SPAN) * upstream
-    return limit * (1.0 - choking + choking * choked)
+    share = min(max(p * q[11], 0.0), 1.0)
+    filling = 1.0 if fills else 0.0  # selected values would be conditional reads, which are not vectorised
+    driving = 3.0 * (filling + share - 2.0 * filling * share)
+    a, b = q[4] + filling * (q[1] - q[4]), q[5] + filling * (q[2] - q[5])
+    c, per_all = q[6] + filling * (q[3] - q[6]), q[13] + filling * (q[12] - q[13])
+    grown = 1.0 + a * min(driving, 1.0) + b * min(max(driving - 1.0, 0.0), 1.0) + c * max(driving - 2.0, 0.0)
+    return limit * (1.0 - choking + choking * choked) * (grown * per_all)
 
 
+def curve(q, x, y):  # type: ignore[no-untyped-def]
+    """Limit [Pa/s] at the pressure x [Pa] of filling where y is 0, and of venting elsewhere."""
+    return float(flow_limit(q, q[8] if y == 0.0 else q[9], x, y == 0.0))
+
+
+_GROWTHS = tuple(
+    Parameter(
+        f"valve_flow_limit.{side}_{k}", 0.0, 100.0, f"law: growth over third {k} of the difference", 1.0, 0.0,
+        0.5, law=True,
+    )
+    for side in ("fill", "vent")
+    for k in (1, 2, 3)
+)  # fmt: skip
 EFFECT = Effect(
     name="valve_flow_limit",
     place="valve",
-    parameters=(Parameter("valve_flow_limit.choking", 0.0, 1.0, "0 a constant limit, 1 a choked one", 1.0, 0.0, 0.17),),
-    reads=("supply.pressure_pa",),
-    prepared=("per_full",),
+    parameters=(
+        Parameter("valve_flow_limit.choking", 0.0, 1.0, "0 a constant limit, 1 a choked one", 1.0, 0.0, 0.17),
+        *_GROWTHS,
+    ),
+    reads=("supply.pressure_pa", "valve.fill_rate_pa_per_s", "valve.vent_rate_pa_per_s"),
+    prepared=("per_full", "per_supply", "per_fill", "per_vent"),
     hooks={"prepare": prepare, "flow_limit": flow_limit},
     keys=("valve.fill_rate_pa_per_s", "valve.vent_rate_pa_per_s", "valve_flow_limit.choking"),
     probes=(
@@ -51,4 +80,16 @@ EFFECT = Effect(
     experiments=("steps", "chirp"),
     doc="Sonic conductance bounds the flow; filling from the supply and venting to the room differ.",
     source="ISO 6358-1:2013, flow characteristics of pneumatic components",
+    constitution=Constitution(
+        acts_on="rate of the pressure through the valve",
+        sign="bounds the rate on either side, towards the set-point only",
+        passive=True,
+        monotone="does not fall while the pressure difference that drives the flow grows",
+        over=("pressure", "direction"),
+        coefficients=tuple(parameter.key for parameter in _GROWTHS),
+        quantity="the limit of filling, then of venting,",
+        unit="pa_per_s",
+        curve=curve,
+        source="ISO 6358-1:2013: flow does not fall with the ratio of the pressures",
+    ),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
@@ -47,4 +48,13 @@ EFFECT = Effect(
     doc="Magnetic or frictional hysteresis of a proportional pressure valve on its set-point.",
     source="play operator, Visintin, Differential Models of Hysteresis, 1994; rounded as Dahl, Aerospace Corp."
     " TOR-158, 1968",
+    constitution=Constitution(
+        acts_on="set-point that reaches the valve",
+        sign="behind the motion of the set-point",
+        passive=True,
+        monotone="does not go back while the set-point goes on",
+        memory="one state that changes with the set-point only",
+        over=("set-point",),
+        source="Visintin, Differential Models of Hysteresis, 1994, ch. III: play operator",
+    ),
 )

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import cmath
+
+from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect, Times
 from hand_model.effects.operators import lag_constants
 from hand_model.kernel.inline import inline
@@ -11,25 +14,40 @@ from hand_model.kernel.plant_rows import Parameter
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
     """Constants of the lag, and the reciprocal of the ratio while venting."""
-    tau, venting = q
+    tau, venting, _, _ = q
     kept, slowness = lag_constants(tau, h)
     return kept, slowness, 1.0 / venting
 
 
 @inline
 def set_point(q, m, u, p, e, h):  # type: ignore[no-untyped-def]
-    """First-order lag ahead of the valve's own: its mean over the step, in which u is constant."""
-    kept, slowness = q[2], q[3]
-    (lagged,) = m
-    behind = lagged - u
+    """First-order lag ahead of the valve's own: its mean over the step, in which u is constant.
+
+    The law feeds the error of the pressure back into the lag with the gain k. With the valve's own lag this is
+    tau T p'' + (tau + T) p' + (1 + k) p = (1 + k) u: a complex pair of poles where k is large, stable for every k >= 0,
+    without an error at rest. The pressure is that of the middle of the step, as far as the last one tells.
+    """
+    resonance, kept, slowness = q[2], q[4], q[5]
+    lagged, last = m
+    toward = u + resonance * (u - p - 0.5 * (p - last))
+    behind = lagged - toward
     remaining = behind * kept
-    return u + (behind - remaining) * slowness, (u + remaining,)
+    return toward + (behind - remaining) * slowness, (toward + remaining, p)
 
 
 @inline
 def valve_error(q, error):  # type: ignore[no-untyped-def]
     """Venting has a time constant of its own."""
-    return error if error > 0.0 else error * q[4]
+    return error if error > 0.0 else error * q[6]
+
+
+def curve(q, x, y):  # type: ignore[no-untyped-def]
+    """Share of a small step of the set-point that the pressure has made after the time x [s]."""
+    tau, gain, own = max(q[0], 1e-6), q[2], q[3]
+    mean, product = 0.5 * (1.0 / tau + 1.0 / own), (1.0 + gain) / (tau * own)
+    root = cmath.sqrt(mean * mean - product) + 1e-9
+    fast, slow = -mean - root, -mean + root
+    return float((1.0 + (slow * cmath.exp(fast * x) - fast * cmath.exp(slow * x)) / (fast - slow)).real)
 
 
 EFFECT = Effect(
@@ -38,9 +56,13 @@ EFFECT = Effect(
     parameters=(
         Parameter("valve_lag.time_constant_s", 0.0, 1.0, "second lag of the valve", 1.0, 0.0, 0.03),
         Parameter("valve_lag.venting_ratio", 0.2, 5.0, "time constant while venting over that while filling", 1.0, 1.0),
+        Parameter(
+            "valve_lag.resonance", 0.0, 50.0, "law: feedback of the pressure into the lag", 1.0, 0.0, 1.0, law=True
+        ),
     ),
+    reads=("valve.time_constant_s",),
     prepared=("kept", "slowness", "per_venting"),
-    memory={"lagged": "pressure"},
+    memory={"lagged": "pressure", "last": "pressure"},
     hooks={"prepare": prepare, "set_point": set_point, "valve_error": valve_error},
     keys=("valve_lag.time_constant_s", "valve.time_constant_s", "valve_lag.venting_ratio"),
     probes=((0.02, Times(1.0), 1.0), (0.08, Times(1.0), 1.0), (0.0, Times(1.6), 1.0), (0.0, Times(0.5), 1.0)),
@@ -50,4 +72,16 @@ EFFECT = Effect(
     experiments=("steps", "multisine"),
     doc="A valve of second order, or of another time constant than the nominal one, or one while venting.",
     source="Eq. 8's separately identified valve, Martin et al. 2004",
+    constitution=Constitution(
+        acts_on="pressure behind the valve",
+        sign="follows the set-point, without an error at rest",
+        monotone="linear; all poles are stable",
+        memory="one or two poles, real or a complex pair",
+        over=("time", "direction"),
+        coefficients=("valve_lag.resonance",),
+        quantity="the share of a step that the pressure has made",
+        curve=curve,
+        source="Routh's criterion for a polynomial of second order with positive coefficients; Ljung, System"
+        " Identification, 1999, process models",
+    ),
 )

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from hand_model.arrays import Array
 from hand_model.effects.effect import Effect
 from hand_model.kernel.compiled import specialise, stack_doubles
-from hand_model.kernel.hooks import Hooks, active_effects, compose, equations_key
+from hand_model.kernel.hooks import Hooks, active_effects, compose, equations_key, has_laws
 from hand_model.kernel.inline import FAST, inline
 from hand_model.kernel.lanes import HALF, LANES, idle_parameters, map_hands, neighbour_lanes
 from hand_model.kernel.layout import (
@@ -204,11 +204,14 @@ def _parallel(key: str) -> Callable[..., Any]:
 
 
 @cache
-def loops(effects: tuple[Effect, ...]) -> Loops:
-    """The loops for a set of effects in the order of the catalogue; the empty set is the plain plant."""
-    hooks = compose(effects)
+def loops(effects: tuple[Effect, ...], laws: bool = False) -> Loops:
+    """The loops for a set of effects in the order of the catalogue; the empty set is the plain plant.
+
+    laws: whether they read the coefficients of learned laws.
+    """
+    hooks = compose(effects, laws)
     meets_others = any(effect.meets_others for effect in effects)
-    key = equations_key("closed", *(effect.name for effect in effects))
+    key = equations_key("closed with laws" if laws else "closed", *(effect.name for effect in effects))
     names = {
         **_stages(hooks, meets_others),
         "meets_others": meets_others,
@@ -256,7 +259,7 @@ class ClosedLoop:
         self._check_dead_time(parameters, period_s)
         chosen = active_effects(parameters.transpose(1, 0, 2)) if effects is None else effects
         self._hands, _, self._joints = parameters.shape
-        self._loops = loops(chosen)
+        self._loops = loops(chosen, has_laws(parameters.transpose(0, 2, 1)))
         apart = any(effect.meets_others for effect in chosen)
         self._map = map_hands(partner, self._hands, apart=apart)
         self._steps = steps_per_sample(period_s, step_s)
@@ -294,7 +297,8 @@ class ClosedLoop:
     def change(self, key: str, values: Array) -> None:
         """Give one parameter other values (hands, joints) in SI from now on.
 
-        Its effect must be one of those compiled in. The dead time cannot be changed.
+        Its effect must be one of those compiled in. The dead time cannot be changed, and a coefficient of a learned law
+        only where one differs from its neutral value at the start.
         """
         self._work[self._map.block, ROW[key], self._map.lane] = values.ravel()
         prepare_rows(self._work, self._h)

@@ -7,6 +7,9 @@ of rows.py, i the lane; the remaining arguments are those of effects/effect.py.
 Effects that share a signal act in the order of the catalogue; pressure_true inverts the readings in the opposite order.
 A sensor with memory gets the reading of the effects before it.
 
+Coefficients of learned laws are read where a loop is compiled with laws. Elsewhere they are constants at their neutral
+values, which the compiler removes together with the terms that they multiply.
+
 A loop that calls these functions and is cached by numba must look them up among its globals and not in a closure, and
 must have `equations_key` in its closure: numba's cache does not see changes of functions that a loop calls.
 """
@@ -97,17 +100,25 @@ def _cells(rows: Iterable[int]) -> str:
 
 
 class _Writer:
-    """Source of composed functions and the equations that they call."""
+    """Source of composed functions and the equations that they call. laws: whether law coefficients are read."""
 
-    def __init__(self) -> None:
+    def __init__(self, laws: bool) -> None:
         self.equations: dict[str, Any] = {}
-        self.lines: list[str] = []
+        self.laws = laws
+
+    def _parameters(self, effect: Effect, prepared: bool) -> str:
+        """Source of q."""
+        cells = [f"w[{row}, i]" for row in effect_rows(effect, prepared=prepared)]
+        if not self.laws:
+            fixed = {place: own.neutral_si for place, own in enumerate(effect.parameters) if own.law}
+            cells = [repr(fixed[place]) if place in fixed else cell for place, cell in enumerate(cells)]
+        return f"({''.join(f'{cell}, ' for cell in cells)})"
 
     def call(self, effect: Effect, hook: str) -> str:
         """Source that calls an effect's equation with its parameters, memory and the arguments of the hook."""
         name = f"{effect.name}_{hook}"
         self.equations[name] = effect.hooks[hook]
-        arguments = [_cells(effect_rows(effect, prepared=hook != "prepare"))]
+        arguments = [self._parameters(effect, prepared=hook != "prepare")]
         names = hook_arguments(hook, bool(effect.memory))[1:]
         arguments += [_cells(memory_rows(effect)) if argument == "m" else argument for argument in names]
         return f"{name}({', '.join(arguments)})"
@@ -196,9 +207,10 @@ def _bodies(writer: _Writer, effects: tuple[Effect, ...]) -> dict[str, list[str]
 
 
 @cache
-def compose(effects: tuple[Effect, ...]) -> Hooks:
+def compose(effects: tuple[Effect, ...], laws: bool = True) -> Hooks:
     """Hooks of a set of effects, whose order is that of the catalogue.
 
+    laws: whether the coefficients of learned laws are read; where they are not, only the textbook forms remain.
     Raises ValueError for a second effect that replaces the valve, or an effect that is not part of the catalogue.
     """
     for effect in effects:
@@ -206,7 +218,9 @@ def compose(effects: tuple[Effect, ...]) -> Hooks:
             raise ValueError(f"effect {effect.name} is not part of the catalogue")
     if list(effects) != [effect for effect in CATALOGUE if effect in effects]:
         raise ValueError("the effects of a set must be different and in the order of the catalogue")
-    writer = _Writer()
+    if not laws:
+        effects = tuple(effect for effect in effects if not all(own.law for own in effect.parameters))
+    writer = _Writer(laws)
     bodies = _bodies(writer, effects)
     arguments: dict[str, tuple[str, ...] | None] = {"valve_replaced": ()}
     used = {hook for effect in effects for hook in effect.hooks}
@@ -264,6 +278,15 @@ def active_effects(parameters: NDArray[np.float64]) -> tuple[Effect, ...]:
         for effect in CATALOGUE
         if any(np.any(parameters[ROW[own.key]] != own.neutral_si) for own in effect.parameters)
     )
+
+
+_LAW_ROWS = [ROW[own.key] for effect in CATALOGUE for own in effect.parameters if own.law]
+_LAW_NEUTRAL = np.array([own.neutral_si for effect in CATALOGUE for own in effect.parameters if own.law])
+
+
+def has_laws(parameters: NDArray[np.float64]) -> bool:
+    """Whether any coefficient of a learned law differs from its neutral value; (..., rows of JOINT_PARAMETERS), SI."""
+    return bool(np.any(parameters[..., _LAW_ROWS] != _LAW_NEUTRAL))
 
 
 @cache

@@ -23,7 +23,7 @@ from hand_model.arrays import Array
 from hand_model.effects import CATALOGUE
 from hand_model.effects.effect import ACCELERATION, ANGLE, PARTNER, SPEED, Effect
 from hand_model.kernel.compiled import specialise, stack_doubles
-from hand_model.kernel.hooks import Hooks, compose, equations_key
+from hand_model.kernel.hooks import Hooks, compose, equations_key, has_laws
 from hand_model.kernel.inline import FAST, inline
 from hand_model.kernel.layout import (
     ACTUATOR,
@@ -263,10 +263,11 @@ _LANES = "(f8[:,:,::1], f8[::1], f8[::1], f8[:,::1], f8, i8, f8, b1, f8, f8[:,:,
 
 
 @cache
-def compile_loop(effects: tuple[Effect, ...]) -> Any:
-    """The compiled open loop for a set of effects in the order of the catalogue."""
-    key = equations_key("open", *(effect.name for effect in effects))
-    block = njit(cache=True, fastmath=FAST, error_model="numpy")(specialise(_loop(key), _stages(compose(effects))))
+def compile_loop(effects: tuple[Effect, ...], laws: bool = False) -> Any:
+    """The compiled open loop for a set of effects in the order of the catalogue, with or without learned laws."""
+    key = equations_key("open with laws" if laws else "open", *(effect.name for effect in effects))
+    stages = _stages(compose(effects, laws))
+    block = njit(cache=True, fastmath=FAST, error_model="numpy")(specialise(_loop(key), stages))
     block.compile(_BLOCK)
     lanes = njit(cache=True, parallel=True)(specialise(_blocks(key), {"block_loop": block}))
     lanes.compile(_LANES)
@@ -305,5 +306,5 @@ def open_loop(
     out[:, 0, 0], out[:, 1, 0], out[:, 2, 0] = w[:, X + P], w[:, X + PHI], 0.0
     measured = (inputs.set_point_pa, inputs.pressure_pa, inputs.surroundings)
     u, p, e = (np.ascontiguousarray(signal, dtype=np.float64) for signal in measured)
-    compile_loop(effects)(work, u, p, e, inputs.period_s, steps, lever_m, driven, inputs.late_s, out)
+    compile_loop(effects, has_laws(columns))(work, u, p, e, inputs.period_s, steps, lever_m, driven, inputs.late_s, out)
     return out[:count]

@@ -23,6 +23,7 @@ class Parameter:
     neutral: the value, in the unit of the file, that switches the effect off where the parameter belongs to an
     optional effect; it is also the default of a file that omits the group.  None: the file must give the value.
     typical: common size of the effect, in the unit of the file; a search uses it as prior scale and first trial.
+    law: whether it is a coefficient of a learned law; its neutral value leaves the textbook form.
     """
 
     key: str
@@ -32,6 +33,7 @@ class Parameter:
     scale: float = 1.0
     neutral: float | None = None
     typical: float = 0.0
+    law: bool = False
 
     @property
     def neutral_si(self) -> float:
