@@ -44,6 +44,14 @@ PLAIN = {
     "statics.a1_nm_per_rad": -0.05,
     "statics.a2_nm_per_pa": 4e-7,
     "statics.a3_nm_per_pa_rad": -1e-7,
+    "valve.time_constant_s": 0.02,
+    "dynamics.viscous_friction_nm_s_per_rad": 2e-3,
+    "end_stop.low_deg": -0.2,
+    "end_stop.high_deg": 1.7,
+    "material.phi_max_deg": 0.5,
+    "material.p_min_pa": 5e4,
+    "material.b1_per_pa": 1.8e-6,
+    "material.extension_time_s": 25.0,
 }
 """Numbers of the plain plant that equations read, SI."""
 A1, A2, A3 = -0.05, 4e-7, -1e-7
@@ -176,7 +184,7 @@ def valve_lag(_: Any) -> None:
     """Broken by a wrong time constant or mean of the lag, or a venting ratio that acts on filling."""
     tau, step_pa = 0.03, 1e5
     q = numbers("valve_lag", time_constant_s=tau, venting_ratio=2.0)
-    m: tuple[float, ...] = (2e5,)
+    m = memory(EFFECTS["valve_lag"], p=2e5)
     for step in range(100):
         mean, m = call("valve_lag", "set_point", q, m, 2e5 + step_pa, 0.0, REST, H)
         begin, end = np.exp(-step * H / tau), np.exp(-(step + 1) * H / tau)
