@@ -128,8 +128,17 @@ def speed_free_parameters(speeds: Sequence[float]) -> list[FreeParameter]:
 
 def effect_free_parameters(effect: Effect, nominal: Array) -> list[FreeParameter]:
     """Free parameters of an effect's own parameters and of the nominal numbers (rows,) that it sets free."""
+    return _free_parameters(effect, effect.keys, nominal)
+
+
+def law_free_parameters(effect: Effect, nominal: Array) -> list[FreeParameter]:
+    """Free parameters of what a learned law sets free; their prior is centred on the textbook form (rows,)."""
+    return _free_parameters(effect, effect.coefficients, nominal)
+
+
+def _free_parameters(effect: Effect, keys: Sequence[str], nominal: Array) -> list[FreeParameter]:
     free = []
-    for key in effect.keys:
+    for key in keys:
         row = ROW[key]
         bound = JOINT_PARAMETERS[row]
         low, high = bound.low * bound.scale, bound.high * bound.scale

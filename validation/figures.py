@@ -79,6 +79,7 @@ PARTS: dict[str, Part] = {
     "make proof DATA=folder # machines": Part("reality", _trial(document.reality_table)),
     "make proof DATA=folder # seal": Part("reality", tables.machine_sentence),
     "python -m hand_model.tables # catalogue": Part("", _code("hand_model.effects", "markdown_table")),
+    "python -m hand_model.tables # classes": Part("", _code("hand_model.effects", "class_table")),
     "python -m hand_model.tables # parameters": Part("", _code("hand_model.kernel.rows", "markdown_table")),
     "python -m validation.figures # settings": Part("", _code("hand_diagnosis.settings", "markdown_table")),
     "hand reproduce --out out/paper": Part("paper", tables.paper_table),

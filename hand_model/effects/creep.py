@@ -36,7 +36,7 @@ def actuator_pressure(q, m, p, h):  # type: ignore[no-untyped-def]
 
 @inline
 def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
-    """Elastic torque of the shifted rest angle, as Eq. 11: the sum of Eq. 10 beside the zones of Eq. 12."""
+    """Elastic torque of the shifted rest angle, as Eq. 11: the sum of Eq. 10, which is added to the zones of Eq. 12."""
     shift = q[0] * m[0] + q[1] * m[1] + q[2] * m[2] + q[3] * m[3] + q[4] * m[4] + q[5] * m[5]
     return -q[6] * shift * q[18], 0.0
 

@@ -215,7 +215,7 @@ class Effect:
                 raise self._error("key", key, sorted(known))
         for what, keys in (("spread", self.spread), ("expected", self.expected), ("shape", self.shape)):
             for key in keys:
-                if key not in self.keys:
+                if key not in (*self.keys, *self.coefficients):
                     raise self._error(f"key of {what}", key, self.keys)
         self._check_coefficients(known)
         for probe in self.probes:

@@ -47,6 +47,7 @@ EFFECT = Effect(
     hooks={"pressure_source": pressure_source},
     keys=("gas_compression.exponent",),
     probes=((1.0,), (0.3,)),
+    spread={"gas_compression.volume_m3": 1.0},
     says="motion compresses the gas (exponent {exponent}): the pressure rises when the joint is pushed open",
     experiments=("closed_valve_push", "steps"),
     doc="A change of angle changes the chamber volume; the valve needs time to restore the pressure.",

@@ -25,7 +25,7 @@ def set_point(q, m, u, p, e, h):  # type: ignore[no-untyped-def]
 
     The law feeds the error of the pressure back into the lag with the gain k. With the valve's own lag this is
     tau T p'' + (tau + T) p' + (1 + k) p = (1 + k) u: a complex pair of poles where k is large, stable for every k >= 0,
-    without an error at rest. The pressure is that of the middle of the step, as far as the last one tells.
+    without an error at rest. The pressure in the middle of the step is extrapolated from the last one.
     """
     resonance, kept, slowness = q[2], q[4], q[5]
     lagged, last = m

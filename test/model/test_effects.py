@@ -384,9 +384,9 @@ def ageing(_: Any) -> None:
         aged = A1 * (1.0 + 0.2 * hours) * (phi - creep) + (A2 + A3 * phi) * (1.0 - 0.1 * hours) * p
         fresh = A1 * (phi - creep) + (A2 + A3 * phi) * p
         surroundings = around(time=3600.0 * hours)
-        added, _ = torque("ageing", q, phi, p=p, creep_angle=creep, e=surroundings)
+        added, _ = torque("ageing", q, phi, (0.0,), p=p, creep_angle=creep, e=surroundings)
         assert added == approx(aged - fresh, abs=1e-15)
-        assert_stiffness("ageing", q, p=p, creep_angle=creep, e=surroundings)
+        assert_stiffness("ageing", q, (0.0,), p=p, creep_angle=creep, e=surroundings)
 
 
 def thermal_drift(_: Any) -> None:

@@ -33,6 +33,10 @@ def test_names_end_in_their_unit() -> None:
     units += ("_m3", "_n", "_s_pa", "_per_s", "_per_h", "_rad2", "_rad3", "_pa2")
     shares: tuple[str, ...] = (".share", ".error", ".exponent", ".softening", ".choking", ".ratio", "_ratio")
     shares += (".second", ".softness", ".turbulent", ".sharpness")  # of nothing but numbers
+    shares += (".resonance", ".slope_left", ".with_pressure", ".denser", ".knee", ".early", ".later", ".by_use")
+    shares += (".inner_share", ".inner_gap", *(f".{side}_{third}" for side in ("fill", "vent") for third in (1, 2, 3)))
+    shares += (".unload_2", ".unload_4", ".knee_4", ".knee_8")
+    units += ("_per_rad",)
     for parameter in JOINT_PARAMETERS:
         assert parameter.key.endswith(units + shares), parameter.key
         assert parameter.low < parameter.high
