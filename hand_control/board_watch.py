@@ -36,6 +36,11 @@ class BoardWatch:
         """Take a report: status bits, protocol version, and the latched fault of the driver, empty for none."""
         self._received_ns, self._status, self._protocol, self.fault = host_ns, status, protocol, fault
 
+    @property
+    def vented(self) -> bool:
+        """Whether the newest report says that the board holds the hand vented; False before the first one."""
+        return bool(self._status & VENTED)
+
     def start(self, host_ns: int) -> None:
         """The hand is driven from now on: earlier silence does not count."""
         self._vented_ns = None

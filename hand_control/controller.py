@@ -390,6 +390,8 @@ class Controller:
             self._shaper.step(target, speed, self.settings, dt)
         inputs = self._law.inputs
         inputs[U.limit], inputs[U.position], inputs[U.pressure] = self._torque.now, position, pressure
+        if self.board.vented:  # the driver, too, lets the pressure rise from here only, at the same rate
+            self._ramp.start(pressure)
         out = self._law.tick(inputs, dt, fresh and not self._starved and not self._settling and not self._ramp.active)
         self._ramp.limit(out[OUT.pressure], dt)
         if self._settling:

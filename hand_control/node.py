@@ -12,6 +12,7 @@ from hand_msgs.action import Grasp
 from hand_msgs.msg import BoardState, Contact, ContactForces, ControllerState, JointPressures, ValveCommand
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
+from rclpy.serialization import deserialize_message
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
@@ -24,7 +25,7 @@ from hand_control.declared import PARAMETERS, Settings
 from hand_control.grasps import Outcome, load_grasps
 from hand_control.inputs import JointInput
 from hand_control.supervisor import FREEZE_S, Phase
-from hand_messages.bounds import shown
+from hand_messages.bounds import check_bytes, shown
 from hand_messages.cdr import Layout
 from hand_messages.health import Health, Level
 from hand_messages.layouts import CONTACT_FORCES, CONTROLLER_STATE, JOINT_PRESSURES, JOINT_STATE, VALVE_COMMAND
@@ -104,7 +105,7 @@ class ControllerNode(HandNode):
             self.create_subscription(
                 JointTrajectory, "joint_trajectory", self._on_raw_trajectory, QUEUED_QOS, raw=True
             ),
-            self.create_subscription(BoardState, "board_state", self._on_board_state, STATE_QOS),
+            self.sole_source(BoardState, "board_state", self._on_board_state, STATE_QOS, self._on_publishers),
             self.create_subscription(Empty, "heartbeat", self._on_heartbeat, LIVE_QOS, raw=True),
         )
         services = (
@@ -190,7 +191,13 @@ class ControllerNode(HandNode):
             self._watch_grasp(tick)
         self._input_fault = ""
 
-    def _on_board_state(self, state: BoardState) -> None:
+    def _on_board_state(self, raw: bytes) -> None:
+        try:
+            check_bytes(len(raw))
+            state = deserialize_message(raw, BoardState)
+        except (ValueError, RuntimeError) as error:  # rclpy raises a RuntimeError for bytes that it cannot decode
+            self._input_problem(f"board_state: {error}")
+            return
         self._controller.board.state(state.status, state.protocol, state.fault, time.monotonic_ns())
         if self.active:
             self._on_watch()

@@ -52,7 +52,7 @@ class Guard:
         """Remember the set-points that were written at now_ns."""
         written = self._written
         written.append((now_ns, set_points))
-        while written[0][0] < now_ns - BEFORE_NS:
+        while len(written) > 1 and written[1][0] < now_ns - BEFORE_NS:  # what was in force BEFORE_NS ago stays
             written.popleft()
 
     def held(self, now_ns: int) -> SetPoints | None:

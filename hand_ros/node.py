@@ -5,6 +5,7 @@ This is the only module of hand_ros that imports rclpy.
 
 from __future__ import annotations
 
+import inspect
 import os
 import signal
 import socket
@@ -37,6 +38,7 @@ from hand_ros.memory import return_large_blocks, use_profiles
 from hand_ros.parameters import NodeParameter, ParameterError, check_all
 from hand_ros.processes import processes
 from hand_ros.publishers import Conflict, Publisher, SolePublishers
+from hand_ros.streams import Stream
 
 SENSOR_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Of subscriptions to sensor topics: an old sample is not sent again."""
@@ -55,6 +57,8 @@ LIVE_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Receives from every publisher, whatever its QoS, what it publishes from now on."""
 RETAINED_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Receives also what a transient-local publisher published before."""
+RELAY_S = 5.0
+"""Shortest time between two emergency stops that a node passes on."""
 STOP_SEARCH_S = 0.1
 """Period of the search for publishers that retain an emergency stop."""
 DEFAULT_NAMESPACE = "hand"
@@ -91,6 +95,7 @@ class HandNode(LifecycleNode):
         self.active = False
         self.configured = False
         self._sole = SolePublishers(processes)
+        self._streams: dict[str, Stream] = {}
         self.conflict = Conflict()
         self._counts: dict[str, int] = {}
         self._logged: dict[str, tuple[float, str]] = {}
@@ -286,8 +291,19 @@ class HandNode(LifecycleNode):
     ) -> Subscription:
         """A subscription of serialized messages to a topic of which only one publisher may exist.
 
-        changed: called with the number of publishers that came, before any message of theirs.
+        callback: called with the messages of the publisher that is followed, and with no other.
+        changed: called with the number of publishers that came, 0 for a message of one that DDS has not shown yet.
         """
+        stream = self._streams[topic] = Stream()
+
+        @_with_info
+        def received(raw: bytes, info: dict[str, Any]) -> None:
+            now_ns = time.monotonic_ns()
+            known = stream.disturbed(now_ns)
+            if stream.take(info["publication_sequence_number"], now_ns):
+                callback(raw)
+            elif not known:
+                changed(0)
 
         def matched(event: Any) -> None:
             self._counts[topic] = -1
@@ -295,7 +311,7 @@ class HandNode(LifecycleNode):
 
         events = SubscriptionEventCallbacks(matched=matched)
         self._counts[topic] = -1
-        return self.create_subscription(kind, topic, callback, qos, raw=True, event_callbacks=events)
+        return self.create_subscription(kind, topic, received, qos, raw=True, event_callbacks=events)
 
     def second_publishers(self) -> str:
         """Names every second publisher of such topics, one line; empty where there is none. Cheap to call often."""
@@ -304,7 +320,8 @@ class HandNode(LifecycleNode):
             if count != last or count > 1:
                 self._counts[topic] = count
                 self._sole.update(topic, self._publishers_of(topic))
-        return self._sole.line()
+        now_ns = time.monotonic_ns()
+        return self._sole.line([topic for topic, stream in self._streams.items() if stream.disturbed(now_ns)])
 
     def accepted_publisher(self, topic: str) -> bytes:
         """Identifier of the publisher of a topic that is not a second one; empty for none."""
@@ -324,9 +341,23 @@ class HandNode(LifecycleNode):
         ]
 
     def listen_to_stop(self, on_stop: Callable[[], None]) -> Callable[[], None]:
-        """Call on_stop for every message on `emergency_stop`, of any publisher; returns what ends it."""
+        """Call on_stop for every message on `emergency_stop`, of any publisher; returns what ends it.
+
+        The message is passed on, at most once in RELAY_S: one that is published once, by a process that ends at once,
+        may reach some of the nodes only.
+        """
         topic = "emergency_stop"
-        live = self.create_subscription(Empty, topic, lambda _: on_stop(), LIVE_QOS, raw=True)
+        relay = self.create_publisher(Empty, topic, 1)
+        passed_s = -RELAY_S
+
+        def stop(_raw: bytes) -> None:
+            nonlocal passed_s
+            on_stop()
+            if time.monotonic() - passed_s >= RELAY_S:
+                passed_s = time.monotonic()
+                relay.publish(Empty())
+
+        live = self.create_subscription(Empty, topic, stop, LIVE_QOS, raw=True)
         retained: list[Subscription] = []
 
         def follow() -> None:
@@ -336,9 +367,7 @@ class HandNode(LifecycleNode):
             if wanted and not retained:
                 quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
                 retained.append(
-                    self.create_subscription(
-                        Empty, topic, lambda _: on_stop(), RETAINED_QOS, raw=True, event_callbacks=quiet
-                    )
+                    self.create_subscription(Empty, topic, stop, RETAINED_QOS, raw=True, event_callbacks=quiet)
                 )
             elif retained and not wanted:
                 self.destroy_subscription(retained.pop())
@@ -347,6 +376,7 @@ class HandNode(LifecycleNode):
 
         def end() -> None:
             self.destroy_timer(timer)
+            self.destroy_publisher(relay)
             for subscription in (live, *retained):
                 self.destroy_subscription(subscription)
 
@@ -403,6 +433,16 @@ def _descriptor(parameter: NodeParameter) -> ParameterDescriptor:
                 FloatingPointRange(from_value=float(parameter.low), to_value=float(parameter.high), step=0.0)
             ]
     return descriptor
+
+
+def _with_info(callback: Callable[[bytes, dict[str, Any]], None]) -> Callable[..., None]:
+    """A callback of message and info for every executor: the events executor of Jazzy passes both as one tuple."""
+
+    def received(*given: Any) -> None:
+        callback(*(given[0] if len(given) == 1 else given))
+
+    received.__signature__ = inspect.signature(callback)  # type: ignore[attr-defined]  # by it rclpy knows what to pass
+    return received
 
 
 def default_config(name: str) -> str:

@@ -82,13 +82,19 @@ class SolePublishers:
         others = tuple(publisher for publisher in live if publisher.gid != accepted)
         self.rivals[topic] = others if topic in self._own or len(live) > 1 else ()
 
-    def line(self) -> str:
-        """Every second publisher with its topics and where it runs, one line; empty where there is none."""
+    def line(self, disturbed: Sequence[str] = ()) -> str:
+        """Every second publisher with its topics and where it runs, one line; empty where there is none.
+
+        disturbed: topics with messages of a second publisher, which DDS may not have shown yet.
+        """
         topics: dict[tuple[str, bytes], list[str]] = {}
         for topic, rivals in self.rivals.items():
             for rival in rivals:
                 topics.setdefault((rival.node, rival.gid[:12]), []).append(topic)
         parts = [f"{', '.join(names)} from {node} {self._place(node, gid)}" for (node, gid), names in topics.items()]
+        hidden = [topic for topic in disturbed if not self.rivals.get(topic)]
+        if hidden:
+            parts.append(f"{', '.join(hidden)} from a node that DDS has not shown yet")
         return f"second publisher: {'; '.join(parts)}; stop it" if parts else ""
 
     def _place(self, node: str, gid: bytes) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hand_control.arming_ramp import RAMP_PA_PER_S, ArmingRamp
+from hand_control.arming_ramp import END_S, RAMP_PA_PER_S, ArmingRamp
 from hand_control.board_watch import LOST_S, OVER_PRESSURE, VENTED, VENTED_S, BoardWatch
 from hand_control.controller import Controller, Times
 from hand_control.declared import Settings
@@ -108,12 +108,31 @@ def test_the_ramp_lets_lower_set_points_pass_and_ends() -> None:
     ramp.limit(command, 0.01)
     assert command == pytest.approx([1e5 + 0.01 * RAMP_PA_PER_S, 0.0])
     assert ramp.active
-    command = np.array([0.0, 0.0])
-    ramp.limit(command, 0.01)
-    assert command.tolist() == [0.0, 0.0] and not ramp.active
+    for _ in range(round(END_S / 0.01)):
+        assert ramp.active
+        command = np.array([0.0, 0.0])
+        ramp.limit(command, 0.01)
+        assert command.tolist() == [0.0, 0.0]
+    assert not ramp.active
     command = np.array([6e5, 6e5])
     ramp.limit(command, 0.01)
     assert command.tolist() == [6e5, 6e5]
+
+
+def test_while_the_board_is_vented_the_ramp_begins_again() -> None:
+    """Fails when pressure is asked for at once, or an integrator runs, although the driver lets it rise slowly."""
+    controller, _ = armed(0.0)
+    position, zero = np.full(COUNT, np.pi / 4), np.zeros(COUNT)
+    highest = []
+    for k in range(201, 301):
+        now_ns = k * 5_000_000
+        controller.board.state(VENTED if k < 250 else 0, 2, "", now_ns)
+        tick = controller.frame(Times(now_ns, now_ns, now_ns), position, zero, zero)
+        assert tick is not None
+        highest.append(tick.pressure_command.max())
+    assert max(highest[:49]) <= RAMP_PA_PER_S * 0.005 + 1.0
+    assert np.diff(highest[49:]).max() <= RAMP_PA_PER_S * 0.005 + 1.0
+    assert highest[-1] > 1e4
 
 
 def test_a_fault_of_the_driver_trips_the_controller_and_forbids_enabling() -> None:

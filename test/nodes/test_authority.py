@@ -96,7 +96,10 @@ def test_the_stop_vents_controller_and_driver_until_each_is_reset(stack: Stack, 
     client.controlling()
     client.command(index_proximal=0.8)
     client.until(lambda: abs(client.angle("index_proximal") - 0.8) < 0.02)
-    press(client, 2)
+    stops: list[Empty] = []
+    client.node.create_subscription(Empty, "emergency_stop", stops.append, 10)
+    press(client, 3)
+    client.until(lambda: len(stops) == 3)  # both nodes pass it on, once
     client.until_said("controller", "safety", "emergency stop: a message arrived on emergency_stop")
     client.until_said("simulation", "safety", "emergency stop: a message arrived on emergency_stop; call reset_driver")
     client.valves.clear()

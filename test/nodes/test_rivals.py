@@ -7,8 +7,6 @@ import subprocess
 import sys
 from typing import TYPE_CHECKING, Any
 
-import pytest
-
 from hand_ros.publishers import HOLD_S
 
 if TYPE_CHECKING:
@@ -65,9 +63,6 @@ def rearmed(client: Client) -> None:
     driving(client)
 
 
-@pytest.mark.xfail(
-    reason="set-points of a second commander may pass until DDS has shown it to the driver", strict=False
-)
 def test_a_second_commander_is_named_never_obeyed_and_vents_the_hand(stack: Stack, client: Client) -> None:
     """Fails when a second commander moves the hand, is not named by both nodes, or is vented without a hold."""
     stack.node("simulation")
@@ -75,20 +70,19 @@ def test_a_second_commander_is_named_never_obeyed_and_vents_the_hand(stack: Stac
     driving(client)
     other = stranger(stack, client)
     where = f"valve_command from /stranger on this machine (process {other.pid}: "
-    client.until(lambda: named(client, "simulation", where))
+    client.until(lambda: named(client, "simulation", where) or named(client, "controller", where))
     noticed_s = client.node.get_clock().now().nanoseconds * 1e-9
-    client.until(lambda: named(client, "controller", where))
-    client.until(lambda: client.said("simulation", "safety", "vented: second publisher: valve_command from /stranger"))
-    client.until(lambda: client.said("controller", "safety", "vented: second publisher: valve_command from /stranger"))
+    client.until(lambda: named(client, "simulation", where) and named(client, "controller", where))
+    # The one that DDS shows the stranger first vents; for the other, a vented hand is no reason to latch.
+    fault = "vented: second publisher: valve_command from "
+    client.until(lambda: client.said("simulation", "safety", fault) or client.said("controller", "safety", fault))
     client.until(lambda: client.angle("index_proximal") < 0.2)
     client.spin(0.5)
     assert max(max(message.position) for message in client.joints) < 0.9
-    came_s = min(_stamp_s(valve) for valve in client.valves if min(valve.pressure) == STRANGE_PA)
     index = list(client.joints[-1].name).index("index_proximal")
-    after = [m for m in client.joints if _stamp_s(m) > came_s]
-    vented_s = next(_stamp_s(m) for m in after if m.position[index] < 0.7)
-    assert vented_s - came_s > 0.8 * HOLD_S
-    assert vented_s - noticed_s < HOLD_S + 0.5  # it is noticed as soon as DDS has discovered it, within no fixed time
+    vented_s = next(_stamp_s(m) for m in client.joints if m.position[index] < 0.7)
+    assert HOLD_S - 0.2 < vented_s - noticed_s < HOLD_S + 0.5  # diagnostics are up to 0.1 s late
+    assert any(min(valve.pressure) == STRANGE_PA for valve in client.valves)
     assert not client.enable(True).success
     other.send_signal(signal.SIGKILL)  # DDS lists its publisher for 20 s more
     other.wait()
@@ -104,13 +98,15 @@ def test_a_second_simulation_and_a_second_controller_are_named(stack: Stack, cli
     second = stack.node("simulation", state_file=stack.folder / "second_simulation.json")
     from_second = f"from /hand/simulation on this machine (process {second.pid}: "
     client.until(lambda: named(client, "controller", "joint_states", from_second))
-    client.until(lambda: client.said("controller", "safety", "second publisher: pressures, joint_states from "))
+    client.until(lambda: client.said("controller", "safety", "vented: "))
     stack.stop(second)
     rearmed(client)
     second = stack.node("controller", enabled_at_start="false", state_file=stack.folder / "second_controller.json")
     from_second = f"valve_command from /hand/controller on this machine (process {second.pid}: "
     client.until(lambda: named(client, "simulation", from_second))
     client.until(lambda: client.angle("index_proximal") < 0.2)
-    client.until(lambda: f"vented: second publisher: {from_second}" in stack.log("controller"))
+    client.until(
+        lambda: [line for line in stack.log("controller").split("\n") if "vented" in line and from_second in line]
+    )
     stack.stop(second)
     rearmed(client)
