@@ -1,4 +1,4 @@
-"""Which messages of a topic come from the publisher that is followed, told by the numbers that DDS gives them.
+"""Which messages of a topic come from the publisher that is followed: the numbers that DDS gives them show it.
 
 Every DDS writer numbers its samples 1, 2, 3 ... (RTPS 2.5, 8.3.5.4), so the messages of two publishers cannot form one
 rising sequence. This finds a second publisher in its first message, also before DDS has shown it; it does not say

@@ -62,12 +62,15 @@ class Emulator:
         faults: Faults | None = None,
         *,
         seed: int = 0,
+        now: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """Open the endpoint and wait for run; the board's clock starts at 0."""
+        """Open the endpoint and wait for run; the board's clock starts at 0. now, sleep: of the host, [s]."""
         self._plant = plant
         self._open_endpoint = open_endpoint
         self._period_s = 1.0 / rate_hz
         self._valves = valves
+        self._now, self._sleep = now, sleep
         self._faults = FaultState(faults or Faults(), seed)
         self._endpoint: BoardEndpoint | None = open_endpoint()
         self._in_force = SetPointsInForce(valves, self._period_s)
@@ -85,15 +88,18 @@ class Emulator:
         return self._endpoint.description if self._endpoint is not None else "unplugged"
 
     def run(self, stop: Callable[[], bool]) -> None:
-        """Serve in real time until stop() is true."""
-        begun_s = time.monotonic()
+        """Serve in real time until stop() is true. Samples of a time in which this process stood still are lost.
+
+        Sent all at once, they would look like the frames of a board that takes no set-points.
+        """
+        begun_s = self._now()
         tick = 0
         while not stop():
             tick += 1
-            wait_s = begun_s + tick * self._period_s - time.monotonic()
+            wait_s = begun_s + tick * self._period_s - self._now()
             if wait_s > 0.0:
-                time.sleep(wait_s)
-            self.tick(tick)
+                self._sleep(wait_s)
+            self.tick(tick, lost=wait_s < -self._period_s)
 
     def unplug(self, lasting_s: float) -> None:
         """Disconnect at the next tick and connect again lasting_s [s] later; safe in a signal handler."""
@@ -105,8 +111,8 @@ class Emulator:
             self._endpoint.close()
             self._endpoint = None
 
-    def tick(self, tick: int) -> None:
-        """Sample number tick, 1 for the first."""
+    def tick(self, tick: int, lost: bool = False) -> None:
+        """Sample number tick, 1 for the first. lost: it is not sent, and no set-points are received."""
         now_s = tick * self._period_s
         if self._restart_asked or self._faults.restarts(now_s):
             self._restart(tick)
@@ -123,14 +129,17 @@ class Emulator:
             echo=self._in_force.echo(tick),
         )
         self._plug(now_s)
-        if not self._faults.dropped():
+        if not (lost or self._faults.dropped()):
             self._late.append((now_s + self._faults.faults.delay_s, sample, self._faults.corrupted()))
         while self._late and self._late[0][0] <= now_s + 1e-9:
             _, due, corrupt = self._late.popleft()
             if self._endpoint is not None:
                 self._endpoint.send(due, corrupt)
                 self._repeat(due)
-        self._take_over(tick)
+        if lost:
+            self._in_force.take_over(tick)
+        else:
+            self._take_over(tick)
 
     def _repeat(self, sample: SamplePayload) -> None:
         self._sent.append(sample)

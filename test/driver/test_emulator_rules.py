@@ -60,3 +60,38 @@ def test_a_lifetime_is_the_same_number_of_periods_at_any_time(lifetime_ms: int, 
         expected = [1 <= k <= periods for k in range(periods + 4)]
         assert plant.driven == expected, at
         assert port.vented == [not driven for driven in expected], at
+
+
+class StallingClock:
+    """The host's time [s]; one sleep lasts much longer than asked for."""
+
+    def __init__(self, stall_at: int, stall_s: float) -> None:
+        self.now_s, self._sleeps, self._stall_at, self._stall_s = 0.0, 0, stall_at, stall_s
+
+    def now(self) -> float:
+        return self.now_s
+
+    def sleep(self, seconds: float) -> None:
+        self._sleeps += 1
+        self.now_s += seconds + (self._stall_s if self._sleeps == self._stall_at else 0.0)
+
+
+class Sequences(OneSetPoint):
+    """Keeps the numbers of what is sent."""
+
+    def __init__(self) -> None:
+        super().__init__(0, 0.1)
+        self.numbers: list[int] = []
+
+    def send(self, sample: SamplePayload, corrupt: bool = False) -> None:
+        self.numbers.append(sample.sequence)
+
+
+def test_samples_of_a_stalled_host_are_lost() -> None:
+    """Fails when an emulator that stood still sends the samples of that time at once, or its hand stands still."""
+    clock, port, plant = StallingClock(10, 0.1), Sequences(), Plant()
+    emulator = Emulator(plant, lambda: port, 200.0, VALVES, now=clock.now, sleep=clock.sleep)
+    emulator.run(lambda: clock.now_s > 0.3)
+    missing = sorted(set(range(port.numbers[-1] + 1)) - set(port.numbers))
+    assert 18 <= len(missing) <= 20 and missing == list(range(missing[0], missing[0] + len(missing)))
+    assert len(plant.driven) == port.numbers[-1] + 1

@@ -1,4 +1,4 @@
-"""Messages of two publishers of one topic are told apart by their numbers."""
+"""Messages of two publishers of one topic are distinguished by their numbers."""
 
 from __future__ import annotations
 
