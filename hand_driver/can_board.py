@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import os
-import threading
 import time
 from typing import Any
 
 import can
 
-from hand_driver.board import Board, BoardError, Frame, LinkCounters, LinkLost, Pressures
+from hand_driver.board import BoardError, Frame, LinkLost
 from hand_driver.can_wire import ID_OFFSETS, CanAssembler, CanMessage, encode_offer, encode_set_points
-from hand_driver.host_protocol import HostProtocol
+from hand_driver.linked_board import LinkedBoard
+from hand_driver.wire import OfferPayload, SetPointPayload
 
 SLCAN = "slcan"
 SEND_TIMEOUT_S = 0.05
@@ -51,8 +51,10 @@ def check_id_offset(id_offset: int) -> int:
     return id_offset
 
 
-class CanBoard(Board):
+class CanBoard(LinkedBoard):
     """Reads samples and writes set-points on one bus; read and write may come from two threads."""
+
+    LINK_ERRORS = (can.CanError, OSError, TypeError)
 
     def __init__(
         self, interface: str, channel: str, channels: int, bitrate: int = 1_000_000, id_offset: int = 0
@@ -65,26 +67,8 @@ class CanBoard(Board):
         self._bus = open_bus(interface, channel, bitrate)
         # An unplugged serial adapter can read as silence; then its device file is missing.
         self._device = channel.partition("@")[0] if interface == SLCAN else None
-        self._where = f"CAN channel {channel}"
-        self._protocol = HostProtocol(channels, self._where)
+        super().__init__(channels, f"CAN channel {channel}")
         self._assembler = CanAssembler()
-        self._write_lock = threading.Lock()
-
-    @property
-    def counters(self) -> LinkCounters:
-        """Counters of this connection."""
-        self._protocol.counters.corrupt = self._assembler.corrupt
-        return self._protocol.counters
-
-    @property
-    def protocol(self) -> int:
-        """See Board.protocol."""
-        return self._protocol.version
-
-    def continue_from(self, former: Board) -> None:
-        """See Board.continue_from."""
-        if isinstance(former, CanBoard):
-            self._protocol.continue_from(former._protocol)
 
     def read(self, timeout_s: float) -> Frame | None:
         """See Board.read."""
@@ -109,27 +93,13 @@ class CanBoard(Board):
             raise LinkLost(f"{self._where} is lost: {' '.join(str(error).split())}") from None
         return received_message(message, self._id_offset)
 
-    def _offer(self) -> None:
-        offer = self._protocol.offer(time.monotonic_ns())
-        if offer is None:
-            return
-        with self._write_lock:
-            try:
-                send_message(self._bus, encode_offer(offer), self._id_offset)
-            except (can.CanError, OSError, TypeError):
-                return  # the next read or write reports a lost bus
+    def _corrupt(self) -> int:
+        return self._assembler.corrupt
 
-    def write(self, pressure_pa: Pressures, lifetime_s: float) -> int:
-        """See Board.write."""
-        with self._write_lock:
-            set_points = self._protocol.set_points(pressure_pa, lifetime_s)
-            try:
-                for message in encode_set_points(set_points):
-                    send_message(self._bus, message, self._id_offset)
-            except (can.CanError, OSError, TypeError) as error:
-                raise LinkLost(f"{self._where} accepts no set-points: {' '.join(str(error).split())}") from None
-            self._protocol.counters.written += 1
-            return set_points.sequence
+    def _send(self, payload: OfferPayload | SetPointPayload) -> None:
+        messages = [encode_offer(payload)] if isinstance(payload, OfferPayload) else encode_set_points(payload)
+        for message in messages:
+            send_message(self._bus, message, self._id_offset)
 
     def close(self) -> None:
         """See Board.close."""
