@@ -34,6 +34,7 @@ TYPES: dict[str, Any] = {
     "contact_forces": ContactForces,
     "board_state": BoardState,
     "emergency_stop": Empty,
+    "heartbeat": Empty,
 }
 KINDS = ("full", "absurd", "random", "huge", "malformed")
 NAMES = 1_000_000
@@ -133,7 +134,7 @@ def content(topic: str, names: list[str], pressure: list[float], angle: list[flo
         return ContactForces(name=names, force=zero)
     if topic == "board_state":
         return BoardState(name=names, set_point=pressure, link_up=True, protocol=2)
-    if topic == "emergency_stop":
+    if topic in ("emergency_stop", "heartbeat"):
         return Empty()
     return JointState(name=names, position=angle, velocity=zero, effort=[] if topic == "joint_commands" else zero)
 
