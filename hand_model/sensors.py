@@ -15,22 +15,23 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hand_model.arrays import Array
+from hand_model.kernel.inline import inline_exact
 
 
-@njit(cache=True, forceinline=True)
+@inline_exact
 def hall_ratio(angle, field, field_max, zero, third_harmonic):  # type: ignore[no-untyped-def]
     """U_out / U_0 of a Hall sensor at a joint angle [rad]: Eq. 1, with a third harmonic, through Eq. 3."""
     theta = angle - zero
     return 0.5 * (1.0 + field * (np.sin(theta) + third_harmonic * np.sin(3.0 * theta)) / (2.0 * field_max))
 
 
-@njit(cache=True, forceinline=True)
+@inline_exact
 def line_angle(ratio, at_0_deg, at_90_deg):  # type: ignore[no-untyped-def]
     """Angle [rad] on the line through the ratios at 0 and 90 degrees (Sec. 2.1)."""
     return (ratio - at_0_deg) / (at_90_deg - at_0_deg) * (np.pi / 2.0)
 
 
-@njit(cache=True, forceinline=True)
+@inline_exact
 def fsr_ratio(force, c0, c1, divider, threshold):  # type: ignore[no-untyped-def]
     """U_D / U_0 of one FSR (Eq. 5) in its divider [ohm] at a normal force [N]; 0 below the threshold."""
     if force < threshold:
@@ -38,7 +39,7 @@ def fsr_ratio(force, c0, c1, divider, threshold):  # type: ignore[no-untyped-def
     return divider / (10.0 ** (c0 - c1 * math.log10(force)) + divider)
 
 
-@njit(cache=True, forceinline=True, error_model="numpy")
+@inline_exact
 def fsr_force(ratio, k, divider, ratio_min):  # type: ignore[no-untyped-def]
     """Normal force [N] of one FSR (Eq. 5) from U_D / U_0: log10 F = sum k_i (log10 R_S)^i; 0 where open."""
     if ratio <= ratio_min:
@@ -48,7 +49,7 @@ def fsr_force(ratio, k, divider, ratio_min):  # type: ignore[no-untyped-def]
     return 10.0 ** (k[0] + x * (k[1] + x * (k[2] + x * k[3]))) + 0.0 * ratio
 
 
-@njit(cache=True, forceinline=True)
+@inline_exact
 def adc_code(volts, reference, full_scale):  # type: ignore[no-untyped-def]
     """Nearest code of an ideal ADC; what lies outside 0 ... reference [V] sits at the rail."""
     return min(max(np.rint(volts / reference * full_scale), 0.0), full_scale)

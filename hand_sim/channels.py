@@ -8,12 +8,13 @@ from numba import njit
 from hand_driver.board import Counts
 from hand_model.arrays import Array
 from hand_model.description import Hand
+from hand_model.kernel.inline import inline_exact
 from hand_model.kernel.layout import OMEGA, PHI, P
 from hand_model.kernel.terms import one_sided
 from hand_model.sensors import adc_code, fsr_ratio, hall_ratio
 
 
-@njit(cache=True, forceinline=True)
+@inline_exact
 def _contact_force(state, j, contact, lever_arm):  # type: ignore[no-untyped-def]
     """Normal force [N] on a pad of joint j: the obstacle's torque over the pad's lever arm."""
     depth = state[PHI, j] - contact[0, j]

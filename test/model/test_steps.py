@@ -301,12 +301,12 @@ def test_choked_flow_leak_and_compression_converge_to_solve_ivp(wanted_pa: float
     w = working_array(valve__fill_rate_pa_per_s=4e6, valve__vent_rate_pa_per_s=3e6, gas_compression__exponent=1.2,
                       **effects)  # fmt: skip
     e = (0.0, 0.0, 0.0, 0.0, 0.4, 3.0, 0.0)
-    choked, until_s = steps.assemble(chosen), 0.08
+    choked, equations, until_s = steps.assemble(chosen), terms(chosen), 0.08
 
     def rate(_: float, state: Array) -> list[float]:
         p = float(state[0])
-        vent, fill = terms(chosen).valve_limits(w, 0, p, wanted_pa, p)
-        through = terms(chosen).valve_rate(w, 0, wanted_pa - p, vent, fill)
+        vent, fill = equations.valve_limits(w, 0, p, wanted_pa, p)
+        through = equations.valve_rate(w, 0, wanted_pa - p, vent, fill)
         return [through + chosen.pressure_source(w, 0, p, e)]
 
     errors = []
