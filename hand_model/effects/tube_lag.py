@@ -26,8 +26,8 @@ def prepare(q, h):  # type: ignore[no-untyped-def]
 def _time_constant(q, gap, p):  # type: ignore[no-untyped-def]
     """Time constant of the first volume [s] at a pressure difference and a pressure [Pa].
 
-    By the law it rises with the difference, from laminar to turbulent flow, and falls with the pressure, as a gas
-    becomes denser.
+    By the law it rises with the difference, from laminar to turbulent flow, and falls with the mean pressure p of the
+    tube: the conductance of a gas rises linearly with its density.
     """
     tau, second, a, b, c, d, e, denser, _, _, _, per_supply = q
     added = a * min(gap * 1e-3, 1.0)
@@ -36,14 +36,15 @@ def _time_constant(q, gap, p):  # type: ignore[no-untyped-def]
     added += d * min(max(gap * 5e-5 - 0.5, 0.0), 1.0)
     added += e * min(max(gap * (1 / 7e4) - 3 / 7, 0.0), 1.0)
     own = tau - second * tau
-    return (own + added) * (1.0 - denser * min(max(p * per_supply, 0.0), 1.0))
+    return (own + added) / (1.0 + denser * min(max(p * per_supply, 0.0), 1.0))
 
 
 @inline
 def actuator_pressure(q, m, p, h):  # type: ignore[no-untyped-def]
     """A line of one volume, or of two in series; the time constant is that of the middle of the step."""
     before, first, output = m
-    kept, slowness = lag_constants(_time_constant(q, abs(0.5 * (before + p) - first), first), h)
+    entry = 0.5 * (before + p)
+    kept, slowness = lag_constants(_time_constant(q, abs(entry - first), 0.5 * (entry + first)), h)
     between = lagged(first, before, p, kept, slowness)
     output = lagged(output, first, between, q[9], q[10])
     return output, (p, between, output)
@@ -74,7 +75,16 @@ EFFECT = Effect(
         Parameter("tube_lag.time_constant_s", 0.0, 1.0, "from the sensor to the actuator", 1.0, 0.0, 0.03),
         Parameter("tube_lag.second", 0.0, 0.5, "share of a second volume in it", 1.0, 0.0, 0.1),
         *_ADDED,
-        Parameter("tube_lag.denser", 0.0, 0.9, "law: share that is gone at supply pressure", 1.0, 0.0, 0.3, law=True),
+        Parameter(
+            "tube_lag.denser",
+            0.0,
+            20.0,
+            "law: growth of the conductance up to supply pressure",
+            1.0,
+            0.0,
+            1.0,
+            law=True,
+        ),
     ),
     reads=("supply.pressure_pa",),
     prepared=("kept_2", "slowness_2", "per_supply"),
