@@ -33,28 +33,44 @@ def _growth(q, a):  # type: ignore[no-untyped-def]
 
 @inline
 def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
-    """Dahl's loop, or Bouc's and Wen's: a torque against the motion that needs an angle to build up."""
-    height, per_scale = q[0], q[7]
-    (loop,) = m
-    return height * -loop, height * (_growth(q, loop * direction(omega))[0] * per_scale)
+    """Dahl's loop, or Bouc's and Wen's: a torque against the motion that needs an angle to build up.
+
+    The law adds four elements in parallel that stick, then slip (Jenkin), at an eighth of the scale and so on.
+    """
+    height, a, b, c, d, per_scale = q[0], q[7], q[8], q[9], q[10], q[11]
+    loop, z_1, z_2, z_3, z_4 = m
+    toward = direction(omega)
+    stops = a * z_1 + b * z_2 + c * z_3 + d * z_4
+    held = 8.0 * a if z_1 * toward < 1.0 else 0.0
+    held += 4.0 * b if z_2 * toward < 1.0 else 0.0
+    held += 2.0 * c if z_3 * toward < 1.0 else 0.0
+    held += d if z_4 * toward < 1.0 else 0.0
+    return height * -loop - stops, height * (_growth(q, loop * toward)[0] * per_scale) + held * per_scale
 
 
 @inline
 def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
     """The loop follows the motion, by the step of `loop_moved` (operators.py)."""
-    (loop,) = m
-    way = abs(after - before) * q[7]
+    loop, z_1, z_2, z_3, z_4 = m
+    on = (after - before) * q[11]
+    way = abs(after - before) * q[11]
     toward = 1.0 if after > before else -1.0
     a = loop * toward
     growth, falls = _growth(q, a)
     x = way * falls
     half = 1.0 + 0.5 * x
-    return (toward * min(a + way * growth * half / (1.0 + x * half), 1.0),)
+    return (
+        toward * min(a + way * growth * half / (1.0 + x * half), 1.0),
+        min(max(z_1 + 8.0 * on, -1.0), 1.0),
+        min(max(z_2 + 4.0 * on, -1.0), 1.0),
+        min(max(z_3 + 2.0 * on, -1.0), 1.0),
+        min(max(z_4 + on, -1.0), 1.0),
+    )
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
-    """Stiffness of the loop [N m/rad] at the state x, -1 after a reversal and 1 where it is closed."""
-    return float(q[0] * _growth(q, x)[0] * q[7])
+    """Stiffness of the loop [N m/rad] at the state x, -1 after a reversal and 1 where it is closed; without stops."""
+    return float(q[0] * _growth(q, x)[0] * q[11])
 
 
 _SHAPES = tuple(
@@ -66,6 +82,19 @@ _SHAPES = tuple(
         ("knee_8", "growth that the eighth power of the loop ends"),
     )
 )
+_STOPS = tuple(
+    Parameter(
+        f"hysteresis.stop_{k}_nm",
+        0.0,
+        1.0,
+        f"law: element that slips after 1/{r} of the scale",
+        1.0,
+        0.0,
+        0.003,
+        law=True,
+    )
+    for k, r in enumerate((8, 4, 2, 1), 1)
+)
 EFFECT = Effect(
     name="hysteresis",
     place="material",
@@ -74,9 +103,10 @@ EFFECT = Effect(
         Parameter("hysteresis.scale_deg", 2.0, 60.0, "motion after which the loop is closed to 1/e", DEGREE, 8.0, 6.0),
         Parameter("hysteresis.sharpness", 0.0, 1.0, "0 a rounded loop, 1 one with a knee", 1.0, 0.0, 0.17),
         *_SHAPES,
+        *_STOPS,
     ),
     prepared=("per_scale",),
-    memory=("loop",),
+    memory=("loop", "stop_1", "stop_2", "stop_3", "stop_4"),
     hooks={"prepare": prepare, "torque": torque, "moved": moved},
     keys=("hysteresis.torque_nm", "hysteresis.scale_deg", "hysteresis.sharpness"),
     probes=((0.01, 4.0, 0.0), (0.01, 12.0, 0.0), (0.01, 30.0, 0.0), (0.01, 8.0, 1.0)),
@@ -90,13 +120,13 @@ EFFECT = Effect(
         sign="against the motion since a reversal",
         passive=True,
         monotone="the torque grows along a motion, ever more slowly, up to the height of the loop",
-        memory="one state that changes with the motion only, at any speed",
+        memory="states that change with the motion only, at any speed",
         over=("state of the loop",),
-        coefficients=tuple(parameter.key for parameter in _SHAPES),
+        coefficients=tuple(parameter.key for parameter in _SHAPES + _STOPS),
         quantity="the stiffness of the loop",
         unit="nm_per_rad",
         curve=curve,
         source="Duhem's operator, Visintin, Differential Models of Hysteresis, 1994, ch. V; Oh and Bernstein, IEEE TAC"
-        " 50(5), 2005",
+        " 50(5), 2005; Iwan, J. Appl. Mech. 33(4), 1966, for elements in parallel",
     ),
 )

@@ -410,13 +410,28 @@ def test_a_loop_takes_energy_over_any_motion(name: str) -> None:
     effect = EFFECTS[name]
     given = {"torque_nm": 0.01} | ({"scale_deg": 0.1} if name == "hysteresis" else {"presliding_deg": 0.01})
     for seed, q in enumerate(drawn(name, 8, **given)):
-        way, m, torques = motion(seed), (0.0,), [0.0]
+        way, m, torques = motion(seed), (0.0,) * len(effect.memory), [0.0]
         for before, after in pairwise(way):
             m = call(effect, "moved", q, m, before, after, H)
-            assert -1.0 <= m[0] <= 1.0
+            assert -1.0 <= min(m) <= max(m) <= 1.0
             torques.append(call(effect, "torque", q, m, after, np.sign(after - before), 0.0, 0.0, REST)[0])
         work = np.sum(0.5 * (np.array(torques[1:]) + torques[:-1]) * np.diff(way))
         assert work < 0.0, seed
+
+
+def test_elements_of_a_loop_stick_and_then_slip() -> None:
+    """Fails when an element yields at another angle or torque, or its stiffness is not that of its branch."""
+    effect = EFFECTS["hysteresis"]
+    for k, share in enumerate((8.0, 4.0, 2.0, 1.0), 1):
+        q, m, phi, z = numbers(effect, scale_deg=0.2, **{f"stop_{k}_nm": 0.01}), (0.0,) * 5, 0.0, 0.0
+        for after in (0.01, 0.3, 0.28, -0.4, -0.399):
+            m = call(effect, "moved", q, m, phi, after, H)
+            z = float(np.clip(z + (after - phi) / (0.2 / share), -1.0, 1.0))
+            torque, stiffness = call(effect, "torque", q, m, after, np.sign(after - phi), 0.0, 0.0, REST)
+            assert torque == approx(-0.01 * z)
+            sticks = abs(z) < 1.0
+            assert stiffness == approx(0.01 * share / 0.2 if sticks else 0.0)
+            phi = after
 
 
 def test_the_growth_of_a_loop_falls_to_zero() -> None:
