@@ -1,30 +1,40 @@
-"""Sensors that contradict the motion: angles with the wrong sign or of a neighbour, pressures of a neighbour, jumps.
+"""Sensors that contradict the motion: angles that step, freeze, or have the wrong sign or place; exchanged pressures.
 
-A push, a contact or a wrong constant also contradicts the model, so a large residual alone proves nothing. A fault is
-found where another hypothesis explains the same motion, and the model does not. Over a sliding window, the changes of
-the actuator's torque E by the pressure are compared with the torque R that the measured motion needs, Eqs. 6 and 8:
+A plausible number alone is not believed. Four tests, all in elapsed time but for the run of equal readings:
 
-    E = (a2 + a3 phi) dp,   R = -(a1 + a3 p) dphi + d phi' + J phi'' + J_c phi''_partner
+    test          what no motion gives                                               finds
+    step          a break of the angle without the momentum that a real one leaves   mirrored, negated, exchanged and
+                  behind (DEV, TRAVEL below)                                         displaced angles, in motion
+    passivity     a joint moved by an outside torque above MAX_OUTSIDE_NM            what the others have missed
+    first motion  after arming in a pose that its pressure does not explain, a       a sign that was wrong before
+                  motion against the one that its pressure asks for
+    channel       equal readings in motion; an angle beyond an end stop              frozen, far off
 
-    hypothesis                 explains the motion where
-    believed sensor            R = g E
-    angle with wrong sign      R = -g E, the leverage taken at the mirrored angle
-    angles i, k exchanged      R_k = g E_i and R_i = g E_k: the motion of the one follows the pressure of the other
-    pressures i, k exchanged   each pressure is what the set-point of the other one asks for
+Step. Over six samples z, a, b | c, d, e at least SPACING_S apart, the speed v of a, b predicts c; DEV is the deviation
+of c from it, and TRAVEL = e - c. A joint that really deviates by DEV within a sample has a speed of about DEV / dt, and
+loses it no faster than J / d (Eq. 8), so that it moves on; or it has met an obstacle, and then it has lost its speed v
+and comes back with at most RESTITUTION of it. A sensor that steps goes on as if nothing had happened:
 
-g is free within what a model 30 % off leaves (BELIEVED, SUSPECTED). The misfit of a hypothesis is the unexplained share
-of the energy in R and g E: 0 explains all, 1 nothing, 2 the opposite. Evidence is the time, weighted by how far the
-energy exceeds that of friction and noise, in which the believed sensor does not explain the motion and one of the
-others does (a CUSUM: it falls otherwise, and never below 0). A fault is reported at ENOUGH_S of evidence.
+    hypothesis                        angle c                                      TRAVEL
+    mirrored about M, or about zero   M - prediction                               that of -v
+    exchanged with joint k            the prediction of joint k, and c_k that of   that of v_k
+                                      this joint
+    displaced                         further than MAX_OUTSIDE_NM, an obstacle     below half of DEV
+                                      that lets go and the neighbour can move it
 
-A push may look like a fault for a moment. But a sensor cannot change its sign or its place without a break: its angle
-steps to the mirrored angle or to that of the neighbour, or its speed turns back within a frame there. So a joint that
-has moved as only the believed sensor explains, or for TRIED_S, is sure, and no evidence counts against it until such a
-break. After arming, a wrong sign is possible where the pressure does not explain the pose. Angles that are exchanged
-before arming are not found: pushes on two joints at once look like it too often.
+Turns of a joint whose neighbour also turns (they share inertia), that was not in smooth motion before, or that a
+constant acceleration explains are no evidence of a mirror.
 
-A jump is a change of an angle that no torque of the actuator or of a hand could give within a frame; it counts when it
-stays for JUMP_FRAMES frames. While evidence grows, no set-point exceeds the last one from before.
+Passivity. The environment gives energy only through pushes of at most MAX_OUTSIDE_NM, and by what an elastic obstacle
+has stored, while the pressure falls. Each torque of Eq. 6 may be wrong by WRONG. Contacts and friction never count.
+
+First motion. The measured pressure drives Eqs. 6 and 8, quasi-static, with nominal constants; until the joint has
+followed, its set-point rises slowly. A sensor cannot change its sign without a step, so that the joint is not suspected
+again. Two angles that were exchanged before arming make no step, and are not found: a push on one joint while another
+one is blocked looks the same. `hand check-board` and the first motion of each joint alone show them.
+
+While a test is undecided, no set-point exceeds the one from before. References: Brogliato, Nonsmooth Mechanics, 2016
+(restitution); Willems, Dissipative dynamical systems, 1972 (passivity).
 """
 
 from __future__ import annotations
@@ -38,66 +48,45 @@ from numpy.typing import NDArray
 
 from hand_model.arrays import Array
 from hand_model.description import Hand
-from hand_model.statics import leverage, stiffness, torque
+from hand_model.statics import torque
 
-FILTER_S = 0.008
-"""Time constant of both filters that give speed and acceleration."""
-BASE_S = 0.3
-"""Changes are those against the slow part with this time constant."""
-WINDOW_S = 0.05
-"""Memory of the sums over E and R."""
-BELIEVED, SUSPECTED = (0.4, 2.5), (0.55, 1.9)
-"""Range of g for the believed sensor, and for another hypothesis."""
-UNEXPLAINED, EXPLAINED = 0.4, 0.25
-"""Misfit above which the believed sensor does not explain the motion, and below which a hypothesis does."""
-LEAST_NM = 0.008
-"""Torque whose energy counts half: friction, noise and loads of this size explain nothing."""
-ENOUGH_S = 0.035
-REFUTED = 0.6
-"""Misfit of another hypothesis above which a motion refutes it."""
-APART = 0.4
-"""Share of the energy of two motions by which they must differ, so that their exchange can be seen."""
-NOISES, NOISE_S = 6.0, 1.0
-"""A step is larger than NOISES times the mean surprise of the last NOISE_S, within LEAST_STEP_RAD and STEP_RAD."""
-TRIED_S = 0.4
-"""Time of motion after which a joint is sure, also where its motion was not as expected: a fault is found sooner."""
-LEAST_RAD_PER_S = 0.3
-"""Speed of the joints below which nothing moves."""
-PUSHED = 0.2
-"""Share of the energy of a motion below which its pressure has not caused it: another torque has."""
-FROZEN_FRAMES, HELD_FRAMES = 14, 3
-"""Bit-identical angles of a joint in motion: of a channel that repeats one in ten readings by chance, so many in a row
-are seen less often than once in a million hours. Set-points are held after HELD_FRAMES."""
-FROZEN_RAD_PER_S = 0.05
-"""Speed at the last change of an angle from which its joint was in motion."""
-PRESSURE_WINDOW_S = 0.03
-LEAST_PA = 1.2e4
-"""Difference of two pressures from which an exchange can be seen."""
-REVERSED_RAD_PER_S, REVERSED = 0.6, 0.4
-"""A joint that moved at this speed and within a frame moves back at this share of it has hit something, or its sensor
-has changed its sign: older motion is forgotten, and the set-points are held for PAUSE_S."""
-PAUSE_S = 0.05
-LEAST_STEP_RAD, STEP_RAD, STEP, MATCH, MIRRORED, STEP_PA = math.radians(0.1), math.radians(0.5), 0.25, 0.7, 0.3, 1.2e4
-"""A larger change of the motion within a frame than STEP_RAD and this share of the motion, and a larger change of a
-pressure, is a break: a sensor cannot change its sign or its place without one."""
-CAUTION_PA_PER_S, CAUTION_S = 2.0e5, 0.35
-"""Largest rise of a set-point while a joint is driven with caution: for CAUTION_S after it has turned back, and after
-arming in a pose that the pressure does not explain, until it has moved by CONFIRMED_RAD as its pressure changed."""
-CONFIRMED_RAD = math.radians(3.0)
-POSE_NM = 0.012
-"""Torque that a pose may leave unexplained by its pressure: an error of the model, friction."""
-JUMP_RAD = math.radians(4.0)
-"""Jump that is always allowed."""
-PUSH_NM = 0.6
-"""Torque of a hand or an obstacle that a jump may come from."""
-JUMP_FRAMES = 3
-LEAST_LEVERAGE = 2e-7
+MAX_OUTSIDE_NM = 0.25
+"""Largest torque of a hand or an object on a joint that is taken for real: an actuator gives up to about 0.5 N m."""
+WRONG = 0.3
+"""Share by which each constant of the model may be wrong."""
+RESTITUTION = 0.5
+"""Largest share of its speed with which a joint comes back from an obstacle: the fingers are soft."""
+SPACING_S, LONGEST_S = 0.004, 0.012
+"""Least time between two samples of the step test, and the longest that lets a momentum be seen."""
+LEAST_RAD, STEP_RAD, NOISES, NOISE_S = math.radians(0.1), math.radians(0.5), 6.0, 1.0
+"""A break is larger than LEAST_RAD and NOISES times the mean second difference over NOISE_S; a step than STEP_RAD."""
+SLACK = 0.3
+"""Share of a deviation and of a path by which hypotheses may miss: acceleration, jitter of the stamps."""
+REVERSED = 0.65
+"""Share of the speed with which a joint turns back only where its sensor is mirrored; above RESTITUTION."""
+SMOOTH = 8.0
+"""A turn this many times the change of speed before it is none of a constant acceleration, which gives five."""
+PAUSE_S = 0.02
+"""Set-points do not rise for this time after a break."""
+FROZEN_FRAMES, HELD_FRAMES, FROZEN_RAD_PER_S = 14, 3, 0.05
+"""Bit-identical angles of a joint that moved at this speed. A channel repeats at most one in ten readings by chance at
+any rate, so that many in a row are seen less often than once in a million hours."""
 STOP_NM, BEYOND_RAD, BEYOND_S = 0.2, math.radians(1.5), 0.01
-"""A joint is beyond its lower end stop by more than this torque presses it and this angle, or by twice as much beyond
-its upper one, for longer than one frame: no hand and no pressure explains it."""
-FINE, JUMPED, SIGN, ANGLES_SWAPPED, PRESSURES_SWAPPED, FROZEN, BEYOND = range(7)
+"""A joint is beyond its lower stop by more than this torque presses it and this angle, or by twice that beyond the
+upper one, for longer than a glitch."""
+SPEED_S, SLOW_S, ACTIVE_RAD_PER_S, ACTIVE_S = 0.01, 0.1, 0.3, 0.04
+POSE_NM = 0.012
+"""Torque that a pose may leave unexplained by its pressure at arming: an error of the model, friction."""
+RECENT_S, PROVEN_RAD, ENOUGH_S = 0.5, math.radians(2.0), 0.03
+"""Motions older than RECENT_S fade; a sign is proven, or refuted for ENOUGH_S, by one of PROVEN_RAD."""
+ALIKE, OPPOSED = (0.4, 2.5), (0.45, 2.2)
+"""Share of the predicted motion that is measured where constants are 30 % off; of a joint with the wrong sign."""
+CAUTION_PA_PER_S = 1.5e5
+PRESSURE_S, LEAST_PA, UNEXPLAINED = 0.03, 1.2e4, 0.125
+FINE, JUMPED, SIGN, ANGLES_SWAPPED, PRESSURES_SWAPPED, FROZEN, BEYOND, ACTIVE = range(8)
 """Verdicts."""
 _KEYS = (
+    "statics.a0_nm",
     "statics.a1_nm_per_rad",
     "statics.a2_nm_per_pa",
     "statics.a3_nm_per_pa_rad",
@@ -107,45 +96,17 @@ _KEYS = (
     "end_stop.low_deg",
     "end_stop.high_deg",
 )
-_A1, _A2, _A3, _J, _D, _JC, _LOW, _HIGH, _MIRROR, _BEYOND = range(10)
-_PHI_1, _PHI_2, _PHI_BASE, _P_1, _P_2, _P_BASE, _SPEED, _ACC = range(8)
-_EE, _RR, _ER, _RRU, _ERU, _RRD, _ERD, _RX, _EM = range(8, 17)
-(
-    _PE,
-    _PX,
-    _FLIP,
-    _SWAP,
-    _PSWAP,
-    _JUMP,
-    _TARGET,
-    _SIZE,
-    _LAST,
-    _BELIEVED_PA,
-    _RUN,
-    _RUN_SPEED,
-    _HOLDS,
-    _STEP_SPEED,
-    _PAUSE,
-    _CAUTION,
-    _FROM_PHI,
-    _FROM_P,
-    _SURE_SIGN,
-    _SURE_ANGLES,
-    _SURE_PRESSURES,
-    _BROKE,
-    _P_LAST,
-    _PREDICTED,
-    _PUSHED,
-    _PAIR_PUSHED,
-    _NOISE,
-    _OUTSIDE,
-    _CENTRE,
-) = range(17, 46)
-_ROWS = 46
+_A0, _A1, _A2, _A3, _J, _D, _JC, _LOW, _HIGH, _MIRROR, _PRESSED = range(11)
+_A, _B, _C, _X, _NOISE, _LAST, _RUN, _RUN_SPEED, _SPEED, _OUT_S, _ACTIVE_S, _PAUSE = range(12)
+_CENTRE, _FROM, _MODEL, _W, _U, _DOUBTED, _SIGN_S, _BIAS = range(12, 20)
+_PE, _PX, _PSWAP_S, _P_PROVEN, _P_LAST, _BELIEVED_PA, _HOLD, _V, _DEV, _TRAVEL, _PRED, _P_SLOW, _Z, _JERK = range(
+    20, 34
+)
+_ROWS = 34
 
 
 class Contradiction(NamedTuple):
-    """What was found: a verdict, its joint, and the other joint of an exchange or -1.  size: of a jump [rad]."""
+    """What was found: a verdict, its joint, and the other joint of an exchange or -1.  size: of a step [rad]."""
 
     verdict: int
     joint: int
@@ -154,326 +115,238 @@ class Contradiction(NamedTuple):
 
 
 @njit(cache=True)
-def _misfit(ee, rr, er, low, high):  # type: ignore[no-untyped-def]
-    """Unexplained energy and whole energy [(N m)^2] of R = g E, with the best g within low ... high."""
-    g = min(max(er / ee, low), high) if ee > 0.0 else low
-    return max(rr - 2.0 * g * er + g * g * ee, 0.0), rr + g * g * ee
+def _sample(s, spacing, position, dt):  # type: ignore[no-untyped-def]
+    """Shift the samples of all joints (dt [s] after the last): speed, prediction, deviation and travel of each."""
+    za, ab, bc, cx = spacing[0], spacing[1], spacing[2], spacing[3]
+    for i in range(len(position)):
+        a, b, c, e = s[_A, i], s[_B, i], s[_C, i], position[i]
+        s[_V, i] = (b - a) / ab
+        s[_JERK, i] = abs(s[_V, i] - (a - s[_Z, i]) / za) * bc
+        s[_PRED, i] = b + s[_V, i] * bc
+        s[_DEV, i], s[_TRAVEL, i] = c - s[_PRED, i], e - c
+        before = (s[_X, i] - c) / cx
+        surprise = abs(e - s[_X, i] - before * dt)
+        if surprise > _least(s, i) + STEP_RAD + (1.0 + SLACK) * abs(before) * dt:
+            s[_PAUSE, i], s[_HOLD, i] = PAUSE_S, 1.0
+        s[_NOISE, i] += dt / (dt + NOISE_S) * (min(surprise, STEP_RAD) - s[_NOISE, i])
+        s[_Z, i], s[_A, i], s[_B, i], s[_C, i], s[_X, i] = a, b, c, s[_X, i], e
+    spacing[0], spacing[1], spacing[2], spacing[3] = ab, bc, cx, dt
+    return bc, (cx + dt if max(za, ab, bc, cx, dt) <= LONGEST_S else 0.0)
 
 
 @njit(cache=True)
-def _mark_pushed(s, row, i, pressed, moved):  # type: ignore[no-untyped-def]
-    """Note a motion that began before the pressure changed, until it has ended: energies of both [(N m)^2].
-
-    After a break (-1), the motion is an older one, which proves nothing.
-    """
-    if s[row, i] < 0.0:
-        return
-    if moved < 0.06 * LEAST_NM * LEAST_NM:
-        s[row, i] = 0.0
-    elif moved > 0.25 * LEAST_NM * LEAST_NM and pressed < PUSHED * moved:
-        s[row, i] = 1.0
+def _least(s, i):  # type: ignore[no-untyped-def]
+    return max(NOISES * s[_NOISE, i], LEAST_RAD)
 
 
 @njit(cache=True)
-def _grow(s, row, sure, i, energy, own, other, moves, dt):  # type: ignore[no-untyped-def]
-    """Add a time step to the evidence of a row: misfit of the believed sensor, and of the other hypothesis.
-
-    sure: the row of the time in which the motion was explained by the believed sensor and by no other hypothesis.
-    """
-    if s[sure, i] >= ENOUGH_S:
-        s[row, i] = 0.0
-        return
-    if energy > LEAST_NM * LEAST_NM and s[_PAUSE, i] == 0.0:
-        s[sure, i] += dt if own < EXPLAINED and other > REFUTED else dt * ENOUGH_S / TRIED_S
-    if other < EXPLAINED and own > UNEXPLAINED and moves:
-        weight = energy / (energy + LEAST_NM * LEAST_NM)
-        s[row, i] += dt * weight * min(own - UNEXPLAINED, 1.0)
-    else:
-        s[row, i] = max(s[row, i] - dt, 0.0)
-
-
-@njit(cache=True)
-def _observe(s, i, phi, p, dt):  # type: ignore[no-untyped-def]
-    """Advance the filters of joint i: backward Euler, two equal ones and the slow part."""
-    share, slow = dt / (dt + FILTER_S), dt / (dt + BASE_S)
-    s[_PHI_1, i] += share * (phi - s[_PHI_1, i])
-    s[_PHI_2, i] += share * (s[_PHI_1, i] - s[_PHI_2, i])
-    s[_P_1, i] += share * (p - s[_P_1, i])
-    s[_P_2, i] += share * (s[_P_1, i] - s[_P_2, i])
-    s[_SPEED, i] = (s[_PHI_1, i] - s[_PHI_2, i]) / FILTER_S
-    s[_ACC, i] = (phi - 2.0 * s[_PHI_1, i] + s[_PHI_2, i]) / (FILTER_S * FILTER_S)
-    s[_PHI_BASE, i] += slow * (s[_PHI_2, i] - s[_PHI_BASE, i])
-    s[_P_BASE, i] += slow * (s[_P_2, i] - s[_P_BASE, i])
-
-
-@njit(cache=True)
-def _needed(s, c, i, k):  # type: ignore[no-untyped-def]
-    """R [N m] of joint i where the motion is that of the angle channel of joint k."""
-    spring = -stiffness(s[_P_2, i], c[_A1, i], c[_A3, i]) * (s[_PHI_2, k] - s[_PHI_BASE, k])
-    return spring + c[_D, i] * s[_SPEED, k] + c[_J, i] * s[_ACC, k]
-
-
-@njit(cache=True)
-def _lever(c, i, phi):  # type: ignore[no-untyped-def]
-    return max(leverage(phi, c[_A2, i], c[_A3, i]), LEAST_LEVERAGE)
-
-
-@njit(cache=True)
-def _sums(s, c, partner, above, i, dt):  # type: ignore[no-untyped-def]
-    """Advance the sums over E and R of joint i and of the exchange with the joint above."""
-    share = dt / (dt + WINDOW_S)
-    e = _lever(c, i, s[_PHI_2, i]) * (s[_P_2, i] - s[_P_BASE, i])
-    r = _needed(s, c, i, i)
+def _reach(s, c, partner, i, dt):  # type: ignore[no-untyped-def]
+    """Largest deviation [rad] within dt [s] that the largest outside torque and the neighbour's inertia give."""
+    d, lag = (1.0 - WRONG) * c[_D, i], c[_J, i] / c[_D, i]
+    phi, p = s[_PRED, i], s[_P_LAST, i]
+    held = torque(p, phi, 0.0, c[_A0, i], c[_A1, i], c[_A2, i], c[_A3, i], 0.0)  # by an obstacle that may let it go
+    most = MAX_OUTSIDE_NM + (1.0 + WRONG) * abs(held)
+    reach = most / d * (dt - lag * (1.0 - math.exp(-dt / lag)))
     if partner[i] >= 0:
-        r += c[_JC, i] * s[_ACC, partner[i]]
-    s[_EE, i] += share * (e * e - s[_EE, i])
-    s[_RR, i] += share * (r * r - s[_RR, i])
-    s[_ER, i] += share * (e * r - s[_ER, i])
-    full = c[_A2, i] * (s[_P_2, i] - s[_P_BASE, i])
-    s[_EM, i] += share * (full * full - s[_EM, i])
-    k = above[i]
-    if k < 0:
-        return
-    up, down = _needed(s, c, i, k), _needed(s, c, k, i)
-    other = _lever(c, k, s[_PHI_2, k]) * (s[_P_2, k] - s[_P_BASE, k])
-    s[_RX, i] += share * (r * up - s[_RX, i])
-    s[_RRU, i] += share * (up * up - s[_RRU, i])
-    s[_ERU, i] += share * (e * up - s[_ERU, i])
-    s[_RRD, i] += share * (down * down - s[_RRD, i])
-    s[_ERD, i] += share * (other * down - s[_ERD, i])
+        reach += (1.0 + WRONG) * c[_JC, i] / c[_J, i] * abs(s[_DEV, partner[i]])
+    return STEP_RAD + reach + (1.0 + RESTITUTION) * abs(s[_V, i]) * dt
 
 
 @njit(cache=True)
-def _angles(s, c, above, i, dt):  # type: ignore[no-untyped-def]
-    """Advance the evidence against the angle of joint i: its sign, and the exchange with the joint above."""
-    phi = s[_PHI_2, i]
-    own, energy = _misfit(s[_EE, i], s[_RR, i], s[_ER, i], BELIEVED[0], BELIEVED[1])
-    _mark_pushed(s, _PUSHED, i, s[_EM, i], s[_RR, i])
-    scale = _lever(c, i, s[_CENTRE, i] - phi) / _lever(c, i, phi)
-    ee, er = s[_EE, i] * scale * scale, -s[_ER, i] * scale
-    left, whole = _misfit(ee, s[_RR, i], er, SUSPECTED[0], SUSPECTED[1])
-    mirrored = left / whole if whole > 0.0 else 2.0
-    if s[_PUSHED, i] <= 0.0:
-        moves = abs(s[_SPEED, i]) > LEAST_RAD_PER_S
-        _grow(s, _FLIP, _SURE_SIGN, i, energy, own / energy if energy > 0.0 else 0.0, mirrored, moves, dt)
-    else:
-        s[_FLIP, i] = 0.0
-    k = above[i]
-    if k >= 0:
-        _exchanged(s, c, i, k, own, energy, dt)
+def _misses(s, i, speed, age):  # type: ignore[no-untyped-def]
+    """Whether joint i has not travelled at a speed [rad/s] for age [s] since the break."""
+    slack = SLACK * (abs(s[_DEV, i]) + abs(speed) * age) + 0.5 * NOISES * s[_NOISE, i]
+    return abs(s[_TRAVEL, i] - speed * age) > slack
 
 
 @njit(cache=True)
-def _exchanged(s, c, i, k, own, energy, dt):  # type: ignore[no-untyped-def]
-    """Advance the evidence that the angles of joints i and k are exchanged: both alone unexplained, both explained."""
-    phi = s[_PHI_2, i]
-    own_k, energy_k = _misfit(s[_EE, k], s[_RR, k], s[_ER, k], BELIEVED[0], BELIEVED[1])
-    scale = _lever(c, i, s[_PHI_2, k]) / _lever(c, i, phi)
-    up, up_all = _misfit(s[_EE, i] * scale * scale, s[_RRU, i], s[_ERU, i] * scale, SUSPECTED[0], SUSPECTED[1])
-    scale = _lever(c, k, phi) / _lever(c, k, s[_PHI_2, k])
-    down, down_all = _misfit(s[_EE, k] * scale * scale, s[_RRD, i], s[_ERD, i] * scale, SUSPECTED[0], SUSPECTED[1])
-    _mark_pushed(s, _PAIR_PUSHED, i, s[_EM, i] + s[_EM, k], s[_RR, i] + s[_RR, k])
-    same = s[_RR, i] + s[_RRU, i]
-    apart = same - 2.0 * s[_RX, i] > APART * same
-    if s[_PAIR_PUSHED, i] > 0.0 or not apart or energy + energy_k <= 0.0:
-        s[_SWAP, i] = 0.0
-        return
-    # What has no energy needs no explanation; what has some needs its own.
-    floor = 0.25 * LEAST_NM * LEAST_NM
-    other = max(up / (up_all + floor), down / (down_all + floor), (up + down) / (up_all + down_all + floor))
-    believed = min(own / energy if energy > floor else 2.0, own_k / energy_k if energy_k > floor else 2.0)
-    moves = max(abs(s[_SPEED, i]), abs(s[_SPEED, k])) > LEAST_RAD_PER_S
-    _grow(s, _SWAP, _SURE_ANGLES, i, energy + energy_k, believed, other, moves, dt)
+def _turn(s, i, age):  # type: ignore[no-untyped-def]
+    """By how much [rad] joint i has left its speed: at the break, or for age [s] since."""
+    return max(abs(s[_DEV, i]), abs(s[_TRAVEL, i] - s[_V, i] * age))
 
 
 @njit(cache=True)
-def _pressures(s, above, expected, pressure, liquid, i, dt):  # type: ignore[no-untyped-def]
-    """Advance the evidence that the pressures of joint i and the one above it are exchanged."""
-    k = above[i]
-    if k < 0:
-        return
-    share = dt / (dt + PRESSURE_WINDOW_S)
-    as_is = (pressure[i] - expected[i]) ** 2 + (pressure[k] - expected[k]) ** 2
-    swapped = (pressure[i] - expected[k]) ** 2 + (pressure[k] - expected[i]) ** 2
-    s[_PE, i] += share * (as_is - s[_PE, i])
-    s[_PX, i] += share * (swapped - s[_PX, i])
-    if s[_SURE_PRESSURES, i] >= ENOUGH_S or liquid:
-        s[_PSWAP, i] = 0.0
-    elif s[_PX, i] > 2.0 * LEAST_PA * LEAST_PA and s[_PE, i] < 0.5 * EXPLAINED * s[_PX, i]:
-        s[_SURE_PRESSURES, i] += dt
-    elif s[_PE, i] > 2.0 * LEAST_PA * LEAST_PA and s[_PX, i] < 0.5 * EXPLAINED * s[_PE, i]:
-        s[_PSWAP, i] += dt
-    else:
-        s[_PSWAP, i] = max(s[_PSWAP, i] - dt, 0.0)
+def _is_mirrored(s, c, partner, i, dt, age):  # type: ignore[no-untyped-def]
+    """Whether joint i has stepped to its mirrored motion: deviation after dt [s], travel for age [s] since."""
+    v, dev, least, turn = s[_V, i], abs(s[_DEV, i]), _least(s, i), _turn(s, i, age)
+    path, noticeable = abs(v) * dt, max(least, STEP_RAD)
+    k = partner[i]
+    if k >= 0 and _turn(s, k, age) > max(SLACK * turn, _least(s, k)):
+        return False  # what its neighbour has met moves this joint too, by their common inertia
+    if s[_JERK, i] > noticeable + SLACK * path:
+        return False  # after an impact, which may still be elastic
+    off = math.inf
+    for centre in (c[_MIRROR, i], 0.0):
+        off = min(off, abs(s[_PRED, i] + s[_DEV, i] - (centre - s[_PRED, i])))
+    if off > 0.2 * path + 0.03 * dev + 0.5 * least:
+        return False
+    if dev > noticeable + (1.0 + RESTITUTION) * path:
+        return abs(s[_TRAVEL, i] + v * age) < 0.1 * dev + SLACK * abs(v) * age + 0.5 * least
+    if abs(v) * age < max(1.5 * least, STEP_RAD) or turn < SMOOTH * s[_JERK, i]:
+        return False
+    first, second = s[_C, i] - s[_B, i], s[_X, i] - s[_C, i]
+    if abs(second - first) > SLACK * abs(s[_TRAVEL, i]):
+        return False  # it has turned by and by
+    return REVERSED < -s[_TRAVEL, i] / (v * age) < 1.0 / REVERSED
 
 
 @njit(cache=True)
-def _allowed(s, c, i, p, dt):  # type: ignore[no-untyped-def]
-    """Largest deviation [rad] of joint i from a straight motion over dt [s]: a torque from rest, with damping."""
-    phi = s[_LAST, i]
-    reach = abs(leverage(phi, c[_A2, i], c[_A3, i])) * abs(p) + abs(c[_A1, i]) * (abs(phi) + 0.5) + PUSH_NM
-    fastest, lag = reach / c[_D, i], c[_J, i] / c[_D, i]
-    return JUMP_RAD + 2.0 * fastest * (dt - lag * (1.0 - math.exp(-dt / lag)))
+def _stepped(s, c, partner, i, dt, age):  # type: ignore[no-untyped-def]
+    """Verdict on the angle of joint i alone."""
+    if _turn(s, i, age) < _least(s, i):
+        return FINE
+    if _is_mirrored(s, c, partner, i, dt, age):
+        return SIGN
+    dev = abs(s[_DEV, i])
+    return JUMPED if dev > _reach(s, c, partner, i, dt) and abs(s[_TRAVEL, i]) < 0.5 * dev else FINE
 
 
 @njit(cache=True)
-def _jumps(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
-    """Count the frames for which a jump of joint i has stayed."""
-    step = phi - s[_LAST, i] - s[_SPEED, i] * dt
-    if s[_JUMP, i] > 0.0:
-        stays = abs(phi - s[_TARGET, i]) < 0.5 * abs(s[_SIZE, i])
-        s[_JUMP, i] = s[_JUMP, i] + 1.0 if stays else 0.0
-    elif abs(step) > _allowed(s, c, i, p, dt):
-        s[_JUMP, i], s[_TARGET, i], s[_SIZE, i] = 1.0, phi, step
-    s[_LAST, i] = phi
+def _exchanged(s, partner, i, k, dt, age):  # type: ignore[no-untyped-def]
+    """Whether joints i and k have stepped to the predictions of each other."""
+    dev, least = min(abs(s[_DEV, i]), abs(s[_DEV, k])), max(_least(s, i) + _least(s, k), STEP_RAD)
+    if dev < least or s[_DEV, i] * s[_DEV, k] >= 0.0:
+        return False
+    if partner[i] == k and dev < (1.0 + RESTITUTION) * max(abs(s[_V, i]), abs(s[_V, k])) * dt:
+        return False  # an impact on one of them exchanges their speeds, by their common inertia
+    ci, ck = s[_PRED, i] + s[_DEV, i], s[_PRED, k] + s[_DEV, k]
+    if max(abs(ci - s[_PRED, k]), abs(ck - s[_PRED, i])) > 0.2 * dev + 0.5 * least:
+        return False
+    return not _misses(s, i, s[_V, k], age) and not _misses(s, k, s[_V, i], age)
 
 
 @njit(cache=True)
-def _breaks(s, i, phi, dt):  # type: ignore[no-untyped-def]
-    """Note whether the motion of joint i breaks: its angle steps, or its speed turns back within a frame."""
-    before, now = s[_STEP_SPEED, i], (phi - s[_LAST, i]) / dt
-    s[_STEP_SPEED, i] = now
-    s[_PREDICTED, i] = s[_LAST, i] + before * dt
-    s[_PAUSE, i] = max(s[_PAUSE, i] - dt, 0.0)
-    surprise = abs(now - before) * dt
-    s[_NOISE, i] += dt / (dt + NOISE_S) * (min(surprise, STEP_RAD) - s[_NOISE, i])
-    turns = abs(before) > REVERSED_RAD_PER_S and before * now < -REVERSED * before * before
-    turns = turns and surprise > _least_step(s, i)  # in a short frame the noise alone turns a speed back
-    if turns:
-        _be_careful(s, i)
-    s[_BROKE, i] = 2.0 if turns else 1.0 if surprise > _least_step(s, i) + STEP * abs(before) * dt else 0.0
-
-
-@njit(cache=True)
-def _least_step(s, i):  # type: ignore[no-untyped-def]
-    """Step [rad] of joint i within a frame that its noise does not make."""
-    return min(max(NOISES * s[_NOISE, i], LEAST_STEP_RAD), STEP_RAD)
-
-
-@njit(cache=True)
-def _be_careful(s, i):  # type: ignore[no-untyped-def]
-    """Hold the set-point of joint i, then let it rise slowly."""
-    s[_PAUSE, i], s[_CAUTION, i] = PAUSE_S, max(s[_CAUTION, i], CAUTION_S)
-
-
-@njit(cache=True)
-def _begin_again(s, i, phi, p):  # type: ignore[no-untyped-def]
-    """Forget the motion of joint i before now."""
-    _be_careful(s, i)
-    s[_PHI_1, i] = s[_PHI_2, i] = s[_PHI_BASE, i] = phi
-    s[_P_1, i] = s[_P_2, i] = s[_P_BASE, i] = p
-    for row in range(_EE, _EM + 1):
-        s[row, i] = 0.0
-
-
-@njit(cache=True)
-def _suspect(s, c, above, position, drive, i, dt):  # type: ignore[no-untyped-def]
-    """After a break that is one of a changed sign or of an exchange, forget the older motion; nothing is sure."""
-    if s[_BROKE, i] == 0.0:
-        return
-    least, speed = _least_step(s, i), abs(s[_STEP_SPEED, i]) * dt
-    stepped = abs(position[i] - s[_PREDICTED, i]) > 2.0 * least + speed
-    near = least + (MIRRORED if stepped else MATCH) * speed
-    if (stepped or s[_BROKE, i] > 1.0) and abs(position[i] - (c[_MIRROR, i] - s[_PREDICTED, i])) < near:
-        s[_SURE_SIGN, i] = s[_FLIP, i] = 0.0
-        s[_PUSHED, i], s[_CENTRE, i] = -1.0, c[_MIRROR, i]
-        _begin_again(s, i, position[i], drive[i])
-    near = least + MATCH * speed
-    k = above[i]
-    if k < 0 or s[_BROKE, k] == 0.0 or not stepped:
-        return
-    near = 2.0 * near + _least_step(s, k) + MATCH * abs(s[_STEP_SPEED, k]) * dt
-    if abs(position[i] - s[_PREDICTED, k]) < near and abs(position[k] - s[_PREDICTED, i]) < near:
-        s[_SURE_ANGLES, i] = s[_SWAP, i] = 0.0
-        s[_PAIR_PUSHED, i] = -1.0
-        _begin_again(s, i, position[i], drive[i])
-        _begin_again(s, k, position[k], drive[k])
-
-
-@njit(cache=True)
-def _pressure_breaks(s, above, pressure, i):  # type: ignore[no-untyped-def]
-    """After a step of the pressure of joint i, or of the one above it, nothing is sure of their exchange."""
-    k = above[i]
-    if k >= 0 and max(abs(pressure[i] - s[_P_LAST, i]), abs(pressure[k] - s[_P_LAST, k])) > STEP_PA:
-        s[_SURE_PRESSURES, i] = 0.0
-
-
-@njit(cache=True)
-def _grows_sure(s, c, i, dt):  # type: ignore[no-untyped-def]
-    """Count down the caution for joint i; it ends where the joint has followed its pressure."""
-    s[_CAUTION, i] = max(s[_CAUTION, i] - dt, 0.0)
-    moved, pressed = s[_PHI_2, i] - s[_FROM_PHI, i], s[_P_2, i] - s[_FROM_P, i]
-    driven = _lever(c, i, s[_PHI_2, i]) * pressed
-    if s[_CAUTION, i] > CAUTION_S and abs(moved) > CONFIRMED_RAD and abs(driven) > LEAST_NM and moved * driven > 0.0:
-        s[_CAUTION, i] = 0.0
-
-
-@njit(cache=True)
-def _repeats(s, i, phi):  # type: ignore[no-untyped-def]
-    """Count bit-identical angles of joint i; how many there are in a row while the joint should move."""
-    if phi != s[_LAST, i]:
-        s[_RUN, i], s[_RUN_SPEED, i] = 0.0, s[_SPEED, i]
-        return 0.0
-    s[_RUN, i] += 1.0
-    return s[_RUN, i] if abs(s[_RUN_SPEED, i]) > FROZEN_RAD_PER_S else 0.0
-
-
-@njit(cache=True)
-def _check(s, c, partner, above_angle, above_pressure, position, pressure, expected, drive, liquid, dt):  # type: ignore[no-untyped-def]
-    """Verdict, joint and other joint of a frame."""
-    n, frozen = len(position), -1
+def _steps(s, c, partner, dt, age):  # type: ignore[no-untyped-def]
+    """Verdict, joint and other joint of the step test."""
+    n = s.shape[1]
     for i in range(n):
-        run = _repeats(s, i, position[i])
-        s[_HOLDS, i] = 1.0 if run >= HELD_FRAMES else 0.0
-        if run >= FROZEN_FRAMES:
-            frozen = i
-        _breaks(s, i, position[i], dt)
-        _jumps(s, c, i, position[i], pressure[i], dt)
-        if s[_JUMP, i] == 0.0:
-            _observe(s, i, position[i], drive[i], dt)
-        _grows_sure(s, c, i, dt)
+        if abs(s[_DEV, i]) < _least(s, i):
+            continue
+        for k in range(i + 1, n):
+            if _exchanged(s, partner, i, k, dt, age):
+                return ANGLES_SWAPPED, i, k
     for i in range(n):
-        _suspect(s, c, above_angle, position, drive, i, dt)
-        _pressure_breaks(s, above_pressure, pressure, i)
-    for i in range(n):
-        s[_P_LAST, i] = pressure[i]
-        _sums(s, c, partner, above_angle, i, dt)
-    for i in range(n):
-        _angles(s, c, above_angle, i, dt)
-        _pressures(s, above_pressure, expected, pressure, liquid, i, dt)
-    if frozen >= 0:
-        return FROZEN, frozen, -1
-    for i in range(n):
-        if s[_PSWAP, i] > ENOUGH_S:
-            return PRESSURES_SWAPPED, i, above_pressure[i]
-        if s[_SWAP, i] > ENOUGH_S:
-            return ANGLES_SWAPPED, i, above_angle[i]
-        if s[_FLIP, i] > ENOUGH_S:
-            return SIGN, i, -1
-        if s[_JUMP, i] >= JUMP_FRAMES:
-            return JUMPED, i, -1
-        beyond = position[i] < c[_LOW, i] - c[_BEYOND, i] or position[i] > c[_HIGH, i] + 2.0 * c[_BEYOND, i]
-        s[_OUTSIDE, i] = s[_OUTSIDE, i] + dt if beyond else 0.0
-        if s[_OUTSIDE, i] > BEYOND_S:
-            return BEYOND, i, -1
+        verdict = _stepped(s, c, partner, i, dt, age)
+        if verdict != FINE:
+            return verdict, i, -1
     return FINE, 0, -1
 
 
 @njit(cache=True)
-def _hold(s, above_angle, command, dt):  # type: ignore[no-untyped-def]
-    """Limit the set-points of joints under suspicion to the last ones from before, and slow their rise, in place."""
-    n = len(command)
+def _channel(s, c, i, phi, dt):  # type: ignore[no-untyped-def]
+    """Verdict on bit-identical angles and on the end stops."""
+    if phi != s[_LAST, i]:
+        s[_RUN, i], s[_RUN_SPEED, i] = 0.0, s[_SPEED, i]
+    else:
+        s[_RUN, i] += 1.0
+    run = s[_RUN, i] if abs(s[_RUN_SPEED, i]) > FROZEN_RAD_PER_S else 0.0
+    s[_SPEED, i] += dt / (dt + SPEED_S) * ((phi - s[_LAST, i]) / dt - s[_SPEED, i])
+    s[_LAST, i] = phi
+    s[_PAUSE, i] = max(s[_PAUSE, i] - dt, 0.0)
+    s[_HOLD, i] = 1.0 if run >= HELD_FRAMES or s[_PAUSE, i] > 0.0 else 0.0
+    if run >= FROZEN_FRAMES:
+        return FROZEN
+    beyond = phi < c[_LOW, i] - c[_PRESSED, i] or phi > c[_HIGH, i] + 2.0 * c[_PRESSED, i]
+    s[_OUT_S, i] = s[_OUT_S, i] + dt if beyond else 0.0
+    return BEYOND if s[_OUT_S, i] > BEYOND_S else FINE
+
+
+@njit(cache=True)
+def _is_active(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
+    """Whether joint i has moved for long enough with an outside torque beyond the largest one.
+
+    An elastic obstacle gives back what it has stored only while the pressure falls.
+    """
+    a1, a2, a3, d, v = c[_A1, i], c[_A2, i], c[_A3, i], c[_D, i], s[_SPEED, i]
+    outside = d * v - torque(p, phi, 0.0, c[_A0, i], a1, a2, a3, 0.0)
+    terms = abs(c[_A0, i]) + abs(a1 * phi) + (abs(a2) + abs(a3 * phi)) * p + d * abs(v)
+    s[_P_SLOW, i] += dt / (dt + SLOW_S) * (p - s[_P_SLOW, i])
+    given_back = outside < 0.0 and p < s[_P_SLOW, i]
+    moves = (
+        not given_back
+        and outside * v > 0.0
+        and abs(v) > ACTIVE_RAD_PER_S
+        and abs(outside) > MAX_OUTSIDE_NM + WRONG * terms
+    )
+    s[_ACTIVE_S, i] = s[_ACTIVE_S, i] + dt if moves else 0.0
+    return s[_ACTIVE_S, i] > ACTIVE_S
+
+
+@njit(cache=True)
+def _first_motion(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
+    """Advance the motion that the pressure asks of joint i, and what is known of its sign; whether it is wrong."""
+    at = s[_MODEL, i]
+    balance = torque(p, at, 0.0, c[_A0, i], c[_A1, i], c[_A2, i], c[_A3, i], 0.0) - s[_BIAS, i]
+    stiff = max(-c[_A1, i] - c[_A3, i] * p, 0.0)
+    now = at + balance / c[_D, i] * dt / (1.0 + stiff / c[_D, i] * dt)
+    s[_MODEL, i] = min(max(now, c[_LOW, i]), c[_HIGH, i])
+    kept = 1.0 - dt / (dt + RECENT_S)
+    s[_W, i] = kept * (s[_W, i] + s[_MODEL, i] - at)
+    s[_U, i] = kept * (s[_U, i] + phi - s[_FROM, i])
+    s[_FROM, i] = phi
+    w, u = abs(s[_W, i]), s[_U, i] if s[_W, i] > 0.0 else -s[_U, i]
+    if s[_DOUBTED, i] == 0.0 or w < PROVEN_RAD:
+        return False
+    if ALIKE[0] * w < u < ALIKE[1] * w:
+        s[_DOUBTED, i] = 0.0
+    opposed = -OPPOSED[1] * w < u < -OPPOSED[0] * w
+    s[_SIGN_S, i] = s[_SIGN_S, i] + dt if opposed else 0.0
+    return s[_SIGN_S, i] > ENOUGH_S
+
+
+@njit(cache=True)
+def _pressures(s, i, k, expected, pressure, dt):  # type: ignore[no-untyped-def]
+    """Whether the pressures of joints i and k are those that the set-points of the other one give."""
+    share, least = dt / (dt + PRESSURE_S), 2.0 * LEAST_PA * LEAST_PA
+    as_is = (pressure[i] - expected[i]) ** 2 + (pressure[k] - expected[k]) ** 2
+    swapped = (pressure[i] - expected[k]) ** 2 + (pressure[k] - expected[i]) ** 2
+    s[_PE, i] += share * (as_is - s[_PE, i])
+    s[_PX, i] += share * (swapped - s[_PX, i])
+    if max(abs(pressure[i] - s[_P_LAST, i]), abs(pressure[k] - s[_P_LAST, k])) > LEAST_PA:
+        s[_P_PROVEN, i] = 0.0  # a sensor cannot change its place without a step
+    if s[_PX, i] > least and s[_PE, i] < UNEXPLAINED * s[_PX, i]:
+        s[_P_PROVEN, i] += dt
+    wrong = s[_P_PROVEN, i] < ENOUGH_S and s[_PE, i] > least and s[_PX, i] < UNEXPLAINED * s[_PE, i]
+    s[_PSWAP_S, i] = s[_PSWAP_S, i] + dt if wrong else 0.0
+    if wrong:
+        s[_HOLD, i] = s[_HOLD, k] = 1.0
+    return s[_PSWAP_S, i] > ENOUGH_S
+
+
+@njit(cache=True)
+def _check(s, c, spacing, partner, above, position, pressure, expected, drive, liquid, dt):  # type: ignore[no-untyped-def]
+    """Verdict, joint and other joint of a frame."""
+    n, verdict, joint, other = len(position), FINE, 0, -1
     for i in range(n):
-        k = above_angle[i]
-        if s[_SWAP, i] > 0.0 and k >= 0:
-            s[_HOLDS, i] = s[_HOLDS, k] = 1.0
-        if s[_FLIP, i] + s[_JUMP, i] + s[_PSWAP, i] + s[_PAUSE, i] > 0.0:
-            s[_HOLDS, i] = 1.0
+        found = _channel(s, c, i, position[i], dt)
+        if found == FINE and _is_active(s, c, i, position[i], drive[i], dt):
+            found = ACTIVE
+        if _first_motion(s, c, i, position[i], drive[i], dt):
+            found = SIGN
+        if found != FINE:
+            verdict, joint = found, i
     for i in range(n):
-        if s[_HOLDS, i] > 0.0:
+        k = above[i]
+        if k >= 0 and not liquid and _pressures(s, i, k, expected, pressure, dt):
+            verdict, joint, other = PRESSURES_SWAPPED, i, k
+    for i in range(n):
+        s[_P_LAST, i] = pressure[i]
+    spacing[4] += dt
+    if spacing[4] < SPACING_S or verdict != FINE:
+        return verdict, joint, other
+    before, age = _sample(s, spacing, position, spacing[4])
+    spacing[4] = 0.0
+    return _steps(s, c, partner, before, age) if age > 0.0 else (FINE, 0, -1)
+
+
+@njit(cache=True)
+def _hold(s, command, dt):  # type: ignore[no-untyped-def]
+    """Limit the set-points of suspected joints to the last ones from before; unproven ones rise slowly, in place."""
+    for i in range(len(command)):
+        if s[_HOLD, i] > 0.0:
             command[i] = min(command[i], s[_BELIEVED_PA, i])
             continue
-        if s[_CAUTION, i] > 0.0:
+        if s[_DOUBTED, i] > 0.0:
             # The pressure that the joint has already may stay.
             command[i] = min(command[i], max(s[_BELIEVED_PA, i] + CAUTION_PA_PER_S * dt, s[_P_LAST, i]))
         s[_BELIEVED_PA, i] = command[i]
@@ -490,38 +363,39 @@ class SensorWatch:
         pressed = STOP_NM / hand.row("end_stop.stiffness_nm_per_rad") + hand.row("end_stop.engagement_deg")
         rows = [*(hand.row(key) for key in _KEYS), 2.0 * sensors.hall.zero_rad, pressed + BEYOND_RAD]
         self._constants = np.array(rows)
-        self._above_angle = _next(sensors.angle_channel)
-        self._above_pressure = _next(sensors.pressure_channel)
         self._channels = (sensors.angle_channel, sensors.pressure_channel)
+        self._above = _next(sensors.pressure_channel)
         self._state = np.zeros((_ROWS, len(hand.joints)))
+        self._spacing = np.zeros(5)
         self._period_s = 1.0 / hand.rate_hz
         self._elapsed_s = 0.0
         self._liquid = bool(hand.row("hydraulic.share").max() > 0.0)
-        self._a0 = hand.row("statics.a0_nm")
 
     def start(self, position: Array, pressure: Array) -> None:
         """Begin without evidence at position (n,) [rad] and pressure (n,) [Pa]."""
-        self._state[:] = 0.0
+        s, c = self._state, self._constants
+        s[:] = 0.0
         self._restart(position, pressure)
-        self._state[_FROM_PHI], self._state[_FROM_P] = position, pressure
-        c = self._constants
-        left, mirrored, negated = (
-            np.abs(torque(pressure, angle, 0.0, self._a0, c[_A1], c[_A2], c[_A3], 0.0))
-            for angle in (position, c[_MIRROR] - position, -position)
-        )
-        self._state[_CAUTION] = np.where(left > POSE_NM, math.inf, 0.0)
-        self._state[_CENTRE] = np.where(mirrored < negated, c[_MIRROR], 0.0)
-        self._state[_BELIEVED_PA] = pressure
-        self._state[_SURE_ANGLES] = ENOUGH_S
-        self._state[_SURE_SIGN] = np.where(self._state[_CAUTION] > 0.0, 0.0, ENOUGH_S)
+
+        def unexplained(angle: Array) -> Array:
+            left: Array = np.asarray(torque(pressure, angle, 0.0, c[_A0], c[_A1], c[_A2], c[_A3], 0.0))
+            return left
+
+        mirrored, negated = c[_MIRROR] - position, -position
+        other = np.where(np.abs(unexplained(mirrored)) < np.abs(unexplained(negated)), mirrored, negated)
+        doubted = np.abs(unexplained(position)) > POSE_NM
+        s[_DOUBTED], s[_NOISE] = doubted, LEAST_RAD
+        s[_MODEL] = np.clip(np.where(doubted, other, position), c[_LOW], c[_HIGH])
+        s[_BIAS] = np.clip(unexplained(s[_MODEL]), -POSE_NM, POSE_NM)
+        s[_BELIEVED_PA] = pressure
 
     def _restart(self, position: Array, pressure: Array) -> None:
-        """Start the filters at rest; what was found is kept."""
+        """Start the tests at rest; what was found is kept."""
         s = self._state
-        s[[_PHI_1, _PHI_2, _PHI_BASE, _LAST]] = position
-        s[[_P_1, _P_2, _P_BASE, _P_LAST]] = pressure
-        s[_SPEED : _PX + 1] = 0.0
-        s[[_JUMP, _RUN, _RUN_SPEED, _STEP_SPEED, _PAUSE]] = 0.0
+        s[[_Z, _A, _B, _C, _X, _LAST, _FROM]] = position
+        s[_P_LAST] = s[_P_SLOW] = pressure
+        s[[_RUN, _RUN_SPEED, _SPEED, _OUT_S, _ACTIVE_S, _W, _U, _SIGN_S, _PE, _PX, _PSWAP_S]] = 0.0
+        self._spacing[:] = (math.inf, math.inf, math.inf, math.inf, 0.0)
 
     def check(
         self, position: Array, pressure: Array, expected: Array, driven: Array, elapsed_s: float
@@ -538,51 +412,51 @@ class SensorWatch:
             return None
         if elapsed_s <= 0.0:
             return None
-        channels = (self._partner, self._above_angle, self._above_pressure)
         verdict, joint, other = _check(
-            self._state, self._constants, *channels, position, pressure, expected, drive, self._liquid, elapsed_s
+            self._state,
+            self._constants,
+            self._spacing,
+            self._partner,
+            self._above,
+            position,
+            pressure,
+            expected,
+            drive,
+            self._liquid,
+            elapsed_s,
         )
         if verdict == FINE:
             return None
-        return Contradiction(verdict, joint, other, float(self._state[_SIZE, joint]))
+        return Contradiction(verdict, joint, other, float(self._state[_DEV, joint]))
 
     def hold(self, command: Array) -> None:
         """Limit set-points (n,) [Pa] in place: none above the last one from before the present evidence."""
-        _hold(self._state, self._above_angle, command, self._elapsed_s)
+        _hold(self._state, command, self._elapsed_s)
 
     def line(self, found: Contradiction) -> str:
         """What was found: joints, channels, evidence and what to check."""
         joint, other = self._joints[found.joint], self._joints[found.other]
         angle, pressure = (int(channel[found.joint]) for channel in self._channels)
-        if found.verdict == JUMPED:
-            return (
-                f"{joint}: its angle (channel {angle}) jumped by {math.degrees(abs(found.size)):.0f} degrees, which no"
-                " torque explains; check the sensor, its cable and its polarity"
-            )
-        if found.verdict == BEYOND:
-            return (
-                f"{joint}: its angle (channel {angle}) is beyond the end stop; check the polarity of the sensor and the"
-                " calibration of the channel"
-            )
-        if found.verdict == FROZEN:
-            return (
-                f"{joint}: its angle (channel {angle}) stands still to the last bit while the joint moves; check the"
-                " sensor, its cable and the converter"
-            )
-        if found.verdict == SIGN:
-            return (
-                f"{joint}: its angle (channel {angle}) falls where the pressure bends the joint; check the polarity of"
-                " the sensor and the calibration of the channel"
-            )
-        if found.verdict == ANGLES_SWAPPED:
-            return (
-                f"{joint} and {other}: each angle (channels {angle} and {int(self._channels[0][found.other])}) follows"
-                " the pressure of the other joint; check whether the sensors are exchanged"
-            )
-        return (
-            f"{joint} and {other}: each pressure (channels {pressure} and {int(self._channels[1][found.other])})"
-            " follows the set-point of the other joint; check whether sensors or tubes are exchanged"
-        )
+        angles = f"{angle} and {int(self._channels[0][found.other])}"
+        pressures = f"{pressure} and {int(self._channels[1][found.other])}"
+        size_deg = math.degrees(abs(found.size))
+        return {
+            JUMPED: f"{joint}: its angle (channel {angle}) jumped by {size_deg:.1f} degrees, which no torque explains;"
+            " check the sensor, its cable and its polarity",
+            BEYOND: f"{joint}: its angle (channel {angle}) is beyond the end stop; check the polarity of the sensor and"
+            " the calibration of the channel",
+            FROZEN: f"{joint}: its angle (channel {angle}) stands still to the last bit while the joint moves; check"
+            " the sensor, its cable and the converter",
+            ACTIVE: f"{joint}: its angle (channel {angle}) moves without the pressure for it, as no outside torque of"
+            f" {MAX_OUTSIDE_NM:g} N m explains; check the angle sensor, the pressure sensor (channel {pressure}) and"
+            " the model",
+            SIGN: f"{joint}: its angle (channel {angle}) falls where the pressure bends the joint; check the polarity"
+            " of the sensor and the calibration of the channel",
+            ANGLES_SWAPPED: f"{joint} and {other}: each angle (channels {angles}) is that of the other joint; check"
+            " whether the sensors are exchanged",
+            PRESSURES_SWAPPED: f"{joint} and {other}: each pressure (channels {pressures}) follows the set-point of"
+            " the other joint; check whether sensors or tubes are exchanged",
+        }[found.verdict]
 
 
 def _next(channel: NDArray[np.int64]) -> NDArray[np.int64]:

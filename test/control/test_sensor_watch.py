@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hand_control.sensor_watch import ACTIVE, SIGN, SensorWatch
+from hand_model.arrays import Array
 from hand_model.description import load_hand
 from validation.faults.operation import World
 from validation.faults.sensors import CONFIG, Case, Outcome, study
@@ -22,7 +24,9 @@ def found(error: float, motion: str, joint: int, name: str, from_start: bool, se
     ("name", "part"),
     [
         ("angle frozen", ""),
+        ("angle mirrored", "polarity"),
         ("angle negated", ""),
+        ("angles exchanged", "exchanged"),
         ("converter stuck", ""),
         ("supply 6.5 V", "not a number"),
         ("pressures exchanged", "exchanged"),
@@ -62,3 +66,46 @@ def test_the_set_points_do_not_rise_under_suspicion() -> None:
     outcome = found(0.3, "step", 6, "angle frozen", False, 340)
     assert outcome.excess_pa < 6e4
     assert np.isfinite(outcome.error_deg)
+
+
+def verdict(rate_hz: float, angle: Array, pressure: Array) -> int | None:
+    """Verdict on joint 4 with its angle [rad] and pressure [Pa] (samples,); the others stand still at 0.1 rad."""
+    watch, count, rng = SensorWatch(HAND), len(HAND.joints), np.random.default_rng(5)
+    rest = np.full(count, 0.1)
+    watch.start(rest, np.full(count, 1.5e4))
+    for phi, p in zip(angle, pressure, strict=True):
+        position, measured = rest + rng.normal(0.0, 1.5e-4, count), np.full(count, 1.5e4)
+        position[4], measured[4] = position[4] - 0.1 + phi, p
+        found = watch.check(position, measured, measured, measured, 1.0 / rate_hz)
+        if found is not None:
+            assert found.joint == 4
+            return found.verdict
+    return None
+
+
+@pytest.mark.parametrize("rate_hz", [200.0, 500.0, 1000.0])
+@pytest.mark.parametrize("speed", [0.7, 3.0])
+def test_a_step_of_the_sensor_differs_from_a_blow(rate_hz: float, speed: float) -> None:
+    """Fails at any rate when a mirrored angle is believed, or when a blow, a stop or a soft bounce is not."""
+    print("seed 5")
+    t = np.arange(round(0.3 * rate_hz)) / rate_hz
+    moving = 0.1 + speed * np.maximum(t - 0.05, 0.0)
+    pressure = 1.5e4 + 8e4 * (moving - 0.1)
+    after = t > 0.15
+    mirrored = np.where(after, 2.0 * HAND.sensors.hall.zero_rad[4] - moving, moving)
+    assert verdict(rate_hz, mirrored, pressure) == SIGN
+    lag_s = 7.5e-3  # J / d
+    blow = np.where(after, 6.0 * lag_s * (1.0 - np.exp(-np.maximum(t - 0.15, 0.0) / lag_s)), 0.0)
+    at_s = 0.05 + (HAND.sensors.hall.zero_rad[4] - 0.1) / speed if speed > 1.0 else 0.15
+    for bounce in (0.0, 0.4):
+        back = -(1.0 + bounce) * speed * np.maximum(t - at_s, 0.0)
+        assert verdict(rate_hz, moving + back, pressure) is None
+    assert verdict(rate_hz, moving + blow, pressure) is None
+
+
+def test_a_joint_that_moves_against_its_pressure_is_found() -> None:
+    """Fails when an angle may fall for long under a rising pressure that no push of MAX_OUTSIDE_NM holds back."""
+    t = np.arange(80) * 0.005
+    falling = np.asarray(0.9 - 2.0 * t, dtype=np.float64)
+    assert verdict(200.0, falling, np.asarray(3.0e5 + 4e5 * t, dtype=np.float64)) == ACTIVE
+    assert verdict(200.0, falling, np.full(80, 5.0e4)) is None  # a push of 0.1 N m

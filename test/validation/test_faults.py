@@ -17,8 +17,6 @@ from validation.results import read_run
 
 ROOT = Path(__file__).parents[2]
 OPEN = {
-    "sensors: angle mirrored",
-    "sensors: angles exchanged",
     "sensors: angles exchanged, from the start",
     "sensors: pressures exchanged",
     "sensors: pressure x 0.5",

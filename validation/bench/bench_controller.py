@@ -1,4 +1,4 @@
-"""One tick of the controller for 11 joints, from and to message arrays, and eleven updates of simple-pid."""
+"""One tick of the law for 11 joints from and to message arrays, eleven updates of simple-pid, and cost of monitors."""
 
 from __future__ import annotations
 
@@ -17,9 +17,12 @@ from hand_control.law import Law
 from hand_control.tuning import gains
 from hand_model.description import load_hand
 from validation.bench.result import figure
+from validation.faults.sensor_loop import Loop, Plant
 
 DT_S = 0.005
 GOAL = 0.5
+MONITOR_GOAL_PERCENT = 15.0
+SEED = 20261123
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
@@ -31,8 +34,46 @@ def run(quick: bool) -> list[dict[str, Any]]:
     ratio = median(own / other for own, other in pairs)
     return [
         figure("controller tick, 11 joints (reference: eleven updates of simple-pid)", own_us, GOAL, "us", other_us)
-        | {"ratio": ratio}
+        | {"ratio": ratio},
+        figure(
+            "monitors of sensors and pressures: share of a frame of the controller",
+            100.0 * monitor_share(ticks // 4, rounds),
+            MONITOR_GOAL_PERCENT,
+            "%",
+        ),
     ]
+
+
+def monitor_share(frames: int, rounds: int) -> float:
+    """Median over rounds of the share of `Controller.frame` that the checks of a frame take, in one run [-]."""
+    hand = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
+    loop, share = Loop(hand, Plant(), SEED), []
+    loop.controller.enable(True)
+    loop.step()
+    loop.command(np.full(len(hand.joints), 0.8))
+    controller, clock = loop.controller, time.perf_counter
+    spent = {"frame": 0.0, "monitors": 0.0}
+
+    def timed(owner: object, name: str, key: str) -> None:
+        inner = getattr(owner, name)
+
+        def call(*arguments: object) -> object:
+            begun = clock()
+            result = inner(*arguments)
+            spent[key] += clock() - begun
+            return result
+
+        setattr(owner, name, call)
+
+    timed(controller, "frame", "frame")
+    timed(controller, "_check_measurement", "monitors")
+    timed(controller._sensor_watch, "hold", "monitors")
+    for _ in range(rounds):
+        spent["frame"] = spent["monitors"] = 0.0
+        for _ in range(frames):
+            loop.step()
+        share.append(spent["monitors"] / spent["frame"])
+    return median(share)
 
 
 def law_tick() -> Callable[[], object]:
