@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from hand_diagnosis.diagnose import JointDiagnosis
+from hand_diagnosis.diagnosis import JointDiagnosis
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.verdict import describe, states_of
 from hand_identification.map_fit import MapFit

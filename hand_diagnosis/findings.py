@@ -1,11 +1,15 @@
-"""Findings: which effect, where, with which probability and numbers; what it could be mistaken for; the verdict.
+"""Findings: which effect, where, with which probability and numbers; what it could be mistaken for; what remains.
+
+Named effects are findings, with the share that they explain. What the model leaves beyond that is a remainder with its
+own probability of being other physics (verdict.StageResult.other_physics).
 
 A finding's numbers and sentence are in the units and words of the hand or machine it is about (hand_model/quantities).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,16 +17,26 @@ import numpy as np
 from hand_diagnosis.hypotheses import Hypothesis
 from hand_diagnosis.search import JointSearch
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.verdict import Correction, StageResult, Structure, describe, sparse_correction
+from hand_diagnosis.splits import ErrorsOnTest
+from hand_diagnosis.verdict import StageResult, Structure, describe, sparse_correction
 from hand_identification.joint_problem import BLOCK_S
 from hand_identification.map_fit import MapFit
 from hand_model.effects.effect import Effect
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
-from hand_model.quantities import Wording
+from hand_model.quantities import HAND, Wording
 from hand_recording.signals import Signals
 
 STAGE_PLACES = ("valve", "joint", "force_sensor")
-"""Place of an `unknown` finding by the signal in which it shows."""
+"""Place of a remainder by the signal in which it shows."""
+FAMILIES = {
+    "angle": "depends_on_angle",
+    "pressure": "depends_on_pressure",
+    "speed": "depends_on_speed",
+    "set-point": "depends_on_set_point",
+    "time": "drifts_with_time",
+}
+"""Family of a remainder by the state on which it depends most."""
+PERIODIC = "periodic_in_time"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +54,9 @@ class Number:
 class Finding:
     """One finding. joint None: the whole hand.  alternatives: (effect, probability, experiment that separates).
 
-    when: stretches of the first recording [s].  numbers: the effect's, or of an `unknown` those of effects that explain
-    a part of it.
+    when: stretches of the first recording [s].  numbers: the effect's.  tied_with: effects that the data cannot
+    separate from it.  explains: share of the signal's mean square beyond the noise that it removes, 0 ... 1.
+    at_bound: keys of its numbers that ended at a bound of their range.
     """
 
     joint: str | None
@@ -54,16 +69,54 @@ class Finding:
     condition: str
     numbers: tuple[Number, ...]
     statement: str
+    tied_with: tuple[str, ...] = ()
+    explains: float = 1.0
+    at_bound: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Remainder:
+    """What the best model leaves of a signal of a joint, in the unit in which the signal is shown.
+
+    rms: beyond the noise, on validation data.  share: of the mean square beyond the noise, 0 ... 1.
+    probability: of being other physics than that named.  candidates: effects that explain a part and are not claimed,
+    with their numbers.
+    """
+
+    joint: str
+    place: str
+    signal: str
+    rms: float
+    unit: str
+    share: float
+    probability: float
+    family: str
+    when: tuple[tuple[float, float], ...]
+    candidates: tuple[tuple[str, tuple[Number, ...]], ...]
+    statement: str
 
 
 @dataclass(frozen=True, slots=True)
 class JointResult:
-    """A joint to report on: its search, its signals on the validation data, and the words for it."""
+    """A joint to report on: its search, its signals on the validation data, and the words for it.
+
+    test: errors of the nominal model and of the final one on the test data; None where there are none.
+    """
 
     joint: str
     search: JointSearch
     results: tuple[StageResult, ...]
     wording: Wording
+    test: ErrorsOnTest | None = None
+
+    def result(self, stage: int) -> StageResult:
+        """The result of a signal that the joint has."""
+        return next(result for result in self.results if result.stage == stage)
+
+    def claimed(self) -> list[int]:
+        """Places, among the accepted effects, of those that are findings."""
+        accepted = self.search.accepted
+        return [k for k, found in enumerate(accepted) if self.result(found.stage).claimed]
 
     def rmse(self, fit: MapFit, stage: int) -> float:
         """Validation error of a fit in the unit in which the signal is shown."""
@@ -76,11 +129,7 @@ def ranked_findings(joints: Sequence[JointResult], signals: Sequence[Signals]) -
     """Dropped frames first, then the findings of every joint by how much they explain; one of the hand only once."""
     scored: list[tuple[float, Finding]] = []
     for result in joints:
-        gain, weight = result.search.nominal.cost - result.search.final.cost, result.search.final.cost
-        worst = max(result.results, key=lambda r: r.excess_after * r.unexplained, default=None)
-        if worst is not None and worst.unexplained:
-            scored.append((gain + weight, unknown_finding(result, worst)))
-            continue
+        gain = result.search.nominal.cost - result.search.final.cost
         scored += [(gain / (order + 1.0), finding) for order, finding in enumerate(joint_findings(result))]
     scored.sort(key=lambda pair: -pair[0])
     unique = _dropped_frames(signals)
@@ -91,15 +140,18 @@ def ranked_findings(joints: Sequence[JointResult], signals: Sequence[Signals]) -
     return unique
 
 
-def verdict(findings: Sequence[Finding], joints: Sequence[JointResult]) -> str:
+def remainders(joints: Sequence[JointResult]) -> list[Remainder]:
+    """What is more probably other physics than not, the largest in noise floors first."""
+    left = [(result, stage) for result in joints for stage in result.results if stage.remains]
+    left.sort(key=lambda pair: -pair[1].excess_after / pair[1].floor)
+    return [remainder(result, stage) for result, stage in left]
+
+
+def verdict(findings: Sequence[Finding], left: Sequence[Remainder]) -> str:
     """agrees, explained, partly_explained or unknown_physics."""
-    names = {finding.effect for finding in findings}
-    if not names:
-        return "agrees"
-    if "unknown" in names:
-        return "unknown_physics" if names <= {"unknown", "dropped_frames"} else "partly_explained"
-    left = any(stage.leftover for joint in joints for stage in joint.results if joint.search.accepted)
-    return "partly_explained" if left else "explained"
+    if left:
+        return "partly_explained" if any(f.effect != "dropped_frames" for f in findings) else "unknown_physics"
+    return "explained" if findings else "agrees"
 
 
 def _dropped_frames(signals: Sequence[Signals]) -> list[Finding]:
@@ -122,8 +174,8 @@ def _lost(recording: Signals) -> float:
 
 
 def joint_findings(result: JointResult) -> list[Finding]:
-    """A finding for every accepted effect of a joint."""
-    return [_finding(result, index) for index in range(len(result.search.accepted))]
+    """A finding for every accepted effect of a joint that is claimed."""
+    return [_finding(result, index) for index in result.claimed()]
 
 
 def _finding(result: JointResult, index: int) -> Finding:
@@ -131,56 +183,119 @@ def _finding(result: JointResult, index: int) -> Finding:
     search, wording = result.search, result.wording
     accepted = search.accepted[index]
     effect, stage = accepted.effect, accepted.stage
-    rivals = _rivals(search, accepted)
-    alternatives = _alternatives(effect, rivals)
+    rivals, tied = _rivals(search, accepted)
+    # What is left on data that were not fitted speaks against the effect itself, too: another may stand behind it.
+    sure = (1.0 - result.result(stage).left_beyond_floor) ** 2
+    alternatives = _alternatives(effect, {name: (e, sure * p) for name, (e, p) in rivals.items()})
     numbers = tuple(parameter_numbers(search, effect, wording))
     off = search.with_effects_off(effect.name)
-    before = search.nominal if index == 0 else search.accepted[index - 1].fit
     low = SETTINGS.min_probability
+    probability = min(max(sure * rivals[effect.name][1], low), 1.0 - low)
+    bound = _at_bounds(search, effect, wording)
+    explains = _explained_by(result, index)
     return Finding(
         None if effect.everywhere or effect.place == "supply" else result.joint,
         effect.place,
         effect.name,
-        min(max(rivals[effect.name][1], low), 1.0 - low),
+        probability,
         alternatives,
         _when(search, off, stage),
         wording.signals[stage],
         _condition(search, off, stage, wording),
         numbers,
-        _statement(result, index, said(effect, numbers, wording), before, alternatives),
+        _statement(result, index, said(effect, numbers, wording), tied, explains, bound),
+        tuple(tied),
+        explains,
+        tuple(key for key, _ in bound),
     )
+
+
+def _explained_by(result: JointResult, index: int) -> float:
+    """Share of a signal's mean square beyond the noise that an effect explains; several divide it by what each adds."""
+    search, stage = result.search, result.search.accepted[index].stage
+    alike = [found.effect.name for found in search.accepted if found.stage == stage]
+    explained = result.result(stage).explained
+    if len(alike) == 1:
+        return explained
+    final = result.rmse(search.final, stage) ** 2
+    added = {name: max(result.rmse(search.with_effects_off(name), stage) ** 2 - final, 1e-300) for name in alike}
+    return explained * added[search.accepted[index].effect.name] / sum(added.values())
+
+
+def _at_bounds(search: JointSearch, effect: Effect, wording: Wording) -> list[tuple[str, str]]:
+    """Numbers of an effect that ended at a bound of their allowed range: key, and the bound with its unit."""
+    fit = search.final
+    columns, _ = search.problem.columns(fit.free, fit.z[None])
+    found = []
+    for parameter in fit.free:
+        if parameter.row >= len(ROW) or parameter.key not in effect.keys:
+            continue
+        known = JOINT_PARAMETERS[parameter.row]
+        value = float(columns[0, parameter.row]) / known.scale
+        neutral = known.neutral
+        for bound in (known.low, known.high):
+            if abs(value - bound) <= SETTINGS.bound_margin * abs(bound) and bound != neutral:
+                own = wording.units.quantity(parameter.key)
+                found.append((own.key, f"{own.factor * bound:.3g}" + ("" if own.unit == "1" else f" {own.unit}")))
+    return found
 
 
 def _statement(
-    result: JointResult, index: int, says: str, before: MapFit, alternatives: Sequence[tuple[str, float, str]]
+    result: JointResult,
+    index: int,
+    says: str,
+    tied: Sequence[str],
+    explains: float,
+    bound: Sequence[tuple[str, str]],
 ) -> str:
-    """The sentence of a finding. before: the model without the effect."""
+    """The sentences of a finding."""
     accepted = result.search.accepted[index]
     stage = accepted.stage
-    noise = next(r.noise for r in result.results if r.stage == stage)
-    factor, unit = result.wording.signal_units[stage]
-    fall = f"{result.rmse(before, stage):.3g} to {result.rmse(accepted.fit, stage):.3g} {unit}"
-    text = (
-        f"{result.joint}: {says}. The validation error of the {result.wording.signals[stage]} falls from {fall};"
-        f" the noise floor is {factor * noise:.3g} {unit}."
-    )
-    if alternatives:
-        name, probability, experiment = alternatives[0]
-        text += f" The alternative is {name} ({probability:.0%}); the experiment {experiment} separates them."
+    signal, (factor, unit) = result.wording.signals[stage], result.wording.signal_units[stage]
+    names = " or ".join([accepted.effect.name, *tied])
+    text = f"{result.joint}: {says}."
+    if tied:
+        text = f"{result.joint}: these data do not separate {names}. If it is {accepted.effect.name}, {says}."
+    text += f" It explains {explains:.0%} of the mismatch of the {signal}. {errors_text(result, stage)}"
+    text += f" The noise floor is {factor * result.result(stage).noise:.3g} {unit}."
+    for key, limit in bound:
+        text += f" {key} ended at the limit of its allowed range, {limit}; the true value may lie beyond it."
     return text
 
 
-def _rivals(search: JointSearch, accepted: Hypothesis) -> dict[str, tuple[Effect, float]]:
-    """Effects and probabilities of the round in which the effect was accepted, the model without it included."""
-    share = SETTINGS.several_effects_factor if len(search.accepted) > 1 else 1.0
+def errors_text(result: JointResult, stage: int) -> str:
+    """The sentence about the error before and after on test data; on validation data where there are none."""
+    signal, (factor, unit) = result.wording.signals[stage], result.wording.signal_units[stage]
+    if result.test is not None and np.isfinite(result.test.rmse(0)[stage]):
+        before, after = (factor * float(result.test.rmse(k)[stage]) for k in (0, 1))
+        moves = "falls" if after < before else "changes"
+        return f"The test error of the {signal} {moves} from {before:.3g} to {after:.3g} {unit}."
+    own = result.result(stage)
+    return (
+        f"The validation error of the {signal} falls from {factor * own.before:.3g} to {factor * own.after:.3g} {unit};"
+        " the recording is too short for test data."
+    )
+
+
+def _rivals(search: JointSearch, accepted: Hypothesis) -> tuple[dict[str, tuple[Effect, float]], list[str]]:
+    """Effects and probabilities of the round in which the effect was accepted, and those that tie with it.
+
+    The model without a further effect competes, too. SETTINGS.outside_catalogue is the prior of effects that no
+    catalogue holds; what is left on data that were not fitted is weighed by the caller.
+    """
+    name = accepted.effect.name
     for hypotheses, without in reversed(list(zip(search.rounds, search.evidences, strict=True))):
-        names = [hypothesis.effect.name for hypothesis in hypotheses]
-        if accepted.effect.name in names and hypotheses[names.index(accepted.effect.name)].log_evidence > without:
-            logs = np.array([hypothesis.log_evidence for hypothesis in hypotheses] + [without])
-            weights = np.exp((logs - logs.max()) / SETTINGS.evidence_temperature)
-            weights *= (1.0 - SETTINGS.outside_catalogue) / weights.sum()
-            return {h.effect.name: (h.effect, share * float(w)) for h, w in zip(hypotheses, weights, strict=False)}
-    return {accepted.effect.name: (accepted.effect, share * SETTINGS.sole_probability)}
+        own = next((h for h in hypotheses if h.effect.name == name), None)
+        if own is None or own.log_evidence <= without:
+            continue
+        logs = np.array([hypothesis.log_evidence for hypothesis in hypotheses] + [without])
+        weights = np.exp((logs - logs.max()) / SETTINGS.evidence_temperature)
+        weights *= (1.0 - SETTINGS.outside_catalogue) / weights.sum()
+        near = own.log_evidence - SETTINGS.tie_log_evidence
+        later = {found.effect.name for found in search.accepted}
+        tied = [h.effect.name for h in hypotheses if h.log_evidence > max(near, without) and h.effect.name not in later]
+        return {h.effect.name: (h.effect, float(w)) for h, w in zip(hypotheses, weights, strict=False)}, tied
+    raise ValueError(f"{name} was accepted in no round")  # the search keeps the round of each effect
 
 
 def _alternatives(effect: Effect, rivals: dict[str, tuple[Effect, float]]) -> tuple[tuple[str, float, str], ...]:
@@ -198,9 +313,37 @@ def _separating(effect: Effect, other: Effect) -> str:
 
 
 def said(effect: Effect, numbers: Sequence[Number], wording: Wording) -> str:
-    """The catalogue's sentence about an effect, with its numbers and their units."""
+    """The catalogue's sentence about an effect, with its numbers and their units.
+
+    A number within SETTINGS.min_change_sigma standard errors of its neutral value is only named by its bound, and a
+    parenthesis of nothing but such numbers is left out.
+    """
     keys = {wording.units.quantity(key).key: key for key in effect.keys}
-    return wording.sentence(effect.says, [(keys[n.key], n.value, n.std) for n in numbers if n.key in keys])
+    shown = [(keys[n.key], n.value, n.std) for n in numbers if n.key in keys]
+    small = {keys[n.key].rpartition(".")[2]: n for n in numbers if n.key in keys and _is_neutral(keys[n.key], n)}
+    template = re.sub(r"\s*\(([^()]*)\)", lambda part: _kept(part, small), effect.says)
+    template = re.sub(r"{(\w+)}", lambda field: _bounded(field, small), template)
+    return wording.sentence(template, shown)
+
+
+def _bounded(field: re.Match[str], small: Mapping[str, Number]) -> str:
+    """A field of a template; of a number that is not significant, its upper limit."""
+    number = small.get(field.group(1))
+    if number is None:
+        return field.group(0)
+    most = abs(number.value) + SETTINGS.min_change_sigma * number.std
+    return f"at most {most:.2g}" + ("" if number.unit == "1" else f" {number.unit}")
+
+
+def _kept(part: re.Match[str], small: Mapping[str, Number]) -> str:
+    names = re.findall(r"{(\w+)}", part.group(1))
+    numbers = [name for name in names if name not in HAND.words]
+    return "" if numbers and all(name in small for name in numbers) else part.group(0)
+
+
+def _is_neutral(key: str, number: Number) -> bool:
+    """Whether a number whose neutral value is 0 is not significantly different from it."""
+    return JOINT_PARAMETERS[ROW[key]].neutral == 0.0 and abs(number.value) < SETTINGS.min_change_sigma * number.std
 
 
 def parameter_numbers(search: JointSearch, effect: Effect, wording: Wording) -> list[Number]:
@@ -252,54 +395,50 @@ def _condition(search: JointSearch, off: MapFit, stage: int, wording: Wording) -
     )
 
 
-def unknown_finding(result: JointResult, stage: StageResult) -> Finding:
-    """A residual that no effect explains; numbers: of effects that explain a part of it."""
+def remainder(result: JointResult, stage: StageResult) -> Remainder:
+    """What the model leaves of one signal, with the effects that explain a part of it and are not claimed."""
     search, wording = result.search, result.wording
     structure = describe(search.problem, search.final, stage.stage)
-    held = [accepted.effect for accepted in search.accepted]
-    own = [parameter_numbers(search, effect, wording) for effect in held]
-    first_round = [hypothesis.effect for hypothesis in search.rounds[0]] if search.rounds else []
-    near = list({effect.name: effect for effect in [*held, *first_round]}.values())[:2]
-    # What is named here is what the unknown is not; the first is twice as probable as the second.
-    other = 1.0 - SETTINGS.unknown_probability
-    names = [(effect.name, other * (2 - k) / 3, effect.experiments[0]) for k, effect in enumerate(near)]
-    parts = [said(effect, numbers, wording) for effect, numbers in zip(held, own, strict=True)]
-    correction = sparse_correction(search.problem, search.final, stage.stage, wording)
-    return Finding(
+    claimed = result.claimed()
+    parts = [found.effect for k, found in enumerate(search.accepted) if k not in claimed and found.stage == stage.stage]
+    own = [tuple(parameter_numbers(search, effect, wording)) for effect in parts]
+    texts = [said(effect, numbers, wording) for effect, numbers in zip(parts, own, strict=True)]
+    factor, unit = wording.signal_units[stage.stage]
+    return Remainder(
         result.joint,
         STAGE_PLACES[stage.stage],
-        "unknown",
-        SETTINGS.unknown_probability,
-        tuple(names),
-        _when(search, search.nominal, stage.stage),
         wording.signals[stage.stage],
-        f"depends most on the {wording.state(structure.state)}",
-        tuple(number for numbers in own for number in numbers),
-        unknown_statement(result, stage, structure, parts, correction),
+        factor * stage.excess_after,
+        unit,
+        stage.left**2,
+        stage.other_physics,
+        PERIODIC if structure.tone > SETTINGS.min_tone_share else FAMILIES[structure.state],
+        _when(search, search.final, stage.stage),
+        tuple((effect.name, numbers) for effect, numbers in zip(parts, own, strict=True)),
+        _remainder_statement(result, stage, structure, texts),
     )
 
 
-def unknown_statement(
-    result: JointResult, stage: StageResult, structure: Structure, parts: Sequence[str], correction: Correction
-) -> str:
-    """The sentences of an `unknown`. parts: the catalogue's sentences about effects that explain a part."""
+def _remainder_statement(result: JointResult, stage: StageResult, structure: Structure, parts: Sequence[str]) -> str:
+    """The sentences of a remainder. parts: the catalogue's sentences about effects that explain a part."""
     wording = result.wording
     factor, unit = wording.signal_units[stage.stage]
-    slow = structure.frequency_hz < SETTINGS.slow_hz
-    pace = "varies slowly" if slow else f"has its spectrum around {structure.frequency_hz:.1f} Hz"
-    held = ""
-    if parts:
-        errors = f"{factor * stage.before:.3g} to {factor * stage.after:.3g} {unit}"
-        held = (
-            f" A part of it may be explained: {'; '.join(parts)}; with that the validation error falls from {errors}."
-        )
+    pace = f"has its spectrum around {structure.frequency_hz:.2g} Hz"
+    if structure.tone > SETTINGS.min_tone_share:
+        pace = f"is periodic in time with {structure.tone_hz:.3g} Hz ({structure.tone:.0%} of its variance)"
+    elif structure.frequency_hz < SETTINGS.slow_hz:
+        pace = "varies slowly"
+    named = "beyond the findings" if any(k in result.claimed() for k in range(len(result.search.accepted))) else ""
+    held = f" A part of it may be explained, which is not claimed: {'; '.join(parts)}." if parts else ""
+    correction = sparse_correction(result.search.problem, result.search.final, stage.stage, wording)
     (_, angle), (_, pressure) = wording.symbol_units
     position, drive, speed = wording.symbols
     return (
-        f"{result.joint}: a residual of the {wording.signals[stage.stage]} of {factor * stage.excess_after:.3g} {unit}"
-        f" RMS on the validation data exceeds the noise, and no effect of the catalogue explains it. It depends most on"
-        f" the {wording.state(structure.state)} ({structure.share:.0%} of its variance), {pace}, and differs by"
-        f" {factor * structure.direction:.2g} {unit} between {wording.positive} and {wording.negative}.{held}"
+        f"{result.joint}: {factor * stage.excess_after:.3g} {unit} RMS of the {wording.signals[stage.stage]} exceed the"
+        f" noise{' ' * bool(named) + named}, and with a probability of {stage.other_physics:.2f} they are physics that"
+        f" no effect of the catalogue explains. This remainder depends most on the {wording.state(structure.state)}"
+        f" ({structure.share:.0%} of its variance), {pace}, and differs by {factor * structure.direction:.2g} {unit}"
+        f" between {wording.positive} and {wording.negative}.{held} {errors_text(result, stage.stage)}"
         f" A data-driven correction without physical meaning, {correction.text} {unit} ({position} in {angle}, {drive}"
         f" in {pressure}, {speed} in {angle}/s), removes {correction.validation_share:.0%} of its mean square on the"
         f" validation data."

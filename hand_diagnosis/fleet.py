@@ -16,7 +16,7 @@ from typing import Any
 
 import numba
 
-from hand_diagnosis.diagnose import diagnose
+from hand_diagnosis.diagnosis import diagnose
 from hand_diagnosis.page import write_page
 from hand_diagnosis.report import write_report
 from hand_model.description import load_hand
@@ -83,11 +83,13 @@ def run_job(job: Job) -> list[dict[str, Any]]:
 
 
 def _rows(recording: str, content: dict[str, Any]) -> list[dict[str, Any]]:
-    rows = [
-        dict.fromkeys(COLUMNS)
-        | {"recording": recording, "verdict": content["verdict"]}
-        | {key: finding[key] for key in ("rank", "joint", "place", "effect", "probability", "statement")}
-        for finding in content["findings"]
+    plain = dict.fromkeys(COLUMNS) | {"recording": recording, "verdict": content["verdict"]}
+    named = ("rank", "joint", "place", "effect", "probability", "statement")
+    rows = [plain | {key: finding[key] for key in named} for finding in content["findings"]]
+    first = len(rows) + 1
+    rows += [
+        plain | {"rank": first + k, "effect": "unknown"} | {key: left[key] for key in named[1:] if key != "effect"}
+        for k, left in enumerate(content["remainder"])
     ]
     return rows or [dict.fromkeys(COLUMNS) | {"recording": recording, "verdict": content["verdict"]}]
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hand_diagnosis.diagnose import Diagnosis, JointDiagnosis
+from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
 from hand_diagnosis.figures import joint_figure
 from hand_diagnosis.settings import SETTINGS
 from hand_pages.page import png, write_html
@@ -18,6 +18,8 @@ VERDICTS = {
     "partly_explained": "A part of the difference is explained.",
     "unknown_physics": "Physics is missing that no known effect explains.",
 }
+TIED = "Effects that these data cannot separate explain the difference."
+SPLITS = {"train": "training", "validation": "validation", "test": "test"}
 Rows = list[list[str]]
 
 
@@ -37,10 +39,10 @@ def write_page(diagnosis: Diagnosis, report: Mapping[str, Any], out: Path) -> No
         "hand_diagnosis",
         "report.html",
         report=report,
-        verdict=VERDICTS[diagnosis.verdict],
+        verdict=headline(report),
         model=Path(report["model"]).name,
         axis=axis,
-        diagnosed=f"{count} {axis}{'' if count == 1 else 's'}",
+        diagnosed=f"{count} {axis}{'' if count == 1 else 's'} diagnosed{_left_out(report)}",
         joints=joints,
         fit=_fit(report),
         changes=_changes(report),
@@ -51,8 +53,19 @@ def write_page(diagnosis: Diagnosis, report: Mapping[str, Any], out: Path) -> No
     )
 
 
+def headline(report: Mapping[str, Any]) -> str:
+    """The sentence over the page. Where a finding is a tie, it does not say that the physics is found."""
+    tied = any(finding["tied_with"] for finding in report["findings"])
+    return TIED if tied and report["verdict"] == "explained" else VERDICTS[report["verdict"]]
+
+
+def _left_out(report: Mapping[str, Any]) -> str:
+    missing = report["not_judged"]
+    return f", {len(missing)} not diagnosed" if missing else ""
+
+
 def _shown(diagnosis: Diagnosis) -> list[JointDiagnosis]:
-    found = [finding.joint for finding in diagnosis.findings]
+    found = [finding.joint for finding in diagnosis.findings] + [left.joint for left in diagnosis.remainder]
     shown = [joint for joint in diagnosis.joints if joint.joint in found or joint.search.accepted]
     return shown or list(diagnosis.joints[:1])
 
@@ -60,10 +73,9 @@ def _shown(diagnosis: Diagnosis) -> list[JointDiagnosis]:
 def _joint(joint: JointDiagnosis, picture: bytes, report: Mapping[str, Any]) -> dict[str, Any]:
     """What the template shows of a joint."""
     numbers = [
-        (key, f"{number['value']:.4g}", f"{number['std']:.2g}", number["unit"], _remark(finding["effect"], number))
-        for finding in report["findings"]
-        if finding["joint"] == joint.joint
-        for key, number in finding["parameters"].items()
+        (key, f"{number['value']:.4g}", f"{number['std']:.2g}", number["unit"], _remark(number, claimed=claimed))
+        for parameters, claimed in _parameters(joint.joint, report)
+        for key, number in parameters.items()
     ]
     hypotheses = []
     for hypothesis in joint.search.rounds[0] if joint.search.rounds else []:
@@ -75,19 +87,27 @@ def _joint(joint: JointDiagnosis, picture: bytes, report: Mapping[str, Any]) -> 
     return {"name": joint.joint, "picture": picture, "numbers": numbers, "hypotheses": hypotheses}
 
 
-def _remark(effect: str, number: Mapping[str, Any]) -> str:
-    if effect == "unknown":
+def _parameters(joint: str, report: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], bool]]:
+    """Parameters of the joint's findings, and those of effects that are not claimed."""
+    found = [(finding["parameters"], True) for finding in report["findings"] if finding["joint"] == joint]
+    left = [entry for entry in report["remainder"] if entry["joint"] == joint]
+    return found + [(each["parameters"], False) for entry in left for each in entry["candidates"]]
+
+
+def _remark(number: Mapping[str, Any], *, claimed: bool) -> str:
+    if not claimed:
         return "explains a part, not claimed"
+    if number["at_bound"]:
+        return "at the limit of its allowed range"
     return "" if number["determined"] else "not determined by these data"
 
 
 def _fit(report: Mapping[str, Any]) -> Rows:
-    splits = {"train": "training", "held_out": "validation"}
     return [
         [
             row["joint"],
             row["signal"],
-            splits[row["split"]],
+            SPLITS[row["split"]],
             f"{row['rmse_before']:.4g}",
             f"{row['rmse_after']:.4g}",
             f"{row['noise_floor']:.3g}",

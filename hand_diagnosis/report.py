@@ -1,4 +1,4 @@
-"""report.json, schema 1, the patched model.yaml, and what to record next.
+"""report.json, schema 2, the patched model.yaml, and what to record next.
 
 Every number stands in the units of the hand or machine (Diagnosis.wording).
 """
@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis import settings
-from hand_diagnosis.diagnose import Diagnosis, JointDiagnosis
-from hand_diagnosis.findings import Finding
+from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
+from hand_diagnosis.findings import Finding, Number, Remainder
 from hand_diagnosis.hypotheses import Hypothesis, Isolability
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.verdict import Region, locate
@@ -30,7 +30,7 @@ from hand_identification.joint_problem import (
     SETTLING_S,
     JointProblem,
 )
-from hand_identification.map_fit import MapFit
+from hand_identification.map_fit import MapFit, map_fit
 from hand_identification.model_file import write_model
 from hand_model.arrays import Array
 from hand_model.description import Hand
@@ -38,9 +38,10 @@ from hand_model.kernel.closed_loop import ClosedLoop
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_model.quantities import Wording
 from hand_model.statics import equilibrium_angle
+from hand_model.yaml_loader import DescriptionError
 from hand_sim.plant import PHI, STATES, P
 
-SCHEMA = 1
+SCHEMA = 2
 BY_HAND = {"closed_valve_push"}
 """Experiments whose outcome depends on what a person does; they cannot be simulated."""
 
@@ -60,8 +61,10 @@ def document(diagnosis: Diagnosis, recordings: Sequence[str], model: str) -> dic
         "recordings": list(recordings),
         "model": model,
         "verdict": diagnosis.verdict,
-        "findings": [_finding(rank + 1, finding) for rank, finding in enumerate(diagnosis.findings)],
+        "findings": [_finding(diagnosis, rank + 1, finding) for rank, finding in enumerate(diagnosis.findings)],
         "fit": [row for joint in joints for row in _fit(joint)],
+        "remainder": [_remainder(left) for left in diagnosis.remainder],
+        "not_judged": [{"joint": joint, "reason": reason} for joint, reason in diagnosis.not_judged],
         "located": [row for joint in joints for row in _located(joint)],
         "correlations": [_correlations(joint) for joint in joints if joint.search.accepted],
         "not_claimable": [row for joint in joints for row in _not_claimable(joint)],
@@ -90,7 +93,7 @@ def _fit_settings() -> dict[str, Any]:
     }
 
 
-def _finding(rank: int, finding: Finding) -> dict[str, Any]:
+def _finding(diagnosis: Diagnosis, rank: int, finding: Finding) -> dict[str, Any]:
     return {
         "rank": rank,
         "joint": finding.joint,
@@ -98,48 +101,83 @@ def _finding(rank: int, finding: Finding) -> dict[str, Any]:
         "effect": finding.effect,
         "probability": round(finding.probability, 4),
         "alternatives": [
-            {"effect": name, "probability": round(p, 4), "separate_by": experiment}
-            for name, p, experiment in finding.alternatives
+            {"effect": name, "probability": round(p, 4), "separate_by": _separating(diagnosis, finding, name, by)}
+            for name, p, by in finding.alternatives
         ],
         "when": [{"start": start, "end": end} for start, end in finding.when],
         "where": {"signal": finding.signal, "condition": finding.condition},
-        "parameters": {
-            number.key: {
-                "value": number.value,
-                "std": number.std,
-                "unit": number.unit,
-                "determined": number.determined,
-            }
-            for number in finding.numbers
-        },
+        "tied_with": list(finding.tied_with),
+        "explains": round(finding.explains, 4),
+        "law": {"form": "textbook", "over": [], "points": []},
+        "since": None,
+        "parameters": _parameters(finding.numbers, finding.at_bound),
         "statement": finding.statement,
     }
 
 
+def _parameters(numbers: Sequence[Number], at_bound: Sequence[str] = ()) -> dict[str, Any]:
+    return {
+        number.key: {
+            "value": number.value,
+            "std": number.std,
+            "unit": number.unit,
+            "determined": number.determined,
+            "at_bound": number.key in at_bound,
+        }
+        for number in numbers
+    }
+
+
+def _remainder(left: Remainder) -> dict[str, Any]:
+    return {
+        "joint": left.joint,
+        "place": left.place,
+        "signal": left.signal,
+        "rms": left.rms,
+        "unit": left.unit,
+        "share": round(left.share, 4),
+        "probability": round(left.probability, 4),
+        "family": left.family,
+        "law": None,
+        "when": [{"start": start, "end": end} for start, end in left.when],
+        "candidates": [{"effect": name, "parameters": _parameters(numbers)} for name, numbers in left.candidates],
+        "statement": left.statement,
+    }
+
+
+def _separating(diagnosis: Diagnosis, finding: Finding, rival: str, otherwise: str) -> str:
+    """The experiment that separates a finding from a rival: by simulation for the first one, else by the catalogue."""
+    if rival != finding.alternatives[0][0]:
+        return otherwise
+    simulated = _simulated(diagnosis, finding, rival)
+    return simulated[0] if simulated else otherwise
+
+
 def _fit(joint: JointDiagnosis) -> list[dict[str, Any]]:
-    """Errors before and after, on training and validation blocks (in schema 1: held_out), per signal in its unit."""
+    """Errors before and after, on training, validation and test data, per signal in its unit."""
     rows = []
     problem = joint.search.problem
-    counts = problem.block_counts
+    counts, fits = problem.block_counts, (joint.search.nominal, joint.search.final)
     for result in joint.results:
-        scale, unit = joint.wording.signal_units[result.stage]
-        for split, blocks in (("train", ~problem.held_out), ("held_out", problem.held_out)):
-            total = max(float(counts[result.stage, blocks].sum()), 1.0)
-            before, after = (
-                scale * float(np.sqrt(fit.squares[result.stage, blocks].sum() / total))
-                for fit in (joint.search.nominal, joint.search.final)
-            )
-            rows.append(
-                {
-                    "joint": joint.joint,
-                    "signal": joint.wording.signals[result.stage],
-                    "unit": unit,
-                    "split": split,
-                    "rmse_before": before,
-                    "rmse_after": after,
-                    "noise_floor": scale * result.noise,
-                }
-            )
+        stage, (scale, unit) = result.stage, joint.wording.signal_units[result.stage]
+        errors = {}
+        for split, blocks in (("train", ~problem.held_out), ("validation", problem.held_out)):
+            total = max(float(counts[stage, blocks].sum()), 1.0)
+            errors[split] = [float(np.sqrt(fit.squares[stage, blocks].sum() / total)) for fit in fits]
+        if joint.test is not None and np.isfinite(joint.test.rmse(0)[stage]):
+            errors["test"] = [float(joint.test.rmse(k)[stage]) for k in (0, 1)]
+        rows += [
+            {
+                "joint": joint.joint,
+                "signal": joint.wording.signals[stage],
+                "unit": unit,
+                "split": split,
+                "rmse_before": scale * before,
+                "rmse_after": scale * after,
+                "noise_floor": scale * result.noise,
+            }
+            for split, (before, after) in errors.items()
+        ]
     return rows
 
 
@@ -247,21 +285,48 @@ def _isolability(joint: JointDiagnosis, found: Isolability) -> dict[str, Any]:
 
 
 def next_experiment(diagnosis: Diagnosis) -> dict[str, str] | None:
-    """The experiment that separates the least certain finding from its strongest rival."""
-    unsure = [finding for finding in diagnosis.findings if finding.alternatives and finding.effect != "unknown"]
-    if unsure:
-        finding = min(unsure, key=lambda finding: finding.probability)
-        rival, share, experiment = finding.alternatives[0]
-        name, sigma = _simulated(diagnosis, finding, rival) or (experiment, None)
+    """The experiment that separates the least certain finding from its strongest rival, by simulation of both.
+
+    None where no experiment separates them better than the recording did, and where nothing is uncertain.
+    """
+    unsure = [finding for finding in diagnosis.findings if finding.alternatives]
+    for finding in sorted(unsure, key=lambda finding: finding.probability):
+        rival, share, _ = finding.alternatives[0]
+        simulated = _simulated(diagnosis, finding, rival)
+        if simulated is None:
+            continue
+        name, sigma = simulated
         why = f"separates {finding.effect} ({finding.probability:.0%}) from {rival} ({share:.0%})"
-        why += f" on {finding.joint or diagnosis.wording.whole}"
-        why += "" if sigma is None else f"; in simulation the two differ by {sigma:.0f} sigma"
+        why += f" on {finding.joint or diagnosis.wording.whole}; in simulation the two differ by {sigma:.0f} sigma"
         return _experiment(name, why, finding.joint, diagnosis.wording)
-    unknown = next((finding for finding in diagnosis.findings if finding.effect == "unknown"), None)
-    if unknown is not None:
-        why = f"shows whether the residual of {unknown.joint} depends on the direction or on the speed"
-        return _experiment("slow_triangle", why, unknown.joint, diagnosis.wording)
+    for left in diagnosis.remainder:
+        joint = next(each for each in diagnosis.joints if each.joint == left.joint)
+        name = _most_different(joint.search.problem)
+        why = f"shows whether the remainder of {left.joint} appears in a motion unlike the recorded one"
+        return _experiment(name, why, left.joint, diagnosis.wording)
     return None
+
+
+def _most_different(problem: JointProblem) -> str:
+    """The experiment whose set-points have least in common with the recorded ones, by their spectra."""
+    recorded = _spectrum(np.concatenate([segment.set_point_pa for segment in problem.segments]), problem)
+    period = problem.segments[0].period_s
+    time_s = np.asarray(np.arange(round(SETTINGS.experiment_s / period)) * period, dtype=np.float64)
+    alike = {
+        name: float(recorded @ _spectrum(EXPERIMENTS[name](time_s, np.random.default_rng(0)), problem))
+        for name in EXPERIMENTS
+        if name not in BY_HAND
+    }
+    return min(alike, key=lambda name: alike[name])
+
+
+def _spectrum(set_points: Array, problem: JointProblem) -> Array:
+    """Shares (bands,) of the speed of set-points (T,) in logarithmic bands of frequency, with unit norm."""
+    power = np.abs(np.fft.rfft(np.diff(set_points))) ** 2
+    frequency = np.fft.rfftfreq(len(set_points) - 1, problem.segments[0].period_s)
+    shares, _ = np.histogram(frequency, SETTINGS.spectrum_edges_hz, weights=power)
+    amplitudes: Array = np.sqrt(shares)
+    return amplitudes / max(float(np.linalg.norm(amplitudes)), 1e-300)
 
 
 def _experiment(name: str, why: str, joint: str | None, wording: Wording) -> dict[str, str]:
@@ -283,12 +348,24 @@ def _simulated(diagnosis: Diagnosis, finding: Finding, rival: str) -> tuple[str,
     return None
 
 
-def best_experiment(problem: JointProblem, first: Hypothesis, second: Hypothesis) -> tuple[str, float]:
-    """The experiment with the largest simulated separation of two hypotheses, and the separation [sigma]."""
+def best_experiment(problem: JointProblem, first: Hypothesis, second: Hypothesis) -> tuple[str, float] | None:
+    """The experiment with the largest simulated separation of two hypotheses, and the separation [sigma].
+
+    None where no experiment separates them clearly better, by SETTINGS.min_separation_gain, than the recorded
+    set-points do in the same simulation: to record the same motion again would add nothing new.
+    """
     names = [name for name in EXPERIMENTS if name not in BY_HAND]
     sigmas = {name: separation_sigma(problem, first.fit, second.fit, name) for name in names}
     name = max(sigmas, key=lambda key: sigmas[key])
-    return name, sigmas[name]
+    recorded = _sigma(problem, first.fit, second.fit, _recorded(problem))
+    return (name, sigmas[name]) if sigmas[name] > SETTINGS.min_separation_gain * recorded else None
+
+
+def _recorded(problem: JointProblem) -> Array:
+    """The recorded set-points (T,) [Pa], as often or as much of them as an experiment is long."""
+    segment = problem.segments[0]
+    count = round(SETTINGS.experiment_s / segment.period_s)
+    return np.asarray(np.resize(segment.set_point_pa, count), dtype=np.float64)
 
 
 def separation_sigma(problem: JointProblem, first: MapFit, second: MapFit, name: str) -> float:
@@ -297,7 +374,13 @@ def separation_sigma(problem: JointProblem, first: MapFit, second: MapFit, name:
     time_s = np.asarray(np.arange(round(SETTINGS.experiment_s / period)) * period, dtype=np.float64)
     top = max(float(problem.segments[0].pressure_pa.max()), SETTINGS.min_experiment_pressure_pa)
     commands = top * np.clip(EXPERIMENTS[name](time_s, np.random.default_rng(0)), 0.0, 1.0)
-    one, other = (_readings(problem, fit, commands, period) for fit in (first, second))
+    return _sigma(problem, first, second, commands)
+
+
+def _sigma(problem: JointProblem, first: MapFit, second: MapFit, commands_pa: Array) -> float:
+    """The same under set-points (T,) [Pa]."""
+    period = problem.segments[0].period_s
+    one, other = (_readings(problem, fit, commands_pa, period) for fit in (first, second))
     squares = float((((one - other) / problem.floor[:2, None]) ** 2).sum())
     return float(np.sqrt(squares * period / CORRELATION_S))
 
@@ -322,17 +405,38 @@ def write_json(content: Mapping[str, Any], out: Path) -> None:
 
 
 def write_report(
-    diagnosis: Diagnosis, hand: Hand, recordings: Sequence[str], out: Path
+    diagnosis: Diagnosis, hand: Hand, recordings: Sequence[str], out: Path, made: Mapping[str, Any] | None = None
 ) -> tuple[dict[str, Any], Mapping[str, Mapping[str, float]]]:
-    """Write report.json and model.yaml of a hand; returns the report and the changed parameters by joint, SI."""
-    content = document(diagnosis, recordings, str(hand.path))
-    write_json(content, out)
-    changes = {joint.joint: _changed_values(joint) for joint in diagnosis.joints}
+    """Write report.json and model.yaml of a hand; returns the report and the changed parameters by joint, SI.
+
+    model.yaml always loads: where the numbers of a joint give no valid description, only those of its effects are
+    written, or none, and the data check of the report says so.  made: the content of the report, where it exists.
+    """
+    content = document(diagnosis, recordings, str(hand.path)) if made is None else dict(made)
     comment = f"Diagnosed from {', '.join(recordings)}: {diagnosis.verdict}. Nominal: {hand.path.name}."
-    kept = {joint: values for joint, values in changes.items() if values}
-    resolutions = {joint.joint: _resolutions(joint) for joint in diagnosis.joints if changes[joint.joint]}
+    kept: dict[str, Mapping[str, float]] = {}
+    resolutions = {joint.joint: _resolutions(joint) for joint in diagnosis.joints}
+    out.mkdir(parents=True, exist_ok=True)
+    for joint in diagnosis.joints:
+        values = claimed_values(joint)
+        own = {key: value for key, value in values.items() if key in joint.search.effect_keys}
+        for tried, left_out in ((values, ""), (own, "the changed nominal numbers"), ({}, "what was found")):
+            if not tried and not left_out:
+                break
+            try:
+                write_model(hand, kept | {joint.joint: tried}, out / "model.yaml", comment, resolutions=resolutions)
+            except DescriptionError as error:
+                reason = " ".join(str(error).split())
+                continue
+            if left_out:
+                line = f"{joint.joint}: model.yaml is without {left_out}: {reason}"
+                content["data_check"] = [*content["data_check"], line]
+            if tried:
+                kept[joint.joint] = tried
+            break
     write_model(hand, kept, out / "model.yaml", comment, resolutions=resolutions)
-    return content, changes
+    write_json(content, out)
+    return content, kept
 
 
 def _resolutions(joint: JointDiagnosis) -> dict[str, float]:
@@ -341,14 +445,35 @@ def _resolutions(joint: JointDiagnosis) -> dict[str, float]:
     return fit.resolutions(joint.search.problem.columns(fit.free, fit.z[None])[0][0])
 
 
-def _changed_values(joint: JointDiagnosis) -> dict[str, float]:
-    """Every parameter (SI) of the final model that differs from the nominal one; none of an unexplained joint."""
-    if any(result.unexplained for result in joint.results):
+def claimed_values(joint: JointDiagnosis) -> dict[str, float]:
+    """Numbers (SI) by key that the report claims for a joint: of its findings, and nominal ones that moved.
+
+    The others are put back to their nominal values, and those that stay are fitted again without them. Where this
+    costs evidence, the number that is farthest from its nominal value in standard errors stays as well, one by one.
+    """
+    claimed, search = joint.claimed(), joint.search
+    if len(claimed) < len(search.accepted):
         return {}
-    fit, problem = joint.search.final, joint.search.problem
+    final, problem = search.final, search.problem
+    deviation = np.sqrt(np.diag(final.covariance))
+    least = np.maximum(SETTINGS.min_change_sigma * deviation, SETTINGS.min_change_tolerances)
+    stays = np.array(
+        [p.row >= START_CREEP or p.key in search.effect_keys or abs(z) >= limit
+         for p, z, limit in zip(final.free, final.z, least, strict=True)]
+    )  # fmt: skip
+    if not search.accepted and not stays.any():
+        return {}
+    order = np.argsort(-np.abs(final.z) / deviation, kind="stable")
+    while True:
+        free = [p for p, kept in zip(final.free, stays, strict=True) if kept]
+        fit = map_fit(problem, free, final.z[stays], SETTINGS.rough_iterations) if free else final
+        further = [k for k in order if not stays[k]]
+        if not further or fit.cost < final.cost + SETTINGS.min_log_evidence:
+            break
+        stays[further[: 1 + len(further) // 3]] = True
     columns, _ = problem.columns(fit.free, fit.z[None])
     return {
-        parameter.key: float(columns[0, parameter.row])
-        for parameter, z in zip(fit.free, fit.z, strict=True)
-        if parameter.row < START_CREEP and abs(z) > 1e-6
+        p.key: float(columns[0, p.row])
+        for p, z in zip(fit.free, fit.z, strict=True)
+        if p.row < START_CREEP and abs(z) > 1e-6
     }

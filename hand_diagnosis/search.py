@@ -1,7 +1,7 @@
 """From a joint's problem to the effects that explain it: forward, one effect at a time, then backward elimination.
 
 First the nominal numbers move within their tolerance. Then every effect is screened, the promising ones are fitted, and
-the one with the most evidence is accepted if the validation data confirm it, up to SETTINGS.max_effects. Redundant
+the one with the most evidence is accepted if that is enough, up to SETTINGS.max_effects. Redundant
 effects are removed by backward elimination. All effects are treated alike. The last fit goes below the practical floor.
 """
 
@@ -138,23 +138,29 @@ def rough_evidence(
 def _best_of_round(
     found: JointSearch, current: MapFit, evidence: float, effects: Sequence[Effect], rng: np.random.Generator
 ) -> Hypothesis | None:
-    """The hypothesis to add to the current model of log evidence `evidence`; None ends the search."""
+    """The hypothesis to add to the current model of log evidence `evidence`; None ends the search.
+
+    The first in the order of evidence that is accepted; one that is not does not stand in the way of the next.
+    """
     problem = found.problem
     hypotheses = _round(problem, current, effects, rng)
     found.rounds.append(hypotheses)
     found.evidences.append(evidence)
-    best = next((hypothesis for hypothesis in hypotheses if _confirmed(problem, current, hypothesis)), None)
-    if best is not None and not best.fit.residuals:  # only the coarse passes fitted it
-        best = refined(problem, current, best, SETTINGS.passes[-1], rng)
-    if best is None or best.log_evidence < evidence + SETTINGS.min_log_evidence:
-        found.not_claimable += _too_small(problem, current, hypotheses)
-        return None
-    best, scatter = _from_other_starts(problem, current, best, rng)
-    taken = _taken(problem, current, best)
-    if taken < scatter:
+    for hypothesis in hypotheses:
+        if not _accepted(problem, current, hypothesis, evidence):
+            continue
+        best = hypothesis
+        if not best.fit.residuals:  # only the coarse passes fitted it
+            best = refined(problem, current, best, SETTINGS.passes[-1], rng)
+            if not _accepted(problem, current, best, evidence):
+                continue
+        best, scatter = _from_other_starts(problem, current, best, rng)
+        taken = _taken(problem, current, best)
+        if taken >= scatter:
+            return best
         found.not_claimable.append(NotClaimable(best.effect, best.stage, taken, scatter, SCATTER))
-        return None
-    return best
+    found.not_claimable += _too_small(problem, current, hypotheses)
+    return None
 
 
 def _driven_anew(found: JointSearch, current: MapFit) -> tuple[MapFit, float]:
@@ -188,13 +194,20 @@ def _ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     return sorted(hypotheses, key=lambda hypothesis: -hypothesis.log_evidence)
 
 
-def _confirmed(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -> bool:
-    """Whether the validation error falls significantly, by at least SETTINGS.min_relative_improvement and a floor."""
+def _accepted(problem: JointProblem, current: MapFit, hypothesis: Hypothesis, evidence: float) -> bool:
+    """Whether the evidence for an effect over the model without it, of log evidence `evidence`, is enough.
+
+    Either the validation error falls significantly as well, or the evidence is strong. In both cases the error that
+    the effect removes is larger than what may be claimed. The evidence counts effective coefficients: in Laplace's
+    determinant a coefficient that the data do not determine has the factor 1.
+    """
+    gain = hypothesis.log_evidence - evidence
     before = validation_rmse(problem, current.squares)[hypothesis.stage]
     after = validation_rmse(problem, hypothesis.fit.squares)[hypothesis.stage]
     large = _taken(problem, current, hypothesis) > float(problem.claimable[hypothesis.stage])
     enough = large and before - after > SETTINGS.min_relative_improvement * before
-    return bool(hypothesis.fall[0] > 0.0 and enough and _worst_improves(problem, current, hypothesis))
+    sure = hypothesis.fall[0] > 0.0 or gain >= SETTINGS.strong_log_evidence
+    return bool(enough and sure and gain >= SETTINGS.min_log_evidence)
 
 
 def _taken(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -> float:
@@ -226,15 +239,6 @@ def _from_other_starts(
     errors = [validation_rmse(problem, fit.squares)[best.stage] for fit in alike]
     chosen = best if fits[0] is best.fit else judged(problem, current, best.effect, fits[0], rng)
     return chosen, float(np.ptp(errors))
-
-
-def _worst_improves(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -> bool:
-    """Whether the worst validation block improves and no block becomes worse than it was."""
-    counts = problem.block_counts[hypothesis.stage]
-    usable = problem.held_out & (counts > 0)
-    before = current.squares[hypothesis.stage, usable] / counts[usable]
-    after = hypothesis.fit.squares[hypothesis.stage, usable] / counts[usable]
-    return bool(len(before) and after[int(np.argmax(before))] < before.max() and after.max() < before.max())
 
 
 def _eliminate_backward(found: JointSearch) -> None:

@@ -171,6 +171,13 @@ class Settings:
     min_log_evidence: float = _setting(
         6.0, "log", "Log evidence by which an effect must beat the model without it.", CHOICE,
         "False findings.", "Small effects are missed.")
+    strong_log_evidence: float = _setting(
+        10.0, "log", "Log evidence that accepts an effect whose fall of the validation error is not significant by"
+        " itself, because few blocks show the effect.", CHOICE,
+        "False findings from single blocks.", "Rare events, as contacts, are missed.")
+    tie_log_evidence: float = _setting(
+        5.0, "log", "Log evidence by which two effects must differ; closer ones are one finding with both names.",
+        CHOICE, "Wrong names of twins.", "Effects that the data separate are called alike.")
     min_relative_improvement: float = _setting(
         0.03, "-", "Fall of the validation error, relative to itself, that an effect must bring.", CHOICE,
         "Effects of no practical size are claimed.", "Small effects next to larger ones are missed.")
@@ -206,6 +213,26 @@ class Settings:
         0.5, "-", "Share of the diagnosed joints that must show an effect of the whole hand.", CHOICE,
         "An effect of few joints is put on the hand.", "Not possible above 1.")
 
+    # Test data
+    test_share: float = _setting(
+        0.2, "-", "Last part of each recording that is test data.", CHOICE,
+        "The test error is less certain.", "Less is left to fit and to choose by.")
+    min_test_s: float = _setting(
+        2.5, "s", "Shorter test data are not taken from a recording, whose rest is needed for choices.", CHOICE,
+        "Test errors of a few samples.", "Short recordings have no test data.")
+    test_warm_up_s: float = _setting(
+        600.0, "s", "Time before the test data in which the memory of a driven joint's model settles; warming is"
+        " slowest.", CHOICE, "Long recordings begin with a wrong temperature.", "Slower.")
+    min_recordings_to_spare: int = _setting(
+        3, "recordings", "Recordings from which a whole one is test data.", CHOICE,
+        "Half of two recordings is not fitted.", "The test data are parts of fitted recordings.")
+    min_test_blocks: int = _setting(
+        3, "blocks", "Blocks of test data without which nothing is withdrawn.", CHOICE,
+        "Single blocks decide.", "Short recordings never withdraw a finding.")
+    min_elasticity_nm_per_rad: float = _setting(
+        1e-5, "N m/rad", "An axis with less elasticity keeps its state; it is estimated again for test data.", CHOICE,
+        "No other result.", "Weak springs count as none.")
+
     # What the data can separate
     alike_cosine: float = _setting(
         0.95, "-", "Cosine between two effects' sensitivities from which the data do not separate them.", CHOICE,
@@ -221,18 +248,13 @@ class Settings:
     unexplained_floors: float = _setting(
         1.3, "floors", "Validation error beyond the noise, in repeatability floors, from which a joint without effects"
         " is not explained.", TRIALS, "False `unknown` findings.", "Small unknown physics is missed.")
-    unexplained_part_floors: float = _setting(
-        0.55, "floors", "The same where effects removed a part of the error.", TRIALS,
-        "False `unknown` findings.", "A wrong effect passes as the explanation.")
-    max_remaining_share: float = _setting(
-        0.15, "-", "Share of the nominal excess error that one effect may leave where much is left.", TRIALS,
-        "Right effects are called a part of an unknown.", "A wrong effect passes.")
-    max_remaining_share_small: float = _setting(
-        0.3, "-", "The same where little is left.", TRIALS,
-        "Right effects are called a part of an unknown.", "A wrong effect passes.")
-    untouched_share: float = _setting(
-        0.9, "-", "Share from which the effects have no part in a signal's error.", TRIALS,
-        "Strict limits apply to signals that no effect concerns.", "Not possible above 1.")
+    tolerated_share: float = _setting(
+        0.3, "-", "Share of the nominal excess error (RMS) that named effects may leave without other physics: real"
+        " laws differ in form from the textbook's.", CHOICE,
+        "Right effects of another form stand next to a remainder.", "A second effect passes as an error of form.")
+    max_claim_share: float = _setting(
+        0.6, "-", "Share of the excess error (RMS) above which what an effect removes is not a finding.", CHOICE,
+        "Effects next to a larger unknown are not named.", "Effects that fit any residual a little are named.")
     time_margin: float = _setting(
         0.25, "-", "Share of variance by which time must explain more than any state.", CHOICE,
         "Drifts are reported where a state matters.", "Drifts are put on a state.")
@@ -260,6 +282,12 @@ class Settings:
     slow_hz: float = _setting(
         0.2, "Hz", "Centroid of a residual's spectrum below which it is called slow.", CHOICE,
         "Creep is described by a frequency.", "Slow motion is called slow drift.")
+    min_tone_share: float = _setting(
+        0.5, "-", "Share of a remainder's variance in one line of its spectrum from which it is periodic in time.",
+        CHOICE, "Periodic motion makes remainders periodic.", "Only pure tones are called periodic.")
+    min_tone_periods: float = _setting(
+        8.0, "periods", "Periods that a recording must hold of such a line.", CHOICE,
+        "Drifts are called periodic.", "Slow periodic remainders are not recognised.")
     noise_seed: int = _setting(
         20, "-", "Seed of the second draw of input noise.", CHOICE, "Another draw.", "Another draw.")
     noise_parts: tuple[int, ...] = _setting(
@@ -275,21 +303,15 @@ class Settings:
         "Meaningless.", "Meaningless.")
 
     # Findings
+    bound_margin: float = _setting(
+        0.001, "-", "Relative distance of a number from a bound of its range up to which it ended there.", CHOICE,
+        "Bounds that a fit just misses go unreported.", "Numbers near a bound are reported.")
     evidence_temperature: float = _setting(
-        1.25, "-", "Log evidences are divided by it before probabilities are formed: equations that are only nearly"
+        2.5, "-", "Log evidences are divided by it before probabilities are formed: equations that are only nearly"
         " right exaggerate differences.", TRIALS, "Overconfident findings.", "Timid findings.")
     outside_catalogue: float = _setting(
         0.04, "-", "Probability reserved for effects outside the catalogue.", TRIALS,
         "Overconfident findings.", "Timid findings.")
-    several_effects_factor: float = _setting(
-        0.85, "-", "Factor on the probability of each of several effects of one joint: two can imitate a third.",
-        TRIALS, "Timid findings.", "Not possible above 1.")
-    unknown_probability: float = _setting(
-        0.94, "-", "Probability of an `unknown` finding: how often it was right.", TRIALS,
-        "Timid findings.", "Not possible above 1.")
-    sole_probability: float = _setting(
-        0.9, "-", "Probability of an effect without a comparison in its round.", CHOICE,
-        "Timid findings.", "Not possible above 1.")
     min_probability: float = _setting(
         0.01, "-", "Probabilities of effects stay between it and one minus it.", CHOICE,
         "No visible change.", "No visible change.")
@@ -318,6 +340,16 @@ class Settings:
         "Longer lists.", "Not possible above 1.")
     figure_bins: int = _setting(
         24, "bins", "Bins of the residual over a state in figures.", CHOICE, "Coarser curves.", "Noisier curves.")
+    min_separation_gain: float = _setting(
+        1.5, "-", "Multiple of the recorded motion's own separation that an experiment must reach to be proposed.",
+        CHOICE, "Experiments that add little are proposed.", "Useful experiments are not proposed.")
+    spectrum_edges_hz: tuple[float, ...] = _setting(
+        (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 12.8, 50.0), "Hz",
+        "Bands in which the spectra of two motions are compared.", CHOICE,
+        "No other experiment is proposed.", "No other experiment is proposed.")
+    default_tolerance: float = _setting(
+        0.05, "-", "Relative standard deviation of the nominal numbers where none is given.", CHOICE,
+        "Good models need a larger tolerance by hand.", "Changed numbers pass as tolerance.")
     experiment_s: float = _setting(
         40.0, "s", "Length of a simulated experiment.", CHOICE, "Creep is not excited.", "Slower.")
     min_experiment_pressure_pa: float = _setting(

@@ -14,6 +14,7 @@ import numpy as np
 
 from hand_diagnosis.data_check import Checked
 from hand_diagnosis.settings import SETTINGS
+from hand_diagnosis.splits import fit_part
 from hand_identification.driving import accelerations, inflow, shape_driving
 from hand_identification.free_parameters import FreeParameter, nominal_free_parameters, speed_free_parameters
 from hand_identification.joint_data import driving_pressure, joint_problem
@@ -64,12 +65,17 @@ def _is_excited(recording: Signals, joint: str) -> bool:
     )
 
 
-def still_joints(checked: Checked, diagnosed: Sequence[str], asked: Sequence[str]) -> list[str]:
-    """A line that names the joints of a recording that move too little to be diagnosed, or none."""
-    recording = checked.signals
-    named = {*diagnosed, *checked.unusable}
-    still = [joint for joint in asked or recording.joints if joint in recording.joints and joint not in named]
-    return [f"{recording.name}: {', '.join(still)} moved too little to be diagnosed"] if still else []
+def not_judged(checked: Sequence[Checked], diagnosed: Sequence[str], asked: Sequence[str]) -> dict[str, str]:
+    """Recorded joints (those asked for, where any are) without a diagnosis, and why."""
+    reasons: dict[str, str] = {}
+    for each in checked:
+        for joint in asked or each.signals.joints:
+            if joint not in each.signals.joints or joint in diagnosed:
+                continue
+            own = [line.removeprefix(f"{joint}: ") for line in each.lines if line.startswith(f"{joint}: ")]
+            unusable = joint in each.unusable and own
+            reasons[joint] = own[-1] if unusable else "moved too little"
+    return reasons
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,9 +130,10 @@ class Task:
             problem = joint_problem(self.signals, self.model, joint, self.floors.get(joint, np.array(FLOOR)))
             free = nominal_free_parameters(problem.nominal, self.tolerance, initial_rest_angle(self.signals, joint))
             if not problem.driven:
-                free += speed_free_parameters(problem.starts(1)[0, 1:].tolist())
-            fit = map_fit(problem, free, np.zeros(len(free)), SETTINGS.rough_iterations)
-            _choose_neighbour([self.signals[number] for number in self._holding(joint)], joint, problem, fit)
+                free += speed_free_parameters(fit_part(problem).starts(1)[0, 1:].tolist())
+            fitted = fit_part(problem)
+            fit = map_fit(fitted, free, np.zeros(len(free)), SETTINGS.rough_iterations)
+            _choose_neighbour([self.signals[number] for number in self._holding(joint)], joint, problem, fitted, fit)
             shape_driving(problem, free, fit.z)
             self._rough[joint] = Prepared(problem, free, fit.z)
         return self._rough[joint]
@@ -188,15 +195,20 @@ def initial_rest_angle(signals: Sequence[Signals], joint: str) -> bool:
     )
 
 
-def _choose_neighbour(recordings: Sequence[Signals], joint: str, problem: JointProblem, fit: MapFit) -> None:
-    """Put the angle into the exogenous inputs whose motion best explains what the nominal model leaves."""
+def _choose_neighbour(
+    recordings: Sequence[Signals], joint: str, problem: JointProblem, fitted: JointProblem, fit: MapFit
+) -> None:
+    """Put the angle into the exogenous inputs whose motion best explains what the nominal model leaves.
+
+    fitted: the part of the problem that is not test data, and fit, the nominal model on it.
+    """
     best, chosen = 0.0, None
     for name in recordings[0].joints:
         if name == joint or not all(name in recording.joints for recording in recordings):
             continue
         together = [
             _correlation(recording, name, segment, residual[1])
-            for recording, segment, residual in zip(recordings, problem.segments, fit.residuals, strict=True)
+            for recording, segment, residual in zip(recordings, fitted.segments, fit.residuals, strict=False)
         ]
         if float(np.mean(together)) > best:
             best, chosen = float(np.mean(together)), name
@@ -208,7 +220,7 @@ def _choose_neighbour(recordings: Sequence[Signals], joint: str, problem: JointP
 def _correlation(recording: Signals, other: str, segment: Segment, residual_rad: Array) -> float:
     """Of the residual (T,) with another joint's angle, without what the joint's own angle and pressure explain."""
     use = segment.use[1]
-    angle = recording.angle_rad[use, recording.joints.index(other)]
+    angle = recording.angle_rad[: len(use), recording.joints.index(other)][use]
     own = np.column_stack([segment.angle_rad[use], segment.pressure_pa[use] * 1e-5, np.ones(use.sum())])
     remainder = angle - own @ np.linalg.lstsq(own, angle, rcond=None)[0]
     norm = float(np.linalg.norm(remainder)) * float(np.linalg.norm(residual_rad[use]))

@@ -40,7 +40,8 @@ class StageResult:
     """One signal on the validation data, SI: error before and after, noise, excess over the noise before and after.
 
     noise: white noise of the reading, and what the noise of the measured inputs makes of the prediction.
-    floor: repeatability.  effects: how many were found on the joint.
+    floor: repeatability.  effects: how many were found on the joint.  independent: samples of the validation data that
+    count as independent (joint_problem.CORRELATION_S).
     """
 
     stage: int
@@ -51,6 +52,7 @@ class StageResult:
     excess_after: float
     floor: float
     effects: int
+    independent: float
 
     @property
     def name(self) -> str:
@@ -58,28 +60,56 @@ class StageResult:
         return STAGES[self.stage]
 
     @property
-    def unexplained(self) -> bool:
-        """Whether an unexplained residual is left that is reported as `unknown`.
-
-        More parameters fit more residual, so the limit on the remaining share tightens with each effect.
-        """
-        left = self.excess_after / max(self.excess_before, 1e-300)
-        share = SETTINGS.max_remaining_share if self.leftover else SETTINGS.max_remaining_share_small
-        floors = SETTINGS.unexplained_floors
-        if left <= SETTINGS.untouched_share:
-            floors = SETTINGS.unexplained_part_floors
-        return left > share / max(self.effects, 1) ** 2 and self.excess_after > floors * self.floor
+    def left(self) -> float:
+        """Share of the excess error (RMS) that is left, 0 ... 1."""
+        return min(self.excess_after / max(self.excess_before, 1e-300), 1.0)
 
     @property
-    def leftover(self) -> bool:
-        """Whether anything beyond the floor is left, explained mostly or not."""
-        return self.excess_after > SETTINGS.unexplained_floors * self.floor
+    def explained(self) -> float:
+        """Share of the mean square beyond the noise that the effects explain, 0 ... 1."""
+        return 1.0 - self.left**2
+
+    @property
+    def left_beyond_floor(self) -> float:
+        """Share of the excess error (RMS) that is left beyond what one repetition differs from the next, 0 ... 1."""
+        beyond = float(np.sqrt(max(self.excess_after**2 - self.floor**2, 0.0)))
+        return min(beyond / max(self.excess_before, 1e-300), 1.0)
+
+    @property
+    def tolerated(self) -> float:
+        """Excess error [SI] that needs no other physics: of repeatability, and of the form of the effects' laws."""
+        form = SETTINGS.tolerated_share * self.excess_before if self.effects else 0.0
+        return float(np.hypot(SETTINGS.unexplained_floors * self.floor, form))
+
+    @property
+    def other_physics(self) -> float:
+        """Probability, 0 ... 1, that what is left on data that were not fitted is other physics than that named.
+
+        The likelihood of n independent samples of correlated noise of unknown scale above the floor,
+        -n/2 log(1 + x^2 / floor^2) (hypotheses.log_likelihood), of the error that is left against the largest that is
+        tolerated; even odds where the two are equal.
+        """
+        left, limit = (1.0 + (x / self.floor) ** 2 for x in (self.excess_after, self.tolerated))
+        log_odds = 0.5 * self.independent * float(np.log(left / limit)) / SETTINGS.evidence_temperature
+        low = SETTINGS.min_probability
+        return float(np.clip(0.5 * (1.0 + np.tanh(0.5 * log_odds)), low, 1.0 - low))
+
+    @property
+    def remains(self) -> bool:
+        """Whether what is left is more probably other physics than not."""
+        return self.excess_after > self.tolerated
+
+    @property
+    def claimed(self) -> bool:
+        """Whether the effects remove enough of this signal's error to be findings, and not only parts of an unknown."""
+        return not self.remains or self.left <= SETTINGS.max_claim_share
 
 
 def stage_results(problem: JointProblem, nominal: MapFit, final: MapFit, effects: int) -> list[StageResult]:
     """Pressure, angle and force, those that the recording holds. effects: how many the final model has."""
     before, after = validation_rmse(problem, nominal.squares), validation_rmse(problem, final.squares)
     inputs = noise_of_inputs(problem, final)
+    independent = problem.effective_counts(problem.held_out)
     results = []
     for stage in range(len(STAGES)):
         if not np.isfinite(before[stage]):
@@ -90,9 +120,19 @@ def stage_results(problem: JointProblem, nominal: MapFit, final: MapFit, effects
         )
         noise = float(np.hypot(white, inputs[stage]))
         excess = [float(np.sqrt(max(rmse[stage] ** 2 - noise**2, 0.0))) for rmse in (before, after)]
-        errors = float(before[stage]), float(after[stage])
-        floor = float(problem.floor[stage])
-        results.append(StageResult(stage, errors[0], errors[1], noise, excess[0], excess[1], floor, effects))
+        results.append(
+            StageResult(
+                stage,
+                float(before[stage]),
+                float(after[stage]),
+                noise,
+                excess[0],
+                excess[1],
+                float(problem.floor[stage]),
+                effects,
+                float(independent[stage]),
+            )
+        )
     return results
 
 
@@ -156,13 +196,16 @@ class Structure:
 
     state: on which it depends most.  share: of its variance that this state explains [-].
     direction: mean residual while the joint moves forward minus while it moves back.
-    frequency_hz: centroid of its spectrum.
+    frequency_hz: centroid of its spectrum.  tone: share of the variance in the strongest line of the spectrum, which is
+    at tone_hz.
     """
 
     state: str
     share: float
     direction: float
     frequency_hz: float
+    tone: float
+    tone_hz: float
 
 
 def describe(problem: JointProblem, fit: MapFit, stage: int) -> Structure:
@@ -183,7 +226,12 @@ def describe(problem: JointProblem, fit: MapFit, stage: int) -> Structure:
     spectrum = np.abs(np.fft.rfft(r - r.mean())) ** 2
     frequency = np.fft.rfftfreq(len(r), segment.period_s)
     centroid = float((spectrum * frequency).sum() / max(float(spectrum.sum()), 1e-300))
-    return Structure(state, shares[state], direction, centroid)
+    # A line is three bins wide; a frequency whose period is long against the recording is a drift.
+    total = max(float(spectrum.sum()), 1e-300)
+    often = frequency * len(r) * segment.period_s > SETTINGS.min_tone_periods
+    lines = np.convolve(spectrum, np.ones(3), "same") * often
+    peak = int(np.argmax(lines))
+    return Structure(state, shares[state], direction, centroid, float(lines[peak]) / total, float(frequency[peak]))
 
 
 def states_of(segment: Segment, use: Flags) -> dict[str, Array]:

@@ -84,13 +84,11 @@ def diagnose(
             summary = _fleet(recordings, hand.path, mapping, out, options, jobs, cluster, as_json)
             _print_fleet(summary | {"model_file": chosen.as_json()}, out, as_json)
             return
-        from hand_diagnosis.diagnose import diagnose as run
-        from hand_diagnosis.page import write_page
-        from hand_diagnosis.report import write_report
-        from hand_recording.signal_files import read_signals
+        from hand_diagnosis import diagnose as run
+        from hand_diagnosis import read_recording
 
-        signals = read_signals(recordings, hand, mapping)
-        repeated = read_signals(rerun or [], hand, mapping)
+        signals = [read_recording(path, hand, mapping=mapping) for path in recordings]
+        repeated = [read_recording(path, hand, mapping=mapping) for path in rerun or []]
         with progress_bar(as_json, counted=True) as progress:
             total = len({joint for recorded in signals for joint in recorded.joints})
             bar = progress.add_task("joints", total=total)
@@ -103,13 +101,16 @@ def diagnose(
                 without=_list(without),
                 sensor_curve=sensor_curve,
                 reruns=repeated,
+                names=[str(path) for path in recordings],
                 progress=lambda joint: progress.update(bar, advance=1, description=joint),
             )
             progress.update(bar, completed=total)
         chosen.print(as_json)
-        content, _ = write_report(result, hand, [str(path) for path in recordings], out)
+        content = result.write(out, page=False)
         outputs.complete(files[0], files[2])
-        write_page(result, content, out)
+        from hand_diagnosis.page import write_page
+
+        write_page(result.diagnosis, content, out)
     _print(content | {"model_file": chosen.as_json()}, out, as_json, ask)
 
 
@@ -147,7 +148,7 @@ def _machine(
     as_json: bool,
 ) -> dict[str, Any]:
     """Diagnose another machine; report and page in its units, model.yaml with the parameters found."""
-    from hand_diagnosis.diagnose import diagnose as run
+    from hand_diagnosis.diagnosis import diagnose as run
     from hand_diagnosis.page import write_page
     from hand_diagnosis.report import document, write_json
     from hand_machine.machine import load_machine, write_machine_model
@@ -157,8 +158,7 @@ def _machine(
     result = run(loaded.signals, loaded.model, tolerance=tolerance, seed=seed, without=without, wording=loaded.wording)
     content = document(result, [str(path) for path in recordings], str(chosen.path))
     write_json(content, out)
-    found = [finding for finding in result.findings if finding.effect != "unknown"]
-    numbers = [(number.key, number.value, number.unit) for finding in found for number in finding.numbers]
+    numbers = [(number.key, number.value, number.unit) for finding in result.findings for number in finding.numbers]
     write_machine_model(loaded.name, numbers, out / "model.yaml")
     write_page(result, content, out)
     return content
@@ -225,8 +225,12 @@ def _summary(content: dict[str, Any], out: Path, ask: bool) -> list[str]:
     """At most LINES lines; the next experiment, the notes and the paths are always printed."""
     lines = [f"verdict: {content['verdict']}"]
     for finding in content["findings"]:
-        lines.append(f"{finding['rank']}. {finding['effect']} ({finding['probability']:.0%}): {finding['statement']}")
-    if not content["findings"]:
+        shares = {row["effect"]: row["probability"] for row in finding["alternatives"]}
+        names = [f"{finding['effect']} ({finding['probability']:.0%})"]
+        names += [f"{name} ({shares.get(name, 0.0):.0%})" for name in finding["tied_with"]]
+        lines.append(f"{finding['rank']}. {' or '.join(names)}: {finding['statement']}")
+    lines += [f"remainder ({left['probability']:.0%}): {left['statement']}" for left in content["remainder"]]
+    if content["verdict"] == "agrees":
         lines.append("no effect of the catalogue is missing from the model")
     last = []
     following = content["next_experiment"]
@@ -234,6 +238,9 @@ def _summary(content: dict[str, Any], out: Path, ask: bool) -> list[str]:
         last.append(f"record next: {following['name']} - {following['why']}")
         if ask:
             last.append(f"  {following['command']}")
+    if content["not_judged"]:
+        reasons = [f"{row['joint']} ({row['reason']})" for row in content["not_judged"]]
+        last.append(f"not diagnosed: {'; '.join(reasons)}")
     last += [f"not claimable: {row['statement']}" for row in content["not_claimable"][:2]]
     last += [f"note: {line}" for line in content["data_check"][:3]]
     last.append(f"written: {out / 'report.html'}, {out / 'report.json'}, {out / 'model.yaml'}")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hand_diagnosis.data_check import check
-from hand_diagnosis.diagnose import diagnose
+from hand_diagnosis.diagnosis import diagnose
 from hand_model.description import Hand
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_recording.hand_signals import hand_signals

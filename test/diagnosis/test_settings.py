@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from hand_diagnosis.diagnose import Diagnosis
+from hand_diagnosis.diagnosis import Diagnosis
 from hand_diagnosis.report import document
 from hand_diagnosis.settings import SETTINGS, Settings, markdown_table
 
@@ -88,7 +88,7 @@ def test_every_setting_is_documented_and_used() -> None:
 
 def test_the_report_prints_every_setting() -> None:
     """Fails when a report does not say with which settings it was made."""
-    report = document(Diagnosis("agrees", (), (), (), False), [], "hand.yaml")
+    report = document(Diagnosis("agrees", (), (), (), (), (), False), [], "hand.yaml")
     printed = json.loads(json.dumps(report["settings"], allow_nan=False))
     assert set(printed) == {entry.name for entry in fields(Settings)}
     assert printed["min_log_evidence"] == SETTINGS.min_log_evidence

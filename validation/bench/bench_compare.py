@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hand_diagnosis.diagnose import JointDiagnosis, diagnose
+from hand_diagnosis.diagnosis import JointDiagnosis, diagnose
 from hand_diagnosis.hypotheses import validation_rmse
 from hand_diagnosis.search import search_joint
 from hand_diagnosis.verdict import sparse_correction

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from hand_diagnosis.diagnose import diagnose
+from hand_diagnosis.diagnosis import diagnose
 from hand_identification.joint_data import joint_problem
 from hand_model.description import Hand, load_hand
 from hand_model.kernel.rows import ROW

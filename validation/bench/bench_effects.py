@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from hand_diagnosis.diagnose import diagnose
+from hand_diagnosis.diagnosis import diagnose
 from hand_diagnosis.report import document
 from hand_model.description import load_hand
 from hand_recording.signal_files import read_signals

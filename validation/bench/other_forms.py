@@ -3,12 +3,18 @@
 The plain equations are those of Martin et al. 2004 (Eqs. 6, 8, 11 and 12), integrated here by explicit steps of 0.25 ms
 and without the code of hand_model. Each form acts with one size, which is raised until the recording differs from that
 of the plain plant by a chosen number of practical floors.
+
+    python -m validation.bench.other_forms 1
+
+diagnoses one recording of every form, from the seed given, and prints what was found.
 """
 
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numba import njit
@@ -50,7 +56,7 @@ def _simulate(u, q, form, size, dt, finer):  # type: ignore[no-untyped-def]
     tau, dead, fill, vent, a0, a1, a2, a3, phi_max, p_min, b1, t_ext, b0, t_rec, inertia, damp, low, high, stop = q
     out = np.empty((len(u), 2))
     h = dt / finer
-    delay = int(round(dead / h))
+    delay = round(dead / h)
     # at rest: the angle of zero pressure
     phi = min(max(-a0 / a1, low), high)
     p = pv = w = creep = rate = k1 = k2 = spool = bristle = 0.0
@@ -156,7 +162,10 @@ def difference_floors(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def recording(hand: Hand, form: str, floors: float, seed: int) -> tuple[Signals, float]:
-    """A recording of the joint with one form, and the size of it that moves the signals by `floors` floors."""
+    """A recording of the joint with one form, and the size of it, in the form's own unit.
+
+    floors: RMS change of a signal by the form, in practical floors [-].
+    """
     rng = np.random.default_rng(seed)
     number, size, _ = FORMS[form]
     u, q = commands_pa(rng), _numbers(hand)
@@ -181,10 +190,36 @@ def recording(hand: Hand, form: str, floors: float, seed: int) -> tuple[Signals,
 
 
 def nominal_model(hand: Hand, seed: int, share: float = 0.03) -> Hand:
-    """The hand with every number of the plain plant wrong by a few percent, as a nominal model is."""
+    """The hand with every number of the plain plant wrong by a few percent, as a nominal model is.
+
+    share: standard deviation of the relative error [-].
+    """
     from hand_identification.free_parameters import NOMINAL_KEYS  # noqa: PLC0415 - only for the nominal model
 
     rng, parameters = np.random.default_rng(seed + 1000), hand.parameters.copy()
     for key in NOMINAL_KEYS:
         parameters[ROW[key]] *= 1.0 + share * rng.standard_normal(len(hand.joints))
     return replace(hand, parameters=parameters)
+
+
+def main(seed: int, floors: float = 12.0) -> None:
+    """Print the verdict, the findings and the remainder of a recording of every form.
+
+    floors: RMS change of a signal by each form, in practical floors [-].
+    """
+    from hand_diagnosis.diagnosis import diagnose  # noqa: PLC0415 - the recordings need no fit
+    from hand_model.description import load_hand  # noqa: PLC0415 - as above
+
+    hand = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
+    for k, (form, (_, _, right)) in enumerate(FORMS.items()):
+        own = seed + 17 * k
+        signals, _ = recording(hand, form, floors, own)
+        model = nominal_model(hand, own)
+        found = diagnose([signals], model, tolerance=0.05, seed=0, joints=[JOINT], sensor_curve=False)
+        named = [f"{finding.effect} {finding.probability:.2f}" for finding in found.findings]
+        left = [f"remainder {entry.probability:.2f}" for entry in found.remainder]
+        print(f"{form} (seed {own}, right: {', '.join(sorted(right)) or 'none'}): {found.verdict}; {named + left}")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))

@@ -41,14 +41,15 @@ def grade(case: dict[str, Any], report: dict[str, Any]) -> Grade:
     truths, findings = case["truth"], report["findings"]
     kind = case["kind"] if truths else "null"
     lead: dict[str, Any] = truths[0] if truths else {"effect": "nothing", "multiple": 0.0}
-    called = findings[0]["effect"] if findings else "agrees"
+    remainder = report["remainder"]
+    called = findings[0]["effect"] if findings else "unknown" if remainder else "agrees"
     done = Grade(case["number"], kind, lead["effect"], lead["multiple"], case["motion"], called)
-    done.claims = _claims(truths, findings, case["without"])
+    done.claims = _claims(truths, findings, remainder, case["without"])
     if kind == "null":
-        done.false_alarm = bool(findings)
+        done.false_alarm = bool(findings or remainder)
         return done
     if kind in {"outside", "deleted"}:
-        return _grade_unknown(done, truths[0], findings, case["without"])
+        return _grade_unknown(done, truths[0], report, case["without"])
     done.place = all(any(_place(f, t) for f in findings[: len(truths)]) for t in truths)
     done.joint = all(any(_joint(f, t) for f in findings[: len(truths)]) for t in truths)
     right = [any(_names(f, t) for f in findings[: len(truths)]) for t in truths]
@@ -57,18 +58,20 @@ def grade(case: dict[str, Any], report: dict[str, Any]) -> Grade:
     else:
         done.both = all(right)
     done.first_two = all(_among_two(findings, t, len(truths)) for t in truths)
-    done.unknown_wrong = any(f["effect"] == "unknown" and any(_joint(f, t) for t in truths) for f in findings)
+    # A remainder next to the right name is no wrong answer; one in its place is.
+    done.unknown_wrong = any(
+        any(_joint(left, t) for left in remainder) and not any(_names(f, t) for f in findings) for t in truths
+    )
     done.clean = _clean(report, truths)
     done.parameters = [error for t in truths for error in _parameter(findings, t)]
     return done
 
 
-def _grade_unknown(done: Grade, truth: dict[str, Any], findings: list[dict[str, Any]], without: str) -> Grade:
-    """`unknown` on the right joint is right; so is another effect of a deleted effect's isolability class."""
+def _grade_unknown(done: Grade, truth: dict[str, Any], report: dict[str, Any], without: str) -> Grade:
+    """A remainder on the right joint is right; so is another effect of a deleted effect's isolability class."""
     stands_in = set(truth["group"]) - {without}
-    done.unknown_found = any(
-        _joint(f, truth) and (f["effect"] == "unknown" or f["effect"] in stands_in) for f in findings
-    )
+    left = any(_joint(entry, truth) for entry in report["remainder"])
+    done.unknown_found = left or any(_joint(f, truth) and f["effect"] in stands_in for f in report["findings"])
     return done
 
 
@@ -92,24 +95,30 @@ def _among_two(findings: list[dict[str, Any]], truth: dict[str, Any], most: int)
     return any(rival in truth["group"] for rival in rivals)
 
 
-def _claims(truths: list[dict[str, Any]], findings: list[dict[str, Any]], without: str) -> list[tuple[float, bool]]:
-    """Probability of the first finding of each joint, and whether it is right."""
+def _claims(
+    truths: list[dict[str, Any]], findings: list[dict[str, Any]], remainder: list[dict[str, Any]], without: str
+) -> list[tuple[float, bool]]:
+    """Probability of the first finding of each joint (where it has none, of its remainder), and whether it is right."""
     claims, seen = [], set()
     for finding in findings:
         if finding["joint"] in seen:
             continue
         seen.add(finding["joint"])
         about = [t for t in truths if _joint(finding, t)]
-        concealed = any(t["place"] == "unknown" or t["effect"] == without for t in about)
-        right = any(_names(finding, t) for t in about) or (concealed and finding["effect"] == "unknown")
-        claims.append((float(finding["probability"]), bool(right)))
+        claims.append((float(finding["probability"]), any(_names(finding, t) for t in about)))
+    for left in remainder:
+        if left["joint"] in seen:
+            continue
+        seen.add(left["joint"])
+        concealed = [t["place"] == "unknown" or t["effect"] == without for t in truths if _joint(left, t)]
+        claims.append((float(left["probability"]), any(concealed)))
     return claims
 
 
 def _clean(report: dict[str, Any], truths: list[dict[str, Any]]) -> bool | None:
-    """Whether the validation errors of the joints with an effect are at most FLOORS noise floors."""
+    """Whether the test errors of the joints with an effect are at most FLOORS noise floors."""
     joints = {t["joint"] for t in truths}
-    fits = [f for f in report["fit"] if f["split"] == "held_out" and (f["joint"] in joints or None in joints)]
+    fits = [f for f in report["fit"] if f["split"] == "test" and (f["joint"] in joints or None in joints)]
     if not fits:
         return None
     return all(f["rmse_after"] <= FLOORS * f["noise_floor"] for f in fits)

@@ -147,11 +147,10 @@ def examine(machine: Machine, out: Path, command: list[str]) -> dict[str, Any]:
         raise RuntimeError(f"{machine.name}: {done.stderr.strip().splitlines()[-1]}")
     report = json.loads(done.stdout)
     imposed = machine.description["imposed"]
-    fit = next(row for row in report["fit"] if row["split"] == "held_out")  # an axis has one predicted signal
+    fit = next(row for row in report["fit"] if row["split"] == "test")  # an axis has one predicted signal
     numbers = {key: number for finding in report["findings"] for key, number in finding["parameters"].items()}
     found = [finding["effect"] for finding in report["findings"]]
-    # An `unknown` finding has the parameters of effects that explain a part of it.
-    parts = [name for name in (key.partition(".")[0] for key in numbers) if name not in found]
+    parts = [each["effect"] for left in report["remainder"] for each in left["candidates"]]
     return {
         "machine": machine.name,
         "recordings": len(paths),

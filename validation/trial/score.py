@@ -34,7 +34,7 @@ LABELS = {
     "false_alarm": "false alarms on null cases",
     "unknown_found": "unknown physics reported as unknown",
     "unknown_wrong": "known effects reported as unknown",
-    "clean": "validation error at most 1.25 noise floors",
+    "clean": "error at most 1.25 noise floors, data not fitted",
     "parameters": "parameters within 15 % (where both forms have them)",
     "ece": "expected calibration error",
 }

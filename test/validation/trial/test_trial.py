@@ -103,9 +103,11 @@ def finding(effect: str, joint: str | None, place: str, probability: float = 0.9
     return base | {"alternatives": [], "parameters": {}} | more
 
 
-def graded(kind: str, truths: list[Any], findings: list[Any], without: str = "") -> Any:
+def graded(kind: str, truths: list[Any], findings: list[Any], without: str = "", left: str = "") -> Any:
+    """left: a joint with a remainder."""
     case = {"number": 1, "kind": kind, "motion": "steps", "without": without, "truth": truths}
-    return grade(case, {"findings": findings, "fit": []})
+    remainder = [{"joint": left, "probability": 0.8}] if left else []
+    return grade(case, {"findings": findings, "fit": [], "remainder": remainder})
 
 
 def test_grading_is_strict() -> None:
@@ -125,10 +127,13 @@ def test_grading_is_strict() -> None:
     assert not graded(
         "deleted", [friction], [finding("backlash", "index_distal", "joint")], "coulomb_friction"
     ).unknown_found
-    assert graded(
-        "deleted", [friction], [finding("unknown", "index_distal", "joint")], "coulomb_friction"
-    ).unknown_found
-    assert graded("single", [friction], [finding("unknown", "index_distal", "joint")]).unknown_wrong
+    deleted = graded("deleted", [friction], [], "coulomb_friction", left="index_distal")
+    assert deleted.unknown_found and deleted.claims == [(0.8, True)] and deleted.called == "unknown"
+    assert not graded("deleted", [friction], [], "coulomb_friction", left="ring_distal").unknown_found
+    assert graded("single", [friction], [], left="index_distal").unknown_wrong
+    both = graded("single", [friction], [finding("coulomb_friction", "index_distal", "joint")], left="index_distal")
+    assert both.first and not both.unknown_wrong and both.claims == [(0.9, True)]
+    assert graded("null", [], [], left="ring_distal").false_alarm
     number = {"key": "coulomb_friction.torque_nm", "value": 0.01}
     reported = {"coulomb_friction.torque_nm": {"value": 0.012}}
     measured = graded(

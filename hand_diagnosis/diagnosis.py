@@ -8,18 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from hand_diagnosis.data_check import check, repeatability
-from hand_diagnosis.findings import Finding, JointResult, ranked_findings, verdict
+from hand_diagnosis.findings import Finding, JointResult, Remainder, ranked_findings, remainders, verdict
 from hand_diagnosis.hypotheses import Isolability, isolability, log_likelihood
-from hand_diagnosis.search import rough_evidence, search_joint
+from hand_diagnosis.search import JointSearch, rough_evidence, search_joint
 from hand_diagnosis.settings import SETTINGS
+from hand_diagnosis.splits import ErrorsOnTest, evaluate_test, fit_part, spared_last
 from hand_diagnosis.task import (
     Task,
     effects_without,
     initial_rest_angle,
     model_accelerations,
     moving_joints,
+    not_judged,
     put_partner,
-    still_joints,
 )
 from hand_diagnosis.verdict import stage_results
 from hand_identification.free_parameters import FARTHEST, WIDE, FreeParameter, nominal_free_parameters
@@ -31,6 +32,7 @@ from hand_model.description import Hand
 from hand_model.effects.effect import PARTNER, Effect
 from hand_model.joint_model import JointModel
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS
+from hand_model.kernel.rows import ROW
 from hand_model.quantities import HAND, Wording
 from hand_recording.hand_signals import without_sensor_curve
 from hand_recording.signals import Signals
@@ -38,17 +40,28 @@ from hand_recording.signals import Signals
 
 @dataclass(frozen=True, slots=True)
 class JointDiagnosis(JointResult):
-    """A joint: its search, its signals on validation data, and what its data can separate where something was found."""
+    """A joint: its search, its signals on validation data, and what its data can separate where something was found.
 
+    whole: the problem with the test data, which the search did not see.  withdrawn: effects that validation data
+    confirm and that make the test error clearly larger.
+    """
+
+    whole: JointProblem | None = None
     isolability: Isolability | None = None
+    withdrawn: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """All of it. verdict: agrees, explained, partly_explained or unknown_physics.  check: lines of the data check."""
+    """All of it. verdict: agrees, explained, partly_explained or unknown_physics.  check: lines of the data check.
+
+    remainder: what is left that is probably other physics.  not_judged: joints without a diagnosis, and why.
+    """
 
     verdict: str
     findings: tuple[Finding, ...]
+    remainder: tuple[Remainder, ...]
+    not_judged: tuple[tuple[str, str], ...]
     joints: tuple[JointDiagnosis, ...]
     check: tuple[str, ...]
     sensor_curve: bool
@@ -78,7 +91,7 @@ def diagnose(
     """
     effects = effects_without(without)
     checked = [check(recording, model) for recording in signals]
-    signals = [each.signals for each in checked]
+    signals = spared_last([each.signals for each in checked])
     unusable = frozenset().union(*(each.unusable for each in checked))
     checked_reruns = [check(rerun, model) for rerun in reruns]
     reruns = [each.without_unusable() for each in checked_reruns]
@@ -90,16 +103,37 @@ def diagnose(
         signals = [without_sensor_curve(recording, model) for recording in signals]
         reruns = [without_sensor_curve(recording, model) for recording in reruns]
     lines = [line for each in (*checked, *checked_reruns) for line in (*each.signals.notes, *each.lines)]
-    lines += [line for each in checked for line in still_joints(each, wanted, joints)]
     task = Task(signals, model, wanted, effects, tolerance, seed, repeatability(signals, reruns))
-    done = []
+    done, failed = [], {}
     for number, joint in enumerate(wanted):
-        done.append(_diagnose_joint(task, wording, joint, number))
+        try:
+            done.append(_diagnose_joint(task, wording, joint, number))
+        except Exception as error:  # the other joints are diagnosed whatever this one contains
+            failed[joint] = f"its diagnosis failed: {' '.join(str(error).split()) or type(error).__name__}"
         progress(joint)
     done = _without_unshared(task, _beside_models(task, done))
     lines += [line for result in done for line in _at_bounds(result)]
-    findings = ranked_findings(done, signals)
-    return Diagnosis(verdict(findings, done), tuple(findings), tuple(done), tuple(lines), sensor_curve, wording)
+    lines += [line for result in done for line in _withdrawals(result)]
+    findings, left = ranked_findings(done, signals), remainders(done)
+    reasons = not_judged(checked, [result.joint for result in done], joints) | failed
+    return Diagnosis(
+        verdict(findings, left),
+        tuple(findings),
+        tuple(left),
+        tuple(reasons.items()),
+        tuple(done),
+        tuple(lines),
+        sensor_curve,
+        wording,
+    )
+
+
+def _withdrawals(result: JointDiagnosis) -> list[str]:
+    """Lines about effects that were withdrawn."""
+    return [
+        f"{result.joint}: {name} improves the validation error and makes the test error clearly larger; it is withdrawn"
+        for name in result.withdrawn
+    ]
 
 
 def _reads_through_curve(
@@ -136,7 +170,7 @@ def _nominal_problem(
     signals: Sequence[Signals], hand: Hand, joint: str, tolerance: float
 ) -> tuple[JointProblem, list[FreeParameter]]:
     """The problem of one joint without its partner's model, and the free parameters of its nominal numbers."""
-    problem = joint_problem(signals, hand, joint)
+    problem = fit_part(joint_problem(signals, hand, joint))
     return problem, nominal_free_parameters(problem.nominal, tolerance, initial_rest_angle(signals, joint))
 
 
@@ -148,17 +182,45 @@ def _diagnose_joint(
     without: an effect to leave out.
     """
     ready = task.prepare(joint)
-    problem = ready.problem
+    whole = ready.problem
     if partner:
-        put_partner(problem, partner)
+        put_partner(whole, partner)
+    problem = fit_part(whole)
     effects = [effect for effect in task.effects if effect.name != without]
     rng = np.random.default_rng([task.seed, *seed])
     search = search_joint(problem, effects, ready.free, rng, ready.start)
+    test, withdrawn = _tested(whole, search, rng)
     results = tuple(stage_results(problem, search.nominal, search.final, len(search.accepted)))
     separable = [effect for effect in effects if effect.place != "force_sensor"]
     found = isolability(problem, search.nominal, separable) if search.accepted else None
     search.forget_sensitivities()
-    return JointDiagnosis(joint, search, results, wording, found)
+    return JointDiagnosis(joint, search, results, wording, test, whole, found, withdrawn)
+
+
+def _tested(
+    whole: JointProblem, search: JointSearch, rng: np.random.Generator
+) -> tuple[ErrorsOnTest | None, tuple[str, ...]]:
+    """Errors of the nominal and the final model on the test data; the effects that these data contradict.
+
+    The search is over. Findings are withdrawn only where a signal's test error gets clearly larger by them and none's
+    gets smaller: the right effect in too narrow a form gains less on test data than on validation data.
+    """
+    free_axis = whole.driven is False and _swings_freely(whole)
+    test = evaluate_test(whole, [search.nominal, search.final], free_axis=free_axis)
+    if test is None or not search.accepted:
+        return test, ()
+    stages = range(len(test.counts))
+    worse = any(test.clearly_worse(0, 1, stage, rng) for stage in stages)
+    if not worse or any(test.clearly_worse(1, 0, stage, rng) for stage in stages):
+        return test, ()
+    names = tuple(hypothesis.effect.name for hypothesis in search.accepted)
+    search.accepted.clear()
+    return evaluate_test(whole, [search.nominal, search.nominal], free_axis=free_axis), names
+
+
+def _swings_freely(problem: JointProblem) -> bool:
+    """Whether nothing but damping ties an axis to its input: no elasticity, so an old state is never forgotten."""
+    return abs(float(problem.nominal[ROW["statics.a1_nm_per_rad"]])) <= SETTINGS.min_elasticity_nm_per_rad
 
 
 def _at_bounds(result: JointDiagnosis) -> list[str]:
@@ -180,23 +242,24 @@ def _beside_models(task: Task, done: Sequence[JointDiagnosis]) -> list[JointDiag
     renewed = list(done)
     for k, result in enumerate(done):
         other = at.get(task.partner(result.joint))
-        if other is None or not (result.search.accepted or any(stage.unexplained for stage in result.results)):
+        if other is None or not (result.search.accepted or any(stage.remains for stage in result.results)):
             continue
-        problem = other.search.problem
-        if [p.name for p in problem.segments] != [p.name for p in result.search.problem.segments]:
+        problem, own = other.whole, result.whole
+        if problem is None or own is None or [p.name for p in problem.segments] != [p.name for p in own.segments]:
             continue
         partner = model_accelerations(problem, other.search.final)
-        if _fits_better(result.search.problem, result.search.nominal, partner):
+        if _fits_better(own, result.search.nominal, partner):
             renewed[k] = _diagnose_joint(task, result.wording, result.joint, k, 2, partner=partner)
     return renewed
 
 
-def _fits_better(problem: JointProblem, fit: MapFit, partner: Sequence[Array]) -> bool:
+def _fits_better(whole: JointProblem, fit: MapFit, partner: Sequence[Array]) -> bool:
     """Whether the nominal model of a joint fits clearly better with these accelerations of its partner."""
-    measured = [segment.exogenous[:, PARTNER].copy() for segment in problem.segments]
-    put_partner(problem, partner)
+    measured = [segment.exogenous[:, PARTNER].copy() for segment in whole.segments]
+    problem = fit_part(whole)  # its arrays are those of the whole problem
+    put_partner(whole, partner)
     beside = map_fit(problem, fit.free, fit.z, SETTINGS.rough_iterations)
-    put_partner(problem, measured)
+    put_partner(whole, measured)
     before, after = (log_likelihood(problem, each.squares, ~problem.held_out) for each in (fit, beside))
     return after > before + SETTINGS.min_partner_gain
 

@@ -1,0 +1,122 @@
+"""The Python interface of the diagnosis; the command `hand diagnose` uses it, too.
+
+    from hand_diagnosis import diagnose, read_recording
+
+    report = diagnose([read_recording("run.mcap", "config/hand.yaml")], "config/hand.yaml")
+    print(report.verdict, [finding["effect"] for finding in report.findings])
+    report.write("out/diagnosis")
+
+It is stable: names and meanings change only with a new schema of report.json.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hand_diagnosis.diagnosis import Diagnosis
+from hand_diagnosis.diagnosis import diagnose as run_diagnosis
+from hand_diagnosis.page import write_page
+from hand_diagnosis.report import document, write_report
+from hand_diagnosis.settings import SETTINGS
+from hand_model.description import Hand, load_hand
+from hand_recording.signal_files import read_signals
+from hand_recording.signals import Signals
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """A diagnosis as report.json holds it, schema 2.
+
+    content: report.json.  diagnosis: the fits behind it, for figures and further analysis; not part of the stable
+    interface.  hand: the nominal model.
+    """
+
+    content: Mapping[str, Any]
+    diagnosis: Diagnosis
+    hand: Hand
+
+    @property
+    def verdict(self) -> str:
+        """agrees, explained, partly_explained or unknown_physics."""
+        return str(self.content["verdict"])
+
+    @property
+    def findings(self) -> list[dict[str, Any]]:
+        """Named effects, the first explains most."""
+        return list(self.content["findings"])
+
+    @property
+    def remainder(self) -> list[dict[str, Any]]:
+        """What is probably physics that no effect of the catalogue explains."""
+        return list(self.content["remainder"])
+
+    @property
+    def not_judged(self) -> dict[str, str]:
+        """The reason for each joint that was recorded and not diagnosed."""
+        return {row["joint"]: row["reason"] for row in self.content["not_judged"]}
+
+    @property
+    def next_experiment(self) -> dict[str, str] | None:
+        """The experiment to record next; None where nothing is uncertain."""
+        return self.content["next_experiment"]  # type: ignore[no-any-return]
+
+    def write(self, folder: str | Path, *, page: bool = True) -> dict[str, Any]:
+        """Write report.json and model.yaml into a folder, made where it is missing, and the page; what was written.
+
+        OSError: it cannot be written.
+        """
+        out = Path(folder)
+        content, _ = write_report(self.diagnosis, self.hand, self.content["recordings"], out, self.content)
+        if page:
+            write_page(self.diagnosis, content, out)
+        return content
+
+
+def read_recording(path: str | Path, model: str | Path | Hand, *, mapping: str | Path | None = None) -> Signals:
+    """Read a rosbag2 recording, or a CSV or Parquet table through a mapping file, as signals of the model's joints.
+
+    Raises RecordingError or DescriptionError (ValueErrors of one line) for what cannot be used.
+    """
+    hand = model if isinstance(model, Hand) else load_hand(Path(model))
+    return read_signals([Path(path)], hand, None if mapping is None else Path(mapping))[0]
+
+
+def diagnose(
+    recordings: Sequence[Signals],
+    model: str | Path | Hand,
+    *,
+    tolerance: float = SETTINGS.default_tolerance,
+    seed: int = 0,
+    joints: Sequence[str] = (),
+    without: Sequence[str] = (),
+    sensor_curve: bool | None = None,
+    reruns: Sequence[Signals] = (),
+    names: Sequence[str] = (),
+    progress: Callable[[str], None] = lambda _: None,
+) -> Report:
+    """Diagnose recordings of a hand against its model.
+
+    model: hand.yaml, or the hand loaded from it.  tolerance: relative standard deviation of the nominal numbers [-].
+    joints: those to diagnose, all that move where none is given.  without: effects left out of the search.
+    sensor_curve: whether angles are readings of the described Hall sensors; None: what fits better.  reruns: recordings
+    of the same commands.  names: of the recordings in the report, else those of the signals.  progress: called with
+    each joint that is done.  Raises ValueError for joints or effects that do not exist, and for a re-run of other
+    commands.
+    """
+    hand = model if isinstance(model, Hand) else load_hand(Path(model))
+    result = run_diagnosis(
+        recordings,
+        hand,
+        tolerance=tolerance,
+        seed=seed,
+        joints=joints,
+        without=without,
+        sensor_curve=sensor_curve,
+        reruns=reruns,
+        progress=progress,
+    )
+    content = document(result, list(names) or [recording.name for recording in recordings], str(hand.path))
+    return Report(content, result, hand)

@@ -1,0 +1,176 @@
+"""Training, validation and test data of one joint.
+
+Test data are one whole recording where there are SETTINGS.min_recordings_to_spare or more, else the last fifth of each.
+No fit and no choice sees them: a search gets `fit_part`, and `test_part` is evaluated once, after the last choice.
+Within the fit part, validation blocks make the choices (joint_problem.held_out_blocks).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hand_diagnosis.settings import SETTINGS
+from hand_identification.driving import shape_driving
+from hand_identification.free_parameters import START_CREEP
+from hand_identification.joint_data import speed_at_start
+from hand_identification.joint_problem import SETTLING_S, JointProblem, Segment
+from hand_identification.map_fit import MapFit
+from hand_model.arrays import Array
+from hand_model.kernel.layout import CREEP, OMEGA, PHI, P
+from hand_model.kernel.rows import ROW
+from hand_model.material import creep_rate
+from hand_recording.signals import Signals
+
+
+def spared_last(signals: Sequence[Signals]) -> list[Signals]:
+    """The recordings with the one in the middle of the list moved to its end, where `fit_part` leaves it out.
+
+    A series often goes through a condition, as a pressure: a model is tested inside the range that it was fitted on.
+    Fewer recordings than SETTINGS.min_recordings_to_spare keep their order.
+    """
+    if len(signals) < SETTINGS.min_recordings_to_spare:
+        return list(signals)
+    middle = len(signals) // 2
+    return [*signals[:middle], *signals[middle + 1 :], signals[middle]]
+
+
+def first_test_samples(problem: JointProblem) -> list[int]:
+    """For each segment, the first sample that is test data; its length where it holds none."""
+    lengths = [len(segment.angle_rad) for segment in problem.segments]
+    if len(lengths) >= SETTINGS.min_recordings_to_spare:
+        return [*lengths[:-1], 0]
+    return [_cut(segment) for segment in problem.segments]
+
+
+def _cut(segment: Segment) -> int:
+    """First sample of the first block that lies in the last part; the length where that part would be too short."""
+    count = len(segment.angle_rad)
+    wanted = round((1.0 - SETTINGS.test_share) * count)
+    cut = int(np.searchsorted(segment.block, segment.block[min(wanted, count - 1)]))
+    return cut if cut > 0 and (count - cut) * segment.period_s >= SETTINGS.min_test_s + SETTLING_S else count
+
+
+def fit_part(problem: JointProblem) -> JointProblem:
+    """The problem without its test data. Segments share memory with those of the whole problem."""
+    cuts = first_test_samples(problem)
+    kept = [_slice(s, 0, cut) for s, cut in zip(problem.segments, cuts, strict=True) if cut > 0]
+    return replace(problem, segments=kept)
+
+
+def _slice(segment: Segment, begin: int, end: int) -> Segment:
+    """Samples begin ... end - 1 of a segment."""
+    samples = len(segment.angle_rad)
+    finer = (len(segment.driving_pa) - 1) // (samples - 1)
+    part = slice(begin, end)
+    return replace(
+        segment,
+        set_point_pa=segment.set_point_pa[part],
+        pressure_pa=segment.pressure_pa[part],
+        driving_pa=segment.driving_pa[finer * begin : finer * (end - 1) + 1],
+        smoothed=segment.smoothed[part],
+        angle_rad=segment.angle_rad[part],
+        force_n=segment.force_n[part],
+        exogenous=segment.exogenous[part],
+        known=segment.known[part],
+        use=segment.use[:, part],
+        block=segment.block[part],
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorsOnTest:
+    """Errors on the test data, SI: sums of squares (OUTPUTS, blocks) of several fits, and samples (OUTPUTS, blocks)."""
+
+    squares: tuple[Array, ...]
+    counts: Array
+
+    def rmse(self, fit: int) -> Array:
+        """RMS error (OUTPUTS,) [Pa, rad, N] of the fit of that number; NaN for a signal without test data."""
+        total = self.counts.sum(axis=1)
+        return np.sqrt(np.where(total > 0, self.squares[fit].sum(axis=1) / np.maximum(total, 1.0), np.nan))
+
+    def clearly_worse(self, first: int, second: int, stage: int, rng: np.random.Generator) -> bool:
+        """Whether the second fit's error is larger than the first one's in nearly all draws of the blocks."""
+        held = np.flatnonzero(self.counts[stage] > 0)
+        if len(held) < SETTINGS.min_test_blocks:
+            return False
+        drawn = rng.choice(held, size=(SETTINGS.bootstrap_draws, len(held)))
+        rise = (self.squares[second][stage] - self.squares[first][stage])[drawn].sum(axis=1)
+        return bool(np.quantile(rise, SETTINGS.bootstrap_tail) > 0.0)
+
+
+def evaluate_test(whole: JointProblem, fits: Sequence[MapFit], *, free_axis: bool) -> ErrorsOnTest | None:
+    """Errors of fits on the test data of a problem; None where it has none.
+
+    free_axis: nothing but its inertia ties the state to its past, so it is estimated at its first test sample.
+    Otherwise it is estimated a little earlier, and a stretch lets the memory of the model's effects settle.
+    """
+    cuts = first_test_samples(whole)
+    lengths = [len(segment.angle_rad) for segment in whole.segments]
+    if cuts == lengths:
+        return None
+    warm_s = 0.0 if free_axis else SETTINGS.test_warm_up_s
+    squares, counts = [], np.zeros((0, 0))
+    for fit in fits:
+        free = [parameter for parameter in fit.free if parameter.row < len(ROW)]
+        z = np.array([z for parameter, z in zip(fit.free, fit.z, strict=True) if parameter.row < len(ROW)])
+        problem = replace(whole, segments=list(whole.segments))
+        shape_driving(problem, free, z)
+        columns, _ = problem.columns(free, z[None])
+        ratio = _creep_at_start(whole, fit)
+        parts = []
+        for segment, cut in zip(problem.segments, cuts, strict=True):
+            if cut < len(segment.angle_rad):
+                parts.append(_test_segment(segment, cut, warm_s, columns[0], ratio))
+        squares.append(_squares(replace(problem, segments=parts), columns))
+        counts = replace(problem, segments=parts).block_counts
+    return ErrorsOnTest(tuple(squares), counts)
+
+
+def _squares(problem: JointProblem, columns: Array) -> Array:
+    """Sums of squared residuals (OUTPUTS, blocks); each segment has its own creeping ratio at its start."""
+    total = np.zeros(problem.block_counts.shape)
+    for segment in problem.segments:
+        alone = replace(problem, segments=[segment])
+        starts = np.array([[segment.start[CREEP], segment.start[OMEGA]]])
+        own = alone.block_squares(alone.residuals(columns, starts))[0]
+        total[:, : own.shape[1]] += own
+    return total
+
+
+def _creep_at_start(whole: JointProblem, fit: MapFit) -> float:
+    """The creeping ratio [-] at the start of the recordings that a fit found."""
+    for parameter, z in zip(fit.free, fit.z, strict=True):
+        if parameter.row == START_CREEP:
+            return float(parameter.value(np.array([z]))[0])
+    return float(whole.starts(1)[0, 0])
+
+
+def _test_segment(segment: Segment, cut: int, warm_s: float, column: Array, ratio: float) -> Segment:
+    """The test samples of a segment behind a stretch that is not evaluated, with the state estimated at their start."""
+    begin = max(0, cut - round(warm_s / segment.period_s))
+    if begin > 0:
+        begin = int(np.searchsorted(segment.block, segment.block[begin]))
+    part = _slice(segment, begin, len(segment.angle_rad))
+    use = part.use.copy()
+    settling = round(SETTLING_S / segment.period_s) if warm_s == 0.0 else 0
+    use[:, : cut - begin + settling] = False
+    start = segment.start.copy()
+    start[CREEP] = ratio
+    if begin > 0:
+        start[P], start[PHI] = part.driving_pa[0], part.angle_rad[0]
+        start[OMEGA] = speed_at_start(part.angle_rad, part.period_s)
+        start[CREEP] = _crept(segment, begin, column, ratio)
+    return replace(part, use=use, start=start)
+
+
+def _crept(segment: Segment, end: int, column: Array, ratio: float) -> float:
+    """The creeping ratio [-] at a sample, from the measured pressures before it (Eq. 12)."""
+    keys = ("p_min_pa", "b1_per_pa", "extension_time_s", "b0_per_pa", "recovery_time_s")
+    p_min, b1, extension_s, b0, recovery_s = (float(column[ROW[f"material.{key}"]]) for key in keys)
+    for pressure in segment.pressure_pa[:end]:
+        ratio += segment.period_s * creep_rate(pressure, ratio, p_min, b1, 1.0 / extension_s, b0, 1.0 / recovery_s)
+    return float(ratio)

@@ -1,0 +1,102 @@
+"""Test data: which they are, that no fit sees them, and that the model starts from a state estimated at their start."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hand_diagnosis import diagnosis, read_recording
+from hand_diagnosis.diagnosis import diagnose
+from hand_diagnosis.report import document
+from hand_diagnosis.search import search_joint
+from hand_diagnosis.splits import evaluate_test, first_test_samples, fit_part, spared_last
+from hand_diagnosis.task import Task
+from hand_identification.map_fit import map_fit
+from hand_model.description import Hand
+from hand_recording.recording_files import RecordingError
+from hand_recording.signals import Signals
+from test.diagnosis.recordings import ANGLE_NOISE_RAD, CONFIG, changed, record
+
+JOINT = "index_distal"
+
+
+@pytest.fixture(scope="module")
+def signals(hand: Hand) -> Signals:
+    return record(hand, np.random.default_rng(200), 20.0)
+
+
+def test_the_last_fifth_or_a_whole_recording_is_spared(hand: Hand, signals: Signals) -> None:
+    """Fails when test data are too few, reach into the fit part, or are taken from every one of many recordings."""
+    whole = Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem
+    cut = first_test_samples(whole)[0]
+    assert 0.7 < cut / signals.samples <= 0.8  # the cut is at the border of a block
+    part = fit_part(whole)
+    assert len(part.segments[0].angle_rad) == cut
+    assert part.segments[0].block[-1] < whole.segments[0].block[cut]
+    named = [replace(signals, name=name) for name in "abcd"]
+    assert [each.name for each in spared_last(named)] == ["a", "b", "d", "c"]
+    several = Task(spared_last(named), hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem
+    assert [segment.name for segment in fit_part(several).segments] == ["a", "b", "d"]
+    assert len(fit_part(several).segments[0].angle_rad) == signals.samples
+
+
+def test_test_data_change_no_fit(hand: Hand, signals: Signals) -> None:
+    """Fails when readings of the test data move the nominal numbers, or a fault in them is missed by the test error."""
+    spoilt = signals.angle_rad.copy()
+    spoilt[round(0.85 * signals.samples) :, hand.joints.index(JOINT)] += np.radians(3.0)
+    fits, errors = [], []
+    for angle in (signals.angle_rad, spoilt):
+        ready = Task([replace(signals, angle_rad=angle)], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT)
+        fits.append(map_fit(fit_part(ready.problem), ready.free, ready.start, 6))
+        tested = evaluate_test(ready.problem, [fits[-1]], free_axis=False)
+        assert tested is not None
+        errors.append(float(tested.rmse(0)[1]))
+    # The noise of a reading is estimated over the whole recording, so the weights of the data are not quite the same.
+    np.testing.assert_allclose(fits[0].z, fits[1].z, atol=0.03)
+    assert errors[0] < 1.5 * ANGLE_NOISE_RAD
+    assert errors[1] > np.radians(1.0)
+
+
+def test_a_joint_that_fails_does_not_cost_the_report(
+    hand: Hand, signals: Signals, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fails when one joint's failure ends the diagnosis, or the report is silent about it."""
+    search = search_joint
+
+    def failing(problem, *rest):  # type: ignore[no-untyped-def]
+        if problem.joint == JOINT:
+            raise ValueError("no sense in it")
+        return search(problem, *rest)
+
+    monkeypatch.setattr(diagnosis, "search_joint", failing)
+    joints = [JOINT, "thumb_opposition"]
+    result = diagnose([signals], hand, tolerance=0.05, seed=0, joints=joints, sensor_curve=False)
+    assert [joint.joint for joint in result.joints] == ["thumb_opposition"]
+    content = document(result, ["run"], "hand.yaml")
+    assert content["not_judged"] == [{"joint": JOINT, "reason": "its diagnosis failed: no sense in it"}]
+
+
+def test_the_report_names_its_splits(hand: Hand) -> None:
+    """Fails when the error on test data is not reported, or a name of schema 1 is left."""
+    seed = 201
+    print(f"seed {seed}")
+    rubbing = record(changed(hand, JOINT, coulomb_friction__torque_nm=0.012), np.random.default_rng(seed), 24.0)
+    result = diagnose([rubbing], hand, tolerance=0.05, seed=0, joints=[JOINT], sensor_curve=False)
+    content = document(result, ["run"], "hand.yaml")
+    assert content["schema"] == 2
+    rows = {(row["signal"], row["split"]): row for row in content["fit"]}
+    assert {split for _, split in rows} == {"train", "validation", "test"}
+    angle = rows["angle", "test"]
+    assert angle["rmse_after"] < 0.2 * angle["rmse_before"]
+    first = content["findings"][0]
+    assert (first["effect"], first["tied_with"], first["since"]) == ("coulomb_friction", [], None)
+    assert first["explains"] > 0.95
+    assert f"to {angle['rmse_after']:.3g} deg" in first["statement"]
+
+
+def test_a_missing_recording_is_one_line() -> None:
+    """Fails when the Python interface gives another error than the command for a file that cannot be used."""
+    with pytest.raises((RecordingError, OSError), match=r"nowhere\.mcap"):
+        read_recording("nowhere.mcap", CONFIG)
