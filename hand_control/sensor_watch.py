@@ -31,7 +31,7 @@ has stored, while the pressure falls. Each torque of Eq. 6 may be wrong by WRONG
 First motion. The measured pressure drives Eqs. 6 and 8, quasi-static, with nominal constants; until the joint has
 followed, its set-point rises slowly. A sensor cannot change its sign without a step, so that the joint is not suspected
 again. Two angles that were exchanged before arming make no step, and are not found: a push on one joint while another
-one is blocked looks the same. `hand check-board` and the first motion of each joint alone show them.
+one is blocked looks the same. The first motion of each joint alone shows them.
 
 While a test is undecided, no set-point exceeds the one from before. References: Brogliato, Nonsmooth Mechanics, 2016
 (restitution); Willems, Dissipative dynamical systems, 1972 (passivity).

@@ -12,7 +12,6 @@ have in them (MacKay, Neural Computation 4(3), 1992).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -29,20 +28,7 @@ from hand_model.effects.constitution import STATES, Constitution
 from hand_model.effects.effect import INFLOW, SPEED, Effect
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS
 from hand_model.kernel.rows import ROW, effect_rows
-from hand_model.quantities import HAND, Wording
-
-RANDOM_STARTS = 24
-"""Random draws of the coefficients among the starts."""
-POLISHED, ROUGH_ITERATIONS, ENDED, ITERATIONS = 8, 8, 3, 25
-"""Starts besides the textbook form that are fitted, iterations of these fits, fits continued, and their iterations."""
-ALONE, TOGETHER = 1.0, 0.3
-"""Sizes of starts with one coefficient and with all of them, in standard deviations of the prior."""
-SURPLUS = 1.0
-"""A coefficient within so many standard errors of its neutral value is tried without."""
-POINTS, CURVES = 25, 80
-"""Points of a law's curve, and draws from the posterior for its band."""
-STEP_S = 1e-3
-"""Step for which the prepared constants of a curve are computed; no curve depends on it."""
+from hand_model.quantities import HAND, Wording, amount
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,14 +115,16 @@ def _starts(
     released = np.where(_nominal(textbook), 0.0, here)
     starts = [at(np.zeros(count), here)]
     for base in (here, smaller):
-        starts += [at(sign * ALONE * np.eye(count)[k], base) for k in range(count) for sign in (1.0, -1.0)]
-        starts += [at(np.full(count, size), base) for size in (TOGETHER, -TOGETHER)]
-    starts += [at(np.full(count, size), released) for size in (0.0, TOGETHER)]
+        starts += [
+            at(sign * SETTINGS.law_start_of_one * np.eye(count)[k], base) for k in range(count) for sign in (1.0, -1.0)
+        ]
+        starts += [at(np.full(count, size), base) for size in (SETTINGS.law_start_of_all, -SETTINGS.law_start_of_all)]
+    starts += [at(np.full(count, size), released) for size in (0.0, SETTINGS.law_start_of_all)]
     for probe in probe_values(effect, problem.nominal):
         there = np.array([p.coordinate(probe.get(p.row, 0.0)) for p in textbook.free])
         bases = [np.where(own, there, base) for base in (here, released)]
-        starts += [at(np.full(count, size), base) for size in (0.0, ALONE) for base in bases]
-    for k in range(RANDOM_STARTS):
+        starts += [at(np.full(count, size), base) for size in (0.0, SETTINGS.law_start_of_one) for base in bases]
+    for k in range(SETTINGS.law_random_starts):
         base = here + 0.7 * np.where(own, rng.standard_normal(len(here)), 0.0) if k % 2 else here
         starts.append(at(0.7 * rng.standard_normal(count), base))
     return starts
@@ -166,10 +154,12 @@ def _nominal(fit: MapFit) -> Array:
 def _best_fit(problem: JointProblem, free: Sequence[FreeParameter], starts: Sequence[Array]) -> MapFit:
     """The best of the fits from the first start and from the cheapest others."""
     costs = costs_at(problem, free, np.array(starts))
-    cheapest = sorted(range(1, len(starts)), key=lambda k: float(costs[k]))[:POLISHED]
-    rough = [map_fit(problem, free, starts[k], ROUGH_ITERATIONS, 0.5).without_arrays() for k in (0, *cheapest)]
+    cheapest = sorted(range(1, len(starts)), key=lambda k: float(costs[k]))[: SETTINGS.law_polished_fits]
+    rough = [
+        map_fit(problem, free, starts[k], SETTINGS.law_rough_iterations, 0.5).without_arrays() for k in (0, *cheapest)
+    ]
     rough.sort(key=lambda fit: fit.cost)
-    ended = [map_fit(problem, free, fit.z, ITERATIONS) for fit in rough[:ENDED]]
+    ended = [map_fit(problem, free, fit.z, SETTINGS.law_iterations) for fit in rough[: SETTINGS.law_continued_fits]]
     return min(ended, key=lambda fit: fit.cost)
 
 
@@ -178,13 +168,14 @@ def _thinned(problem: JointProblem, fit: MapFit, rows: set[int]) -> MapFit:
     for _ in range(2):
         deviation = np.sqrt(np.diag(posterior_covariance(problem, fit)))
         surplus = [
-            p.row in rows and abs(z) < SURPLUS * sigma for p, z, sigma in zip(fit.free, fit.z, deviation, strict=True)
+            p.row in rows and abs(z) < SETTINGS.law_surplus_errors * sigma
+            for p, z, sigma in zip(fit.free, fit.z, deviation, strict=True)
         ]
         if not any(surplus):
             return fit
         kept = ~np.array(surplus)
         free = [p for p, keep in zip(fit.free, kept, strict=True) if keep]
-        less = map_fit(problem, free, fit.z[kept], ITERATIONS)
+        less = map_fit(problem, free, fit.z[kept], SETTINGS.law_iterations)
         if training_evidence(problem, less) < training_evidence(problem, fit):
             return fit
         fit = less
@@ -222,7 +213,7 @@ class LawCurve:
     """A law over its states, in the units of the machine.
 
     form: "textbook" or "learned".  over: names of the states.  unit, over_unit: of the law and of its first state.
-    points: (POINTS, 5) state, law, lower and upper end of its 95 % band, textbook form fitted to the same data.
+    points: (settings.law_points, 5) state, law, lower and upper end of its band, textbook form fitted to the same data.
     statement: the law in a sentence.
     """
 
@@ -258,9 +249,9 @@ def describe(problem: JointProblem, law: LearnedLaw, wording: Wording = HAND) ->
     chosen = law.chosen
     here = _curves(problem, law.effect, chosen, chosen.z[None], first, second)[0]
     draws = np.random.default_rng(SETTINGS.noise_seed).multivariate_normal(
-        chosen.z, posterior_covariance(problem, chosen), CURVES, method="cholesky"
+        chosen.z, posterior_covariance(problem, chosen), SETTINGS.law_draws, method="cholesky"
     )
-    low, high = np.quantile(_curves(problem, law.effect, chosen, draws, first, second)[:, 0], (0.025, 0.975), axis=0)
+    low, high = np.quantile(_curves(problem, law.effect, chosen, draws, first, second)[:, 0], SETTINGS.law_band, axis=0)
     plain = _curves(problem, law.effect, law.textbook, law.textbook.z[None], first, second)[0, 0]
     unit, over_unit = (wording.units.quantity(f"law.x_{ending}") for ending in (known.unit, STATES[known.over[0]]))
     points = np.column_stack([first * over_unit.factor, *(y * unit.factor for y in (here[0], low, high, plain))])
@@ -277,7 +268,7 @@ def _curves(problem: JointProblem, effect: Effect, fit: MapFit, z: Array, first:
     for k, column in enumerate(columns):
         q = tuple(float(value) for value in column[list(effect_rows(effect, prepared=False))])
         if effect.prepared:
-            q = (*q, *effect.hooks["prepare"](q, STEP_S))
+            q = (*q, *effect.hooks["prepare"](q, SETTINGS.law_step_s))
         out[k] = [[curve(q, float(x), float(y)) for x in first] for y in second]
     return out
 
@@ -289,40 +280,38 @@ def _curve_of(effect: Effect) -> Callable[[tuple[float, ...], float, float], flo
 
 
 def _grid(problem: JointProblem, state: str, law: LearnedLaw) -> Array:
-    """Values (POINTS,) [SI] of a state over the range that occurred."""
+    """Values (law_points,) [SI] of a state over the range that occurred."""
     segments = problem.segments
 
-    def largest(values: Iterable[Array], share: float = 0.995) -> float:
+    def largest(values: Iterable[Array], share: float = SETTINGS.law_range_share) -> float:
         return max(float(np.quantile(np.abs(value), share)) for value in values)
 
     if state == "angle":
         angles = np.concatenate([segment.angle_rad for segment in segments])
         if law.effect.place == "joint" and law.effect.name == "backlash":  # way after a reversal
-            return np.linspace(0.0, float(np.ptp(angles)) / 4.0, POINTS)
-        low, high = (float(end) for end in np.quantile(angles, (0.002, 0.998)))
-        return np.linspace(low, high, POINTS)
+            return np.linspace(0.0, float(np.ptp(angles)) / 4.0, SETTINGS.law_points)
+        low, high = (
+            float(end) for end in np.quantile(angles, (1.0 - SETTINGS.law_range_share, SETTINGS.law_range_share))
+        )
+        return np.linspace(low, high, SETTINGS.law_points)
     if state == "state of the loop":
-        return np.linspace(-1.0, 1.0, POINTS)
+        return np.linspace(-1.0, 1.0, SETTINGS.law_points)
     if state == "direction":
-        return np.linspace(0.0, 1.0, POINTS)
+        return np.linspace(0.0, 1.0, SETTINGS.law_points)
     if state == "time" and law.effect.place == "valve":
-        return np.linspace(0.0, SETTLED * largest(_time_constants(problem, law)), POINTS)
+        return np.linspace(0.0, SETTINGS.law_settled * largest(_time_constants(problem, law)), SETTINGS.law_points)
     top = {
         "speed": lambda: largest(segment.exogenous[:, SPEED] for segment in segments),
         "pressure": lambda: largest(segment.pressure_pa for segment in segments),
         "pressure error": lambda: largest(segment.set_point_pa - segment.pressure_pa for segment in segments),
-        "pressure difference": lambda: largest(np.diff(segment.pressure_pa) for segment in segments) * DIFFERENCES,
+        "pressure difference": lambda: (
+            largest(np.diff(segment.pressure_pa) for segment in segments) * SETTINGS.law_tube_differences
+        ),
         "time": lambda: max(len(segment.angle_rad) * segment.period_s for segment in segments),
         "travel": lambda: max(float(np.abs(np.diff(segment.angle_rad)).sum()) for segment in segments),
         "inflow": lambda: largest((segment.exogenous[:, INFLOW] for segment in segments), 1.0),
     }[state]()
-    return np.linspace(0.0, max(top, 1e-12), POINTS)
-
-
-SETTLED = 8.0
-"""Time of a step response, in time constants."""
-DIFFERENCES = 4.0
-"""Pressure difference along a tube, in changes of the pressure from sample to sample."""
+    return np.linspace(0.0, max(top, 1e-12), SETTINGS.law_points)
 
 
 def _time_constants(problem: JointProblem, law: LearnedLaw) -> list[Array]:
@@ -331,47 +320,29 @@ def _time_constants(problem: JointProblem, law: LearnedLaw) -> list[Array]:
     return [np.array([sum(float(columns[0, ROW[key]]) for key in keys)])]
 
 
-SAME = 0.05
-"""Relative change below which a law counts as constant."""
-MOST = 0.9
-"""Share of its change that a law has made at the state that the sentence names."""
-
-
 def _sentence(known: Constitution, x: Array, y: Array, unit: str, over_unit: str) -> str:
     """A law in words. x (points,), y (values of the second state, points), in units of the machine."""
     main, size = y[0], float(np.abs(y).max())
     change = main - main[0]
     if size == 0.0:
         return f"{known.quantity} is 0"
-    if np.ptp(main) < SAME * float(np.abs(main).max()):
+    if np.ptp(main) < SETTINGS.law_constant_share * float(np.abs(main).max()):
         text = f"{known.quantity} stays at {amount(float(main.mean()), unit)}"
     elif np.all(np.diff(main) >= -1e-9 * size) or np.all(np.diff(main) <= 1e-9 * size):
-        at = float(x[int(np.argmax(np.abs(change) >= MOST * abs(change[-1])))])
+        at = float(x[int(np.argmax(np.abs(change) >= SETTINGS.law_most_share * abs(change[-1])))])
         verb = "rises" if change[-1] > 0.0 else "falls"
         ends = f"from {amount(float(main[0]), unit)} to {amount(float(main[-1]), unit)}"
-        by = f", most of it by a {known.over[0]} of {amount(at, over_unit)}" if at < 0.8 * x[-1] else ""
+        by = (
+            f", most of it by a {known.over[0]} of {amount(at, over_unit)}"
+            if at < SETTINGS.law_early_share * x[-1]
+            else ""
+        )
         text = f"{known.quantity} {verb} {ends} over the {known.over[0]}{by}"
     else:
         ends = f"between {amount(float(main.min()), unit)} and {amount(float(main.max()), unit)}"
         at = float(x[int(np.argmax(main))])
         text = f"{known.quantity} lies {ends}; it is largest at a {known.over[0]} of {amount(at, over_unit)}"
     grows = float(y[1].mean() / main.mean() - 1.0) if len(known.over) > 1 and main.mean() != 0.0 else 0.0
-    if abs(grows) >= SAME and known.over[1] != "direction":
+    if abs(grows) >= SETTINGS.law_constant_share and known.over[1] != "direction":
         text += f", and {'grows' if grows > 0.0 else 'falls'} {abs(100.0 * grows):.0f} % with the {known.over[1]}"
     return text
-
-
-_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "u"))
-_PREFIXED = ("N", "Pa", "s")
-"""Units whose size a prefix shows."""
-
-
-def amount(value: float, unit: str) -> str:
-    """A value [unit] with three digits and its unit, with a prefix where the unit takes one."""
-    scale, prefix = 1.0, ""
-    if unit.split(" ", maxsplit=1)[0].split("/", maxsplit=1)[0] in _PREFIXED and value != 0.0:
-        scale, prefix = next((pair for pair in _PREFIXES if abs(value) >= 0.9995 * pair[0]), _PREFIXES[-1])
-        if unit == "s":
-            scale, prefix = (scale, prefix) if scale < 1.0 else (1.0, "")
-    digits = 3 if abs(value) < 999.5 * scale else 1 + math.floor(math.log10(abs(value / scale)))
-    return f"{value / scale:.{digits}g}" + ("" if unit == "1" else f" {prefix}{unit}")

@@ -167,3 +167,19 @@ class Wording:
 
 HAND = Wording()
 """A hand: N m, rad or degrees, Pa."""
+
+
+_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "u"))
+_PREFIXED = ("N", "Pa", "s")
+"""Units whose size a prefix shows."""
+
+
+def amount(value: float, unit: str) -> str:
+    """A value [unit] with three digits and its unit, with a prefix where the unit takes one."""
+    scale, prefix = 1.0, ""
+    if unit.split(" ", maxsplit=1)[0].split("/", maxsplit=1)[0] in _PREFIXED and value != 0.0:
+        scale, prefix = next((pair for pair in _PREFIXES if abs(value) >= 0.9995 * pair[0]), _PREFIXES[-1])
+        if unit == "s":
+            scale, prefix = (scale, prefix) if scale < 1.0 else (1.0, "")
+    digits = 3 if abs(value) < 999.5 * scale else 1 + math.floor(math.log10(abs(value / scale)))
+    return f"{value / scale:.{digits}g}" + ("" if unit == "1" else f" {prefix}{unit}")

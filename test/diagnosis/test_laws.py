@@ -15,7 +15,7 @@ import pytest
 from pytest import approx
 
 from hand_diagnosis.hypotheses import validation_rmse
-from hand_diagnosis.laws import LearnedLaw, amount, describe, learn_law, posterior_covariance, training_evidence
+from hand_diagnosis.laws import LearnedLaw, describe, learn_law, posterior_covariance, training_evidence
 from hand_identification.driving import shape_driving
 from hand_identification.free_parameters import (
     effect_free_parameters,
@@ -31,6 +31,7 @@ from hand_model.description import load_hand
 from hand_model.effects import EFFECTS
 from hand_model.kernel.closed_loop import ClosedLoop
 from hand_model.kernel.rows import ROW
+from hand_model.quantities import amount
 from hand_recording.signals import Signals
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "hand.yaml"
