@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hand_diagnosis.data_check import check, repeatability
-from hand_diagnosis.findings import Finding, JointResult, Remainder, ranked_findings, remainders, verdict
+from hand_diagnosis.findings import Finding, JointResult, ranked_findings
 from hand_diagnosis.hypotheses import Isolability, isolability, log_likelihood
+from hand_diagnosis.remainders import Remainder, remainders, verdict
 from hand_diagnosis.search import JointSearch, rough_evidence, search_joint
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.splits import ErrorsOnTest, evaluate_test, fit_part, spared_last

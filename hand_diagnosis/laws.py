@@ -154,12 +154,12 @@ def _nominal(fit: MapFit) -> Array:
 def _best_fit(problem: JointProblem, free: Sequence[FreeParameter], starts: Sequence[Array]) -> MapFit:
     """The best of the fits from the first start and from the cheapest others."""
     costs = costs_at(problem, free, np.array(starts))
-    cheapest = sorted(range(1, len(starts)), key=lambda k: float(costs[k]))[: SETTINGS.law_polished_fits]
+    cheapest = sorted(range(1, len(starts)), key=lambda k: float(costs[k]))[: SETTINGS.law_fits[0]]
     rough = [
-        map_fit(problem, free, starts[k], SETTINGS.law_rough_iterations, 0.5).without_arrays() for k in (0, *cheapest)
+        map_fit(problem, free, starts[k], SETTINGS.law_iterations[0], 0.5).without_arrays() for k in (0, *cheapest)
     ]
     rough.sort(key=lambda fit: fit.cost)
-    ended = [map_fit(problem, free, fit.z, SETTINGS.law_iterations) for fit in rough[: SETTINGS.law_continued_fits]]
+    ended = [map_fit(problem, free, fit.z, SETTINGS.law_iterations[1]) for fit in rough[: SETTINGS.law_fits[1]]]
     return min(ended, key=lambda fit: fit.cost)
 
 
@@ -175,7 +175,7 @@ def _thinned(problem: JointProblem, fit: MapFit, rows: set[int]) -> MapFit:
             return fit
         kept = ~np.array(surplus)
         free = [p for p, keep in zip(fit.free, kept, strict=True) if keep]
-        less = map_fit(problem, free, fit.z[kept], SETTINGS.law_iterations)
+        less = map_fit(problem, free, fit.z[kept], SETTINGS.law_iterations[1])
         if training_evidence(problem, less) < training_evidence(problem, fit):
             return fit
         fit = less
@@ -268,7 +268,7 @@ def _curves(problem: JointProblem, effect: Effect, fit: MapFit, z: Array, first:
     for k, column in enumerate(columns):
         q = tuple(float(value) for value in column[list(effect_rows(effect, prepared=False))])
         if effect.prepared:
-            q = (*q, *effect.hooks["prepare"](q, SETTINGS.law_step_s))
+            q = (*q, *effect.hooks["prepare"](q, problem.segments[0].period_s))
         out[k] = [[curve(q, float(x), float(y)) for x in first] for y in second]
     return out
 
@@ -334,7 +334,7 @@ def _sentence(known: Constitution, x: Array, y: Array, unit: str, over_unit: str
         ends = f"from {amount(float(main[0]), unit)} to {amount(float(main[-1]), unit)}"
         by = (
             f", most of it by a {known.over[0]} of {amount(at, over_unit)}"
-            if at < SETTINGS.law_early_share * x[-1]
+            if at < SETTINGS.law_most_share * x[-1]
             else ""
         )
         text = f"{known.quantity} {verb} {ends} over the {known.over[0]}{by}"

@@ -1,4 +1,4 @@
-"""report.json, schema 2, the patched model.yaml, and what to record next.
+"""report.json, schema 2, and the patched model.yaml.
 
 Every number stands in the units of the hand or machine (Diagnosis.wording).
 """
@@ -13,13 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from hand_diagnosis import settings
+from hand_diagnosis import settings_table
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
-from hand_diagnosis.findings import Finding, Number, Remainder
-from hand_diagnosis.hypotheses import Hypothesis, Isolability
+from hand_diagnosis.experiments import next_experiment, simulated_experiment
+from hand_diagnosis.findings import Finding, Number
+from hand_diagnosis.hypotheses import Isolability
+from hand_diagnosis.remainders import Remainder
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.verdict import Region, locate
-from hand_identification.excitation import EXPERIMENTS
 from hand_identification.free_parameters import FARTHEST, START_CREEP
 from hand_identification.joint_problem import (
     BLOCK_S,
@@ -28,22 +29,14 @@ from hand_identification.joint_problem import (
     HELD_OUT_EVERY,
     MIN_FLOORS_TAKEN,
     SETTLING_S,
-    JointProblem,
 )
-from hand_identification.map_fit import MapFit, map_fit
+from hand_identification.map_fit import map_fit
 from hand_identification.model_file import write_model
-from hand_model.arrays import Array
 from hand_model.description import Hand
-from hand_model.kernel.closed_loop import ClosedLoop
-from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
-from hand_model.quantities import Wording
-from hand_model.statics import equilibrium_angle
+from hand_model.kernel.rows import JOINT_PARAMETERS
 from hand_model.yaml_loader import DescriptionError
-from hand_sim.plant import PHI, STATES, P
 
 SCHEMA = 2
-BY_HAND = {"closed_valve_push"}
-"""Experiments whose outcome depends on what a person does; they cannot be simulated."""
 
 
 def schema() -> dict[str, Any]:
@@ -73,7 +66,7 @@ def document(diagnosis: Diagnosis, recordings: Sequence[str], model: str) -> dic
         "sensor_curve": diagnosis.sensor_curve,
         "isolability": [_isolability(joint, joint.isolability) for joint in joints if joint.isolability],
         "next_experiment": next_experiment(diagnosis),
-        "settings": settings.document(),
+        "settings": settings_table.document(),
         "fit_settings": _fit_settings(),
     }
 
@@ -149,7 +142,7 @@ def _separating(diagnosis: Diagnosis, finding: Finding, rival: str, otherwise: s
     """The experiment that separates a finding from a rival: by simulation for the first one, else by the catalogue."""
     if rival != finding.alternatives[0][0]:
         return otherwise
-    simulated = _simulated(diagnosis, finding, rival)
+    simulated = simulated_experiment(diagnosis, finding, rival)
     return simulated[0] if simulated else otherwise
 
 
@@ -282,120 +275,6 @@ def _isolability(joint: JointDiagnosis, found: Isolability) -> dict[str, Any]:
         "alike": [[round(float(v), 3) for v in row] for row in found.alike],
         "groups": {name: found.group_of(name) for name in accepted if name in found.names},
     }
-
-
-def next_experiment(diagnosis: Diagnosis) -> dict[str, str] | None:
-    """The experiment that separates the least certain finding from its strongest rival, by simulation of both.
-
-    None where no experiment separates them better than the recording did, and where nothing is uncertain.
-    """
-    unsure = [finding for finding in diagnosis.findings if finding.alternatives]
-    for finding in sorted(unsure, key=lambda finding: finding.probability):
-        rival, share, _ = finding.alternatives[0]
-        simulated = _simulated(diagnosis, finding, rival)
-        if simulated is None:
-            continue
-        name, sigma = simulated
-        why = f"separates {finding.effect} ({finding.probability:.0%}) from {rival} ({share:.0%})"
-        why += f" on {finding.joint or diagnosis.wording.whole}; in simulation the two differ by {sigma:.0f} sigma"
-        return _experiment(name, why, finding.joint, diagnosis.wording)
-    for left in diagnosis.remainder:
-        joint = next(each for each in diagnosis.joints if each.joint == left.joint)
-        name = _most_different(joint.search.problem)
-        why = f"shows whether the remainder of {left.joint} appears in a motion unlike the recorded one"
-        return _experiment(name, why, left.joint, diagnosis.wording)
-    return None
-
-
-def _most_different(problem: JointProblem) -> str:
-    """The experiment whose set-points have least in common with the recorded ones, by their spectra."""
-    recorded = _spectrum(np.concatenate([segment.set_point_pa for segment in problem.segments]), problem)
-    period = problem.segments[0].period_s
-    time_s = np.asarray(np.arange(round(SETTINGS.experiment_s / period)) * period, dtype=np.float64)
-    alike = {
-        name: float(recorded @ _spectrum(EXPERIMENTS[name](time_s, np.random.default_rng(0)), problem))
-        for name in EXPERIMENTS
-        if name not in BY_HAND
-    }
-    return min(alike, key=lambda name: alike[name])
-
-
-def _spectrum(set_points: Array, problem: JointProblem) -> Array:
-    """Shares (bands,) of the speed of set-points (T,) in logarithmic bands of frequency, with unit norm."""
-    power = np.abs(np.fft.rfft(np.diff(set_points))) ** 2
-    frequency = np.fft.rfftfreq(len(set_points) - 1, problem.segments[0].period_s)
-    shares, _ = np.histogram(frequency, SETTINGS.spectrum_edges_hz, weights=power)
-    amplitudes: Array = np.sqrt(shares)
-    return amplitudes / max(float(np.linalg.norm(amplitudes)), 1e-300)
-
-
-def _experiment(name: str, why: str, joint: str | None, wording: Wording) -> dict[str, str]:
-    """With the command that records it on the running hand; no command drives another machine."""
-    joints = f"--joints {joint} " if joint else ""
-    command = {"command": f"hand excite {name} {joints}--live --out {name}.mcap"} if wording.excitable else {}
-    return {"name": name, "why": why} | command
-
-
-def _simulated(diagnosis: Diagnosis, finding: Finding, rival: str) -> tuple[str, float] | None:
-    """The best experiment by simulation of both fitted hypotheses, where both were fitted on the finding's joint."""
-    for joint in diagnosis.joints:
-        if finding.joint not in {None, joint.joint}:
-            continue
-        for hypotheses in joint.search.rounds:
-            named = {hypothesis.effect.name: hypothesis for hypothesis in hypotheses}
-            if finding.effect in named and rival in named:
-                return best_experiment(joint.search.problem, named[finding.effect], named[rival])
-    return None
-
-
-def best_experiment(problem: JointProblem, first: Hypothesis, second: Hypothesis) -> tuple[str, float] | None:
-    """The experiment with the largest simulated separation of two hypotheses, and the separation [sigma].
-
-    None where no experiment separates them clearly better, by SETTINGS.min_separation_gain, than the recorded
-    set-points do in the same simulation: to record the same motion again would add nothing new.
-    """
-    names = [name for name in EXPERIMENTS if name not in BY_HAND]
-    sigmas = {name: separation_sigma(problem, first.fit, second.fit, name) for name in names}
-    name = max(sigmas, key=lambda key: sigmas[key])
-    recorded = _sigma(problem, first.fit, second.fit, _recorded(problem))
-    return (name, sigmas[name]) if sigmas[name] > SETTINGS.min_separation_gain * recorded else None
-
-
-def _recorded(problem: JointProblem) -> Array:
-    """The recorded set-points (T,) [Pa], as often or as much of them as an experiment is long."""
-    segment = problem.segments[0]
-    count = round(SETTINGS.experiment_s / segment.period_s)
-    return np.asarray(np.resize(segment.set_point_pa, count), dtype=np.float64)
-
-
-def separation_sigma(problem: JointProblem, first: MapFit, second: MapFit, name: str) -> float:
-    """Difference [sigma] of two fitted models on an experiment; the practical noise is correlated over a while."""
-    period = problem.segments[0].period_s
-    time_s = np.asarray(np.arange(round(SETTINGS.experiment_s / period)) * period, dtype=np.float64)
-    top = max(float(problem.segments[0].pressure_pa.max()), SETTINGS.min_experiment_pressure_pa)
-    commands = top * np.clip(EXPERIMENTS[name](time_s, np.random.default_rng(0)), 0.0, 1.0)
-    return _sigma(problem, first, second, commands)
-
-
-def _sigma(problem: JointProblem, first: MapFit, second: MapFit, commands_pa: Array) -> float:
-    """The same under set-points (T,) [Pa]."""
-    period = problem.segments[0].period_s
-    one, other = (_readings(problem, fit, commands_pa, period) for fit in (first, second))
-    squares = float((((one - other) / problem.floor[:2, None]) ** 2).sum())
-    return float(np.sqrt(squares * period / CORRELATION_S))
-
-
-def _readings(problem: JointProblem, fit: MapFit, commands_pa: Array, period_s: float) -> Array:
-    """Pressure [Pa] and angle [rad] (2, T) of the joint alone under set-points (T,)."""
-    columns, _ = problem.columns(fit.free, fit.z[None])
-    a0, a1, a2, a3 = columns[0][ROW["statics.a0_nm"] : ROW["statics.a3_nm_per_pa_rad"] + 1]
-    load = columns[0][ROW["constant_load.torque_nm"]]
-    start = np.zeros((STATES, 1))
-    rest_angle = equilibrium_angle(0.0, 0.0, load, a0, a1, a2, a3, 0.0)
-    start[PHI] = np.clip(rest_angle, columns[0][ROW["end_stop.low_deg"]], columns[0][ROW["end_stop.high_deg"]])
-    loop = ClosedLoop(columns[0][None, :, None], np.array([-1]), start[None], period_s)
-    states = loop.advance(commands_pa[None, :, None])[0]
-    return np.array([states[:, P, 0], states[:, PHI, 0]])
 
 
 def write_json(content: Mapping[str, Any], out: Path) -> None:

@@ -2,13 +2,13 @@
 
 Each setting states its meaning, its unit, where it comes from, and what changes when it is halved or doubled. Settings
 whose source is TRIALS were adjusted on blind trials whose effects and seeds are not those of the published proof. The
-values are written to report.json, and docs/diagnosis.md carries the table that `markdown_table` makes.
+values are written to report.json, and docs/settings.md has the table that `settings_table` makes.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 CHOICE = "engineering choice"
@@ -364,19 +364,14 @@ class Settings:
         "Coefficients without gradient at 0 are missed.", "Starts at the bounds.")
     law_start_of_all: float = _setting(
         0.3, "prior sd", "Size of starts in which all coefficients act.", CHOICE, "As above.", "Starts at the bounds.")
-    law_polished_fits: int = _setting(
-        8, "fits", "Starts next to the textbook form that are fitted.", CHOICE, "As law_random_starts.", "Slower.")
-    law_rough_iterations: int = _setting(
-        8, "iterations", "Iterations of these fits.", CHOICE, "The wrong fit may be continued.", "Slower.")
-    law_continued_fits: int = _setting(
-        3, "fits", "Best fits that are continued.", CHOICE, "The wrong fit may be continued.", "Slower.")
-    law_iterations: int = _setting(
-        25, "iterations", "Iterations of a continued fit, at most.", CHOICE, "Fits end early.", "Slower.")
+    law_fits: tuple[int, int] = _setting(
+        (8, 3), "fits", "Starts next to the textbook form that are fitted, and best of them, continued.", CHOICE,
+        "The wrong fit may be continued.", "Slower.")
+    law_iterations: tuple[int, int] = _setting(
+        (8, 25), "iterations", "Iterations of these fits, at most.", CHOICE, "Fits end early.", "Slower.")
     law_surplus_errors: float = _setting(
         1.0, "standard errors", "A coefficient this close to neutral is tried without.", CHOICE,
         "More coefficients than needed.", "Slower; the evidence decides in any case.")
-    law_step_s: float = _setting(
-        1e-3, "s", "Step for the prepared constants of a curve.", CHOICE, "No change.", "No change.")
     law_points: int = _setting(
         25, "points", "Points of a law's curve.", CHOICE, "Coarser curves.", "Longer files.")
     law_draws: int = _setting(
@@ -397,41 +392,8 @@ class Settings:
     law_most_share: float = _setting(
         0.9, "-", "Share of its change that a law has made at the state that its sentence names.", CHOICE,
         "States too early are named.", "Not possible above 1.")
-    law_early_share: float = _setting(
-        0.8, "-", "Share of the range below which this state is named.", CHOICE,
-        "Rarely named.", "Always named.")
     # fmt: on
 
 
 SETTINGS = Settings()
 """The settings in force."""
-
-
-def document(settings: Settings = SETTINGS) -> dict[str, Any]:
-    """Every value by name, as report.json lists it; infinite values as text, JSON has none."""
-    return {name: _plain(value) for name, value in asdict(settings).items()}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    return "inf" if value == math.inf else value
-
-
-def markdown_table(settings: Settings = SETTINGS) -> str:
-    """The settings as a Markdown table, one row each."""
-    rows = ["| setting | value | unit | meaning | source | halved | doubled |", "|---|---|---|---|---|---|---|"]
-    for entry in fields(settings):
-        about = entry.metadata
-        value = _shown(getattr(settings, entry.name))
-        cells = [about[key] for key in ("unit", "meaning", "source", "halved", "doubled")]
-        rows.append(f"| `{entry.name}` | {value} | " + " | ".join(cells) + " |")
-    return "\n".join(rows) + "\n"
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, tuple):
-        return ", ".join(_shown(item) for item in value)
-    if isinstance(value, FitPass):
-        return f"({value.most}, {value.iterations}, {value.tolerance:g}, {value.step_s:g})"
-    return f"{value:.6g}"

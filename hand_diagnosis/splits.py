@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit
 
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import shape_driving
@@ -171,6 +172,12 @@ def _crept(segment: Segment, end: int, column: Array, ratio: float) -> float:
     """The creeping ratio [-] at a sample, from the measured pressures before it (Eq. 12)."""
     keys = ("p_min_pa", "b1_per_pa", "extension_time_s", "b0_per_pa", "recovery_time_s")
     p_min, b1, extension_s, b0, recovery_s = (float(column[ROW[f"material.{key}"]]) for key in keys)
-    for pressure in segment.pressure_pa[:end]:
-        ratio += segment.period_s * creep_rate(pressure, ratio, p_min, b1, 1.0 / extension_s, b0, 1.0 / recovery_s)
-    return float(ratio)
+    rates = (1.0 / extension_s, b0, 1.0 / recovery_s)
+    return float(_creep(segment.pressure_pa[:end], ratio, segment.period_s, p_min, b1, *rates))
+
+
+@njit(cache=True)
+def _creep(pressure, ratio, period_s, p_min, b1, extension_rate, b0, recovery_rate):  # type: ignore[no-untyped-def]
+    for p in pressure:
+        ratio += period_s * creep_rate(p, ratio, p_min, b1, extension_rate, b0, recovery_rate)
+    return ratio

@@ -81,7 +81,7 @@ PARTS: dict[str, Part] = {
     "python -m hand_model.tables # catalogue": Part("", _code("hand_model.effects", "markdown_table")),
     "python -m hand_model.tables # classes": Part("", _code("hand_model.effects", "class_table")),
     "python -m hand_model.tables # parameters": Part("", _code("hand_model.kernel.rows", "markdown_table")),
-    "python -m validation.figures # settings": Part("", _code("hand_diagnosis.settings", "markdown_table")),
+    "python -m validation.figures # settings": Part("", _code("hand_diagnosis.settings_table", "markdown_table")),
     "hand reproduce --out out/paper": Part("paper", tables.paper_table),
     "hand reproduce --only fig14 --out out/paper": Part("", picture="fig14.png"),
 }

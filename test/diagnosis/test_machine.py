@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from hand_diagnosis import findings
+from hand_diagnosis import remainders
+from hand_diagnosis.correction import correction_terms
 from hand_diagnosis.diagnosis import diagnose
-from hand_diagnosis.findings import joint_findings
+from hand_diagnosis.findings import Number, joint_findings
 from hand_diagnosis.report import schema
-from hand_diagnosis.verdict import correction_terms
 from hand_machine.wording import wording_of
 from hand_model.description import Hand
 from hand_model.effects import EFFECTS
@@ -196,13 +196,13 @@ def test_two_effects_on_one_joint(hand: Hand, monkeypatch: pytest.MonkeyPatch) -
     joint.search.accepted[1] = replace(joint.search.accepted[1], effect=EFFECTS["hysteresis"], stage=first.stage)
     sizes = {"coulomb_friction": 1.0, "hysteresis": 2.0}
     monkeypatch.setattr(
-        findings,
+        remainders,
         "parameter_numbers",
-        lambda _, effect, __: [findings.Number(key, sizes[effect.name], 0.1, "N m", True) for key in effect.keys],
+        lambda _, effect, __: [Number(key, sizes[effect.name], 0.1, "N m", True) for key in effect.keys],
     )
     stage = next(result for result in joint.results if result.stage == joint.search.accepted[0].stage)
     worse = replace(stage, excess_after=stage.excess_before)  # nothing is claimed
-    statement = findings.remainder(replace(joint, results=(worse,)), worse).statement
+    statement = remainders.remainder(replace(joint, results=(worse,)), worse).statement
     assert "Coulomb friction of 1 ± 0.1 N m" in statement
     assert "a hysteresis loop of 2 ± 0.1 N m" in statement
 

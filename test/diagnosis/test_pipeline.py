@@ -11,8 +11,10 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 ARCHITECTURE = ROOT / "docs" / "architecture.md"
 HEADING = "## From a recording to a sentence"
-LONGEST = 9
+LONGEST = 13
 PACKAGE = "hand_diagnosis"
+OTHERS = ("__init__", "api", "figures", "fleet", "laws", "page", "settings", "settings_table")
+"""What shows or repeats the report, or stands next to it."""
 
 
 def section() -> str:
@@ -36,11 +38,11 @@ def imports(module: str) -> set[str]:
             found |= {f"{PACKAGE}/{alias.name}.py" for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and node.module.startswith(f"{PACKAGE}."):
             found.add(f"{node.module.replace('.', '/')}.py")
-    return found - {f"{PACKAGE}/settings.py"}
+    return found - {f"{PACKAGE}/settings.py", f"{PACKAGE}/settings_table.py"}
 
 
 def test_the_way_is_short() -> None:
-    """Fails when the way gets longer than nine modules, or the page and the code differ about it."""
+    """Fails when the way gets longer than thirteen modules, or the page and the code differ about it."""
     way = documented()
     assert 1 < len(way) <= LONGEST
     assert all((ROOT / module).is_file() for module in way), way
@@ -64,7 +66,7 @@ def test_what_shows_the_report_is_not_on_the_way() -> None:
     """Fails when a module of the diagnosis belongs neither to the way nor to what shows or repeats it."""
     way = set(documented())
     others = {f"{PACKAGE}/{path.name}" for path in (ROOT / PACKAGE).glob("*.py")} - way
-    assert others == {f"{PACKAGE}/{name}.py" for name in ("__init__", "settings", "figures", "page", "fleet")}
+    assert others == {f"{PACKAGE}/{name}.py" for name in OTHERS}
 
 
 def test_modules_stay_short() -> None:

@@ -12,7 +12,8 @@ import pytest
 
 from hand_diagnosis.diagnosis import Diagnosis
 from hand_diagnosis.report import document
-from hand_diagnosis.settings import SETTINGS, Settings, markdown_table
+from hand_diagnosis.settings import SETTINGS, Settings
+from hand_diagnosis.settings_table import markdown_table
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLE = ROOT / "docs" / "settings.md"

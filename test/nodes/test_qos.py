@@ -46,6 +46,7 @@ def test_every_topic_reaches_a_default_subscriber_and_late_ones_get_the_last_sta
     assert len(own) > len(TOPICS)
     assert {info.qos_profile.reliability for info in own} == {ReliabilityPolicy.RELIABLE}
     for name in ("simulation", "controller"):
+        client.until(lambda name=name: "healthy: " in stack.log(name))  # type: ignore[misc]
         assert len([line for line in stack.log(name).splitlines() if "healthy: " in line]) == 1, stack.log(name)
 
     request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE))
