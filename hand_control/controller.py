@@ -307,7 +307,7 @@ class Controller:
                 self.safety.trip(f"{self.hand.joints[worst]}: the measurement is not a number")
             return
         if self.safety.phase is Phase.ARMING:
-            self._arm(position, pressure, host_ns)
+            self._arm(position, velocity, pressure, host_ns)
             return
         if verdict == JUMPED:
             jump = math.degrees(abs(position[worst] - self._last_position[worst]))
@@ -337,12 +337,12 @@ class Controller:
                 " check for a leak, the supply and a closed valve"
             )
 
-    def _arm(self, position: Array, pressure: Array, host_ns: int) -> None:
+    def _arm(self, position: Array, velocity: Array, pressure: Array, host_ns: int) -> None:
         """Drive from the measured pose, so that nothing jumps."""
         self._law.release()
         self._law.out[OUT.pressure] = 0.0
         self._pressure_watch.start(pressure, position)
-        self._sensor_watch.start(position, pressure)
+        self._sensor_watch.start(position, velocity, pressure)
         self._begin_mode(position)
         if self._torque_mode:
             zero = np.zeros(len(position))

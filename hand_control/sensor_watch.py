@@ -6,8 +6,8 @@ A plausible number alone is not believed. Four tests, all in elapsed time but fo
     step          a break of the angle without the momentum that a real one leaves   mirrored, negated, exchanged and
                   behind (DEV, TRAVEL below)                                         displaced angles, in motion
     passivity     a joint moved by an outside torque above MAX_OUTSIDE_NM            what the others have missed
-    first motion  after arming in a pose that its pressure does not explain, a       a sign that was wrong before
-                  motion against the one that its pressure asks for
+    first motion  after arming where the wrong sign explains pose and speed better,  a sign that was wrong before
+                  a motion against the one that the pressure asks for
     channel       equal readings in motion; an angle beyond an end stop              frozen, far off
 
 Step. Over six samples z, a, b | c, d, e at least SPACING_S apart, the speed v of a, b predicts c; DEV is the deviation
@@ -76,7 +76,7 @@ STOP_NM, BEYOND_RAD, BEYOND_S = 0.2, math.radians(1.5), 0.01
 upper one, for longer than a glitch."""
 SPEED_S, SLOW_S, ACTIVE_RAD_PER_S, ACTIVE_S = 0.01, 0.1, 0.3, 0.04
 POSE_NM = 0.012
-"""Torque that a pose may leave unexplained by its pressure at arming: an error of the model, friction."""
+"""Torque that pose and speed may leave unexplained by the pressure at arming: an error of the model, friction."""
 RECENT_S, PROVEN_RAD, ENOUGH_S = 0.5, math.radians(2.0), 0.03
 """Motions older than RECENT_S fade; a sign is proven, or refuted for ENOUGH_S, by one of PROVEN_RAD."""
 ALIKE, OPPOSED = (0.4, 2.5), (0.45, 2.2)
@@ -371,22 +371,33 @@ class SensorWatch:
         self._elapsed_s = 0.0
         self._liquid = bool(hand.row("hydraulic.share").max() > 0.0)
 
-    def start(self, position: Array, pressure: Array) -> None:
-        """Begin without evidence at position (n,) [rad] and pressure (n,) [Pa]."""
+    def start(self, position: Array, velocity: Array, pressure: Array) -> None:
+        """Begin without evidence at position (n,) [rad], velocity (n,) [rad/s] and pressure (n,) [Pa].
+
+        The joints may move: after a fault they are often armed again while they fall.
+        """
         s, c = self._state, self._constants
         s[:] = 0.0
         self._restart(position, pressure)
 
-        def unexplained(angle: Array) -> Array:
-            left: Array = np.asarray(torque(pressure, angle, 0.0, c[_A0], c[_A1], c[_A2], c[_A3], 0.0))
+        def balance(angle: Array) -> Array:
+            nm: Array = np.asarray(torque(pressure, angle, 0.0, c[_A0], c[_A1], c[_A2], c[_A3], 0.0))
+            return nm
+
+        def unexplained(angle: Array, speed: Array) -> Array:
+            # The first speed may be that of a step of the sensor: no more of it counts than the balance gives.
+            nm = balance(angle)
+            left: Array = nm - np.clip(c[_D] * speed, np.minimum(nm, 0.0), np.maximum(nm, 0.0))
             return left
 
         mirrored, negated = c[_MIRROR] - position, -position
-        other = np.where(np.abs(unexplained(mirrored)) < np.abs(unexplained(negated)), mirrored, negated)
-        doubted = np.abs(unexplained(position)) > POSE_NM
+        of_mirrored, of_negated = np.abs(unexplained(mirrored, -velocity)), np.abs(unexplained(negated, -velocity))
+        as_measured = np.abs(balance(position) - c[_D] * velocity)
+        other = np.where(of_mirrored < of_negated, mirrored, negated)
+        doubted = (as_measured > POSE_NM) & (np.minimum(of_mirrored, of_negated) < as_measured)
         s[_DOUBTED], s[_NOISE] = doubted, LEAST_RAD
         s[_MODEL] = np.clip(np.where(doubted, other, position), c[_LOW], c[_HIGH])
-        s[_BIAS] = np.clip(unexplained(s[_MODEL]), -POSE_NM, POSE_NM)
+        s[_BIAS] = np.clip(unexplained(s[_MODEL], np.where(doubted, -velocity, velocity)), -POSE_NM, POSE_NM)
         s[_BELIEVED_PA] = pressure
 
     def _restart(self, position: Array, pressure: Array) -> None:

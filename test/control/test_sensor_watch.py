@@ -72,7 +72,9 @@ def verdict(rate_hz: float, angle: Array, pressure: Array) -> int | None:
     """Verdict on joint 4 with its angle [rad] and pressure [Pa] (samples,); the others stand still at 0.1 rad."""
     watch, count, rng = SensorWatch(HAND), len(HAND.joints), np.random.default_rng(5)
     rest = np.full(count, 0.1)
-    watch.start(rest, np.full(count, 1.5e4))
+    first, speed, filled = rest.copy(), np.zeros(count), np.full(count, 1.5e4)
+    first[4], speed[4], filled[4] = angle[0], (angle[1] - angle[0]) * rate_hz, pressure[0]
+    watch.start(first, speed, filled)
     for phi, p in zip(angle, pressure, strict=True):
         position, measured = rest + rng.normal(0.0, 1.5e-4, count), np.full(count, 1.5e4)
         position[4], measured[4] = position[4] - 0.1 + phi, p
@@ -105,7 +107,29 @@ def test_a_step_of_the_sensor_differs_from_a_blow(rate_hz: float, speed: float) 
 
 def test_a_joint_that_moves_against_its_pressure_is_found() -> None:
     """Fails when an angle may fall for long under a rising pressure that no push of MAX_OUTSIDE_NM holds back."""
-    t = np.arange(80) * 0.005
-    falling = np.asarray(0.9 - 2.0 * t, dtype=np.float64)
+    t = np.arange(90) * 0.005
+    falling = np.asarray(0.9 - 2.0 * np.maximum(t - 0.05, 0.0), dtype=np.float64)
     assert verdict(200.0, falling, np.asarray(3.0e5 + 4e5 * t, dtype=np.float64)) == ACTIVE
-    assert verdict(200.0, falling, np.full(80, 5.0e4)) is None  # a push of 0.1 N m
+    assert verdict(200.0, falling, np.full(90, 5.0e4)) is None  # a push of 0.1 N m
+
+
+@pytest.mark.parametrize("start_deg", [10.0, 17.0, 30.0, 60.0, 85.0])
+@pytest.mark.parametrize("wrong", [False, True])
+def test_a_hand_may_be_armed_while_its_joints_fall(start_deg: float, wrong: bool) -> None:
+    """Fails when a joint that still falls after a fault vents the hand again, or hides a sensor of the wrong sign."""
+    t, rest = np.arange(400) * 0.005, 0.1
+    again = np.clip(8e4 * (t - 1.0), 0.0, 6e4)  # the joint bends again from one second on
+    keys = ("a0_nm", "a1_nm_per_rad", "a2_nm_per_pa", "a3_nm_per_pa_rad")
+    row = {key: float(HAND.row(f"statics.{key}")[4]) for key in keys}
+    angle = np.full_like(t, np.deg2rad(start_deg))
+    d = float(HAND.row("dynamics.viscous_friction_nm_s_per_rad")[4])
+    pressure = 1.5e4 + again
+    for i in range(len(t) - 1):
+        stiff = row["a1_nm_per_rad"] + row["a3_nm_per_pa_rad"] * pressure[i]
+        balance = row["a0_nm"] + row["a2_nm_per_pa"] * pressure[i]
+        target = -balance / stiff
+        angle[i + 1] = target + (angle[i] - target) * np.exp(stiff / d * 0.005)
+    assert angle[-1] > angle[190] + np.deg2rad(20.0)
+    assert abs(angle[190] - rest) < 0.1
+    measured = 2.0 * HAND.sensors.hall.zero_rad[4] - angle if wrong else angle
+    assert verdict(200.0, measured, pressure) == (SIGN if wrong else None)
