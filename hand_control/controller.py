@@ -32,6 +32,7 @@ from hand_control.frame_checks import (
     ToleranceWatch,
     allowed_jump,
     implausible,
+    is_suction,
 )
 from hand_control.gaps import Gap
 from hand_control.grasps import Approach, Grasp, Grasping, Outcome
@@ -99,6 +100,7 @@ class Controller:
         self._torque = TorqueLimiter(hand.limits.max_torque_nm)
         self._pressure_watch = PressureWatch(hand)
         self._sensor_watch = SensorWatch(hand)
+        self._liquid = bool(hand.row("hydraulic.share").max() > 0.0)
         self._contact_monitor = ContactMonitor(hand)
         self._tolerance_watch = ToleranceWatch(hand)
         self._last_position = np.full(count, np.nan)
@@ -260,7 +262,8 @@ class Controller:
     def frame(self, times: Times, position: Array, velocity: Array, pressure: Array) -> Tick | None:
         """Process one frame: position [rad], velocity [rad/s] and pressure [Pa], (n,) each in the hand's order.
 
-        Returns None where the frame is stale, repeated or of another clock; then no command is to be sent.
+        Returns None where the frame is stale, repeated, of another clock or below the range of a pressure sensor for
+        less than SUCTION_S; then no command is to be sent.
         """
         dt = 0.0 if self._stamp_ns is None else (times.stamp_ns - self._stamp_ns) * 1e-9
         age_s = (times.now_ns - times.stamp_ns) * 1e-9
@@ -268,6 +271,8 @@ class Controller:
             return None  # stale or from another clock: the supervisor does not count it
         if self._stamp_ns is not None and -1.0 < dt <= 0.0:
             return None  # repeated or out of order
+        if is_suction(self._liquid, position, pressure, dt):
+            return None
         self._stamp_ns = times.stamp_ns
         if self.held and self.safety.phase is Phase.ACTIVE:
             self.safety.frame(times.host_ns)

@@ -13,6 +13,7 @@ described fluid belongs to the expectation, and what may be wrong with it widens
 UNCERTAIN of what a liquid does, and all of it where the description does not say that there is a liquid. After GAP_S
 without a frame, in which the board may have vented, the expectation starts again.
 
+A liquid that a shove pulls below the range of its sensor makes a frame count as missing, for SUCTION_S.
 An angle may change by the largest jump between two frames, and by FASTEST_RAD_PER_S over the time that is missing.
 """
 
@@ -66,6 +67,16 @@ _FLUID = (
     "supply.pressure_pa",
 )
 assert (ANGLE, SPEED) == (4, 5)
+SUCTION_S = 0.05
+"""A shove may pull a liquid below what a pressure sensor reads, but no longer than this: then it is a broken sensor."""
+
+
+def is_suction(liquid: bool, position: Array, pressure: Array, elapsed_s: float) -> bool:
+    """Whether a frame is to count as missing: position (n,) [rad] is measured, some pressure (n,) [Pa] is not.
+
+    elapsed_s: [s] since the last frame that counted.  Only where the hand is filled with a liquid, and for SUCTION_S.
+    """
+    return liquid and 0.0 < elapsed_s <= SUCTION_S and bool(np.isfinite(position).all() > np.isfinite(pressure).all())
 
 
 def allowed_jump(max_jump: float, elapsed_s: float, period_s: float) -> float:

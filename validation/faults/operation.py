@@ -105,14 +105,15 @@ class World:
         self.loop.change("constant_load.torque_nm", self.push * share)
 
     def _move_obstacles(self) -> None:
-        """Put obstacles in front of some joints, and take others away."""
+        """Put obstacles in front of some joints that touch none, and take others away."""
         rng, angle = self.rng, self.loop.angle
         ahead = angle + rng.uniform(0.03, 0.6, self.count)
         chosen = rng.random(self.count)
-        self.obstacle = np.where(chosen < 0.3, ahead, self.obstacle)
-        self.leaves = np.where(chosen < 0.3, False, self.leaves | (chosen > 0.6))
+        put = (chosen < 0.3) & (angle < self.obstacle)  # a pressed object does not jump ahead of its joint
+        self.obstacle = np.where(put, ahead, self.obstacle)
+        self.leaves = np.where(put, False, self.leaves | (chosen > 0.6))
         self.loop.change("contact.angle_deg", self.obstacle)
-        self.counts["contacts"] += int((chosen < 0.3).sum())
+        self.counts["contacts"] += int(put.sum())
 
     def _fall_silent(self, dt: float) -> None:
         draw = self.rng.random()
