@@ -17,8 +17,10 @@ from hand_model.description_checks import (
     check_rates,
     check_stops,
 )
+from hand_model.geometry import Geometry
+from hand_model.geometry_description import read_geometry
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STEP_S
-from hand_model.sensor_description import SensorSet, read_adc, read_names, read_sensors
+from hand_model.sensor_description import SensorSet, read_adc, read_names, read_sensors, read_sites
 from hand_model.yaml_reader import DescriptionError, Section, read_yaml
 
 _HAND_WIDE = "supply"
@@ -39,6 +41,7 @@ _TOP = (
     "joints",
     "force_site_defaults",
     "force_sites",
+    "geometry",
 )
 _CHOICES = (
     ("fluid", ("pneumatic", "hydraulic"), "hydraulic.share"),
@@ -70,6 +73,7 @@ class Hand:
     joints: names, prefix included; their order is the order of every array and of the valves.
     parameters: (rows of JOINT_PARAMETERS, joints) in SI.  partner: (joints,) index of the coupled joint or -1.
     rate_hz: the board's frame rate.  watchdog_s: lifetime of set-points.  sensors: every sensor and its channel.
+    geometry: links and frames; None where the file has none.
     """
 
     path: Path
@@ -83,6 +87,7 @@ class Hand:
     watchdog_s: float
     supply_pressure_pa: float
     sensors: SensorSet
+    geometry: Geometry | None = None
 
     @property
     def valve_count(self) -> int:
@@ -105,15 +110,15 @@ class Hand:
         return row
 
 
-def load_hand(path: str | Path) -> Hand:
-    """Read a hand from YAML.
+def load_hand(path: str | Path, joint_prefix: str = "") -> Hand:
+    """Read a hand from YAML. joint_prefix: replaces that of the file, where one is given.
 
     Raises DescriptionError, one line with file, key, value and allowed range, for anything that is not right.
     """
     path = Path(path)
     top = read_yaml(path, _TOP)
     top.integer("schema", 1, 1)
-    prefix = top.name("joint_prefix", "")
+    prefix = joint_prefix or top.name("joint_prefix", "")
     supply, board = top.section("supply", _SUPPLY), top.section("board", _BOARD)
     supply_pressure_pa = supply.number("pressure_pa", 1e3, 2e6)
     defaults = top.section("joint_defaults", _JOINT, required=False)
@@ -141,6 +146,7 @@ def load_hand(path: str | Path) -> Hand:
         watchdog_s=watchdog_s,
         supply_pressure_pa=supply_pressure_pa,
         sensors=read_sensors(top, joints, names, prefix, read_adc(board, supply), supply_pressure_pa),
+        geometry=read_geometry(top, names, prefix, read_sites(top)),
     )
 
 

@@ -18,7 +18,7 @@ _HALL = ("channel", "field_t", "field_max_t", "zero_deg", "third_harmonic", "noi
 _CALIBRATION = ("ratio_at_0_deg", "ratio_at_90_deg")
 _PRESSURE = ("channel", "ratio_at_zero", "span_pa", "noise_v")
 _FSR = ("c0", "c1", "divider_ohm", "threshold_n", "noise_v", "calibration_log_polynomial")
-_SITE = ("name", "joint", "channel", "lever_arm_m", *_FSR)
+_SITE = ("name", "joint", "channel", "lever_arm_m", "position_m", *_FSR)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +61,7 @@ def read_sensors(
     """
     hall = [joint.section("angle_sensor", _HALL) for joint in joints]
     pressure = [joint.section("pressure_sensor", _PRESSURE) for joint in joints]
-    defaults = top.section("force_site_defaults", _SITE, required=False)
-    sites = [site.over(defaults) for site in top.sections("force_sites", _SITE)]
+    sites = read_sites(top)
     site_names = read_names(sites)
     channels = _channels([*hall, *pressure, *sites])
     halls = HallSensors(
@@ -103,6 +102,12 @@ def read_sensors(
         force_polynomial=_force_polynomial(sites, forces),
         force_channel=np.array(channels[2 * len(hall) :], dtype=np.int64),
     )
+
+
+def read_sites(top: Section) -> list[Section]:
+    """The entries of the force sites, laid over their defaults."""
+    defaults = top.section("force_site_defaults", _SITE, required=False)
+    return [site.over(defaults) for site in top.sections("force_sites", _SITE)]
 
 
 def read_names(sections: list[Section]) -> list[str]:
