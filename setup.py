@@ -21,6 +21,7 @@ PACKAGES = [
     "hand_ros",
     "hand_driver",
     "hand_control",
+    "hand_robot",
     "hand_sim",
     "hand_recording",
     "hand_machine",
@@ -77,6 +78,7 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", [*files("config", "*.yaml"), "config/fastdds.xml"]),
         (f"share/{NAME}/config/security", files("config/security", "*.xml")),
+        (f"share/{NAME}/urdf", files("urdf", "*.xacro")),
         (f"share/{NAME}/launch", files("launch", "*.launch.py")),
         # Recordings hold the definitions of their messages; without ROS they are read here.
         (f"share/{NAME}/interfaces/hand_msgs/msg", files("hand_msgs/msg", "*.msg")),

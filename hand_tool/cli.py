@@ -20,6 +20,7 @@ from hand_tool.record import record
 from hand_tool.reproduce import reproduce
 from hand_tool.simulate import simulate
 from hand_tool.trial import app as trial
+from hand_tool.urdf import urdf
 from hand_tool.version import version
 
 app = typer.Typer(
@@ -42,6 +43,7 @@ app.add_typer(trial, name="trial")
 app.command()(magnet)
 app.command("new-effect")(new_effect)
 app.command()(reproduce)
+app.command()(urdf)
 
 
 def _print_version(wanted: bool) -> None:

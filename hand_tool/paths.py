@@ -38,10 +38,10 @@ def check_folder(path: Path) -> Path:
     return path
 
 
-def check_new(path: Path) -> Path:
-    """An output recording does not exist yet and can be made; the message is that of the writer of recordings."""
+def check_new(path: Path, kind: str = "recordings") -> Path:
+    """An output does not exist yet and can be made; of recordings, the message is that of their writer."""
     if path.exists() or path.is_symlink():
-        raise ValueError(f"{path} exists already; recordings are never overwritten")
+        raise ValueError(f"{path} exists already; {kind} are never overwritten")
     _check_writable(path)
     return path
 

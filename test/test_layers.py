@@ -17,6 +17,7 @@ BELOW: dict[str, set[str]] = {
     "hand_ros": {"hand_messages"},
     "hand_driver": {"hand_model", "hand_messages", "hand_ros"},
     "hand_control": {"hand_model", "hand_messages", "hand_ros"},
+    "hand_robot": {"hand_model", "hand_control"},
     "hand_sim": {"hand_model", "hand_messages", "hand_ros", "hand_driver"},
     "hand_recording": ROBOT,
     "hand_machine": ROBOT | {"hand_recording"},
@@ -25,6 +26,7 @@ BELOW: dict[str, set[str]] = {
     "hand_tool": ROBOT
     | {
         "hand_control",
+        "hand_robot",
         "hand_pages",
         "hand_recording",
         "hand_machine",

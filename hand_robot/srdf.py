@@ -1,0 +1,84 @@
+"""SRDF of a hand: groups, named states from the grasp patterns, and pairs of links that may touch."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+
+import numpy as np
+
+from hand_control.grasps import Grasp
+from hand_model.arrays import Array
+from hand_model.description import Hand
+from hand_model.geometry import Link, geometry_of, link_poses
+from hand_robot.xml_text import document, number
+
+POINTS = 9
+"""Points on the centre line of a link at which distances to other links are taken."""
+
+
+def groups(hand: Hand) -> dict[str, list[str]]:
+    """Joints of each planning group: the whole hand first, then each finger from its base to its tip."""
+    links = {link.name: link for link in geometry_of(hand).links}
+    found = {f"{hand.prefix}hand": list(hand.joints)}
+    for frame in geometry_of(hand).frames:
+        if frame.kind != "fingertip":
+            continue
+        chain, link = [], links[frame.link]
+        while link.joint >= 0:
+            chain.append(hand.joints[link.joint])
+            link = links[link.parent]
+        found[frame.name.removesuffix("_tip")] = chain[::-1]
+    return found
+
+
+def srdf_text(hand: Hand, grasps: Mapping[str, Grasp], mount: str = "") -> str:
+    """An SRDF document. grasps: patterns, each the named state of its closed hand.  mount: parent link of the hand.
+
+    Raises ValueError, one line, for a hand without geometry.
+    """
+    root = ET.Element("robot", name=hand.prefix + hand.name)
+    named = groups(hand)
+    for name, joints in named.items():
+        group = ET.SubElement(root, "group", name=name)
+        for joint in joints:
+            ET.SubElement(group, "joint", name=joint)
+    whole = f"{hand.prefix}hand"
+    for pattern, grasp in grasps.items():
+        state = ET.SubElement(root, "group_state", name=pattern, group=whole)
+        for joint, angle in zip(hand.joints, grasp.shape(1.0), strict=True):
+            ET.SubElement(state, "joint", name=joint, value=number(angle))
+    if mount:
+        effector = {"name": whole, "parent_link": mount, "group": whole}
+        ET.SubElement(root, "end_effector", effector)
+    for first, second, reason in may_touch(hand):
+        ET.SubElement(root, "disable_collisions", link1=first, link2=second, reason=reason)
+    return document(root, f"Made by: hand urdf, from {hand.path.name} and the grasp patterns.")
+
+
+def may_touch(hand: Hand) -> list[tuple[str, str, str]]:
+    """Pairs of links whose collisions are not checked: neighbours, and those that overlap in the open hand."""
+    links = geometry_of(hand).links
+    poses = link_poses(hand, np.zeros(len(hand.joints)))
+    pairs = []
+    for index, first in enumerate(links):
+        for second in links[index + 1 :]:
+            if second.parent == first.name:
+                pairs.append((first.name, second.name, "Adjacent"))
+            elif _overlap(first, second, poses):
+                pairs.append((first.name, second.name, "Default"))
+    return pairs
+
+
+def _overlap(first: Link, second: Link, poses: Mapping[str, Array]) -> bool:
+    """Whether the bodies of two links overlap: their centre lines are closer than their half widths together."""
+    lines = [_center_line(link, poses[link.name]) for link in (first, second)]
+    distance = np.linalg.norm(lines[0][:, None] - lines[1][None], axis=-1).min()
+    return bool(distance < (first.size_m[1] + second.size_m[1]) / 2.0) and "" not in (first.parent, second.parent)
+
+
+def _center_line(link: Link, place: Array) -> Array:
+    """Points (POINTS, 3) [m] from the joint of a link to its end."""
+    along = np.linspace(0.0, link.size_m[0], POINTS)[:, None] * place[:3, 0]
+    line: Array = place[:3, 3] + along
+    return line
