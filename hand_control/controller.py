@@ -391,16 +391,18 @@ class Controller:
         self._torque.step(torque, self.settings.max_torque_rate_nm_per_s, dt, self._torque_mode)
         if self._torque_mode:
             self._shaper.latch(position)  # the angle is free: the reference follows it
-        else:
+        elif not self._sensor_watch.limits:  # the reference waits for a joint that is held back
             self._shaper.step(target, speed, self.settings, dt)
         inputs = self._law.inputs
         inputs[U.limit], inputs[U.position], inputs[U.pressure] = self._torque.now, position, pressure
         if self.board.vented:  # the driver, too, lets the pressure rise from here only, at the same rate
             self._ramp.start(pressure)
-        out = self._law.tick(inputs, dt, fresh and not self._starved and not self._settling and not self._ramp.active)
+        limited = self._starved or self._settling or self._ramp.active or self._sensor_watch.limits
+        out = self._law.tick(inputs, dt, fresh and not limited)
         self._ramp.limit(out[OUT.pressure], dt)
         if self._settling:
             self._gap.after()
+        self._pressure_watch.hold(out[OUT.pressure])
         self._sensor_watch.hold(out[OUT.pressure])
         self._contact_monitor.update(times.stamp_ns, out[OUT.contact], out[OUT.contact_age], out[OUT.contact_torque])
         error = self._shaper.r - position

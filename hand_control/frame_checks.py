@@ -7,6 +7,8 @@ Pressures that differ from what the set-points ask for:
     above what the model of the valve expects, NOT_FOLLOWING_S   vent, latched: the joint cannot be released otherwise
     below it, for NOT_FOLLOWING_S                                warning, and the integrators stop: a leak, an empty
                                                                  supply or a closed valve gives less than commanded
+    below it, for SHORT_S                                        no set-point above TRUSTED times the pressure and
+                                                                 TRUSTED_PA, until the pressure follows again
 The expectation is the set-point through the kernel's valve, whose time constant is lengthened by the dead time, from
 the pressure measured at first. Motion displaces fluid and changes the pressure (Eq. 7): the kernel's equation for the
 described fluid belongs to the expectation, and what may be wrong with it widens the band, through the lag of the valve:
@@ -44,6 +46,8 @@ BAND = 0.1
 """A pressure follows within BAND_PA plus BAND times the expected pressure."""
 FOLLOWING, OVER_PRESSURE, STUCK_HIGH, STUCK_LOW = range(4)
 """Verdicts of `PressureWatch`, the most urgent first after FOLLOWING."""
+SHORT_S, TRUSTED, TRUSTED_PA = 0.1, 2.0, 3e4
+"""A pressure that has been too low for SHORT_S justifies set-points up to TRUSTED times itself and TRUSTED_PA."""
 PATIENCE_S = 0.1
 """Time for which a joint may leave its path: one noisy sample or a push of its partner aborts nothing."""
 FASTEST_RAD_PER_S = 70.0
@@ -53,7 +57,7 @@ GAP_S = 0.1
 UNCERTAIN = 1.5
 """Share of the pressure by displaced liquid that may be wrong: volume and leverage 30 % off, twice the lag."""
 SPEED_FILTER_S = 0.02
-_EXPECTED, _OVER, _HIGH, _LOW, _ANGLE, _SPEED, _WIDER, _DRIVEN = range(8)
+_EXPECTED, _OVER, _HIGH, _LOW, _ANGLE, _SPEED, _WIDER, _DRIVEN, _PRESSURE, _HELD_BACK = range(10)
 _TAU, _VENT, _FILL, _A2, _A3, _LIQUID, _GROWTH, _EXPONENT, _VOLUME, _GAS_GROWTH, _GAS_GAIN, _SUPPLY = range(12)
 _FLUID = (
     "statics.a2_nm_per_pa",
@@ -133,11 +137,12 @@ def _expect(s, v, i, u, angle, dt):  # type: ignore[no-untyped-def]
 def _watch(s, valve, limit, command, pressure, position, dt):  # type: ignore[no-untyped-def]
     verdict, worst = FOLLOWING, 0
     for i in range(len(command)):
-        band = _expect(s, valve, i, command[i], position[i], dt)
+        band = _expect(s, valve, i, command[i] + s[_HELD_BACK, i], position[i], dt)
         excess = pressure[i] - s[_EXPECTED, i]
         s[_OVER, i] = s[_OVER, i] + dt if pressure[i] > (1.0 + OVER) * limit[i] else 0.0
         s[_HIGH, i] = s[_HIGH, i] + dt if excess > band else 0.0
         s[_LOW, i] = s[_LOW, i] + dt if excess < -band else 0.0
+        s[_PRESSURE, i] = pressure[i]
         found = FOLLOWING
         if s[_OVER, i] > OVER_S:
             found = OVER_PRESSURE
@@ -150,6 +155,14 @@ def _watch(s, valve, limit, command, pressure, position, dt):  # type: ignore[no
     return verdict, worst
 
 
+@njit(cache=True)
+def _cap(s, command):  # type: ignore[no-untyped-def]
+    for i in range(len(command)):
+        most = max(TRUSTED * s[_PRESSURE, i], 0.0) + TRUSTED_PA
+        s[_HELD_BACK, i] = max(command[i] - most, 0.0) if s[_LOW, i] > SHORT_S else 0.0
+        command[i] -= s[_HELD_BACK, i]
+
+
 class PressureWatch:
     """Compares the pressures of one hand with its set-points, frame by frame."""
 
@@ -159,7 +172,7 @@ class PressureWatch:
         valve = [lag, hand.row("valve.vent_rate_pa_per_s"), hand.row("valve.fill_rate_pa_per_s")]
         self._valve = np.array([*valve, *(hand.row(key) for key in _FLUID)])
         self._limit = np.asarray(hand.limits.max_pressure_pa, dtype=np.float64)
-        self._state = np.zeros((8, len(hand.joints)))
+        self._state = np.zeros((10, len(hand.joints)))
         self._still = np.zeros(len(hand.joints))
 
     @property
@@ -190,6 +203,10 @@ class PressureWatch:
             dt = 0.0
         angle = self._still if position is None else position
         return _watch(self._state, self._valve, self._limit, command, pressure, angle, dt)  # type: ignore[no-any-return]
+
+    def hold(self, command: Array) -> None:
+        """Limit set-points (n,) [Pa] in place to what the measured pressure justifies."""
+        _cap(self._state, command)
 
     def _skip(self, pressure: Array, position: Array | None) -> None:
         """Expect the measured state after a gap; how long a pressure has been off is kept."""

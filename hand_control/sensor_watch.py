@@ -30,8 +30,7 @@ has stored, while the pressure falls. Each torque of Eq. 6 may be wrong by WRONG
 
 First motion. The measured pressure drives Eqs. 6 and 8, quasi-static, with nominal constants; until the joint has
 followed, its set-point rises slowly. A sensor cannot change its sign without a step, so that the joint is not suspected
-again. Two angles that were exchanged before arming make no step, and are not found: a push on one joint while another
-one is blocked looks the same. The first motion of each joint alone shows them.
+again. Two angles that were exchanged before arming make no step; the place watch asks the joints.
 
 While a test is undecided, no set-point exceeds the one from before. References: Brogliato, Nonsmooth Mechanics, 2016
 (restitution); Willems, Dissipative dynamical systems, 1972 (passivity).
@@ -46,6 +45,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hand_control.place_watch import NONE, PlaceWatch
 from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.statics import torque
@@ -353,7 +353,10 @@ def _hold(s, command, dt):  # type: ignore[no-untyped-def]
 
 
 class SensorWatch:
-    """Compares angles and pressures of one hand with its motion, frame by frame."""
+    """Compares angles and pressures of one hand with its motion, frame by frame.
+
+    limits: whether `hold` has lowered a set-point, so that an integrator would run away.
+    """
 
     def __init__(self, hand: Hand) -> None:
         """Begin without evidence; `start` gives the first measurement."""
@@ -365,10 +368,13 @@ class SensorWatch:
         self._constants = np.array(rows)
         self._channels = (sensors.angle_channel, sensors.pressure_channel)
         self._above = _next(sensors.pressure_channel)
+        self._after = _next(sensors.angle_channel)
+        self._places = PlaceWatch(self._after)
         self._state = np.zeros((_ROWS, len(hand.joints)))
         self._spacing = np.zeros(5)
         self._period_s = 1.0 / hand.rate_hz
         self._elapsed_s = 0.0
+        self.limits = False
         self._liquid = bool(hand.row("hydraulic.share").max() > 0.0)
 
     def start(self, position: Array, velocity: Array, pressure: Array) -> None:
@@ -399,6 +405,7 @@ class SensorWatch:
         s[_MODEL] = np.clip(np.where(doubted, other, position), c[_LOW], c[_HIGH])
         s[_BIAS] = np.clip(unexplained(s[_MODEL], np.where(doubted, -velocity, velocity)), -POSE_NM, POSE_NM)
         s[_BELIEVED_PA] = pressure
+        self._places.start(pressure)
 
     def _restart(self, position: Array, pressure: Array) -> None:
         """Start the tests at rest; what was found is kept."""
@@ -420,6 +427,7 @@ class SensorWatch:
         self._elapsed_s = min(max(elapsed_s, 0.0), 3.0 * self._period_s)
         if elapsed_s > max(3.0 * self._period_s, 0.02):
             self._restart(position, drive)
+            self._places.restart()
             return None
         if elapsed_s <= 0.0:
             return None
@@ -436,13 +444,20 @@ class SensorWatch:
             self._liquid,
             elapsed_s,
         )
+        s = self._state
         if verdict == FINE:
-            return None
-        return Contradiction(verdict, joint, other, float(self._state[_DEV, joint]))
+            joint = self._places.check(s[_W], s[_U], position, s[_MODEL], elapsed_s)
+            if joint == NONE:
+                return None
+            verdict, other = ANGLES_SWAPPED, int(self._after[joint])
+        return Contradiction(verdict, joint, other, float(s[_DEV, joint]))
 
     def hold(self, command: Array) -> None:
         """Limit set-points (n,) [Pa] in place: none above the last one from before the present evidence."""
+        asked = command.copy()
         _hold(self._state, command, self._elapsed_s)
+        self._places.hold(command, self._state[_P_LAST], self._elapsed_s)
+        self.limits = bool((command < asked).any())
 
     def line(self, found: Contradiction) -> str:
         """What was found: joints, channels, evidence and what to check."""

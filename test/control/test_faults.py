@@ -104,6 +104,15 @@ def test_a_starved_joint_is_warned_of_and_recovers() -> None:
     assert rig.tick.position[INDEX] == pytest.approx(1.0, abs=0.03)
 
 
+def test_a_starved_joint_gets_no_more_than_its_pressure_justifies() -> None:
+    """Fails when the set-point of a joint whose valve stays closed rises on."""
+    rig = Rig()
+    rig.valve = only(INDEX, lambda command: min(command, 2.0e4))
+    rig.command(index_proximal=1.2)
+    rig.run(2.0)
+    assert rig.tick.pressure_command[INDEX] <= 2.0 * 2.0e4 + 3.0e4 + 3e3  # and the noise of the sensor
+
+
 def test_force_sensors_tell_of_contact_at_once_and_go_stale() -> None:
     """Fails when a force causes no contact, its event lacks force or source, or a silent sensor holds contact."""
     rig = Rig()

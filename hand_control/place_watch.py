@@ -1,0 +1,197 @@
+"""Angle sensors that were exchanged before arming: found by the first motions, and confirmed by a small step back.
+
+Sensors that are exchanged in motion make a step (sensor_watch). Before arming they make none: joint i bends, the angle
+of joint k rises, the controller waits for i, and its pressure rises on. For each pair of neighbouring channels the
+motion u that is measured and the motion w that the pressures ask for, both over about half a second, are compared:
+
+    as wired     (u_i - w_i)^2 + (u_k - w_k)^2     CLEAR times smaller: settled, a later exchange makes a step
+    exchanged    (u_i - w_k)^2 + (u_k - w_i)^2     CLEAR times smaller: suspected
+
+A push on k while an obstacle blocks i looks the same. A suspected joint is therefore asked: its set-point returns to
+the pressure that it was armed with, and that of k is held. If k goes back as i should, and i stands still, they are
+exchanged, once this has happened QUESTIONS times; a push knows nothing of the pressure, unless it comes in the rhythm
+of the questions. Until a joint has first moved as its pressure asks, its set-point rises slowly.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from hand_model.arrays import Array
+
+LEAST_RAD = math.radians(2.0)
+"""Motions below are no evidence; a joint is asked after twice as much."""
+CLEAR = 4.0
+"""Five where the constants of the model are 30 % off and one joint moves; more where they are right."""
+ALIKE = (0.4, 2.5)
+"""Share of the motion asked for that is measured where the constants of the model are 30 % off."""
+STILL = 0.25
+"""A joint that moves by less than this share of the motion asked for stands still."""
+FOLLOWS, RECENT_S = 0.65, 0.5
+"""The largest difference to an exchanged motion, over RECENT_S, is at most this share of it."""
+ENOUGH_S = 0.03
+QUESTIONS = 2
+"""Answers in a row that prove an exchange: one may be a push that ends at that moment."""
+ASKED_S = 0.4
+"""Time for an answer; without one the suspicion was wrong, or comes back."""
+CAUTION_PA_PER_S = 1.5e5
+NONE = -1
+_CAREFUL, _MOVED_S, _FROM_PA, _HELD_PA, _STATE = range(5)
+"""Rows of a joint; _STATE: free, asked, or held because its neighbour is asked."""
+_OPEN, _SUSPECT_S, _ASKED, _ASKED_S, _ANSWER_S, _MODEL_I, _MODEL_K, _OF_I, _OF_K, _MISSED, _CONFIRMED = range(5, 16)
+"""Rows of a pair, in the column of its first joint."""
+_ROWS = 16
+_FREE, _ANSWERS, _WAITS = range(3)
+
+
+@njit(cache=True)
+def _is_like(u, w):  # type: ignore[no-untyped-def]
+    """Whether a measured motion u is the one asked for, w [rad]."""
+    return abs(w) > LEAST_RAD and ALIKE[0] < u / w < ALIKE[1]
+
+
+@njit(cache=True)
+def _careful(s, i, w, u, dt):  # type: ignore[no-untyped-def]
+    """End the care with joint i when it has moved as its pressure asks."""
+    s[_MOVED_S, i] = s[_MOVED_S, i] + dt if _is_like(u, w) else 0.0
+    if s[_MOVED_S, i] > ENOUGH_S:
+        s[_CAREFUL, i] = 0.0
+
+
+@njit(cache=True)
+def _which(u_i, u_k, w_i, w_k):  # type: ignore[no-untyped-def]
+    """1: motions u [rad] are those asked for, w, of the other joint; -1: of the joint itself; 0: neither."""
+    same, swapped = (u_i - w_i) ** 2 + (u_k - w_k) ** 2, (u_i - w_k) ** 2 + (u_k - w_i) ** 2
+    if CLEAR * swapped < same:
+        return 1.0
+    return -1.0 if CLEAR * same < swapped else 0.0
+
+
+@njit(cache=True)
+def _lasts(now, sign, dt):  # type: ignore[no-untyped-def]
+    """For how long [s] a sign has been seen without a break, with that sign."""
+    return max(now, 0.0) + dt if sign > 0.0 else min(now, 0.0) - dt if sign < 0.0 else 0.0
+
+
+@njit(cache=True)
+def _note(s, pair, i, k, position, model):  # type: ignore[no-untyped-def]
+    s[_MODEL_I, pair], s[_MODEL_K, pair] = model[i], model[k]
+    s[_OF_I, pair], s[_OF_K, pair] = position[i], position[k]
+
+
+@njit(cache=True)
+def _is_answered(s, pair, i, k, position, model, dt):  # type: ignore[no-untyped-def]
+    """Whether joint k has answered the question to joint i; the question ends after ASKED_S, or when i answers."""
+    s[_ASKED_S, pair] -= dt
+    if model[i] > s[_MODEL_I, pair]:  # the pressure still rises
+        _note(s, pair, i, k, position, model)
+    w_i, w_k, sign = model[i] - s[_MODEL_I, pair], model[k] - s[_MODEL_K, pair], 0.0
+    u_i, u_k = position[i] - s[_OF_I, pair], position[k] - s[_OF_K, pair]
+    if w_i < -LEAST_RAD:
+        sign = _which(u_i, u_k, w_i, w_k)
+        if sign > 0.0 and (max(abs(w_k), abs(u_i)) > STILL * abs(w_i) or not _is_like(u_k, w_i)):
+            sign = 0.0
+    s[_ANSWER_S, pair] = _lasts(s[_ANSWER_S, pair], sign, dt)
+    if s[_ANSWER_S, pair] > ENOUGH_S:
+        s[_CONFIRMED, pair] += 1.0
+        s[_ASKED_S, pair] = 0.0
+    elif s[_ANSWER_S, pair] < -ENOUGH_S or s[_ASKED_S, pair] <= 0.0:
+        s[_CONFIRMED, pair] = s[_ASKED_S, pair] = 0.0
+    return s[_CONFIRMED, pair] >= QUESTIONS
+
+
+@njit(cache=True)
+def _watch(s, pair, other, w, u, position, model, dt):  # type: ignore[no-untyped-def]
+    """Whether the joints of a pair are exchanged; asks one of them where they look so."""
+    if s[_ASKED_S, pair] > 0.0:
+        i = int(s[_ASKED, pair])
+        return _is_answered(s, pair, i, pair + other - i, position, model, dt)
+    i, k = (pair, other) if w[pair] > w[other] else (other, pair)
+    missed = max(abs(u[k] - w[i]), abs(u[i] - w[k]))
+    s[_MISSED, pair] = max(missed, s[_MISSED, pair] * (1.0 - dt / (dt + RECENT_S)))
+    if max(w[i], -w[k]) < 2.0 * LEAST_RAD:
+        return False
+    sign = _which(u[i], u[k], w[i], w[k])
+    if sign > 0.0 and s[_MISSED, pair] > FOLLOWS * w[i]:
+        sign = 0.0  # joint k has moved on its own account
+    time = _lasts(s[_SUSPECT_S, pair], sign, dt)
+    s[_SUSPECT_S, pair] = time
+    if time < -ENOUGH_S:
+        s[_OPEN, pair] = 0.0
+    elif time > ENOUGH_S and w[i] > 2.0 * LEAST_RAD:
+        s[_SUSPECT_S, pair], s[_ANSWER_S, pair] = 0.0, 0.0
+        s[_ASKED, pair], s[_ASKED_S, pair], s[_CAREFUL, i] = i, ASKED_S, 1.0
+        _note(s, pair, i, k, position, model)
+    return False
+
+
+@njit(cache=True)
+def _check(s, after, w, u, position, model, dt):  # type: ignore[no-untyped-def]
+    """The first joint of an exchanged pair, or NONE; updates the state s in place."""
+    n, found = len(position), NONE
+    for i in range(n):
+        s[_STATE, i] = _FREE
+        if s[_CAREFUL, i] > 0.0:
+            _careful(s, i, w[i], u[i], dt)
+    for pair in range(n):
+        other = after[pair]
+        if other < 0 or s[_OPEN, pair] == 0.0:
+            continue
+        if _watch(s, pair, other, w, u, position, model, dt):
+            found = pair
+        if s[_ASKED_S, pair] > 0.0:
+            i = int(s[_ASKED, pair])
+            k = pair + other - i
+            s[_STATE, i] = _ANSWERS
+            if s[_STATE, k] == _FREE:
+                s[_STATE, k] = _WAITS
+    return found
+
+
+@njit(cache=True)
+def _hold(s, command, pressure, dt):  # type: ignore[no-untyped-def]
+    """Limit set-points [Pa] in place: a question, or a slow rise."""
+    for i in range(len(command)):
+        if s[_STATE, i] == _ANSWERS:
+            command[i] = min(command[i], s[_FROM_PA, i])
+        elif s[_STATE, i] == _WAITS:
+            command[i] = min(command[i], s[_HELD_PA, i])
+        elif s[_CAREFUL, i] > 0.0:
+            command[i] = min(command[i], max(s[_HELD_PA, i] + CAUTION_PA_PER_S * dt, pressure[i]))
+        s[_HELD_PA, i] = command[i]
+
+
+class PlaceWatch:
+    """Compares the motions of neighbouring channels after arming."""
+
+    def __init__(self, after: NDArray[np.int64]) -> None:
+        """Begin without evidence.  after: (joints,) the joint whose angle channel follows, -1 where there is none."""
+        self._after = after
+        self._state = np.zeros((_ROWS, len(after)))
+
+    def start(self, pressure: Array) -> None:
+        """Begin without evidence at pressures (n,) [Pa]."""
+        s = self._state
+        s[:] = 0.0
+        s[[_OPEN, _CAREFUL]] = 1.0
+        s[[_FROM_PA, _HELD_PA]] = pressure
+
+    def restart(self) -> None:
+        """Forget what is undecided, after a gap."""
+        self._state[[_MOVED_S, _SUSPECT_S, _ASKED_S, _ANSWER_S, _CONFIRMED]] = 0.0
+
+    def check(self, asked: Array, measured: Array, position: Array, model: Array, dt: float) -> int:
+        """The first joint of an exchanged pair, or NONE; dt [s] after the last call.
+
+        asked, measured: (n,) motions of about half a second [rad].  position, model: (n,) [rad], the angles measured
+        and those that the pressures ask for.
+        """
+        return int(_check(self._state, self._after, asked, measured, position, model, dt))
+
+    def hold(self, command: Array, pressure: Array, dt: float) -> None:
+        """Limit set-points (n,) [Pa] in place, dt [s] after the last ones; pressure: (n,) [Pa] measured."""
+        _hold(self._state, command, pressure, dt)

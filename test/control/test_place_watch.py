@@ -1,0 +1,91 @@
+"""Angles that were exchanged before arming: suspected by the first motions, confirmed twice, never on a push alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from hand_control.place_watch import CAUTION_PA_PER_S, NONE, QUESTIONS, PlaceWatch
+from hand_model.arrays import Array
+from hand_model.description import load_hand
+from validation.faults.sensors import CONFIG, Case, study
+
+HAND = load_hand(CONFIG / "hand.yaml")
+DT, RECENT_S = 0.005, 0.5
+RAD_PER_PA = 1e-5
+Measured = Callable[[int, Array], Array]
+
+
+def outcome(measured: Measured, time_s: float = 4.0) -> tuple[int, int, float]:
+    """Pair found, number of questions and highest set-point [Pa] of three joints, of which the first is to bend.
+
+    measured: (frame, angles that the pressures ask for (3,)) -> measured angles (3,) [rad].
+    """
+    watch = PlaceWatch(np.array([1, 2, -1]))
+    pressure, w, u = np.zeros(3), np.zeros(3), np.zeros(3)
+    watch.start(pressure)
+    at, angle = np.zeros(3), measured(0, np.zeros(3))
+    questions, asked, highest = 0, False, 0.0
+    kept = 1.0 - DT / (DT + RECENT_S)
+    for frame in range(1, round(time_s / DT)):
+        model, now = pressure * RAD_PER_PA, measured(frame, pressure * RAD_PER_PA)
+        w, u = kept * (w + model - at), kept * (u + now - angle)
+        at, angle = model, now
+        found = watch.check(w, u, now, model, DT)
+        if found != NONE:
+            return found, questions, highest
+        command = np.array([1e5, 0.0, 0.0])
+        watch.hold(command, pressure, DT)
+        questions += int(command[0] == 0.0 and not asked)
+        asked = bool(command[0] == 0.0)
+        highest = max(highest, float(command[0]))
+        pressure = pressure + (command - pressure) * DT / 0.03
+    return NONE, questions, highest
+
+
+def test_an_exchange_is_confirmed_by_two_answers() -> None:
+    """Fails when an exchange is not found, is found without questions, or lets the pressure rise meanwhile."""
+    pair, questions, highest = outcome(lambda frame, model: model[[1, 0, 2]])
+    assert (pair, questions) == (0, QUESTIONS)
+    assert highest < 3e4
+
+
+@pytest.mark.parametrize("factor", [0.55, 1.0, 1.8])
+def test_a_hand_as_wired_is_neither_asked_nor_slow(factor: float) -> None:
+    """Fails when a right hand whose model is 30 % off is asked, or does not get its pressure."""
+    pair, questions, highest = outcome(lambda frame, model: factor * model)
+    assert (pair, questions) == (NONE, 0)
+    assert highest == 1e5
+
+
+@pytest.mark.parametrize("begin_s", [0.0, 0.1, 0.2, 0.4])
+@pytest.mark.parametrize("push_s", [0.2, 0.4, 0.6, 0.8, 1.0, 1.5])
+def test_a_push_beside_a_blocked_joint_is_no_exchange(push_s: float, begin_s: float) -> None:
+    """Fails when a push on one joint, which may look like an answer once, latches a fault."""
+
+    def pushed(frame: int, model: Array) -> Array:
+        share = (frame * DT - begin_s) / push_s
+        return np.array([0.0, 0.2 * np.sin(np.pi * share) ** 2 if 0.0 < share < 1.0 else 0.0, 0.0])
+
+    pair, _, _ = outcome(pushed)
+    assert pair == NONE
+
+
+def test_the_first_rise_is_slow() -> None:
+    """Fails when a joint that has not yet moved gets a set-point at once."""
+    watch = PlaceWatch(np.array([-1]))
+    watch.start(np.zeros(1))
+    command = np.array([3e5])
+    watch.hold(command, np.zeros(1), DT)
+    assert command[0] == pytest.approx(CAUTION_PA_PER_S * DT)
+
+
+@pytest.mark.parametrize("motion", ["step", "opposed", "all joints"])
+def test_exchanged_sensors_move_no_joint_far(motion: str) -> None:
+    """Fails when the whole controller drives a joint by more than 15 degrees on the angle of its neighbour."""
+    print("seed 77")
+    (found,) = study(HAND, [Case(0.1, motion, 6, "angles exchanged", True)], 77)
+    assert found.error_deg < 15.0
+    assert found.excess_pa < 2e5
