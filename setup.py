@@ -79,6 +79,7 @@ setup(
         (f"share/{NAME}/config", [*files("config", "*.yaml"), "config/fastdds.xml"]),
         (f"share/{NAME}/config/security", files("config/security", "*.xml")),
         (f"share/{NAME}/urdf", files("urdf", "*.xacro")),
+        (f"share/{NAME}/config/layouts", files("config/layouts", "*")),
         (f"share/{NAME}/launch", files("launch", "*.launch.py")),
         # Recordings hold the definitions of their messages; without ROS they are read here.
         (f"share/{NAME}/interfaces/hand_msgs/msg", files("hand_msgs/msg", "*.msg")),

@@ -77,7 +77,8 @@ class Settings:
 
     hand_description: str = _text("", "path of hand.yaml; if empty, the installed file")
     grasps: str = _text("", "path of grasps.yaml; if empty, the installed file")
-    frame_id: str = _text("", "frame_id of every message; if empty, the namespace of the node")
+    joint_prefix: str = _text("", "beginning of the names of joints and frames; if empty, joint_prefix of hand.yaml")
+    frame_id: str = _text("", "frame_id of every message; if empty, the palm, or the namespace without geometry")
     enabled_at_start: bool = _switch(False, "drive the hand once activated, without a call of `enable`", changes=START)
     state_file: str = _text(
         "", "file that keeps a latched fault; if empty, NAMESPACE.NODE.json in $ROS_HOME/fluidic_hand or ~/.ros/..."

@@ -31,6 +31,7 @@ from hand_messages.health import Health, Level
 from hand_messages.layouts import CONTACT_FORCES, CONTROLLER_STATE, JOINT_PRESSURES, JOINT_STATE, VALVE_COMMAND
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
+from hand_model.geometry import palm_frame
 from hand_ros.heartbeat import Heartbeat
 from hand_ros.node import (
     COMMAND_QOS,
@@ -65,7 +66,7 @@ class ControllerNode(HandNode):
 
     def configure(self, values: dict[str, Any]) -> None:
         """Load the description, check the settings, create publishers, subscriptions and services."""
-        self._hand: Hand = load_hand(values["hand_description"] or default_config("hand.yaml"))
+        self._hand: Hand = load_hand(values["hand_description"] or default_config("hand.yaml"), values["joint_prefix"])
         self._settings = Settings.of(self._hand, values)
         self._enabled_at_start = values["enabled_at_start"]
         self._grasps = load_grasps(Path(values["grasps"] or default_config("grasps.yaml")), self._hand)
@@ -73,7 +74,7 @@ class ControllerNode(HandNode):
         self._heartbeat = Heartbeat(self._settings.heartbeat_timeout_s)
         if before := self.load_fault(values["state_file"]):
             self._controller.safety.trip(before)
-        joints, frame_id = self._hand.joints, self.frame_id(values)
+        joints, frame_id = self._hand.joints, self.frame_id(values, palm_frame(self._hand, self.get_namespace()))
         self._states_in = JointInput(JOINT_STATE, joints, ("position", "velocity"))
         self._forces_in = JointInput(CONTACT_FORCES, self._hand.sensors.sites, ("force",))
         self._pressures_in = JointInput(JOINT_PRESSURES, joints, ("pressure",))

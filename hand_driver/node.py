@@ -33,6 +33,7 @@ from hand_driver.zero import PressureZero
 from hand_messages.health import Health, Level
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
+from hand_model.geometry import palm_frame
 from hand_ros.heartbeat import TIMEOUT, Heartbeat
 from hand_ros.node import (
     COMMAND_QOS,
@@ -54,7 +55,8 @@ WATCH_PERIOD_S = 0.02
 COMMON_PARAMETERS = (
     NodeParameter("hand_description", "", "path of hand.yaml; empty: the installed one"),
     NodeParameter("velocity_time_constant_s", 0.01, "lag of the velocity estimate; 0: plain difference", 0.0, 1.0),
-    NodeParameter("frame_id", "", "frame_id of every message; if empty, the namespace of the node"),
+    NodeParameter("joint_prefix", "", "beginning of the names of joints and frames; empty: joint_prefix of hand.yaml"),
+    NodeParameter("frame_id", "", "frame_id of every message; empty: the palm, or the namespace without geometry"),
     STATE_FILE,
     TIMEOUT,
 )
@@ -89,7 +91,7 @@ class DriverNode(HandNode):
 
     def configure(self, values: dict[str, Any]) -> None:
         """Load the description and create publishers, subscription and service."""
-        hand = load_hand(values["hand_description"] or default_config("hand.yaml"))
+        hand = load_hand(values["hand_description"] or default_config("hand.yaml"), values["joint_prefix"])
         self._hand = hand
         self._joints = list(hand.joints)
         self._open = self.board_factory(values, hand)
@@ -100,14 +102,14 @@ class DriverNode(HandNode):
         self._heartbeat = Heartbeat(values["heartbeat_timeout_s"])
         self._commander, self._contested = b"", False
         self._zero = PressureZero(hand)
-        self._topics = FrameTopics(hand, self.frame_id(values))
+        self._frame_id = self.frame_id(values, palm_frame(hand, self.get_namespace()))
+        self._topics = FrameTopics(hand, self._frame_id)
         self._frame_publishers = (  # in the order of TOPICS
             self.sole_publisher(JointPressures, "pressures", RELIABLE_SENSOR_QOS),
             self.sole_publisher(JointState, "joint_states", LATCHED_STATE_QOS),
             self.create_publisher(ContactForces, "contact_forces", RELIABLE_SENSOR_QOS),
             self.create_publisher(AdcFrame, "adc", RELIABLE_SENSOR_QOS),
         )
-        self._frame_id = self.frame_id(values)
         self._board_publisher = self.create_publisher(BoardState, "board_state", LATCHED_STATE_QOS)
         self._inputs = (
             self.sole_source(ValveCommand, "valve_command", self._on_command, COMMAND_QOS, self._on_publishers),

@@ -21,7 +21,7 @@ from hand_model.geometry import Geometry
 from hand_model.geometry_description import read_geometry
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STEP_S
 from hand_model.sensor_description import SensorSet, read_adc, read_names, read_sensors, read_sites
-from hand_model.yaml_reader import DescriptionError, Section, read_yaml
+from hand_model.yaml_reader import DescriptionError, Section, is_name, read_yaml
 
 _HAND_WIDE = "supply"
 _GROUPS: dict[str, list[str]] = {}
@@ -119,6 +119,8 @@ def load_hand(path: str | Path, joint_prefix: str = "") -> Hand:
     top = read_yaml(path, _TOP)
     top.integer("schema", 1, 1)
     prefix = joint_prefix or top.name("joint_prefix", "")
+    if not is_name(prefix or "none"):
+        raise DescriptionError(f"joint_prefix is {prefix!r}; it must be a name of letters, digits and underscores")
     supply, board = top.section("supply", _SUPPLY), top.section("board", _BOARD)
     supply_pressure_pa = supply.number("pressure_pa", 1e3, 2e6)
     defaults = top.section("joint_defaults", _JOINT, required=False)

@@ -82,6 +82,20 @@ def link_name(joint: str) -> str:
     return f"{joint}_link"
 
 
+def frame_prefix(hand: Hand, namespace: str) -> str:
+    """What precedes the names of frames on TF: nothing, or the namespace with a slash.
+
+    A hand without a prefix outside the namespace `hand` gets its namespace, so that the frames of two hands differ.
+    """
+    space = namespace.strip("/")
+    return "" if hand.prefix or space in ("", "hand") else f"{space}/"
+
+
+def palm_frame(hand: Hand, namespace: str) -> str:
+    """The frame_id of messages of a hand; "" for a hand without geometry, which has no frames."""
+    return frame_prefix(hand, namespace) + hand.prefix + PALM if hand.geometry is not None else ""
+
+
 def geometry_of(hand: Hand) -> Geometry:
     """The geometry of a hand. ValueError, one line, where its description has none."""
     if hand.geometry is None:

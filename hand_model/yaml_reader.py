@@ -129,6 +129,11 @@ class Section:
         return Section(self._data, self._path, self._where, self._known, defaults)
 
 
+def is_name(text: str) -> bool:
+    """Whether a text is a letter, then letters, digits and underscores."""
+    return _NAME.fullmatch(text) is not None
+
+
 def read_yaml(path: Path, known: Sequence[str]) -> Section:
     """The file's top mapping; one clear line for a missing, empty or broken file."""
     return Section(load_yaml(path), path, "", known)
@@ -143,4 +148,4 @@ def _show_key(key: str) -> str:
     return key if _NAME.fullmatch(key) else reprlib.repr(key)
 
 
-__all__ = ["DescriptionError", "Section", "read_yaml"]
+__all__ = ["DescriptionError", "Section", "is_name", "read_yaml"]

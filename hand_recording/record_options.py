@@ -10,7 +10,7 @@ from typing import Any
 
 from hand_recording.bag_contents import Contents, TopicCount
 
-ALWAYS = ("/diagnostics", "/clock")
+ALWAYS = ("/diagnostics", "/clock", "/tf", "/tf_static")
 """Topics that are recorded in addition to the chosen namespaces."""
 
 

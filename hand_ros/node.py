@@ -108,9 +108,9 @@ class HandNode(LifecycleNode):
         self._health_timer = self.create_timer(0.1, self.publish_health)
         self.add_on_set_parameters_callback(self._on_set_parameters)
 
-    def frame_id(self, values: Mapping[str, Any]) -> str:
-        """The frame of the hand: the parameter, or the namespace of the node, so that two hands differ."""
-        return str(values["frame_id"]) or self.get_namespace().strip("/") or DEFAULT_NAMESPACE
+    def frame_id(self, values: Mapping[str, Any], palm: str = "") -> str:
+        """The frame of the hand: the parameter, the frame of its palm, or the namespace, so that two hands differ."""
+        return str(values["frame_id"]) or palm or self.get_namespace().strip("/") or DEFAULT_NAMESPACE
 
     @property
     def values(self) -> dict[str, Any]:

@@ -1,11 +1,11 @@
-"""`hand urdf`: the hand as URDF, SRDF or MJCF for other programs."""
+"""`hand urdf`: the hand as URDF, SRDF or MJCF for other programs, and layouts of viewers for its topics."""
 
 from __future__ import annotations
 
 import sys
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,6 +13,9 @@ from hand_tool.chosen_model import choose_model
 from hand_tool.console import note, running
 from hand_tool.options import Model, Quiet, Verbose
 from hand_tool.paths import check_file, check_new
+
+if TYPE_CHECKING:
+    from hand_model.description import Hand
 
 
 class Format(Enum):
@@ -22,6 +25,9 @@ class Format(Enum):
     XACRO = "xacro"
     SRDF = "srdf"
     MJCF = "mjcf"
+    FOXGLOVE = "foxglove"
+    PLOTJUGGLER = "plotjuggler"
+    RVIZ = "rviz"
 
 
 class Control(Enum):
@@ -36,7 +42,10 @@ def urdf(
     *,
     out: Annotated[Path | None, typer.Option(help="New file. Default: standard output.")] = None,
     form: Annotated[
-        Format, typer.Option("--format", help="xacro: a macro of both hands. mjcf: for MuJoCo, driven by pressures.")
+        Format,
+        typer.Option(
+            "--format", help="xacro: a macro of both hands. mjcf: for MuJoCo. The last three: layouts of viewers."
+        ),
     ] = Format.URDF,
     prefix: Annotated[
         str, typer.Option(help="Beginning of every name, such as left_; replaces joint_prefix of the model.")
@@ -61,7 +70,7 @@ def urdf(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Write the hand as URDF, xacro, SRDF or MJCF, from `geometry` in hand.yaml.
+    """Write the hand as URDF, xacro, SRDF, MJCF or a viewer's layout, from `geometry` in hand.yaml.
 
     Example: hand urdf --prefix left_ --mount tool0 --ros2-control topic_based --out left_hand.urdf
 
@@ -73,36 +82,39 @@ def urdf(
         _check_names(prefix, mount, namespace)
         chosen = choose_model(model)
         patterns = check_file(grasps or chosen.path.with_name("grasps.yaml")) if form is Format.SRDF else None
-        from hand_model.description import load_hand
-        from hand_robot.urdf import Mount
-
         chosen.print()
+        from hand_model.description import load_hand
+
         hand = load_hand(chosen.path, prefix)
-        where = Mount(mount, mount_xyz, mount_rpy)
-        if form is Format.SRDF:
-            from hand_control.grasps import load_grasps
-            from hand_robot.srdf import srdf_text
+        if form in (Format.URDF, Format.XACRO):
+            from hand_robot.urdf import Mount, macro_text, urdf_text
 
-            assert patterns is not None
-            text = srdf_text(hand, load_grasps(patterns, hand), mount)
-        elif form is Format.MJCF:
-            from hand_robot.mjcf import mjcf_text
-
-            text = mjcf_text(hand)
+            where = Mount(mount, mount_xyz, mount_rpy)
+            urdf = form is Format.URDF
+            text = urdf_text(hand, where, ros2_control.value, namespace, mujoco_model) if urdf else macro_text(hand)
         else:
-            from hand_robot.urdf import macro_text, urdf_text
-
-            text = (
-                macro_text(hand)
-                if form is Format.XACRO
-                else urdf_text(hand, where, ros2_control.value, namespace, mujoco_model)
-            )
+            text = _text(form, hand, patterns, mount, namespace)
         if out is None:
             sys.stdout.write(text)
             return
         out.write_text(text, encoding="utf-8")
         outputs.complete(out)
         note(f"{form.value} written to {out}")
+
+
+def _text(form: Format, hand: Hand, patterns: Path | None, mount: str, namespace: str) -> str:
+    """The text of every format but URDF and xacro."""
+    from hand_control.grasps import load_grasps
+    from hand_robot import layouts
+    from hand_robot.mjcf import mjcf_text
+    from hand_robot.srdf import srdf_text
+
+    if form is Format.SRDF and patterns is not None:
+        return srdf_text(hand, load_grasps(patterns, hand), mount)
+    if form is Format.MJCF:
+        return mjcf_text(hand)
+    makers = {Format.FOXGLOVE: layouts.foxglove_text, Format.PLOTJUGGLER: layouts.plotjuggler_text}
+    return makers.get(form, layouts.rviz_text)(hand, namespace)
 
 
 def _check_names(prefix: str, mount: str, namespace: str) -> None:

@@ -1,13 +1,16 @@
 """Launch driver and controller of a real hand: ros2 launch fluidic_hand hand.launch.py serial_port:=/dev/ttyUSB0."""
 
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch import Action, LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, SetEnvironmentVariable, Shutdown
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, SetEnvironmentVariable, Shutdown
 from launch.conditions import IfCondition
 from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
+
+from hand_robot.state_publisher import state_publisher
 
 BOARD = {
     "transport": ("serial", str, "connection to the board: serial or can"),
@@ -25,10 +28,34 @@ def end_unconfigured(event: ProcessExited, _context: LaunchContext) -> list[Acti
     return [Shutdown(reason=f"{event.process_name} could not be configured")] if event.returncode == 2 else []
 
 
+def publish_frames(context: LaunchContext) -> list[Action]:
+    """robot_description and TF of the hand; nothing where robot_state_publisher is not installed or not wanted."""
+    names = ("hand_description", "namespace", "joint_prefix", "mount")
+    given = {name: LaunchConfiguration(name).perform(context) for name in names}
+    wanted, sim_time = (
+        LaunchConfiguration(name).perform(context).lower() in ("true", "1")
+        for name in ("robot_state_publisher", "use_sim_time")
+    )
+    node = state_publisher(**given, use_sim_time=sim_time) if wanted else None
+    if node is None:
+        return []
+    try:
+        get_package_prefix(node["package"])
+    except PackageNotFoundError:
+        return [LogInfo(msg=f"no TF: the package {node['package']} is not installed")]
+    # Without a type, launch_ros reads text as YAML.
+    parameters = [
+        {name: ParameterValue(value, value_type=type(value)) for name, value in node["parameters"][0].items()}
+    ]
+    return [Node(**node | {"parameters": parameters})]
+
+
 def generate_launch_description() -> LaunchDescription:
     config = PathJoinSubstitution([FindPackageShare("fluidic_hand"), "config"])
     namespace = LaunchConfiguration("namespace")
-    description = {"hand_description": ParameterValue(LaunchConfiguration("hand_description"), value_type=str)}
+    description = {
+        name: ParameterValue(LaunchConfiguration(name), value_type=str) for name in ("hand_description", "joint_prefix")
+    }
     board = {name: ParameterValue(LaunchConfiguration(name), value_type=kind) for name, (_, kind, _) in BOARD.items()}
     common = {
         "use_sim_time": ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool),
@@ -54,6 +81,19 @@ def generate_launch_description() -> LaunchDescription:
                 description="path of the description of the hand, hand.yaml",
             ),
             DeclareLaunchArgument(
+                "joint_prefix",
+                default_value="",
+                description="beginning of the names of joints and frames, such as left_; empty: that of the file",
+            ),
+            DeclareLaunchArgument(
+                "robot_state_publisher",
+                default_value="true",
+                description="publish robot_description and TF where the package robot_state_publisher is installed",
+            ),
+            DeclareLaunchArgument(
+                "mount", default_value="", description="parent link of the hand in robot_description; empty: none"
+            ),
+            DeclareLaunchArgument(
                 "parameter_file",
                 default_value=PathJoinSubstitution([config, "controller.yaml"]),
                 description="path of a parameter file of the controller",
@@ -61,6 +101,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("use_sim_time", default_value="false", description="use the time of /clock"),
             DeclareLaunchArgument("log_level", default_value="info", description="debug, info, warn, error or fatal"),
             *(DeclareLaunchArgument(name, default_value=v, description=d) for name, (v, _, d) in BOARD.items()),
+            OpaqueFunction(function=publish_frames),
             Node(
                 package="fluidic_hand",
                 executable="driver",

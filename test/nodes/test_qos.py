@@ -39,7 +39,7 @@ def test_every_topic_reaches_a_default_subscriber_and_late_ones_get_the_last_sta
     stack.node("controller")
     client.controlling()
     client.until(lambda: min(len(messages) for messages in received.values()) >= 3)
-    assert {messages[-1].header.frame_id for messages in received.values()} == {"hand"}
+    assert {messages[-1].header.frame_id for messages in received.values()} == {"palm"}
     spaces = [name for name, _ in client.node.get_topic_names_and_types() if name.startswith("/hand/")]
     publishers = [info for name in spaces for info in client.node.get_publishers_info_by_topic(name)]
     own = [info for info in publishers if info.node_name in ("simulation", "controller")]
@@ -68,7 +68,7 @@ def test_two_hands_have_frames_of_their_own(stack: Stack, client: Client) -> Non
     client.node.create_subscription(JointState, "/left_hand/joint_states", states.append, 10)
     node = stack.start("simulation", "--ros-args", "-r", "__ns:=/left_hand")
     client.until(lambda: states)
-    assert states[-1].header.frame_id == "left_hand"
+    assert states[-1].header.frame_id == "left_hand/palm"
     before_s, children = _cpu_s(node.pid), resource.getrusage(resource.RUSAGE_CHILDREN)
     assert stack.stop(node) == 0
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -80,3 +80,15 @@ def _cpu_s(pid: int) -> float:
     """Time of the processor [s] that a running process has used."""
     fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def test_a_prefix_of_joints_names_frames_and_joints(stack: Stack, client: Client) -> None:
+    """Fails when driver and controller of a hand with a prefix disagree on names, or its frame has none."""
+    stack.node("simulation", joint_prefix="left_")
+    stack.node("controller", joint_prefix="left_")
+    client.controlling()
+    state = client.states[-1]
+    assert state.header.frame_id == client.joints[-1].header.frame_id == "left_palm"
+    assert all(name.startswith("left_") for name in [*state.name, *client.joints[-1].name])
+    client.command(left_index_proximal=0.4)
+    client.until(lambda: client.angle("left_index_proximal") > 0.35)

@@ -1,0 +1,195 @@
+"""Layouts of Foxglove and PlotJuggler and a configuration of RViz for the topics of one hand.
+
+All three are made from the joints of the hand, so that a hand with other joints, another prefix or another namespace
+has layouts of its own. Foxglove moves the 3-D hand by `joint_states`, so that it needs no TF and works on a recording.
+"""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from hand_model.description import Hand
+from hand_model.geometry import frame_prefix
+from hand_model.yaml_document import yaml_text
+from hand_robot.urdf import BASE
+from hand_robot.xml_text import document
+
+COLORS = (
+    "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#7f7f7f", "#b8a400", "#332288", "#117733",
+    "#aa4499",
+)  # fmt: skip
+"""Colours that people with any colour vision can distinguish (Okabe and Ito; Tol), one per joint."""
+DIAGNOSTICS = "/diagnostics"
+JOINT_STATES, PRESSURES, FORCES = "joint_states", "pressures", "contact_forces"
+STATE, COMMAND, ROBOT = "controller_state", "valve_command", "robot_description"
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """An element of an array of a message. label: what it is.  color: of its line.  dashed: a set-point."""
+
+    topic: str
+    field: str
+    index: int
+    label: str
+    color: str
+    dashed: bool = False
+
+
+def curves(hand: Hand, namespace: str) -> dict[str, list[Curve]]:
+    """Curves of each plot: measured values with their set-points."""
+    space = f"/{namespace.strip('/')}/"
+
+    def rows(topic: str, field: str, names: Iterable[str], note: str = "") -> list[Curve]:
+        colored = zip(names, COLORS * (1 + len(hand.joints) // len(COLORS)), strict=False)
+        made = ((i, f"{name} {note}".strip(), color) for i, (name, color) in enumerate(colored))
+        return [Curve(space + topic, field, i, label, color, bool(note)) for i, label, color in made]
+
+    return {
+        "angles [rad]": [
+            *rows(JOINT_STATES, "position", hand.joints),
+            *rows(STATE, "reference", hand.joints, "reference"),
+        ],
+        "pressures [Pa]": [
+            *rows(PRESSURES, "pressure", hand.joints),
+            *rows(COMMAND, "pressure", hand.joints, "set-point"),
+        ],
+        "contact forces [N]": rows(FORCES, "force", hand.sensors.sites),
+        "contacts": rows(STATE, "contact", hand.joints),
+    }
+
+
+def foxglove_text(hand: Hand, namespace: str = "hand") -> str:
+    """A layout of Foxglove, JSON: 3-D hand, diagnostics, angles, pressures, forces, contacts."""
+    plots = curves(hand, namespace)
+    contacts = plots.pop("contacts")
+    panels: dict[str, Any] = {"3D!hand": _hand_3d(hand, namespace), "DiagnosticSummary!hand": _diagnostics()}
+    names = {title: f"Plot!{title.split()[0]}" for title in plots}
+    panels |= {names[title]: _plot(title, plots[title]) for title in plots}
+    panels["StateTransitions!contacts"] = {
+        "paths": [
+            {"value": _path(curve), "label": curve.label, "timestampMethod": "headerStamp"} for curve in contacts
+        ],
+        "isSynced": True,
+    }
+    right: Any = "StateTransitions!contacts"
+    for share, title in zip((60, 55, 40), reversed(names.values()), strict=True):
+        right = {"first": title, "second": right, "direction": "column", "splitPercentage": share}
+    left = {"first": "3D!hand", "second": "DiagnosticSummary!hand", "direction": "column", "splitPercentage": 70}
+    layout = {"first": left, "second": right, "direction": "row", "splitPercentage": 40}
+    data = {"configById": panels, "globalVariables": {}, "userNodes": {}, "playbackConfig": {"speed": 1.0}}
+    return json.dumps(data | {"layout": layout}, indent=1) + "\n"
+
+
+def _path(curve: Curve) -> str:
+    return f"{curve.topic}.{curve.field}[{curve.index}]"
+
+
+def _plot(title: str, rows: list[Curve]) -> dict[str, Any]:
+    paths = [
+        {
+            "value": _path(curve),
+            "label": curve.label,
+            "color": curve.color,
+            "enabled": True,
+            "timestampMethod": "headerStamp",
+            "lineSize": 1 if curve.dashed else 2,
+        }
+        for curve in rows
+    ]
+    shown = {"showLegend": True, "legendDisplay": "left", "sidebarDimension": 180, "isSynced": True}
+    return {"title": title, "paths": paths, "xAxisVal": "timestamp", "followingViewWidth": 20, **shown}
+
+
+def _diagnostics() -> dict[str, Any]:
+    return {
+        "topicToRender": DIAGNOSTICS,
+        "minLevel": 0,
+        "pinnedIds": [],
+        "hardwareIdFilter": "",
+        "sortByLevel": True,
+    }
+
+
+def _hand_3d(hand: Hand, namespace: str) -> dict[str, Any]:
+    space, base = f"/{namespace.strip('/')}", hand.prefix + BASE
+    urdf = {
+        "layerId": "foxglove.Urdf",
+        "instanceId": "hand",
+        "label": "hand",
+        "visible": True,
+        "frameLocked": True,
+        "sourceType": "topic",
+        "topic": f"{space}/{ROBOT}",
+        "framePrefix": "",
+        "controlMode": "jointStates",
+        "jointStatesTopic": f"{space}/{JOINT_STATES}",
+        "displayMode": "visual",
+        "order": 2,
+    }
+    grid = {"layerId": "foxglove.Grid", "instanceId": "grid", "label": "Grid", "visible": True, "size": 0.4}
+    camera = {"perspective": True, "distance": 0.45, "phi": 60, "thetaOffset": 45, "target": [0.08, 0, 0]}
+    layers = {"hand": urdf, "grid": grid | {"divisions": 8, "frameLocked": True, "order": 1}}
+    return {"followTf": base, "followMode": "follow-pose", "cameraState": camera, "layers": layers, "topics": {}}
+
+
+def plotjuggler_text(hand: Hand, namespace: str = "hand") -> str:
+    """A layout of PlotJuggler, XML: a tab for each kind of signal, a plot for each finger."""
+    root = ET.Element("root")
+    window = ET.SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
+    for title, rows in curves(hand, namespace).items():
+        tab = ET.SubElement(window, "Tab", tab_name=title, containers="1")
+        fingers: dict[str, list[Curve]] = {}
+        for curve in rows:
+            fingers.setdefault(curve.label.removeprefix(hand.prefix).split("_")[0], []).append(curve)
+        sizes = ";".join([f"{1.0 / len(fingers):.4f}"] * len(fingers))
+        container = ET.SubElement(tab, "Container")
+        splitter = ET.SubElement(container, "DockSplitter", orientation="-", count=str(len(fingers)), sizes=sizes)
+        for finger, group in fingers.items():
+            area = ET.SubElement(splitter, "DockArea", name=f"{finger}, {title}")
+            plot = ET.SubElement(area, "plot", mode="TimeSeries", style="Lines", flip_x="false", flip_y="false")
+            for curve in group:
+                ET.SubElement(plot, "curve", name=_series(curve, hand), color=curve.color)
+    ET.SubElement(root, "use_relative_time_offset", enabled="1")
+    return document(root, "Made by: hand urdf. Load it after the data: plotjuggler, Layout, Load.")
+
+
+def _series(curve: Curve, hand: Hand) -> str:
+    """The name that PlotJuggler gives a signal. It knows JointState and writes the joint's name into the path."""
+    if curve.topic.endswith(JOINT_STATES):
+        return f"{curve.topic}/{hand.joints[curve.index]}/{curve.field}"
+    return f"{curve.topic}/{curve.field}[{curve.index}]"
+
+
+def rviz_text(hand: Hand, namespace: str = "hand") -> str:
+    """A configuration of RViz: the hand, its frames, a grid."""
+    before = frame_prefix(hand, namespace)
+    robot = {
+        "Class": "rviz_default_plugins/RobotModel",
+        "Name": "Hand",
+        "Enabled": True,
+        "Description Source": "Topic",
+        "Description Topic": {
+            "Value": f"/{namespace.strip('/')}/{ROBOT}",
+            "Depth": 1,
+            "Durability Policy": "Transient Local",
+            "Reliability Policy": "Reliable",
+        },
+        "TF Prefix": before.rstrip("/"),
+    }
+    frames = {"Class": "rviz_default_plugins/TF", "Name": "Frames", "Enabled": False, "Marker Scale": 0.05}
+    grid = {"Class": "rviz_default_plugins/Grid", "Name": "Grid", "Enabled": True, "Cell Size": 0.05}
+    view = {"Class": "rviz_default_plugins/Orbit", "Distance": 0.5, "Pitch": 0.6, "Yaw": 0.8}
+    manager = {
+        "Displays": [robot, frames, grid],
+        "Global Options": {"Fixed Frame": before + hand.prefix + BASE, "Frame Rate": 30},
+        "Tools": [{"Class": "rviz_default_plugins/MoveCamera"}],
+        "Views": {"Current": view | {"Focal Point": {"X": 0.08, "Y": 0.0, "Z": 0.0}}},
+    }
+    return yaml_text(
+        {"Panels": [{"Class": "rviz_common/Displays", "Name": "Displays"}], "Visualization Manager": manager}
+    )

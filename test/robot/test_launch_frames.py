@@ -1,0 +1,89 @@
+"""What the launch files start for TF, with classes that stand for those of launch and launch_ros."""
+
+from __future__ import annotations
+
+import runpy
+import sys
+import types
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hand_model.description import load_hand
+from hand_robot.state_publisher import state_publisher
+
+ROOT = Path(__file__).resolve().parents[2]
+CONFIG = ROOT / "config" / "hand.yaml"
+
+
+class Kept:
+    """Keeps its arguments; as a configuration it gives the value of the context."""
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        self.arguments, self.named = arguments, named
+
+    def perform(self, context: dict[str, str]) -> str:
+        return context[self.arguments[0]]
+
+
+class AbsentError(LookupError):
+    """The package is not installed."""
+
+
+def publish_frames(name: str, monkeypatch: pytest.MonkeyPatch, installed: bool, **given: str) -> list[Any]:
+    """The actions of a launch file for TF."""
+
+    def prefix(package: str) -> str:
+        if not installed:
+            raise AbsentError(package)
+        return package
+
+    text = (ROOT / "launch" / name).read_text(encoding="utf-8")
+    for line in (line for line in text.splitlines() if line.startswith(("from launch", "from ament"))):
+        _, module, _, names = line.split(maxsplit=3)
+        made: Any = types.ModuleType(module)
+        for item in names.split(", "):
+            setattr(made, item, type(item, (Kept,), {}))
+        made.PackageNotFoundError, made.get_package_prefix = AbsentError, prefix
+        monkeypatch.setitem(sys.modules, module, made)
+    context = {"hand_description": str(CONFIG), "namespace": "hand", "joint_prefix": "", "mount": ""}
+    context |= {"robot_state_publisher": "true", "use_sim_time": "false"} | given
+    actions: list[Any] = runpy.run_path(str(ROOT / "launch" / name))["publish_frames"](context)
+    return actions
+
+
+@pytest.mark.parametrize("name", ["hand.launch.py", "simulated_hand.launch.py"])
+def test_the_launch_publishes_the_frames_where_it_can(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Broken by a launch that fails without robot_state_publisher, or that gives it text that YAML changes."""
+    (node,) = publish_frames(name, monkeypatch, installed=True, joint_prefix="left_", namespace="left_hand")
+    assert node.named["package"] == node.named["executable"] == "robot_state_publisher"
+    assert node.named["namespace"] == "left_hand"
+    values = {
+        key: (value.arguments[0], value.named["value_type"]) for key, value in node.named["parameters"][0].items()
+    }
+    text, kind = values["robot_description"]
+    links = {link.get("name") for link in ET.fromstring(text).iter("link")}
+    assert {"left_palm", "left_index_tip", "left_thumb_distal_pad", "left_palm_pad"} <= links and kind is str
+    assert values["frame_prefix"] == ("", str) and values["use_sim_time"] == (False, bool)
+    (line,) = publish_frames(name, monkeypatch, installed=False)
+    assert "robot_state_publisher is not installed" in line.named["msg"]
+    assert publish_frames(name, monkeypatch, installed=True, robot_state_publisher="false") == []
+    assert publish_frames(name, monkeypatch, installed=True, hand_description="nowhere.yaml") == []
+
+
+def test_two_hands_without_a_prefix_have_frames_of_their_own() -> None:
+    """Broken by two hands in two namespaces that publish the same frames on TF."""
+    frames = [(state_publisher(str(CONFIG), space) or {})["parameters"][0] for space in ("hand", "left", "/right/")]
+    assert [values["frame_prefix"] for values in frames] == ["", "left/", "right/"]
+    prefixed = state_publisher(str(CONFIG), "left", "left_", mount="tool0") or {}
+    assert prefixed["parameters"][0]["frame_prefix"] == ""
+    assert '<link name="tool0" />' in prefixed["parameters"][0]["robot_description"]
+
+
+def test_a_prefix_that_is_no_name_is_refused() -> None:
+    """Broken by a prefix that DDS, TF or XML do not accept."""
+    with pytest.raises(ValueError, match=r"joint_prefix is 'left hand'; it must be a name"):
+        load_hand(CONFIG, "left hand")
+    assert state_publisher(str(CONFIG), "hand", "left hand") is None
