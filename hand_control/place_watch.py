@@ -130,8 +130,12 @@ def _watch(s, pair, other, w, u, position, model, dt):  # type: ignore[no-untype
 
 
 @njit(cache=True)
-def _check(s, after, w, u, position, model, dt):  # type: ignore[no-untyped-def]
-    """The first joint of an exchanged pair, or NONE; updates the state s in place."""
+def check_places(s, after, w, u, position, model, dt):  # type: ignore[no-untyped-def]
+    """The first joint of an exchanged pair, or NONE, dt [s] after the last call; updates the state s in place.
+
+    w, u: (joints,) motions of about half a second, asked for and measured [rad].  position, model: (joints,) [rad], the
+    angles measured and those that the pressures ask for.
+    """
     n, found = len(position), NONE
     for i in range(n):
         s[_STATE, i] = _FREE
@@ -153,9 +157,11 @@ def _check(s, after, w, u, position, model, dt):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _hold(s, command, pressure, dt):  # type: ignore[no-untyped-def]
-    """Limit set-points [Pa] in place: a question, or a slow rise."""
+def hold_places(s, command, pressure, dt):  # type: ignore[no-untyped-def]
+    """Limit set-points [Pa] in place: a question, or a slow rise.  Whether one is lower now."""
+    limits = False
     for i in range(len(command)):
+        asked = command[i]
         if s[_STATE, i] == _ANSWERS:
             command[i] = min(command[i], s[_FROM_PA, i])
         elif s[_STATE, i] == _WAITS:
@@ -163,35 +169,29 @@ def _hold(s, command, pressure, dt):  # type: ignore[no-untyped-def]
         elif s[_CAREFUL, i] > 0.0:
             command[i] = min(command[i], max(s[_HELD_PA, i] + CAUTION_PA_PER_S * dt, pressure[i]))
         s[_HELD_PA, i] = command[i]
+        limits |= command[i] < asked
+    return limits
 
 
 class PlaceWatch:
-    """Compares the motions of neighbouring channels after arming."""
+    """Compares the motions of neighbouring channels after arming.
+
+    state: of `check_places` and `hold_places`, which compiled code calls.
+    after: (joints,) the joint whose angle channel follows, -1 where there is none.
+    """
 
     def __init__(self, after: NDArray[np.int64]) -> None:
-        """Begin without evidence.  after: (joints,) the joint whose angle channel follows, -1 where there is none."""
-        self._after = after
-        self._state = np.zeros((_ROWS, len(after)))
+        """Begin without evidence."""
+        self.after = after
+        self.state = np.zeros((_ROWS, len(after)))
 
     def start(self, pressure: Array) -> None:
         """Begin without evidence at pressures (n,) [Pa]."""
-        s = self._state
+        s = self.state
         s[:] = 0.0
         s[[_OPEN, _CAREFUL]] = 1.0
         s[[_FROM_PA, _HELD_PA]] = pressure
 
     def restart(self) -> None:
         """Forget what is undecided, after a gap."""
-        self._state[[_MOVED_S, _SUSPECT_S, _ASKED_S, _ANSWER_S, _CONFIRMED]] = 0.0
-
-    def check(self, asked: Array, measured: Array, position: Array, model: Array, dt: float) -> int:
-        """The first joint of an exchanged pair, or NONE; dt [s] after the last call.
-
-        asked, measured: (n,) motions of about half a second [rad].  position, model: (n,) [rad], the angles measured
-        and those that the pressures ask for.
-        """
-        return int(_check(self._state, self._after, asked, measured, position, model, dt))
-
-    def hold(self, command: Array, pressure: Array, dt: float) -> None:
-        """Limit set-points (n,) [Pa] in place, dt [s] after the last ones; pressure: (n,) [Pa] measured."""
-        _hold(self._state, command, pressure, dt)
+        self.state[[_MOVED_S, _SUSPECT_S, _ASKED_S, _ANSWER_S, _CONFIRMED]] = 0.0

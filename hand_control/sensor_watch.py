@@ -32,8 +32,8 @@ First motion. The measured pressure drives Eqs. 6 and 8, quasi-static, with nomi
 followed, its set-point rises slowly. A sensor cannot change its sign without a step, so that the joint is not suspected
 again. Two angles that were exchanged before arming make no step; the place watch asks the joints.
 
-While a test is undecided, no set-point exceeds the one from before. References: Brogliato, Nonsmooth Mechanics, 2016
-(restitution); Willems, Dissipative dynamical systems, 1972 (passivity).
+While a test is undecided, no set-point exceeds the one from before; the first rise of each joint is slow. References:
+Brogliato, Nonsmooth Mechanics, 2016 (restitution); Willems, Dissipative dynamical systems, 1972 (passivity).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hand_control.place_watch import NONE, PlaceWatch
+from hand_control.place_watch import ALIKE, ENOUGH_S, NONE, PlaceWatch, check_places, hold_places
 from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.statics import torque
@@ -77,11 +77,10 @@ upper one, for longer than a glitch."""
 SPEED_S, SLOW_S, ACTIVE_RAD_PER_S, ACTIVE_S = 0.01, 0.1, 0.3, 0.04
 POSE_NM = 0.012
 """Torque that pose and speed may leave unexplained by the pressure at arming: an error of the model, friction."""
-RECENT_S, PROVEN_RAD, ENOUGH_S = 0.5, math.radians(2.0), 0.03
+RECENT_S, PROVEN_RAD = 0.5, math.radians(2.0)
 """Motions older than RECENT_S fade; a sign is proven, or refuted for ENOUGH_S, by one of PROVEN_RAD."""
-ALIKE, OPPOSED = (0.4, 2.5), (0.45, 2.2)
-"""Share of the predicted motion that is measured where constants are 30 % off; of a joint with the wrong sign."""
-CAUTION_PA_PER_S = 1.5e5
+OPPOSED = (0.45, 2.2)
+"""Share of the predicted motion that is measured on a joint with the wrong sign whose constants are 30 % off."""
 PRESSURE_S, LEAST_PA, UNEXPLAINED = 0.03, 1.2e4, 0.125
 FINE, JUMPED, SIGN, ANGLES_SWAPPED, PRESSURES_SWAPPED, FROZEN, BEYOND, ACTIVE = range(8)
 """Verdicts."""
@@ -314,7 +313,7 @@ def _pressures(s, i, k, expected, pressure, dt):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _check(s, c, spacing, partner, above, position, pressure, expected, drive, liquid, dt):  # type: ignore[no-untyped-def]
+def _check(s, c, spacing, partner, above, places, after, liquid, position, pressure, expected, drive, dt):  # type: ignore[no-untyped-def]
     """Verdict, joint and other joint of a frame."""
     n, verdict, joint, other = len(position), FINE, 0, -1
     for i in range(n):
@@ -331,6 +330,9 @@ def _check(s, c, spacing, partner, above, position, pressure, expected, drive, l
             verdict, joint, other = PRESSURES_SWAPPED, i, k
     for i in range(n):
         s[_P_LAST, i] = pressure[i]
+    pair = check_places(places, after, s[_W], s[_U], position, s[_MODEL], dt)
+    if pair != NONE and verdict == FINE:
+        verdict, joint, other = ANGLES_SWAPPED, pair, after[pair]
     spacing[4] += dt
     if spacing[4] < SPACING_S or verdict != FINE:
         return verdict, joint, other
@@ -340,16 +342,16 @@ def _check(s, c, spacing, partner, above, position, pressure, expected, drive, l
 
 
 @njit(cache=True)
-def _hold(s, command, dt):  # type: ignore[no-untyped-def]
-    """Limit the set-points of suspected joints to the last ones from before; unproven ones rise slowly, in place."""
+def _hold(s, places, command, dt):  # type: ignore[no-untyped-def]
+    """Limit the set-points of suspected joints in place to the last ones from before; whether one is lower now."""
+    limits = False
     for i in range(len(command)):
         if s[_HOLD, i] > 0.0:
+            limits |= command[i] > s[_BELIEVED_PA, i]
             command[i] = min(command[i], s[_BELIEVED_PA, i])
-            continue
-        if s[_DOUBTED, i] > 0.0:
-            # The pressure that the joint has already may stay.
-            command[i] = min(command[i], max(s[_BELIEVED_PA, i] + CAUTION_PA_PER_S * dt, s[_P_LAST, i]))
-        s[_BELIEVED_PA, i] = command[i]
+        else:
+            s[_BELIEVED_PA, i] = command[i]
+    return hold_places(places, command, s[_P_LAST], dt) or limits
 
 
 class SensorWatch:
@@ -362,20 +364,21 @@ class SensorWatch:
         """Begin without evidence; `start` gives the first measurement."""
         sensors = hand.sensors
         self._joints = hand.joints
-        self._partner = hand.partner
         pressed = STOP_NM / hand.row("end_stop.stiffness_nm_per_rad") + hand.row("end_stop.engagement_deg")
         rows = [*(hand.row(key) for key in _KEYS), 2.0 * sensors.hall.zero_rad, pressed + BEYOND_RAD]
         self._constants = np.array(rows)
         self._channels = (sensors.angle_channel, sensors.pressure_channel)
-        self._above = _next(sensors.pressure_channel)
-        self._after = _next(sensors.angle_channel)
-        self._places = PlaceWatch(self._after)
+        self._places = PlaceWatch(_next(sensors.angle_channel))
         self._state = np.zeros((_ROWS, len(hand.joints)))
         self._spacing = np.zeros(5)
         self._period_s = 1.0 / hand.rate_hz
         self._elapsed_s = 0.0
         self.limits = False
         self._liquid = bool(hand.row("hydraulic.share").max() > 0.0)
+        places = (self._places.state, self._places.after)
+        above = _next(sensors.pressure_channel)
+        self._fixed = (self._state, self._constants, self._spacing, hand.partner, above, *places, self._liquid)
+        self._gap_s = max(3.0 * self._period_s, 0.02)
 
     def start(self, position: Array, velocity: Array, pressure: Array) -> None:
         """Begin without evidence at position (n,) [rad], velocity (n,) [rad/s] and pressure (n,) [Pa].
@@ -424,40 +427,21 @@ class SensorWatch:
         driven: (n,) [Pa], of the set-points alone; it counts where a liquid lets the motion itself change the pressure.
         """
         drive = driven if self._liquid else pressure
-        self._elapsed_s = min(max(elapsed_s, 0.0), 3.0 * self._period_s)
-        if elapsed_s > max(3.0 * self._period_s, 0.02):
-            self._restart(position, drive)
-            self._places.restart()
+        if elapsed_s <= 0.0 or elapsed_s > self._gap_s:
+            self._elapsed_s = 0.0 if elapsed_s <= 0.0 else 3.0 * self._period_s
+            if elapsed_s > 0.0:
+                self._restart(position, drive)
+                self._places.restart()
             return None
-        if elapsed_s <= 0.0:
-            return None
-        verdict, joint, other = _check(
-            self._state,
-            self._constants,
-            self._spacing,
-            self._partner,
-            self._above,
-            position,
-            pressure,
-            expected,
-            drive,
-            self._liquid,
-            elapsed_s,
-        )
-        s = self._state
+        self._elapsed_s = elapsed_s
+        verdict, joint, other = _check(*self._fixed, position, pressure, expected, drive, elapsed_s)
         if verdict == FINE:
-            joint = self._places.check(s[_W], s[_U], position, s[_MODEL], elapsed_s)
-            if joint == NONE:
-                return None
-            verdict, other = ANGLES_SWAPPED, int(self._after[joint])
-        return Contradiction(verdict, joint, other, float(s[_DEV, joint]))
+            return None
+        return Contradiction(verdict, joint, other, float(self._state[_DEV, joint]))
 
     def hold(self, command: Array) -> None:
         """Limit set-points (n,) [Pa] in place: none above the last one from before the present evidence."""
-        asked = command.copy()
-        _hold(self._state, command, self._elapsed_s)
-        self._places.hold(command, self._state[_P_LAST], self._elapsed_s)
-        self.limits = bool((command < asked).any())
+        self.limits = _hold(self._state, self._places.state, command, self._elapsed_s)
 
     def line(self, found: Contradiction) -> str:
         """What was found: joints, channels, evidence and what to check."""

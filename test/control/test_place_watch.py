@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from hand_control.place_watch import CAUTION_PA_PER_S, NONE, QUESTIONS, PlaceWatch
+from hand_control.place_watch import CAUTION_PA_PER_S, NONE, QUESTIONS, PlaceWatch, check_places, hold_places
 from hand_model.arrays import Array
 from hand_model.description import load_hand
 from validation.faults.sensors import CONFIG, Case, study
@@ -33,11 +33,11 @@ def outcome(measured: Measured, time_s: float = 4.0) -> tuple[int, int, float]:
         model, now = pressure * RAD_PER_PA, measured(frame, pressure * RAD_PER_PA)
         w, u = kept * (w + model - at), kept * (u + now - angle)
         at, angle = model, now
-        found = watch.check(w, u, now, model, DT)
+        found = check_places(watch.state, watch.after, w, u, now, model, DT)
         if found != NONE:
             return found, questions, highest
         command = np.array([1e5, 0.0, 0.0])
-        watch.hold(command, pressure, DT)
+        hold_places(watch.state, command, pressure, DT)
         questions += int(command[0] == 0.0 and not asked)
         asked = bool(command[0] == 0.0)
         highest = max(highest, float(command[0]))
@@ -78,7 +78,7 @@ def test_the_first_rise_is_slow() -> None:
     watch = PlaceWatch(np.array([-1]))
     watch.start(np.zeros(1))
     command = np.array([3e5])
-    watch.hold(command, np.zeros(1), DT)
+    assert hold_places(watch.state, command, np.zeros(1), DT)
     assert command[0] == pytest.approx(CAUTION_PA_PER_S * DT)
 
 
