@@ -207,6 +207,7 @@ def _tested(
     gets smaller: the right effect in too narrow a form gains less on test data than on validation data.
     """
     free_axis = whole.driven is False and _swings_freely(whole)
+    _confirm_laws(whole, search, free_axis=free_axis)
     test = evaluate_test(whole, [search.nominal, search.final], free_axis=free_axis)
     if test is None or not search.accepted:
         return test, ()
@@ -217,6 +218,23 @@ def _tested(
     names = tuple(hypothesis.effect.name for hypothesis in search.accepted)
     search.accepted.clear()
     return evaluate_test(whole, [search.nominal, search.nominal], free_axis=free_axis), names
+
+
+def _confirm_laws(whole: JointProblem, search: JointSearch, *, free_axis: bool) -> None:
+    """Put back the textbook forms of all laws where the learned ones do not reduce the test error.
+
+    A law that is learned over a time or a travel may not hold beyond the fitted data.
+    """
+    learned = [hypothesis for hypothesis in search.accepted if hypothesis.freed]
+    if not learned:
+        return
+    textbook = search.with_textbook_laws()
+    test = evaluate_test(whole, [textbook.final, search.final], free_axis=free_axis)
+    if test is None:
+        return
+    before, after = (np.nansum(test.rmse(k) ** 2 / whole.floor**2) for k in (0, 1))
+    if after >= before:
+        search.accepted[:] = textbook.accepted
 
 
 def _swings_freely(problem: JointProblem) -> bool:

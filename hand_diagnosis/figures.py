@@ -8,6 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hand_diagnosis.diagnosis import JointDiagnosis
+from hand_diagnosis.laws import LawCurve
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.verdict import describe, states_of
 from hand_identification.map_fit import MapFit
@@ -15,6 +16,7 @@ from hand_model.arrays import Array
 from hand_model.quantities import Wording
 
 INK, BLUE, RED, GREY, SHADE = "#1a1a1a", "#1f6f9f", "#c0392b", "#888888", "#f0f0f0"
+BAND_ALPHA = 0.5
 
 
 def joint_figure(joint: JointDiagnosis) -> Figure:
@@ -44,6 +46,22 @@ def joint_figure(joint: JointDiagnosis) -> Figure:
     top.legend(frameon=False, ncols=3, loc="upper right")
     left.set(xlabel="time [s]", ylabel=f"measured - model [{unit}]")
     _over_state(right, joint, stage)
+    return figure
+
+
+def law_figure(effect: str, law: LawCurve) -> Figure:
+    """The law of a class over its first state with its band, and the textbook form fitted to the same data."""
+    figure = Figure(figsize=(4.6, 2.8), layout="constrained")
+    FigureCanvasAgg(figure)
+    axis = figure.add_subplot()
+    axis.spines[["top", "right"]].set_visible(False)
+    state, value, low, high, textbook = law.points.T
+    axis.fill_between(state, low, high, color=BLUE, alpha=BAND_ALPHA, lw=0, label="95 % band")
+    if law.form == "learned":
+        axis.plot(state, textbook, "--", color=GREY, lw=1.2, label="textbook form")
+    axis.plot(state, value, color=BLUE, lw=1.6, label=f"{law.form} law")
+    axis.set(xlabel=f"{law.over[0]} [{law.over_unit}]", ylabel=f"[{law.unit}]", title=effect.replace("_", " "))
+    axis.legend(frameon=False, fontsize="small")
     return figure
 
 

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hand_diagnosis.hypotheses import Hypothesis
+from hand_diagnosis.laws import LawCurve
+from hand_diagnosis.laws import describe as describe_law
 from hand_diagnosis.search import JointSearch
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.splits import ErrorsOnTest
@@ -41,7 +43,8 @@ class Finding:
 
     when: stretches of the first recording [s].  numbers: the effect's.  tied_with: effects that the data cannot
     separate from it.  explains: share of the signal's mean square beyond the noise that it removes, 0 ... 1.
-    at_bound: keys of its numbers that ended at a bound of their range.
+    at_bound: keys of its numbers that ended at a bound of their range.  law: its constitutive law; None for a class
+    that is a single number.
     """
 
     joint: str | None
@@ -57,6 +60,7 @@ class Finding:
     tied_with: tuple[str, ...] = ()
     explains: float = 1.0
     at_bound: tuple[str, ...] = ()
+    law: LawCurve | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +145,7 @@ def _finding(result: JointResult, index: int) -> Finding:
     low = SETTINGS.min_probability
     probability = min(max(sure * rivals[effect.name][1], low), 1.0 - low)
     bound = _at_bounds(search, effect, wording)
+    law = law_curve(search, accepted, wording)
     explains = _explained_by(result, index)
     return Finding(
         None if effect.everywhere or effect.place == "supply" else result.joint,
@@ -152,11 +157,19 @@ def _finding(result: JointResult, index: int) -> Finding:
         wording.signals[stage],
         _condition(search, off, stage, wording),
         numbers,
-        _statement(result, index, said(effect, numbers, wording), tied, explains, bound),
+        _statement(result, index, said(effect, numbers, wording), tied, explains, bound, law),
         tuple(tied),
         explains,
         tuple(key for key, _ in bound),
+        law,
     )
+
+
+def law_curve(search: JointSearch, accepted: Hypothesis, wording: Wording) -> LawCurve | None:
+    """The law of an accepted effect in the final fit; None for a class without coefficients."""
+    if not accepted.effect.coefficients:
+        return None
+    return describe_law(search.problem, accepted.effect, search.final, accepted.textbook, wording)
 
 
 def _explained_by(result: JointResult, index: int) -> float:
@@ -196,6 +209,7 @@ def _statement(
     tied: Sequence[str],
     explains: float,
     bound: Sequence[tuple[str, str]],
+    law: LawCurve | None,
 ) -> str:
     """The sentences of a finding."""
     accepted = result.search.accepted[index]
@@ -205,6 +219,8 @@ def _statement(
     text = f"{result.joint}: {says}."
     if tied:
         text = f"{result.joint}: these data do not separate {names}. If it is {accepted.effect.name}, {says}."
+    if law is not None and law.form == "learned":
+        text += f" Its law departs from the textbook form: {law.statement}."
     text += f" It explains {explains:.0%} of the mismatch of the {signal}. {errors_text(result, stage)}"
     text += f" The noise floor is {factor * result.result(stage).noise:.3g} {unit}."
     for key, limit in bound:

@@ -23,6 +23,7 @@ from hand_identification.free_parameters import (
     START_CREEP,
     FreeParameter,
     effect_free_parameters,
+    law_free_parameters,
     merged,
     probe_values,
 )
@@ -50,6 +51,8 @@ class Hypothesis:
     """An effect in addition to those already accepted: its fit and log evidence, and what the validation data say.
 
     stage: that gains most.  fall: 95 % interval of the relative fall of its validation mean square.
+    freed: coefficients of the effect's law that the fit has; none for the textbook form.  textbook: the fit of the
+    textbook form where the law is learned.
     """
 
     effect: Effect
@@ -57,6 +60,18 @@ class Hypothesis:
     log_evidence: float
     stage: int
     fall: tuple[float, float]
+    freed: tuple[str, ...] = ()
+    textbook: MapFit | None = None
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Keys of the parameters that the effect and its law set free."""
+        return (*self.effect.keys, *self.freed)
+
+    def free_parameters(self, nominal: Array) -> list[FreeParameter]:
+        """Free parameters of the effect and of its learned law around the nominal numbers (rows,)."""
+        law = [p for p in law_free_parameters(self.effect, nominal) if p.key in self.freed]
+        return effect_free_parameters(self.effect, nominal) + law
 
 
 def log_likelihood(problem: JointProblem, squares: Array, blocks: Flags) -> float:
@@ -234,7 +249,8 @@ def refined(
     """A hypothesis whose fit is continued by a later pass."""
     stepped = replace(problem, step_s=fit_pass.step_s)
     fit = map_fit(stepped, rough.fit.free, rough.fit.z, fit_pass.iterations, fit_pass.tolerance)
-    return judged(problem, current, rough.effect, fit, rng)
+    again = judged(problem, current, rough.effect, fit, rng)
+    return replace(again, freed=rough.freed, textbook=rough.textbook)
 
 
 def judged(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, rng: np.random.Generator) -> Hypothesis:
@@ -248,12 +264,15 @@ def judged(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, 
 
 
 def amounts(fit: MapFit) -> list[list[int]]:
-    """For each effect, indices of the parameters that say how much; each may be neutral while others act."""
+    """For each effect, indices of the parameters that say how much; each may be neutral while others act.
+
+    Coefficients of a learned law are not among them: the determinant counts what the data know of them.
+    """
     found: dict[str, list[int]] = {}
     for k, parameter in enumerate(fit.free):
         name = parameter.key.partition(".")[0]
         own = len(PLANT_PARAMETERS) <= parameter.row < START_CREEP and not parameter.log
-        if own and parameter.key not in EFFECTS[name].shape:
+        if own and parameter.key not in (*EFFECTS[name].shape, *EFFECTS[name].coefficients):
             found.setdefault(name, []).append(k)
     return list(found.values())
 

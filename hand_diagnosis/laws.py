@@ -58,21 +58,41 @@ class LearnedLaw:
 
 
 def learn_law(
-    problem: JointProblem, textbook: MapFit, effect: Effect, rng: np.random.Generator, thin: bool = True
+    problem: JointProblem, textbook: MapFit, effect: Effect, rng: np.random.Generator, begun: Sequence[MapFit] = ()
 ) -> LearnedLaw:
     """Free the law of an effect that is part of a fitted model, on the training data.
 
-    textbook: the fit of the model with the effect in its textbook form.  thin: whether surplus coefficients are
-    removed. Raises ValueError for an effect without a learned law.
+    textbook: the fit of the model with the effect in its textbook form.  begun: coarse fits to continue
+    (`begin_law`); without them the fit starts at more points. Raises ValueError for an effect without a learned law.
     """
+    begun = begun or begin_law(problem, textbook, effect, rng, SETTINGS.law_fits[1])
+    rows = {p.row for p in _added(problem, textbook, effect)}
+    ended = [map_fit(problem, fit.free, fit.z, SETTINGS.law_iterations[1]) for fit in begun[: SETTINGS.law_fits[2]]]
+    fit = _thinned(problem, min(ended, key=lambda fit: fit.cost), rows)
+    return _compared(problem, textbook, fit, effect, rows)
+
+
+def begin_law(
+    problem: JointProblem, textbook: MapFit, effect: Effect, rng: np.random.Generator, fits: int = SETTINGS.law_fits[0]
+) -> list[MapFit]:
+    """Short fits of the law from the textbook form and from the `fits` cheapest other starts, the best one first."""
     if not effect.coefficients:
         raise ValueError(f"the effect {effect.name} has no learned law")
-    added = [p for p in law_free_parameters(effect, problem.nominal) if p.row not in {t.row for t in textbook.free}]
+    added = _added(problem, textbook, effect)
     free = [*textbook.free, *added]
-    fit = _best_fit(problem, free, _starts(problem, textbook, effect, added, rng))
-    if thin:
-        fit = _thinned(problem, fit, {p.row for p in added})
-    return _compared(problem, textbook, fit, effect, {p.row for p in added})
+    starts = _starts(problem, textbook, effect, added, rng)
+    costs = costs_at(problem, free, np.array(starts))
+    cheapest = sorted(range(1, len(starts)), key=lambda k: float(costs[k]))[:fits]
+    rough = [
+        map_fit(problem, free, starts[k], SETTINGS.law_iterations[0], 0.5).without_arrays() for k in (0, *cheapest)
+    ]
+    return sorted(rough, key=lambda fit: fit.cost)
+
+
+def _added(problem: JointProblem, textbook: MapFit, effect: Effect) -> list[FreeParameter]:
+    """The coefficients of an effect's law that a fit has not set free."""
+    have = {parameter.row for parameter in textbook.free}
+    return [p for p in law_free_parameters(effect, problem.nominal) if p.row not in have]
 
 
 def training_evidence(problem: JointProblem, fit: MapFit) -> float:
@@ -151,18 +171,6 @@ def _nominal(fit: MapFit) -> Array:
     return np.array([(p.row < len(PLANT_PARAMETERS) and not p.log) or p.row >= START_CREEP for p in fit.free])
 
 
-def _best_fit(problem: JointProblem, free: Sequence[FreeParameter], starts: Sequence[Array]) -> MapFit:
-    """The best of the fits from the first start and from the cheapest others."""
-    costs = costs_at(problem, free, np.array(starts))
-    cheapest = sorted(range(1, len(starts)), key=lambda k: float(costs[k]))[: SETTINGS.law_fits[0]]
-    rough = [
-        map_fit(problem, free, starts[k], SETTINGS.law_iterations[0], 0.5).without_arrays() for k in (0, *cheapest)
-    ]
-    rough.sort(key=lambda fit: fit.cost)
-    ended = [map_fit(problem, free, fit.z, SETTINGS.law_iterations[1]) for fit in rough[: SETTINGS.law_fits[1]]]
-    return min(ended, key=lambda fit: fit.cost)
-
-
 def _thinned(problem: JointProblem, fit: MapFit, rows: set[int]) -> MapFit:
     """The fit without the coefficients (rows) that the training data do not need, by their evidence."""
     for _ in range(2):
@@ -239,24 +247,30 @@ class LawCurve:
         }
 
 
-def describe(problem: JointProblem, law: LearnedLaw, wording: Wording = HAND) -> LawCurve:
-    """The preferred law of an effect over the states that occurred, with its band, and in words."""
-    known = law.effect.constitution
+def describe(
+    problem: JointProblem, effect: Effect, chosen: MapFit, textbook: MapFit | None = None, wording: Wording = HAND
+) -> LawCurve:
+    """The law of an effect over the states that occurred, with its band, and in words.
+
+    chosen: the fit with the law.  textbook: the fit of the textbook form to the same data; None where `chosen` has this
+    form. Raises ValueError for an effect without a learned law.
+    """
+    known = effect.constitution
     if known is None or known.curve is None:
-        raise ValueError(f"the effect {law.effect.name} has no learned law")
-    first = _grid(problem, known.over[0], law)
-    second = _grid(problem, known.over[1], law)[[0, -1]] if len(known.over) > 1 else np.zeros(2)
-    chosen = law.chosen
-    here = _curves(problem, law.effect, chosen, chosen.z[None], first, second)[0]
+        raise ValueError(f"the effect {effect.name} has no learned law")
+    first = _grid(problem, known.over[0], effect, chosen)
+    second = _grid(problem, known.over[1], effect, chosen)[[0, -1]] if len(known.over) > 1 else np.zeros(2)
+    here = _curves(problem, effect, chosen, chosen.z[None], first, second)[0]
     draws = np.random.default_rng(SETTINGS.noise_seed).multivariate_normal(
         chosen.z, posterior_covariance(problem, chosen), SETTINGS.law_draws, method="cholesky"
     )
-    low, high = np.quantile(_curves(problem, law.effect, chosen, draws, first, second)[:, 0], SETTINGS.law_band, axis=0)
-    plain = _curves(problem, law.effect, law.textbook, law.textbook.z[None], first, second)[0, 0]
+    ends = np.quantile(_curves(problem, effect, chosen, draws, first, second)[:, 0], SETTINGS.law_band, axis=0)
+    low, high = np.minimum(ends[0], here[0]), np.maximum(ends[1], here[0])  # a coefficient may stand at its bound
+    plain = here[0] if textbook is None else _curves(problem, effect, textbook, textbook.z[None], first, second)[0, 0]
     unit, over_unit = (wording.units.quantity(f"law.x_{ending}") for ending in (known.unit, STATES[known.over[0]]))
     points = np.column_stack([first * over_unit.factor, *(y * unit.factor for y in (here[0], low, high, plain))])
     sentence = _sentence(known, points[:, 0], here * unit.factor, unit.unit, over_unit.unit)
-    form = "learned" if law.preferred else "textbook"
+    form = "textbook" if textbook is None else "learned"
     return LawCurve(form, known.over, known.quantity, unit.unit, over_unit.unit, points, sentence)
 
 
@@ -279,7 +293,7 @@ def _curve_of(effect: Effect) -> Callable[[tuple[float, ...], float, float], flo
     return effect.constitution.curve
 
 
-def _grid(problem: JointProblem, state: str, law: LearnedLaw) -> Array:
+def _grid(problem: JointProblem, state: str, effect: Effect, fit: MapFit) -> Array:
     """Values (law_points,) [SI] of a state over the range that occurred."""
     segments = problem.segments
 
@@ -288,7 +302,7 @@ def _grid(problem: JointProblem, state: str, law: LearnedLaw) -> Array:
 
     if state == "angle":
         angles = np.concatenate([segment.angle_rad for segment in segments])
-        if law.effect.place == "joint" and law.effect.name == "backlash":  # way after a reversal
+        if effect.name == "backlash":  # way after a reversal
             return np.linspace(0.0, float(np.ptp(angles)) / 4.0, SETTINGS.law_points)
         low, high = (
             float(end) for end in np.quantile(angles, (1.0 - SETTINGS.law_range_share, SETTINGS.law_range_share))
@@ -298,8 +312,8 @@ def _grid(problem: JointProblem, state: str, law: LearnedLaw) -> Array:
         return np.linspace(-1.0, 1.0, SETTINGS.law_points)
     if state == "direction":
         return np.linspace(0.0, 1.0, SETTINGS.law_points)
-    if state == "time" and law.effect.place == "valve":
-        return np.linspace(0.0, SETTINGS.law_settled * largest(_time_constants(problem, law)), SETTINGS.law_points)
+    if state == "time" and effect.place == "valve":
+        return np.linspace(0.0, SETTINGS.law_settled * _time_constant(problem, fit), SETTINGS.law_points)
     top = {
         "speed": lambda: largest(segment.exogenous[:, SPEED] for segment in segments),
         "pressure": lambda: largest(segment.pressure_pa for segment in segments),
@@ -314,10 +328,10 @@ def _grid(problem: JointProblem, state: str, law: LearnedLaw) -> Array:
     return np.linspace(0.0, max(top, 1e-12), SETTINGS.law_points)
 
 
-def _time_constants(problem: JointProblem, law: LearnedLaw) -> list[Array]:
-    columns, _ = problem.columns(law.chosen.free, law.chosen.z[None])
-    keys = ("valve.time_constant_s", "valve_lag.time_constant_s")
-    return [np.array([sum(float(columns[0, ROW[key]]) for key in keys)])]
+def _time_constant(problem: JointProblem, fit: MapFit) -> float:
+    """Time constant [s] of the valve and its lag in a fit."""
+    columns, _ = problem.columns(fit.free, fit.z[None])
+    return sum(float(columns[0, ROW[key]]) for key in ("valve.time_constant_s", "valve_lag.time_constant_s"))
 
 
 def _sentence(known: Constitution, x: Array, y: Array, unit: str, over_unit: str) -> str:

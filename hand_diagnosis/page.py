@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
-from hand_diagnosis.figures import joint_figure
+from hand_diagnosis.figures import joint_figure, law_figure
 from hand_diagnosis.settings import SETTINGS
 from hand_pages.page import png, write_html
 
@@ -32,7 +32,7 @@ def write_page(diagnosis: Diagnosis, report: Mapping[str, Any], out: Path) -> No
     for joint in _shown(diagnosis):
         picture = png(joint_figure(joint))
         (out / f"{joint.joint}.png").write_bytes(picture)
-        joints.append(_joint(joint, picture, report))
+        joints.append(_joint(joint, picture, report) | {"laws": _laws(diagnosis, joint)})
     count, axis = len(diagnosis.joints), diagnosis.wording.axis
     write_html(
         out / "report.html",
@@ -85,6 +85,15 @@ def _joint(joint: JointDiagnosis, picture: bytes, report: Mapping[str, Any]) -> 
         fall = f"{errors[0]} → {errors[1]} {joint.wording.signal_units[stage][1]}"
         hypotheses.append((hypothesis.effect.name, f"{gain:+.0f}", fall))
     return {"name": joint.joint, "picture": picture, "numbers": numbers, "hypotheses": hypotheses}
+
+
+def _laws(diagnosis: Diagnosis, joint: JointDiagnosis) -> list[tuple[str, bytes]]:
+    """The laws of a joint's findings: each in words, and its figure."""
+    return [
+        (finding.law.statement, png(law_figure(finding.effect, finding.law)))
+        for finding in diagnosis.findings
+        if finding.law is not None and finding.joint == joint.joint
+    ]
 
 
 def _parameters(joint: str, report: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], bool]]:

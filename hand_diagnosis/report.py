@@ -101,7 +101,7 @@ def _finding(diagnosis: Diagnosis, rank: int, finding: Finding) -> dict[str, Any
         "where": {"signal": finding.signal, "condition": finding.condition},
         "tied_with": list(finding.tied_with),
         "explains": round(finding.explains, 4),
-        "law": {"form": "textbook", "over": [], "points": []},
+        "law": {"form": "textbook", "over": [], "points": []} if finding.law is None else finding.law.document(),
         "since": None,
         "parameters": _parameters(finding.numbers, finding.at_bound),
         "statement": finding.statement,
@@ -293,6 +293,7 @@ def write_report(
     """
     content = document(diagnosis, recordings, str(hand.path)) if made is None else dict(made)
     comment = f"Diagnosed from {', '.join(recordings)}: {diagnosis.verdict}. Nominal: {hand.path.name}."
+    comment = "\n".join([comment, *_law_lines(diagnosis)])
     kept: dict[str, Mapping[str, float]] = {}
     resolutions = {joint.joint: _resolutions(joint) for joint in diagnosis.joints}
     out.mkdir(parents=True, exist_ok=True)
@@ -316,6 +317,21 @@ def write_report(
     write_model(hand, kept, out / "model.yaml", comment, resolutions=resolutions)
     write_json(content, out)
     return content, kept
+
+
+def _law_lines(diagnosis: Diagnosis) -> list[str]:
+    """The learned laws as points with units, for a reader of model.yaml; their coefficients stand at the joints."""
+    lines = []
+    for finding in diagnosis.findings:
+        if finding.law is None or finding.law.form != "learned":
+            continue
+        law = finding.law
+        points = ", ".join(f"{x:.3g}: {y:.3g}" for x, y in law.points[::3, :2])
+        lines.append(
+            f"Learned law of {finding.effect} of {finding.joint or 'the hand'}: {law.quantity} [{law.unit}] over"
+            f" {law.over[0]} [{law.over_unit}]: {points}"
+        )
+    return lines
 
 
 def _resolutions(joint: JointDiagnosis) -> dict[str, float]:

@@ -22,9 +22,10 @@ from hand_diagnosis.hypotheses import (
     refined,
     validation_rmse,
 )
+from hand_diagnosis.laws import begin_law, learn_law, training_evidence
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import shape_driving
-from hand_identification.free_parameters import FreeParameter, effect_free_parameters, merged
+from hand_identification.free_parameters import FreeParameter, merged
 from hand_identification.joint_problem import STAGES, JointProblem
 from hand_identification.map_fit import MapFit, map_fit
 from hand_model.arrays import Array
@@ -70,22 +71,36 @@ class JointSearch:
     @property
     def effect_keys(self) -> frozenset[str]:
         """Parameters of the effects found; every other one that moved is a nominal number."""
-        return frozenset(key for hypothesis in self.accepted for key in hypothesis.effect.keys)
+        return frozenset(key for hypothesis in self.accepted for key in hypothesis.keys)
 
     def with_effects_off(self, *names: str) -> MapFit:
         """The best model with effects switched off (all, where none is named); its residuals show where they act.
 
         The nominal model, fitted without the effects, has spread their local error over everything.
         """
-        off = [found.effect for found in self.accepted if not names or found.effect.name in names]
+        off = [found for found in self.accepted if not names or found.effect.name in names]
         if not off:
             return self.final
         columns, starts = self.problem.columns(self.final.free, self.final.z[None])
-        rows = [ROW[key] for effect in off for key in effect.keys]
+        rows = [ROW[key] for found in off for key in found.keys]
         columns[:, rows] = self.problem.nominal[rows]
         residuals = self.problem.residuals(columns, starts)
         squares = self.problem.block_squares(residuals)[0]
         return replace(self.final, squares=squares, residuals=tuple(r[0] for r in residuals), sensitivity=())
+
+    def with_textbook_laws(self) -> JointSearch:
+        """The same effects with the textbook forms of their laws, fitted again; what the search went through stays."""
+        laws = {ROW[key] for hypothesis in self.accepted for key in hypothesis.freed}
+        start = {p.row: z for p, z in zip(self.final.free, self.final.z, strict=True) if p.row not in laws}
+        free = [p for p in self.final.free if p.row in start]
+        for hypothesis in self.accepted:
+            if hypothesis.textbook is not None:
+                start |= {p.row: z for p, z in zip(hypothesis.textbook.free, hypothesis.textbook.z, strict=True)}
+        at = np.array([start[p.row] for p in free])
+        fit = refit_below_floor(self.problem, map_fit(self.problem, free, at, SETTINGS.law_iterations[1]))
+        accepted = [replace(hypothesis, freed=(), textbook=None) for hypothesis in self.accepted]
+        accepted[-1] = replace(accepted[-1], fit=fit)
+        return replace(self, accepted=accepted)
 
     def forget_sensitivities(self) -> None:
         """Drop the large sensitivities; residuals are still needed for figures."""
@@ -120,7 +135,7 @@ def search_joint(
             current, evidence = _driven_anew(found, current)
         left = [effect for effect in left if effect.name != best.effect.name]
     _eliminate_backward(found)
-    _refit_below_floor(found)
+    _refit_below_floor(found, rng)
     found.rounds = [[replace(h, fit=h.fit.without_arrays()) for h in hypotheses] for hypotheses in found.rounds]
     found.accepted[:-1] = [replace(h, fit=h.fit.without_arrays()) for h in found.accepted[:-1]]
     return found
@@ -143,7 +158,7 @@ def _best_of_round(
     The first in the order of evidence that is accepted; one that is not does not stand in the way of the next.
     """
     problem = found.problem
-    hypotheses = _round(problem, current, effects, rng)
+    hypotheses = _with_best_laws(problem, current, _round(problem, current, effects, rng), rng)
     found.rounds.append(hypotheses)
     found.evidences.append(evidence)
     for hypothesis in hypotheses:
@@ -188,6 +203,53 @@ def _round(
         further = [refined(problem, current, hypothesis, fit_pass, rng) for hypothesis in near]
         ranked = _ranked(further + ranked[len(near) :])
     return ranked
+
+
+def _with_best_laws(
+    problem: JointProblem, current: MapFit, hypotheses: Sequence[Hypothesis], rng: np.random.Generator
+) -> list[Hypothesis]:
+    """The hypotheses of a round ranked again, the leaders by the better one of their laws.
+
+    A class wins or loses by its best law, not by its textbook form. Laws are freed only where the first hypothesis
+    leaves clearly more than the noise. Coarse fits decide which of them are fitted to the end.
+    """
+    if not hypotheses or not _leaves_much(problem, current, hypotheses[0].fit):
+        return list(hypotheses)
+    coarse = replace(problem, step_s=SETTINGS.passes[0].step_s)
+    begun = {}
+    for number in [k for k, h in enumerate(hypotheses) if h.effect.coefficients][: SETTINGS.law_leaders[0]]:
+        begun[number] = begin_law(coarse, hypotheses[number].fit, hypotheses[number].effect, rng)
+    evidence = {number: training_evidence(coarse, fits[0]) for number, fits in begun.items()}
+    ranked = list(hypotheses)
+    for number in sorted(begun, key=lambda k: -evidence[k])[: SETTINGS.law_leaders[1]]:
+        ranked[number] = _with_best_law(problem, current, hypotheses[number], begun[number], rng)
+    return _ranked(ranked)
+
+
+def _with_best_law(
+    problem: JointProblem, current: MapFit, hypothesis: Hypothesis, begun: Sequence[MapFit], rng: np.random.Generator
+) -> Hypothesis:
+    """The hypothesis with its learned law where that is preferred, and otherwise as it is."""
+    coarse = replace(problem, step_s=SETTINGS.passes[0].step_s)
+    law = learn_law(coarse, hypothesis.fit, hypothesis.effect, rng, begun)
+    if not law.preferred:
+        return hypothesis
+    fit = map_fit(problem, law.fit.free, law.fit.z, SETTINGS.restart_iterations)
+    learned = judged(problem, current, hypothesis.effect, fit, rng)
+    if learned.log_evidence < hypothesis.log_evidence + SETTINGS.min_log_evidence:
+        return hypothesis
+    return replace(learned, freed=law.freed, textbook=hypothesis.fit.without_arrays())
+
+
+def _leaves_much(problem: JointProblem, current: MapFit, fit: MapFit) -> bool:
+    """Whether a fit leaves an error clearly above the noise, the white part of the current residuals, of any signal."""
+    rmse = validation_rmse(problem, fit.squares)
+    for stage in np.flatnonzero(np.isfinite(rmse)):
+        read = [r[stage][s.use[stage]] for s, r in zip(problem.segments, current.residuals, strict=True)]
+        white = max((white_noise(r) for r in read if len(r) > SETTINGS.min_stage_samples), default=0.0)
+        if rmse[stage] ** 2 - white**2 > (SETTINGS.law_min_excess * problem.floor[stage]) ** 2:
+            return True
+    return False
 
 
 def _ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
@@ -237,7 +299,10 @@ def _from_other_starts(
     fits.sort(key=lambda fit: fit.cost)
     alike = [fit for fit in fits if fit.cost < fits[0].cost + SETTINGS.min_log_evidence]
     errors = [validation_rmse(problem, fit.squares)[best.stage] for fit in alike]
-    chosen = best if fits[0] is best.fit else judged(problem, current, best.effect, fits[0], rng)
+    chosen = best
+    if fits[0] is not best.fit:
+        again = judged(problem, current, best.effect, fits[0], rng)
+        chosen = replace(again, freed=best.freed, textbook=best.textbook)
     return chosen, float(np.ptp(errors))
 
 
@@ -259,7 +324,7 @@ def _fit_without(found: JointSearch, index: int) -> tuple[float, MapFit]:
     free = list(found.nominal.free)
     for k, hypothesis in enumerate(found.accepted):
         if k != index:
-            free = merged(free, effect_free_parameters(hypothesis.effect, found.problem.nominal))
+            free = merged(free, hypothesis.free_parameters(found.problem.nominal))
     final = found.final
     start = {parameter.row: z for parameter, z in zip(final.free, final.z, strict=True)}
     at = np.array([start.get(parameter.row, 0.0) for parameter in free])
@@ -267,14 +332,34 @@ def _fit_without(found: JointSearch, index: int) -> tuple[float, MapFit]:
     return log_evidence(found.problem, fit, amounts(fit)), fit
 
 
-def _refit_below_floor(found: JointSearch) -> None:
-    """Fit the first and the last model below the practical floor, where more than white noise is left."""
+def _refit_below_floor(found: JointSearch, rng: np.random.Generator) -> None:
+    """Fit the first and the last model below the practical floor, where more than white noise is left.
+
+    The laws of the effects found are freed where that still leaves more.
+    """
     if not residual_is_correlated(found.problem, found.final):
         return
     if found.accepted:
         last = found.accepted[-1]
         found.accepted[-1] = replace(last, fit=refit_below_floor(found.problem, last.fit))
+        _learn_below_floor(found, rng)
     found.nominal = refit_below_floor(found.problem, found.nominal)
+
+
+def _learn_below_floor(found: JointSearch, rng: np.random.Generator) -> None:
+    """Free the laws of the effects found, where the validation data confirm what they explain below the floor."""
+    problem = found.problem
+    for k, hypothesis in enumerate(found.accepted):
+        if not residual_is_correlated(problem, found.final):
+            return
+        if not hypothesis.effect.coefficients or hypothesis.freed:
+            continue
+        sharp = replace(problem, weight=SETTINGS.refit_weight * problem.weight)
+        law = learn_law(sharp, found.final, hypothesis.effect, rng)
+        if law.preferred:
+            textbook = found.final.without_arrays()
+            found.accepted[k] = replace(hypothesis, freed=law.freed, textbook=textbook)
+            found.accepted[-1] = replace(found.accepted[-1], fit=_at_floor(problem, law.fit))
 
 
 def refit_below_floor(problem: JointProblem, fit: MapFit) -> MapFit:
@@ -284,7 +369,11 @@ def refit_below_floor(problem: JointProblem, fit: MapFit) -> MapFit:
     sake of priors, what the same numbers explain.
     """
     sharp = replace(problem, weight=SETTINGS.refit_weight * problem.weight)
-    done = map_fit(sharp, fit.free, fit.z, SETTINGS.refit_iterations)
+    return _at_floor(problem, map_fit(sharp, fit.free, fit.z, SETTINGS.refit_iterations))
+
+
+def _at_floor(problem: JointProblem, done: MapFit) -> MapFit:
+    """A fit with the larger weights, with the cost and the covariance of the practical floor."""
     train = ~problem.held_out
     cost = float((problem.weight[:, None] * done.squares[:, train]).sum() + done.z @ done.z)
     return replace(done, cost=cost, normal=done.normal / SETTINGS.refit_weight)

@@ -356,42 +356,38 @@ class Settings:
         5e4, "Pa", "Least amplitude of a simulated experiment.", CHOICE,
         "Weak experiments are simulated.", "Stronger than some recordings.")
     # Learned laws
-    law_random_starts: int = _setting(
-        24, "starts", "Random starts among those of the fit of a law.", CHOICE,
+    law_leaders: tuple[int, int] = _setting((8, 3), "hypotheses", "Hypotheses of a round whose laws are fitted"
+        " coarsely, and those of them that are fitted to the end.", CHOICE, "The right class may lose by its form.",
+        "Slower.")
+    law_min_excess: float = _setting(1.0, "floors", "Validation error beyond the noise, in repeatability floors, that"
+        " the leader leaves where laws are freed.", CHOICE, "Slower.", "Laws stay those of textbooks.")
+    law_random_starts: int = _setting(24, "starts", "Random starts among those of the fit of a law.", CHOICE,
         "Fits from far away fail more often.", "Slower.")
-    law_start_of_one: float = _setting(
-        1.0, "prior sd", "Size of starts in which one coefficient acts.", CHOICE,
+    law_start_of_one: float = _setting(1.0, "prior sd", "Size of starts in which one coefficient acts.", CHOICE,
         "Coefficients without gradient at 0 are missed.", "Starts at the bounds.")
-    law_start_of_all: float = _setting(
-        0.3, "prior sd", "Size of starts in which all coefficients act.", CHOICE, "As above.", "Starts at the bounds.")
-    law_fits: tuple[int, int] = _setting(
-        (8, 3), "fits", "Starts next to the textbook form that are fitted, and best of them, continued.", CHOICE,
-        "The wrong fit may be continued.", "Slower.")
-    law_iterations: tuple[int, int] = _setting(
-        (8, 25), "iterations", "Iterations of these fits, at most.", CHOICE, "Fits end early.", "Slower.")
-    law_surplus_errors: float = _setting(
-        1.0, "standard errors", "A coefficient this close to neutral is tried without.", CHOICE,
-        "More coefficients than needed.", "Slower; the evidence decides in any case.")
-    law_points: int = _setting(
-        25, "points", "Points of a law's curve.", CHOICE, "Coarser curves.", "Longer files.")
-    law_draws: int = _setting(
-        80, "draws", "Draws from the posterior for the band of a curve.", CHOICE, "Rougher bands.", "Slower.")
-    law_band: tuple[float, float] = _setting(
-        (0.025, 0.975), "-", "Quantiles of these draws: a 95 % band.", CHOICE, "Wider bands.", "Narrower bands.")
-    law_range_share: float = _setting(
-        0.995, "-", "Share of the readings of a state over which a law is shown.", CHOICE,
+    law_start_of_all: float = _setting(0.3, "prior sd", "Size of starts in which all coefficients act.", CHOICE,
+        "As above.", "Starts at the bounds.")
+    law_fits: tuple[int, int, int] = _setting((3, 8, 3), "fits", "Starts next to the textbook form that are fitted"
+        " coarsely, in a whole fit, and best of them, continued.", CHOICE, "The wrong fit is continued.", "Slower.")
+    law_iterations: tuple[int, int] = _setting((8, 25), "iterations", "Iterations of these fits, at most.", CHOICE,
+        "Fits end early.", "Slower.")
+    law_surplus_errors: float = _setting(1.0, "standard errors", "A coefficient this close to neutral is tried"
+        " without.", CHOICE, "More coefficients than needed.", "Slower; the evidence decides in any case.")
+    law_points: int = _setting(25, "points", "Points of a law's curve.", CHOICE, "Coarser curves.", "Longer files.")
+    law_draws: int = _setting(80, "draws", "Draws from the posterior for the band of a curve.", CHOICE,
+        "Rougher bands.", "Slower.")
+    law_band: tuple[float, float] = _setting((0.025, 0.975), "-", "Quantiles of these draws: a 95 % band.", CHOICE,
+        "Wider bands.", "Narrower bands.")
+    law_range_share: float = _setting(0.995, "-", "Share of the readings of a state over which a law is shown.", CHOICE,
         "Curves end early.", "Not possible above 1.")
-    law_settled: float = _setting(
-        8.0, "time constants", "Length of a shown step response.", CHOICE, "Cut off.", "Mostly flat.")
-    law_tube_differences: float = _setting(
-        4.0, "-", "Largest shown pressure difference along a tube, in changes from sample to sample.", CHOICE,
-        "Curves end early.", "Curves show what did not occur.")
-    law_constant_share: float = _setting(
-        0.05, "-", "Relative change below which a law is called constant.", CHOICE,
+    law_settled: float = _setting(8.0, "time constants", "Length of a shown step response.", CHOICE,
+        "Cut off.", "Mostly flat.")
+    law_tube_differences: float = _setting(4.0, "-", "Largest shown pressure difference along a tube, in changes from"
+        " sample to sample.", CHOICE, "Curves end early.", "Curves show what did not occur.")
+    law_constant_share: float = _setting(0.05, "-", "Relative change below which a law is called constant.", CHOICE,
         "Small changes are described.", "Changes of 10 % are not described.")
-    law_most_share: float = _setting(
-        0.9, "-", "Share of its change that a law has made at the state that its sentence names.", CHOICE,
-        "States too early are named.", "Not possible above 1.")
+    law_most_share: float = _setting(0.9, "-", "Share of its change that a law has made at the state that its sentence"
+        " names.", CHOICE, "States too early are named.", "Not possible above 1.")
     # fmt: on
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pysindy import STLSQ
 
-from hand_diagnosis.correction import thresholded_least_squares
+from hand_diagnosis.remainders import thresholded_least_squares
 
 
 @pytest.mark.filterwarnings("ignore:Sparsity parameter is too big:UserWarning")

@@ -85,7 +85,7 @@ def test_the_page_stands_alone(report: Path) -> None:
     url = f"file://{report}/report.html"
     dom = subprocess.run([BROWSER, *flags, url], capture_output=True, text=True, timeout=60, check=False)
     assert "coulomb friction" in dom.stdout
-    assert dom.stdout.count("<img") == 1
+    assert dom.stdout.count("<img") == 2  # the joint, and the law of friction
 
 
 def test_a_table_gives_the_same_finding(rubbing: Path, tmp_path: Path) -> None:

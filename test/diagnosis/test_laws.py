@@ -146,7 +146,7 @@ def test_the_textbook_form_stays_where_it_suffices(effect: str) -> None:
     law = learn_law(problem, plain, EFFECTS[effect], np.random.default_rng(FIT_SEED))
     assert not law.preferred
     assert law.chosen is plain
-    assert describe(problem, law).form == "textbook"
+    assert describe(problem, law.effect, law.chosen).form == "textbook"
 
 
 def test_the_effective_number_of_coefficients_is_the_share_of_information(
@@ -163,7 +163,7 @@ def test_the_effective_number_of_coefficients_is_the_share_of_information(
 def test_a_law_is_described_by_points_and_in_words(leaking: tuple[JointProblem, LearnedLaw]) -> None:
     """Fails when points, band, textbook form, units or the sentence do not belong to the law that was found."""
     problem, law = leaking
-    curve = describe(problem, law)
+    curve = describe(problem, law.effect, law.fit, law.textbook)
     assert (curve.form, curve.over, curve.unit, curve.over_unit) == ("learned", ("pressure",), "Pa/s", "Pa")
     pressure, value, low, high, plain = curve.points.T
     true = pressure * (1.0 + 2.0 * pressure / load_hand(CONFIG).supply_pressure_pa)

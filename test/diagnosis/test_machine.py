@@ -12,9 +12,9 @@ import pytest
 from typer.testing import CliRunner
 
 from hand_diagnosis import remainders
-from hand_diagnosis.correction import correction_terms
 from hand_diagnosis.diagnosis import diagnose
 from hand_diagnosis.findings import Number, joint_findings
+from hand_diagnosis.remainders import correction_terms
 from hand_diagnosis.report import schema
 from hand_machine.wording import wording_of
 from hand_model.description import Hand

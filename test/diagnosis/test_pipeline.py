@@ -13,7 +13,7 @@ ARCHITECTURE = ROOT / "docs" / "architecture.md"
 HEADING = "## From a recording to a sentence"
 LONGEST = 13
 PACKAGE = "hand_diagnosis"
-OTHERS = ("__init__", "api", "figures", "fleet", "laws", "page", "settings", "settings_table")
+OTHERS = ("__init__", "api", "figures", "fleet", "page", "settings", "settings_table")
 """What shows or repeats the report, or stands next to it."""
 
 

@@ -6,13 +6,14 @@ of the plain plant by a chosen number of practical floors.
 
     python -m validation.bench.other_forms 1
 
-diagnoses one recording of every form, from the seed given, and prints what was found.
+diagnoses one recording of every form, from the seed given, and prints what was found, with the test errors of pressure
+and angle over the noise.
 """
 
 from __future__ import annotations
 
+import argparse
 import math
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -218,8 +219,19 @@ def main(seed: int, floors: float = 12.0) -> None:
         found = diagnose([signals], model, tolerance=0.05, seed=0, joints=[JOINT], sensor_curve=False)
         named = [f"{finding.effect} {finding.probability:.2f}" for finding in found.findings]
         left = [f"remainder {entry.probability:.2f}" for entry in found.remainder]
-        print(f"{form} (seed {own}, right: {', '.join(sorted(right)) or 'none'}): {found.verdict}; {named + left}")
+        test, results = found.joints[0].test, found.joints[0].results
+        errors = [] if test is None else [f"{test.rmse(1)[r.stage] / r.noise:.2f}" for r in results]
+        print(f"{form} (seed {own}, right: {', '.join(sorted(right)) or 'none'}): {found.verdict}; {named + left};"
+              f" test error over the noise: {', '.join(errors)}", flush=True)  # fmt: skip
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]))
+    parser = argparse.ArgumentParser(
+        prog="python -m validation.bench.other_forms",
+        description="Diagnose a recording of every form.",
+        epilog="Example: python -m validation.bench.other_forms 1 --floors 12",
+    )
+    parser.add_argument("seed", type=int, help="seed of the first recording")
+    parser.add_argument("--floors", type=float, default=12.0, help="RMS change of a signal, in practical floors")
+    given = parser.parse_args()
+    main(given.seed, given.floors)
