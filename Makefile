@@ -15,6 +15,8 @@ OFFLINE := $(if $(WHEELHOUSE),--wheelhouse $(WHEELHOUSE))
 WORKERS ?= 2
 # colcon does not look below the first package it finds, so the interface package is named next to it.
 BASE_PATHS := . hand_msgs
+# Where control_msgs is not installed, the tests use the package of the same name in test/interfaces.
+ACTIONS := install/.actions
 RUN := source env.bash &&
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
 # A domain of its own, so that two checkouts on one machine do not receive each other's messages.
@@ -42,7 +44,7 @@ help:
 demo: $(BUILT)
 	$(RUN) hand demo --out out/demo
 
-test: lint
+test: lint $(ACTIONS)
 	$(RUN) python -m pytest -n $(WORKERS) --dist loadfile
 
 lint: $(BUILT) $(CHECKED)
@@ -86,6 +88,10 @@ $(BASE): $(RUNNING) tools/bootstrap.sh
 
 $(CHECKED): $(BASE) $(CHECKING)
 	bash tools/bootstrap.sh $(PYTHON) $(VENV) $(RUNNING) $(CHECKING) $(OFFLINE)
+	touch $@
+
+$(ACTIONS): $(BUILT) $(wildcard test/interfaces/*/* test/interfaces/*/*/*)
+	$(RUN) python -c "import control_msgs" 2> /dev/null && [ ! -d install/control_msgs ] || colcon build --symlink-install --base-paths test/interfaces --event-handlers console_cohesion+ status-
 	touch $@
 
 # A tree that was installed by copies, or by another version of this file, is removed first: links do not replace files.

@@ -8,7 +8,7 @@ from hand_messages.commands import JointCommandMessage, TrajectoryMessage, read_
 TRAJECTORIES_HZ = 20.0
 """Trajectories a second that are read; one of 5,000 points delays a frame by several ms."""
 GOALS_HZ = 20.0
-"""Grasp goals a second that are answered after a check."""
+"""Goals of each action a second that are answered after a check."""
 BURST = 20
 
 
@@ -21,7 +21,7 @@ class CommandInputs:
         self._budgets = {
             "joint_commands": Budget(),
             "joint_trajectory": Budget(TRAJECTORIES_HZ, BURST),
-            "grasp": Budget(GOALS_HZ, BURST),
+            **{name: Budget(GOALS_HZ, BURST) for name in ("grasp", "follow_joint_trajectory", "gripper_cmd")},
         }
 
     def joint_command(self, raw: bytes, now_s: float) -> JointCommandMessage | None:

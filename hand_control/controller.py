@@ -35,6 +35,16 @@ from hand_control.frame_checks import (
     is_suction,
 )
 from hand_control.gaps import Gap
+from hand_control.goals import (
+    Code,
+    GoalLimits,
+    GoalRefusedError,
+    NamedTolerance,
+    RunningGoals,
+    TrajectoryGoal,
+    check_names_and_age,
+    read_tolerances,
+)
 from hand_control.grasps import Approach, Grasp, Grasping, Outcome
 from hand_control.law import Law
 from hand_control.references import References
@@ -110,6 +120,7 @@ class Controller:
         self._none = np.zeros(count, dtype=np.bool_)
         self._starved = ""
         self._grasp: Grasping | None = None
+        self.goals = RunningGoals()
         self.held = False
         self.grasp_end = ""
         self.grasp_contact: Flags = self._none
@@ -125,6 +136,7 @@ class Controller:
         self.settings = settings
         if switched:
             self.stop_grasp("preempted by a change of control_mode")
+            self.goals.end("preempted by a change of control_mode")
             self._begin_mode(self._last_position)
             if self._torque_mode:
                 self._torque.start(self._law.out[OUT.torque])
@@ -170,6 +182,7 @@ class Controller:
             self.refuse(str(error), times.host_ns)
             raise
         self.stop_grasp("preempted by joint_commands")
+        self.goals.end("preempted by joint_commands", checked.index)
         self._references.command(checked)
         self.safety.command(times.host_ns)
 
@@ -198,12 +211,52 @@ class Controller:
             self.refuse(str(error), times.host_ns)
             raise
         self.stop_grasp("preempted by joint_trajectory")
+        self.goals.end("preempted by another trajectory", checked.index if len(points) else stopped)
         if len(points):
             self._references.trajectory(checked)
         else:
             joints = np.isin(np.arange(len(self.hand.joints)), stopped)
             self._references.hold(self._shaper.stopping_point(self.settings), joints)
         self.safety.command(times.host_ns)
+
+    def follow(
+        self,
+        times: Times,
+        names: Sequence[str],
+        points: Points,
+        tolerances: tuple[Sequence[NamedTolerance], Sequence[NamedTolerance]],
+        goal_time_s: float,
+    ) -> TrajectoryGoal:
+        """Follow a trajectory as a goal of follow_joint_trajectory, which replaces the goals of its joints.
+
+        tolerances: of the path and of the goal.  goal_time_s: [s], 0 for the setting, negative for no limit.
+        Raises GoalRefusedError, one line with its error code; then nothing changes.
+        """
+        try:
+            check_names_and_age(self.hand, names, times.stamp_ns, times.now_ns)
+            if not len(points):
+                raise GoalRefusedError(Code.INVALID_GOAL, "goal refused: it has no points")
+            usual = self.settings.path_tolerance_deg, self.settings.goal_tolerance_deg
+            path, goal = (read_tolerances(names, given, deg) for given, deg in zip(tolerances, usual, strict=True))
+            self.trajectory(times, names, points)
+        except GoalRefusedError as error:
+            self.refuse(str(error), times.host_ns)
+            raise
+        except ValueError as error:
+            raise GoalRefusedError(Code.INVALID_GOAL, str(error)) from None
+        checked = check_trajectory(self.hand, names, points, times.stamp_ns, times.now_ns)
+        allowed_s = goal_time_s or self.settings.goal_time_s
+        limits = GoalLimits(path, goal, allowed_s if allowed_s > 0.0 else math.inf)
+        made = TrajectoryGoal(self.hand, checked, limits)
+        self.goals.add(made)
+        return made
+
+    def cancel(self, goal: TrajectoryGoal) -> None:
+        """End a goal; its joints stop as fast as their limits allow."""
+        if goal.end is None:
+            self.goals.end("cancelled on request", goal.index, Code.SUCCESSFUL)
+            joints = np.isin(np.arange(len(self.hand.joints)), goal.index)
+            self._references.hold(self._shaper.stopping_point(self.settings), joints)
 
     @property
     def _torque_mode(self) -> bool:
@@ -228,6 +281,7 @@ class Controller:
         approach = Approach(math.radians(self.settings.grasp_speed_deg_per_s), self.settings.grasp_torque_nm)
         started = Grasping(self.hand, grasp.shape(closure), max_torque_nm, self._shaper.r, approach)
         self.stop_grasp("preempted by another grasp")
+        self.goals.end("preempted by a grasp")
         self._grasp, self.grasp_end = started, ""
         self.safety.command(host_ns)
 
@@ -240,6 +294,11 @@ class Controller:
     def grasping(self) -> Grasping | None:
         """The running grasp, or None; `grasp_end` then is the reason why the last one ended."""
         return self._grasp
+
+    @property
+    def largest_torque_nm(self) -> float:
+        """The largest estimated torque of a joint at the last tick [N m]."""
+        return float(np.abs(self._law.out[OUT.torque]).max())
 
     def forces(self, stamp_ns: int, force_n: Array) -> None:
         """Take readings of the force sites, (sites,) [N] in the description's order."""
@@ -288,8 +347,9 @@ class Controller:
             return self._vented(times.stamp_ns, position, pressure, step_s)
         if self.safety.command_held(times.host_ns, self.settings.command_timeout_s):
             self.stop_grasp("no command for too long")
+            self.goals.end("no command for too long")
             self._references.hold(self._shaper.r, ~self._none)
-        return self._drive(times, step_s, fresh, position, pressure)
+        return self._drive(times, step_s, fresh, (position, velocity), pressure)
 
     def check(self, host_ns: int) -> bool:
         """Between frames: whether the hand has just become vented and 0 Pa is to be sent."""
@@ -369,6 +429,7 @@ class Controller:
         """Repeat the last pressures: the measurement or the command may be another's, so neither is used."""
         self._last_position.fill(math.nan)
         self.stop_grasp("the hand holds: a topic has a second publisher")
+        self.goals.end("the hand holds: a topic has a second publisher")
         reference, out = self._shaper.r, self._law.out
         self._references.hold(reference, ~self._none)
         error, saturated = reference - position, out[OUT.saturated] != 0.0
@@ -384,10 +445,13 @@ class Controller:
             self._none,
         )
 
-    def _drive(self, times: Times, dt: float, fresh: bool, position: Array, pressure: Array) -> Tick:
+    def _drive(self, times: Times, dt: float, fresh: bool, measured: tuple[Array, Array], pressure: Array) -> Tick:
+        position, _ = measured
         if self._grasp is not None:
             self._follow_grasp(self._grasp, position, dt, times.host_ns)
         target, speed, torque = self._references.sample(times.now_ns)
+        for index in self.goals.step(times.now_ns, (target, speed), measured):
+            self._references.hold(position, np.isin(np.arange(len(position)), index))
         self._torque.step(torque, self.settings.max_torque_rate_nm_per_s, dt, self._torque_mode)
         if self._torque_mode:
             self._shaper.latch(position)  # the angle is free: the reference follows it
@@ -433,12 +497,15 @@ class Controller:
         line = self._tolerance_watch.check(error, on_path, at_goal, self.settings, dt)
         if line:
             self._references.hold(position, on_path | at_goal)
+            self.goals.end(line, np.flatnonzero(on_path | at_goal), Code.PATH_TOLERANCE_VIOLATED)
             self.refuse(line, host_ns)
 
     def _vented(self, stamp_ns: int, position: Array, pressure: Array, dt: float) -> Tick:
         """Command no pressure; the reference is the measured pose, since nothing is commanded."""
         zero = np.zeros(len(position))
-        self.stop_grasp(f"the hand was vented: {self.safety.fault or self.safety.reason or 'not enabled'}")
+        reason = f"the hand was vented: {self.safety.fault or self.safety.reason or 'not enabled'}"
+        self.stop_grasp(reason)
+        self.goals.end(reason)
         self._law.release()
         inputs = np.array([position, zero, zero, zero, position, pressure])
         out = self._law.tick(inputs, dt, False, False)

@@ -79,6 +79,7 @@ class Settings:
     grasps: str = _text("", "path of grasps.yaml; if empty, the installed file")
     joint_prefix: str = _text("", "beginning of the names of joints and frames; if empty, joint_prefix of hand.yaml")
     frame_id: str = _text("", "frame_id of every message; if empty, the palm, or the namespace without geometry")
+    gripper_pattern: str = _text("cylindrical", "grasp pattern that the action gripper_cmd closes and opens")
     enabled_at_start: bool = _switch(False, "drive the hand once activated, without a call of `enable`", changes=START)
     state_file: str = _text(
         "", "file that keeps a latched fault; if empty, NAMESPACE.NODE.json in $ROS_HOME/fluidic_hand or ~/.ros/..."

@@ -44,6 +44,12 @@ class Grasp:
             raise ValueError(f"closure is {closure!r}; the allowed range is 0 to 1")
         return self.open_rad + closure * (self.closed_rad - self.open_rad)
 
+    def closure(self, position_rad: Array) -> float:
+        """The closure [-] whose shape is nearest to angles (n,) [rad], by least squares; 0 for the open pattern."""
+        span = self.closed_rad - self.open_rad
+        size = float(span @ span)
+        return float(span @ (position_rad - self.open_rad)) / size if size > 0.0 else 0.0
+
 
 def load_grasps(path: Path, hand: Hand) -> dict[str, Grasp]:
     """Shapes by name. Raises DescriptionError, one line, for an unknown joint or an angle that it cannot reach."""

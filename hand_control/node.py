@@ -17,11 +17,13 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
 from std_srvs.srv import SetBool, Trigger
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory
 
 from hand_control.command_inputs import CommandInputs
 from hand_control.controller import Controller, Tick, Times
 from hand_control.declared import PARAMETERS, Settings
+from hand_control.goals import Code, GoalRefusedError, TrajectoryGoal
+from hand_control.grasps import Grasp as Pattern
 from hand_control.grasps import Outcome, load_grasps
 from hand_control.inputs import JointInput
 from hand_control.supervisor import FREEZE_S, Phase
@@ -49,6 +51,11 @@ from hand_ros.node import (
 )
 from hand_ros.publishers import Verdict
 
+try:
+    from control_msgs.action import FollowJointTrajectory, GripperCommand
+except ImportError:  # not installed: the hand then has the action `grasp` alone
+    FollowJointTrajectory = GripperCommand = None
+
 WATCH_PERIOD_S = 0.02
 """Largest delay until silence is detected; the board also vents when the lifetime of its set-points ends."""
 FEEDBACK_HZ = 20.0
@@ -61,7 +68,7 @@ class ControllerNode(HandNode):
     def __init__(self) -> None:
         """Declare parameters."""
         super().__init__("controller", PARAMETERS)
-        self._grasp_ends: dict[bytes, Future] = {}
+        self._ends: dict[bytes, Future] = {}
         self._interfaces: list[Callable[[], object]] = []
 
     def configure(self, values: dict[str, Any]) -> None:
@@ -115,24 +122,35 @@ class ControllerNode(HandNode):
             self.create_service(SetBool, "enable", self._on_enable),
         )
         self._contact_publisher = self.create_publisher(Contact, "contacts", EVENT_QOS)
-        self._grasp_server = ActionServer(
-            self,
-            Grasp,
-            "grasp",
-            self._run_grasp,
-            goal_callback=self._on_goal,
-            handle_accepted_callback=self._on_accepted,
-            cancel_callback=self._on_cancel,
-        )
+        actions = [self._action(Grasp, "grasp", self._on_goal, self._on_accepted)]
+        if FollowJointTrajectory is not None:
+            actions += [
+                self._action(
+                    FollowJointTrajectory, "follow_joint_trajectory", self._on_follow, self._on_follow_accepted
+                ),
+                self._action(GripperCommand, "gripper_cmd", self._on_gripper, self._on_accepted),
+            ]
         self._interfaces = [
             self.listen_to_stop(self._on_stop),
-            self._grasp_server.destroy,
+            *(action.destroy for action in actions),
             lambda: self.destroy_publisher(self._contact_publisher),
             lambda: self.destroy_publisher(self._command_publisher),
             lambda: self.destroy_publisher(self._state_publisher),
             *(lambda s=s: self.destroy_subscription(s) for s in subscriptions),  # type: ignore[misc]
             *(lambda s=s: self.destroy_service(s) for s in services),  # type: ignore[misc]
         ]
+
+    def _action(self, kind: Any, name: str, on_goal: Any, on_accepted: Any) -> ActionServer:
+        """The server of an action; each of its goals has an end of its own."""
+        return ActionServer(
+            self,
+            kind,
+            name,
+            self._run,
+            goal_callback=on_goal,
+            handle_accepted_callback=on_accepted,
+            cancel_callback=self._on_cancel,
+        )
 
     def reconfigure(self, values: dict[str, Any]) -> None:
         """Use new gains and limits, all or none, without a jump."""
@@ -145,6 +163,8 @@ class ControllerNode(HandNode):
         if self._enabled_at_start and not self._controller.safety.fault:
             self._controller.enable(True)
         self._grasp_handle: ServerGoalHandle | None = None
+        self._pattern: Pattern | None = None
+        self._followed: list[tuple[ServerGoalHandle, TrajectoryGoal]] = []
         self._feedback_ns = 0
         self._watch = self.create_timer(WATCH_PERIOD_S, self._on_watch)
 
@@ -153,7 +173,8 @@ class ControllerNode(HandNode):
         self.destroy_timer(self._watch)
         self._controller.vent("the controller was deactivated")
         self._controller.stop_grasp("the controller was deactivated")
-        self._watch_grasp()
+        self._controller.goals.end("the controller was deactivated")
+        self._watch_goals()
         self._send_vent()
         self.get_logger().info("vented: the controller was deactivated")
 
@@ -189,7 +210,7 @@ class ControllerNode(HandNode):
         if tick is not None:
             self._publish(tick)
             self._publish_contacts()
-            self._watch_grasp(tick)
+            self._watch_goals(tick)
         self._input_fault = ""
 
     def _on_board_state(self, raw: bytes) -> None:
@@ -251,26 +272,36 @@ class ControllerNode(HandNode):
 
     def _on_goal(self, goal: Grasp.Goal) -> GoalResponse:
         """Accept or refuse a grasp; an accepted one begins at once and preempts a running one."""
+        return self._begin_grasp("grasp", goal.pattern, goal.closure, goal.max_torque)
+
+    def _on_gripper(self, goal: Any) -> GoalResponse:
+        """Accept or refuse a goal of gripper_cmd: closure 0 to 1 of the pattern that is set, largest torque [N m]."""
+        command = goal.command
+        pattern = self._settings.gripper_pattern
+        return self._begin_grasp("gripper_cmd", pattern, command.position, command.max_effort)
+
+    def _begin_grasp(self, action: str, name: str, closure: float, max_torque: float) -> GoalResponse:
         try:
             if not self.active:
                 raise ValueError("the controller is not active")
-            if not self._commands_in.take("grasp", time.monotonic()):
+            if not self._commands_in.take(action, time.monotonic()):
                 return GoalResponse.REJECT
-            if goal.pattern not in self._grasps:
-                raise ValueError(f"pattern is {shown(goal.pattern)}; it must be one of {', '.join(self._grasps)}")
-            pattern = self._grasps[goal.pattern]
-            self._controller.grasp(pattern, goal.closure, goal.max_torque, time.monotonic_ns())
+            if name not in self._grasps:
+                raise ValueError(f"pattern is {shown(name)}; it must be one of {', '.join(self._grasps)}")
+            pattern = self._grasps[name]
+            self._controller.grasp(pattern, closure, max_torque, time.monotonic_ns())
         except ValueError as error:
-            line = f"grasp refused: {error}"
-            self.log_throttled(Level.ERROR, "grasp", line)
+            line = f"{action} refused: {error}"
+            self.log_throttled(Level.ERROR, action, line)
             self._controller.refuse(line, time.monotonic_ns())
             return GoalResponse.REJECT
         self._end_grasp("preempted by another grasp")
+        self._pattern = pattern
         return GoalResponse.ACCEPT
 
     def _on_accepted(self, handle: ServerGoalHandle) -> None:
         """Begin the goal that was accepted last; each goal has an end of its own, also when many come in succession."""
-        self._grasp_ends[bytes(handle.goal_id.uuid)] = Future()
+        self._ends[bytes(handle.goal_id.uuid)] = Future()
         self._grasp_handle = handle
         handle.execute()
 
@@ -283,30 +314,93 @@ class ControllerNode(HandNode):
         if handle is None:
             return
         contact = self._controller.grasp_contact.tolist()
-        held = f"{sum(contact)} joints are in contact"
-        result = Grasp.Result(
-            success=reason == DONE,
-            message=held if reason == DONE else reason,
-            name=list(self._hand.joints),
-            contact=contact,
-            position=self._position.tolist(),
-        )
-        self._grasp_ends[bytes(handle.goal_id.uuid)].set_result((reason, result))
-
-    async def _run_grasp(self, handle: ServerGoalHandle) -> Grasp.Result:
-        goal = bytes(handle.goal_id.uuid)
-        reason, result = await self._grasp_ends[goal]
-        del self._grasp_ends[goal]
-        if reason == CANCELLED:
-            handle.canceled()
-        elif reason == DONE:
-            handle.succeed()
+        if isinstance(handle.request, Grasp.Goal):
+            held = f"{sum(contact)} joints are in contact"
+            result = Grasp.Result(
+                success=reason == DONE,
+                message=held if reason == DONE else reason,
+                name=list(self._hand.joints),
+                contact=contact,
+                position=self._position.tolist(),
+            )
         else:
-            handle.abort()
+            values = self._gripper_values(any(contact))
+            result = GripperCommand.Result(**values, reached_goal=reason == DONE and not values["stalled"])
+        self._set_end(handle, "canceled" if reason == CANCELLED else "succeed" if reason == DONE else "abort", result)
+
+    def _gripper_values(self, stalled: bool) -> dict[str, Any]:
+        """What feedback and result of gripper_cmd have in common: closure, largest torque [N m], contact."""
+        closure = self._pattern.closure(self._position) if self._pattern is not None else 0.0
+        return {"position": closure, "effort": self._controller.largest_torque_nm, "stalled": stalled}
+
+    def _set_end(self, handle: ServerGoalHandle, how: str, result: Any) -> None:
+        self._ends[bytes(handle.goal_id.uuid)].set_result((how, result))
+
+    async def _run(self, handle: ServerGoalHandle) -> Any:
+        """Wait for the end of a goal, of any action; how: the name of the method of the handle that ends it."""
+        goal = bytes(handle.goal_id.uuid)
+        how, result = await self._ends[goal]
+        del self._ends[goal]
+        getattr(handle, how)()
         return result
 
+    def _on_follow(self, _goal: Any) -> GoalResponse:
+        """Accept every goal of an active controller: what is wrong is then a result with code and reason."""
+        taken = self.active and self._commands_in.take("follow_joint_trajectory", time.monotonic())
+        return GoalResponse.ACCEPT if taken else GoalResponse.REJECT
+
+    def _on_follow_accepted(self, handle: ServerGoalHandle) -> None:
+        goal, trajectory = handle.request, handle.request.trajectory
+        self._ends[bytes(handle.goal_id.uuid)] = Future()
+        points = [(_seconds(point.time_from_start), point.positions, point.velocities) for point in trajectory.points]
+        tolerances = goal.path_tolerance, goal.goal_tolerance
+        try:
+            made = self._controller.follow(
+                self._times(trajectory), trajectory.joint_names, points, tolerances, _seconds(goal.goal_time_tolerance)
+            )
+        except GoalRefusedError as error:
+            self.log_throttled(Level.ERROR, "follow_joint_trajectory", str(error))
+            self._end_follow(handle, error.code, str(error))
+        else:
+            self._followed.append((handle, made))
+        handle.execute()
+
+    def _end_follow(self, handle: ServerGoalHandle, code: Code, line: str) -> None:
+        how = "canceled" if handle.is_cancel_requested else "succeed" if code is Code.SUCCESSFUL else "abort"
+        self._set_end(handle, how, FollowJointTrajectory.Result(error_code=int(code), error_string=line))
+
+    def _watch_goals(self, tick: Tick | None = None) -> None:
+        """Publish feedback of running goals at FEEDBACK_HZ, and their ends where they have ended or are cancelled."""
+        report = tick is not None and tick.stamp_ns - self._feedback_ns > 1e9 / FEEDBACK_HZ
+        if tick is not None and report:
+            self._feedback_ns = tick.stamp_ns
+        self._watch_follow(tick if report else None)
+        self._watch_grasp(tick if report else None)
+
+    def _watch_follow(self, tick: Tick | None = None) -> None:
+        for handle, goal in self._followed:
+            if handle.is_cancel_requested:
+                self._controller.cancel(goal)
+            if goal.end is not None:
+                self._end_follow(handle, *goal.end)
+            elif tick is not None:
+                handle.publish_feedback(self._follow_feedback(goal, tick))
+        self._followed = [(handle, goal) for handle, goal in self._followed if goal.end is None]
+
+    def _follow_feedback(self, goal: TrajectoryGoal, tick: Tick) -> Any:
+        feedback = FollowJointTrajectory.Feedback(joint_names=[self._hand.joints[index] for index in goal.index])
+        feedback.header.frame_id = self._state_out_frame
+        feedback.header.stamp.sec, feedback.header.stamp.nanosec = divmod(tick.stamp_ns, 1_000_000_000)
+        actual = tick.position[goal.index]
+        feedback.desired.positions = goal.desired_rad.tolist()
+        feedback.actual.positions = actual.tolist()
+        feedback.error.positions = (goal.desired_rad - actual).tolist()
+        for point in (feedback.desired, feedback.actual, feedback.error):
+            seconds = max(tick.stamp_ns - goal.start_ns, 0)
+            point.time_from_start.sec, point.time_from_start.nanosec = divmod(seconds, 1_000_000_000)
+        return feedback
+
     def _watch_grasp(self, tick: Tick | None = None) -> None:
-        """Publish feedback of a running grasp at FEEDBACK_HZ, and its end where it has ended or is cancelled."""
         handle = self._grasp_handle
         if handle is None:
             return
@@ -315,8 +409,7 @@ class ControllerNode(HandNode):
         grasp = self._controller.grasping
         if grasp is None:
             self._end_grasp(self._controller.grasp_end)
-        elif tick is not None and tick.stamp_ns - self._feedback_ns > 1e9 / FEEDBACK_HZ:
-            self._feedback_ns = tick.stamp_ns
+        elif tick is not None and isinstance(handle.request, Grasp.Goal):
             handle.publish_feedback(
                 Grasp.Feedback(
                     name=list(self._hand.joints),
@@ -325,6 +418,9 @@ class ControllerNode(HandNode):
                     progress=grasp.progress,
                 )
             )
+        elif tick is not None:
+            values = self._gripper_values(bool(grasp.contact.any()))
+            handle.publish_feedback(GripperCommand.Feedback(**values, reached_goal=False))
 
     def _send_vent(self) -> None:
         """Set every valve to 0 Pa now. The command belongs to no frame, so its stamp is the present time."""
@@ -390,7 +486,7 @@ class ControllerNode(HandNode):
         self._try(lambda: self._controller.command(times, message.name, message.position, message.effort, unused))
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
-        points = [(_seconds(point), point.positions, point.velocities) for point in message.points]
+        points = [(_seconds(point.time_from_start), point.positions, point.velocities) for point in message.points]
         times = self._times(message)
         unused = {name: [getattr(point, name) for point in message.points] for name in ("accelerations", "effort")}
         self._try(lambda: self._controller.trajectory(times, message.joint_names, points, unused))
@@ -460,8 +556,9 @@ def _ns(message: JointState | JointTrajectory) -> int:
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
-def _seconds(point: JointTrajectoryPoint) -> float:
-    return float(point.time_from_start.sec) + float(point.time_from_start.nanosec) * 1e-9
+def _seconds(duration: Any) -> float:
+    """Seconds of a builtin_interfaces/Duration."""
+    return float(duration.sec) + float(duration.nanosec) * 1e-9
 
 
 def main() -> None:

@@ -86,7 +86,8 @@ def test_a_policy_of_another_form_is_refused(how: str) -> None:
 
 def test_the_policies_allow_exactly_what_the_nodes_use(stack: Stack, client: Client) -> None:
     """Fails when a node gains a topic, service or action that its policy denies, or a policy allows an unused one."""
-    for topic in ("emergency_stop", "heartbeat"):
+    others = ("/tf", "/tf_static", "robot_description")  # of robot_state_publisher, here of another type
+    for topic in ("emergency_stop", "heartbeat", *others):
         client.node.create_publisher(Empty, topic, 1)  # so that the recorder records it
     stack.node("driver", serial_port="/dev/nothing_here")
     stack.node("simulation", publish_clock="true")
