@@ -27,7 +27,7 @@ def read_geometry(top: Section, names: list[str], prefix: str, sites: list[Secti
     if "geometry" not in top:
         return None
     section = top.section("geometry", GEOMETRY)
-    usual = "left" if prefix.startswith("left") else "right"
+    usual = "left" if "left" in prefix.split("_") else "right"
     side: Literal["right", "left"] = "left" if section.choice("side", ["right", "left"], usual) == "left" else "right"
     links = [_palm(section.section("palm", _BODY), prefix)]
     frames = []

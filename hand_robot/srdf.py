@@ -10,17 +10,17 @@ import numpy as np
 from hand_control.grasps import Grasp
 from hand_model.arrays import Array
 from hand_model.description import Hand
-from hand_model.geometry import Link, geometry_of, link_poses
+from hand_model.geometry import PALM, Link, geometry_of, link_poses
 from hand_robot.xml_text import document, number
 
 POINTS = 9
 """Points on the centre line of a link at which distances to other links are taken."""
 
 
-def groups(hand: Hand) -> dict[str, list[str]]:
-    """Joints of each planning group: the whole hand first, then each finger from its base to its tip."""
+def fingers(hand: Hand) -> dict[str, tuple[str, list[str]]]:
+    """The frame of the tip and the joints of every finger, from its base to its tip, by the name of its group."""
     links = {link.name: link for link in geometry_of(hand).links}
-    found = {f"{hand.prefix}hand": list(hand.joints)}
+    found = {}
     for frame in geometry_of(hand).frames:
         if frame.kind != "fingertip":
             continue
@@ -28,7 +28,7 @@ def groups(hand: Hand) -> dict[str, list[str]]:
         while link.joint >= 0:
             chain.append(hand.joints[link.joint])
             link = links[link.parent]
-        found[frame.name.removesuffix("_tip")] = chain[::-1]
+        found[frame.name.removesuffix("_tip")] = (frame.name, chain[::-1])
     return found
 
 
@@ -38,12 +38,14 @@ def srdf_text(hand: Hand, grasps: Mapping[str, Grasp], mount: str = "") -> str:
     Raises ValueError, one line, for a hand without geometry.
     """
     root = ET.Element("robot", name=hand.prefix + hand.name)
-    named = groups(hand)
-    for name, joints in named.items():
-        group = ET.SubElement(root, "group", name=name)
-        for joint in joints:
-            ET.SubElement(group, "joint", name=joint)
     whole = f"{hand.prefix}hand"
+    group = ET.SubElement(root, "group", name=whole)
+    for joint in hand.joints:
+        ET.SubElement(group, "joint", name=joint)
+    for name, (tip, _) in fingers(hand).items():
+        # A chain, because solvers of inverse kinematics need one.
+        chain = {"base_link": hand.prefix + PALM, "tip_link": tip}
+        ET.SubElement(ET.SubElement(root, "group", name=name), "chain", chain)
     for pattern, grasp in grasps.items():
         state = ET.SubElement(root, "group_state", name=pattern, group=whole)
         for joint, angle in zip(hand.joints, grasp.shape(1.0), strict=True):

@@ -72,7 +72,7 @@ def macro_text(hand: Hand) -> str:
     root = ET.Element("robot")
     defaults = f"prefix:='' side:='' parent:='' ros2_control:=none namespace:=hand mujoco_model:=hand.xml {MOUNT}"
     macro = ET.SubElement(root, f"{{{XACRO}}}macro", name=hand.name, params=defaults)
-    chosen = "side if side else ('left' if prefix.startswith('left') else 'right')"
+    chosen = "side if side else ('left' if 'left' in prefix.split('_') else 'right')"
     ET.SubElement(macro, f"{{{XACRO}}}property", name="chosen_side", value=f"${{{chosen}}}")
     reflect = f"${{1 if chosen_side == '{side}' else -1}}"
     ET.SubElement(macro, f"{{{XACRO}}}property", name="reflect", value=reflect)

@@ -202,10 +202,13 @@ def check_module(module: str, words: list[str]) -> None:
 
 def check_ros(words: list[str]) -> None:
     """Executables, launch files and the parameters that are set, of this package."""
+    if words[1] == "launch" and words[2].endswith(".launch.py"):  # a file of this tree
+        words = [*words[:2], str(Path(words[2]).parent), Path(words[2]).name, *words[3:]]
     kind, package, name = words[1:4]
-    assert package == "fluidic_hand"
+    folders = {"fluidic_hand": ROOT / "launch", "fluidic_hand_moveit_config": ROOT / "moveit" / "launch"}
+    assert package in folders or (ROOT / package).is_dir()
     if kind == "launch":
-        launch = ROOT / "launch" / name
+        launch = folders.get(package, ROOT / package) / name
         assert launch.is_file(), name
         for word in words[4:]:
             argument = word.partition(":=")[0]

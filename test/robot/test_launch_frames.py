@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import runpy
-import sys
-import types
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
@@ -13,44 +10,17 @@ import pytest
 
 from hand_model.description import load_hand
 from hand_robot.state_publisher import state_publisher
+from test.robot.fake_launch import names_of
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "config" / "hand.yaml"
 
 
-class Kept:
-    """Keeps its arguments; as a configuration it gives the value of the context."""
-
-    def __init__(self, *arguments: Any, **named: Any) -> None:
-        self.arguments, self.named = arguments, named
-
-    def perform(self, context: dict[str, str]) -> str:
-        return context[self.arguments[0]]
-
-
-class AbsentError(LookupError):
-    """The package is not installed."""
-
-
 def publish_frames(name: str, monkeypatch: pytest.MonkeyPatch, installed: bool, **given: str) -> list[Any]:
     """The actions of a launch file for TF."""
-
-    def prefix(package: str) -> str:
-        if not installed:
-            raise AbsentError(package)
-        return package
-
-    text = (ROOT / "launch" / name).read_text(encoding="utf-8")
-    for line in (line for line in text.splitlines() if line.startswith(("from launch", "from ament"))):
-        _, module, _, names = line.split(maxsplit=3)
-        made: Any = types.ModuleType(module)
-        for item in names.split(", "):
-            setattr(made, item, type(item, (Kept,), {}))
-        made.PackageNotFoundError, made.get_package_prefix = AbsentError, prefix
-        monkeypatch.setitem(sys.modules, module, made)
     context = {"hand_description": str(CONFIG), "namespace": "hand", "joint_prefix": "", "mount": ""}
     context |= {"robot_state_publisher": "true", "use_sim_time": "false"} | given
-    actions: list[Any] = runpy.run_path(str(ROOT / "launch" / name))["publish_frames"](context)
+    actions: list[Any] = names_of(ROOT / "launch" / name, monkeypatch, installed)["publish_frames"](context)
     return actions
 
 

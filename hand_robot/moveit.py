@@ -1,0 +1,66 @@
+"""The files of the MoveIt configuration package `fluidic_hand_moveit_config`, folder `moveit`, as texts.
+
+MoveIt drives the hand by its own action follow_joint_trajectory, so that no ros2_control is needed between them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from hand_control.declared import PARAMETERS
+from hand_control.grasps import Grasp
+from hand_model.description import Hand
+from hand_model.yaml_document import yaml_text
+from hand_robot.srdf import fingers, srdf_text
+from hand_robot.urdf import max_speed_rad_s
+
+SOLVER = "kdl_kinematics_plugin/KDLKinematicsPlugin"
+MANAGER = "moveit_simple_controller_manager"
+NAMESPACE = "hand"
+
+
+def moveit_files(hand: Hand, grasps: Mapping[str, Grasp]) -> dict[str, str]:
+    """Texts by the path of the file in the package. ValueError, one line, for a hand without geometry."""
+    return {
+        f"config/{hand.name}.srdf": srdf_text(hand, grasps),
+        "config/joint_limits.yaml": yaml_text(joint_limits(hand)),
+        "config/kinematics.yaml": yaml_text(kinematics(hand)),
+        "config/moveit_controllers.yaml": yaml_text(moveit_controllers(hand, NAMESPACE)),
+    }
+
+
+def max_acceleration_rad_s2() -> float:
+    """The largest acceleration [rad/s^2] of a joint's reference, by the default of the controller."""
+    (declared,) = (parameter for parameter in PARAMETERS if parameter.name == "max_acceleration_deg_per_s2")
+    assert isinstance(declared.default, float)
+    return math.radians(declared.default)
+
+
+def joint_limits(hand: Hand) -> dict[str, Any]:
+    """Limits that a plan keeps; those of the angles come from the URDF."""
+    limit = {
+        "has_velocity_limits": True,
+        "max_velocity": round(max_speed_rad_s(), 6),
+        "has_acceleration_limits": True,
+        "max_acceleration": round(max_acceleration_rad_s2(), 6),
+    }
+    scaling = {"default_velocity_scaling_factor": 0.3, "default_acceleration_scaling_factor": 0.1}
+    return scaling | {"joint_limits": {joint: dict(limit) for joint in hand.joints}}
+
+
+def kinematics(hand: Hand) -> dict[str, Any]:
+    """A finger has two or three joints, so that its tip can reach a position, but not an orientation as well."""
+    solver = {"kinematics_solver": SOLVER, "kinematics_solver_timeout": 0.01, "position_only_ik": True}
+    return {finger: dict(solver) for finger in fingers(hand)}
+
+
+def moveit_controllers(hand: Hand, namespace: str) -> dict[str, Any]:
+    """The action of the hand as a controller of MoveIt; MoveIt joins the name and action_ns with a slash."""
+    name = namespace.strip("/")
+    action = {"type": "FollowJointTrajectory", "action_ns": "follow_joint_trajectory", "default": True}
+    return {
+        "moveit_controller_manager": f"{MANAGER}/MoveItSimpleControllerManager",
+        MANAGER: {"controller_names": [name], name: action | {"joints": list(hand.joints)}},
+    }
