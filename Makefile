@@ -24,7 +24,7 @@ export ROS_DOMAIN_ID ?= $(shell echo $$(( $$$$ % 90 + 10 )))
 
 # The build links to the source tree (--symlink-install): an edit of Python code or of config/ takes effect at once.
 # Only these files need another build.
-BUILD_INPUTS := $(wildcard hand_msgs/*/* hand_msgs/* config launch/* tools/nodes/* hand_*/__init__.py hand_*/*/__init__.py validation/__init__.py validation/*/__init__.py setup.py package.xml resource/*)
+BUILD_INPUTS := $(wildcard hand_msgs/*/* hand_msgs/* config config/layouts urdf launch/* tools/nodes/* hand_*/__init__.py hand_*/*/__init__.py validation/__init__.py validation/*/__init__.py setup.py package.xml resource/*)
 
 .PHONY: help demo test lint bench faults soak proof figures mutate build wheelhouse clean
 

@@ -5,6 +5,7 @@ _hand_root="$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)"
 if [ -f "$_hand_root/.venv/bin/activate" ]; then
     source "$_hand_root/.venv/bin/activate"
     export AMENT_PREFIX_PATH="$_hand_root/.venv" CMAKE_PREFIX_PATH="$_hand_root/.venv"
+    export ROS_VERSION=2 ROS_DISTRO=jazzy
 elif [ -f /opt/ros/jazzy/setup.bash ]; then
     source /opt/ros/jazzy/setup.bash
 fi

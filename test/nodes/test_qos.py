@@ -13,6 +13,8 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
+from test.nodes.viewer_paths import check_foxglove, check_plotjuggler
+
 if TYPE_CHECKING:
     from test.nodes.stack import Client, Stack
 
@@ -31,7 +33,10 @@ LATE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=D
 def test_every_topic_reaches_a_default_subscriber_and_late_ones_get_the_last_state(
     stack: Stack, client: Client
 ) -> None:
-    """Fails when a topic is published best effort, a late subscriber gets no state, or a healthy node is silent."""
+    """Fails when a topic is published best effort, a late subscriber gets no state, or a healthy node is silent.
+
+    It also fails when a layout of Foxglove or PlotJuggler shows a signal that the messages do not have.
+    """
     received: dict[str, list[Any]] = {topic: [] for topic in TOPICS}
     for topic, kind in TOPICS.items():
         client.node.create_subscription(kind, topic, received[topic].append, 10)
@@ -40,6 +45,9 @@ def test_every_topic_reaches_a_default_subscriber_and_late_ones_get_the_last_sta
     client.controlling()
     client.until(lambda: min(len(messages) for messages in received.values()) >= 3)
     assert {messages[-1].header.frame_id for messages in received.values()} == {"palm"}
+    newest = {f"/hand/{topic}": messages[-1] for topic, messages in received.items()}
+    check_foxglove(newest, {name for name, _ in client.node.get_topic_names_and_types()})
+    check_plotjuggler(newest)
     spaces = [name for name, _ in client.node.get_topic_names_and_types() if name.startswith("/hand/")]
     publishers = [info for name in spaces for info in client.node.get_publishers_info_by_topic(name)]
     own = [info for info in publishers if info.node_name in ("simulation", "controller")]
@@ -80,15 +88,3 @@ def _cpu_s(pid: int) -> float:
     """Time of the processor [s] that a running process has used."""
     fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
-def test_a_prefix_of_joints_names_frames_and_joints(stack: Stack, client: Client) -> None:
-    """Fails when driver and controller of a hand with a prefix disagree on names, or its frame has none."""
-    stack.node("simulation", joint_prefix="left_")
-    stack.node("controller", joint_prefix="left_")
-    client.controlling()
-    state = client.states[-1]
-    assert state.header.frame_id == client.joints[-1].header.frame_id == "left_palm"
-    assert all(name.startswith("left_") for name in [*state.name, *client.joints[-1].name])
-    client.command(left_index_proximal=0.4)
-    client.until(lambda: client.angle("left_index_proximal") > 0.35)
