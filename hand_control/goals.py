@@ -8,7 +8,7 @@ is refused, preempted or vented ends with INVALID_GOAL.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Protocol
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from hand_control.command_check import MAX_AGE_S, CommandError, Trajectory
 from hand_control.references import SLEW_NS
-from hand_messages.bounds import shown
+from hand_messages.bounds import MAX_NAMES, shown
 from hand_model.arrays import Array
 from hand_model.description import Hand
 
@@ -69,6 +69,9 @@ def read_tolerances(names: Sequence[str], given: Sequence[NamedTolerance], usual
 
     Raises GoalRefusedError, one line, for a joint that the trajectory does not have or a value that is not finite.
     """
+    if len(given) > MAX_NAMES:
+        line = f"goal refused: {len(given)} tolerances; at most {MAX_NAMES} are allowed"
+        raise GoalRefusedError(Code.INVALID_GOAL, line)
     position = np.full(len(names), math.radians(usual_deg) if usual_deg > 0.0 else math.inf)
     velocity = np.full(len(names), math.inf)
     for entry in given:
@@ -95,11 +98,21 @@ def check_names_and_age(hand: Hand, names: Sequence[str], stamp_ns: int, now_ns:
         if name in names[:place]:
             raise GoalRefusedError(Code.INVALID_JOINTS, f"goal refused: joint {name!r} appears twice")
     if not names:
-        raise GoalRefusedError(Code.INVALID_JOINTS, f"goal refused: no joint is named; joints are {hand.joints}")
+        raise GoalRefusedError(
+            Code.INVALID_JOINTS, f"goal refused: no joint is named; joints are {', '.join(hand.joints)}"
+        )
     age_s = (now_ns - stamp_ns) * 1e-9
     if stamp_ns and age_s > MAX_AGE_S:
         line = f"goal refused: stamp is {age_s:.3f} s old; at most {MAX_AGE_S:g} s is allowed"
         raise GoalRefusedError(Code.OLD_HEADER_TIMESTAMP, line)
+
+
+def check_fields(given: Mapping[str, Sequence[object]]) -> None:
+    """Refuse the fields of a goal that a hand cannot follow. given: their lists by name. Raises GoalRefusedError."""
+    for field, values in given.items():
+        if len(values):
+            line = f"goal refused: {field} is given, but every joint of a hand has one degree of freedom"
+            raise GoalRefusedError(Code.INVALID_GOAL, line)
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ from trajectory_msgs.msg import JointTrajectory
 from hand_control.command_inputs import CommandInputs
 from hand_control.controller import Controller, Tick, Times
 from hand_control.declared import PARAMETERS, Settings
-from hand_control.goals import Code, GoalRefusedError, TrajectoryGoal
+from hand_control.goals import Code, GoalRefusedError, TrajectoryGoal, check_fields
 from hand_control.grasps import Grasp as Pattern
 from hand_control.grasps import Outcome, load_grasps
 from hand_control.inputs import JointInput
@@ -354,7 +354,13 @@ class ControllerNode(HandNode):
         self._ends[bytes(handle.goal_id.uuid)] = Future()
         points = [(_seconds(point.time_from_start), point.positions, point.velocities) for point in trajectory.points]
         tolerances = goal.path_tolerance, goal.goal_tolerance
+        other = {
+            "multi_dof_trajectory": goal.multi_dof_trajectory.joint_names,
+            "component_path_tolerance": goal.component_path_tolerance,
+            "component_goal_tolerance": goal.component_goal_tolerance,
+        }
         try:
+            check_fields(other)
             made = self._controller.follow(
                 self._times(trajectory), trajectory.joint_names, points, tolerances, _seconds(goal.goal_time_tolerance)
             )

@@ -19,6 +19,7 @@ from hand_control.goals import (
     GoalRefusedError,
     RunningGoals,
     TrajectoryGoal,
+    check_fields,
     check_names_and_age,
     read_tolerances,
 )
@@ -94,6 +95,16 @@ def test_names_and_age_have_codes_of_their_own() -> None:
             check_names_and_age(HAND, names, stamp_ns, 10 * S)
         assert caught.value.code is code and "\n" not in str(caught.value)
     check_names_and_age(HAND, NAMES, round(9.8 * S), 10 * S)
+
+
+def test_what_a_hand_cannot_follow_is_refused() -> None:
+    """Fails when joints of several degrees of freedom are silently ignored, or tolerances without number are read."""
+    check_fields({"multi_dof_trajectory": []})
+    with pytest.raises(GoalRefusedError, match="multi_dof_trajectory is given") as caught:
+        check_fields({"component_path_tolerance": [], "multi_dof_trajectory": ["base"]})
+    assert caught.value.code is Code.INVALID_GOAL
+    with pytest.raises(GoalRefusedError, match="2000 tolerances; at most"):
+        read_tolerances(NAMES, [tolerance("thumb_distal")] * 2000, 0.0)
 
 
 def test_the_path_is_compared_with_the_reference_and_only_until_the_end() -> None:

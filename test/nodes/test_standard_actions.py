@@ -71,7 +71,10 @@ def test_goals_of_follow_joint_trajectory_end_as_its_definition_says(stack: Stac
     assert shown.joint_names == ["index_proximal", "thumb_distal"] and shown.header.frame_id == "palm"
     assert shown.actual.positions[0] + shown.error.positions[0] == pytest.approx(shown.desired.positions[0])
 
+    floating = trajectory(0.5, index_proximal=0.1)
+    floating.multi_dof_trajectory.joint_names = ["base"]
     for wrong, code, part in (
+        (floating, CODES.INVALID_GOAL, "multi_dof_trajectory is given"),
         (trajectory(0.5, nose=0.1), CODES.INVALID_JOINTS, "unknown joint 'nose'"),
         (trajectory(0.5, index_proximal=9.0), CODES.INVALID_GOAL, "the allowed range is"),
         (FollowJointTrajectory.Goal(), CODES.INVALID_JOINTS, "no joint is named"),
