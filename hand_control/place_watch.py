@@ -158,7 +158,7 @@ def check_places(s, after, w, u, position, model, dt):  # type: ignore[no-untype
 
 @njit(cache=True)
 def hold_places(s, command, pressure, dt):  # type: ignore[no-untyped-def]
-    """Limit set-points [Pa] in place: a question, or a slow rise.  Whether one is lower now."""
+    """Limit set-points [Pa] in place, never below 0: a question, or a slow rise.  Whether one is lower now."""
     limits = False
     for i in range(len(command)):
         asked = command[i]
@@ -167,7 +167,7 @@ def hold_places(s, command, pressure, dt):  # type: ignore[no-untyped-def]
         elif s[_STATE, i] == _WAITS:
             command[i] = min(command[i], s[_HELD_PA, i])
         elif s[_CAREFUL, i] > 0.0:
-            command[i] = min(command[i], max(s[_HELD_PA, i] + CAUTION_PA_PER_S * dt, pressure[i]))
+            command[i] = min(command[i], max(s[_HELD_PA, i] + CAUTION_PA_PER_S * dt, pressure[i], 0.0))
         s[_HELD_PA, i] = command[i]
         limits |= command[i] < asked
     return limits
@@ -190,7 +190,7 @@ class PlaceWatch:
         s = self.state
         s[:] = 0.0
         s[[_OPEN, _CAREFUL]] = 1.0
-        s[[_FROM_PA, _HELD_PA]] = pressure
+        s[[_FROM_PA, _HELD_PA]] = np.maximum(pressure, 0.0)  # a sensor at ambient pressure reads noise about 0
 
     def restart(self) -> None:
         """Forget what is undecided, after a gap."""

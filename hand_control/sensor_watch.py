@@ -407,7 +407,7 @@ class SensorWatch:
         s[_DOUBTED], s[_NOISE] = doubted, LEAST_RAD
         s[_MODEL] = np.clip(np.where(doubted, other, position), c[_LOW], c[_HIGH])
         s[_BIAS] = np.clip(unexplained(s[_MODEL], np.where(doubted, -velocity, velocity)), -POSE_NM, POSE_NM)
-        s[_BELIEVED_PA] = pressure
+        s[_BELIEVED_PA] = np.maximum(pressure, 0.0)
         self._places.start(pressure)
 
     def _restart(self, position: Array, pressure: Array) -> None:

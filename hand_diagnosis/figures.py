@@ -60,7 +60,7 @@ def law_figure(effect: str, law: LawCurve) -> Figure:
     if law.form == "learned":
         axis.plot(state, textbook, "--", color=GREY, lw=1.2, label="textbook form")
     axis.plot(state, value, color=BLUE, lw=1.6, label=f"{law.form} law")
-    axis.set(xlabel=f"{law.over[0]} [{law.over_unit}]", ylabel=f"[{law.unit}]", title=effect.replace("_", " "))
+    axis.set(xlabel=f"{law.over[0]} [{law.over_unit}]", ylabel=f"[{law.unit}]", title=effect)
     axis.legend(frameon=False, fontsize="small")
     return figure
 

@@ -24,7 +24,7 @@ from hand_identification.free_parameters import START_CREEP, FreeParameter, law_
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, costs_at, map_fit
 from hand_model.arrays import Array
-from hand_model.effects.constitution import STATES, Constitution
+from hand_model.effects.constitution import STATES
 from hand_model.effects.effect import INFLOW, SPEED, Effect
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS
 from hand_model.kernel.rows import ROW, effect_rows
@@ -269,9 +269,10 @@ def describe(
     plain = here[0] if textbook is None else _curves(problem, effect, textbook, textbook.z[None], first, second)[0, 0]
     unit, over_unit = (wording.units.quantity(f"law.x_{ending}") for ending in (known.unit, STATES[known.over[0]]))
     points = np.column_stack([first * over_unit.factor, *(y * unit.factor for y in (here[0], low, high, plain))])
-    sentence = _sentence(known, points[:, 0], here * unit.factor, unit.unit, over_unit.unit)
+    quantity, over = wording.sentence(known.quantity, ()), tuple(wording.state(name) for name in known.over)
+    sentence = _sentence(quantity, over, points[:, 0], here * unit.factor, unit.unit, over_unit.unit)
     form = "textbook" if textbook is None else "learned"
-    return LawCurve(form, known.over, known.quantity, unit.unit, over_unit.unit, points, sentence)
+    return LawCurve(form, over, quantity, unit.unit, over_unit.unit, points, sentence)
 
 
 def _curves(problem: JointProblem, effect: Effect, fit: MapFit, z: Array, first: Array, second: Array) -> Array:
@@ -334,29 +335,26 @@ def _time_constant(problem: JointProblem, fit: MapFit) -> float:
     return sum(float(columns[0, ROW[key]]) for key in ("valve.time_constant_s", "valve_lag.time_constant_s"))
 
 
-def _sentence(known: Constitution, x: Array, y: Array, unit: str, over_unit: str) -> str:
-    """A law in words. x (points,), y (values of the second state, points), in units of the machine."""
+def _sentence(quantity: str, over: tuple[str, ...], x: Array, y: Array, unit: str, over_unit: str) -> str:
+    """A law in words. x (points,), y (values of the second state, points), in units and words of the machine."""
     main, size = y[0], float(np.abs(y).max())
     change = main - main[0]
     if size == 0.0:
-        return f"{known.quantity} is 0"
+        return f"{quantity} is 0"
     if np.ptp(main) < SETTINGS.law_constant_share * float(np.abs(main).max()):
-        text = f"{known.quantity} stays at {amount(float(main.mean()), unit)}"
+        text = f"{quantity} stays at {amount(float(main.mean()), unit)}"
     elif np.all(np.diff(main) >= -1e-9 * size) or np.all(np.diff(main) <= 1e-9 * size):
         at = float(x[int(np.argmax(np.abs(change) >= SETTINGS.law_most_share * abs(change[-1])))])
         verb = "rises" if change[-1] > 0.0 else "falls"
         ends = f"from {amount(float(main[0]), unit)} to {amount(float(main[-1]), unit)}"
-        by = (
-            f", most of it by a {known.over[0]} of {amount(at, over_unit)}"
-            if at < SETTINGS.law_most_share * x[-1]
-            else ""
-        )
-        text = f"{known.quantity} {verb} {ends} over the {known.over[0]}{by}"
+        early = at < SETTINGS.law_most_share * x[-1]
+        by = f", most of it by a {over[0]} of {amount(at, over_unit)}" if early else ""
+        text = f"{quantity} {verb} {ends} over the {over[0]}{by}"
     else:
         ends = f"between {amount(float(main.min()), unit)} and {amount(float(main.max()), unit)}"
         at = float(x[int(np.argmax(main))])
-        text = f"{known.quantity} lies {ends}; it is largest at a {known.over[0]} of {amount(at, over_unit)}"
-    grows = float(y[1].mean() / main.mean() - 1.0) if len(known.over) > 1 and main.mean() != 0.0 else 0.0
-    if abs(grows) >= SETTINGS.law_constant_share and known.over[1] != "direction":
-        text += f", and {'grows' if grows > 0.0 else 'falls'} {abs(100.0 * grows):.0f} % with the {known.over[1]}"
+        text = f"{quantity} lies {ends}; it is largest at a {over[0]} of {amount(at, over_unit)}"
+    grows = float(y[1].mean() / main.mean() - 1.0) if len(over) > 1 and main.mean() != 0.0 else 0.0
+    if abs(grows) >= SETTINGS.law_constant_share and over[1] != "direction":
+        text += f", and {'grows' if grows > 0.0 else 'falls'} {abs(100.0 * grows):.0f} % with the {over[1]}"
     return text

@@ -37,7 +37,8 @@ class Constitution:
     None where energy is not concerned.  memory: in words.  over: states (STATES) that the law may depend on, the one
     of the plotted axis first.  source: textbook, paper or standard from which the constraints come.
     coefficients: keys that a learned law sets free in addition to the keys of the effect, in the order of its table.
-    quantity, unit: name of what the law gives, and the ending of a key that is its SI unit.
+    quantity, unit: name of what the law gives, a template of quantities.Wording.sentence, and the ending of a key that
+    is its SI unit.
     curve: (q, x, y) -> value [SI] of the law at the value x of the first state and y of the second one, [SI]; q as the
     equations of the effect get it. None where the class has no learned law.
     """

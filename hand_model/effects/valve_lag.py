@@ -79,7 +79,7 @@ EFFECT = Effect(
         memory="one or two poles, real or a complex pair",
         over=("time", "direction"),
         coefficients=("valve_lag.resonance",),
-        quantity="the share of a step that the pressure has made",
+        quantity="the share of a step that the {pressure} has made",
         curve=curve,
         source="Routh's criterion for a polynomial of second order with positive coefficients; Ljung, System"
         " Identification, 1999, process models",

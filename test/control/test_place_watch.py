@@ -7,7 +7,18 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from hand_control.place_watch import CAUTION_PA_PER_S, NONE, QUESTIONS, PlaceWatch, check_places, hold_places
+from hand_control.place_watch import (
+    _ANSWERS,
+    _STATE,
+    _WAITS,
+    CAUTION_PA_PER_S,
+    NONE,
+    QUESTIONS,
+    PlaceWatch,
+    check_places,
+    hold_places,
+)
+from hand_control.sensor_watch import SensorWatch
 from hand_model.arrays import Array
 from hand_model.description import load_hand
 from validation.faults.sensors import CONFIG, Case, study
@@ -80,6 +91,33 @@ def test_the_first_rise_is_slow() -> None:
     command = np.array([3e5])
     assert hold_places(watch.state, command, np.zeros(1), DT)
     assert command[0] == pytest.approx(CAUTION_PA_PER_S * DT)
+
+
+def test_no_set_point_is_negative() -> None:
+    """Fails when noise below ambient pressure at arming reaches a valve, which the driver refuses."""
+    start, low = np.full(len(HAND.joints), -150.0), np.full(len(HAND.joints), 0.1)
+    watch = SensorWatch(HAND)
+    watch.start(low, np.zeros(len(low)), start)
+    places = PlaceWatch(np.full(len(low), -1, dtype=np.int64))
+    places.start(start)
+    for _ in range(3):
+        watch.check(low, start, np.zeros(len(low)), np.zeros(len(low)), DT)
+        command, placed = np.full(len(low), 2e5), np.full(len(low), 2e5)
+        watch.hold(command)
+        hold_places(places.state, placed, start, 0.0)
+        assert command.min() >= 0.0
+        assert placed.min() >= 0.0
+
+
+@pytest.mark.parametrize("state", [_ANSWERS, _WAITS])
+def test_no_question_is_negative(state: int) -> None:
+    """Fails when a question asks for the noise of a sensor, below ambient pressure."""
+    watch = PlaceWatch(np.array([-1]))
+    watch.start(np.full(1, -150.0))
+    watch.state[_STATE] = state
+    command = np.array([2e5])
+    hold_places(watch.state, command, np.full(1, -150.0), DT)
+    assert command[0] == 0.0
 
 
 @pytest.mark.parametrize("motion", ["step", "opposed", "all joints"])
