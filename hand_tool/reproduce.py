@@ -86,6 +86,8 @@ def _run_all(names: tuple[str, ...], seed: int, as_json: bool) -> list[tuple[Rep
     from concurrent.futures import ProcessPoolExecutor, as_completed
     from multiprocessing import get_context
 
+    from validation.workers import end_with_parent
+
     done: dict[str, tuple[Reproduction, bytes]] = {}
     with progress_bar(as_json, counted=len(names) > 1) as progress:
         if len(names) == 1:
@@ -93,7 +95,7 @@ def _run_all(names: tuple[str, ...], seed: int, as_json: bool) -> list[tuple[Rep
             return [_reproduced(names[0], seed, lambda part: progress.update(share, completed=part))]
         bar = progress.add_task("reproducing", total=len(names))
         interrupts.before_workers()
-        with ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn")) as pool:
+        with ProcessPoolExecutor(WORKERS, get_context("spawn"), end_with_parent) as pool:
             slowest_first = sorted(names, key=lambda name: name != "fig06")
             waiting = {pool.submit(_run_one, name, seed): name for name in slowest_first}
             for future in as_completed(waiting):

@@ -20,6 +20,7 @@ from validation.trial.motions import EXPERIMENTS, set_points
 from validation.trial.nominal import UNCERTAIN, Nominal
 from validation.trial.plant import ROW, record
 from validation.trial.seal import seal
+from validation.workers import end_with_parent
 
 FRAME_S, DURATION_S = 0.01, 30.0
 MULTIPLES = (1.0, 2.0, 5.0)
@@ -115,7 +116,7 @@ def _mapped(work: list[tuple[Case, str, str]], jobs: int) -> Iterator[Case]:
     if jobs <= 1:
         yield from map(make_case, work)
         return
-    pool = ProcessPoolExecutor(jobs)
+    pool = ProcessPoolExecutor(jobs, initializer=end_with_parent)
     try:
         yield from pool.map(make_case, work)
     finally:
