@@ -58,7 +58,9 @@ UNCERTAIN = 1.5
 """Share of the pressure by displaced liquid that may be wrong: volume and leverage 30 % off, twice the lag."""
 SPEED_FILTER_S = 0.02
 _EXPECTED, _OVER, _HIGH, _LOW, _ANGLE, _SPEED, _WIDER, _DRIVEN, _PRESSURE, _HELD_BACK = range(10)
-_TAU, _VENT, _FILL, _A2, _A3, _LIQUID, _GROWTH, _EXPONENT, _VOLUME, _GAS_GROWTH, _GAS_GAIN, _SUPPLY = range(12)
+(
+    _TAU, _VENT, _FILL, _A2, _A3, _LIQUID, _GROWTH, _EXPONENT, _VOLUME, _GAS_GROWTH, _GAS_GAIN, _GAS_PER_RAD, _SUPPLY,
+) = range(13)  # fmt: skip
 _FLUID = (
     "statics.a2_nm_per_pa",
     "statics.a3_nm_per_pa_rad",
@@ -68,6 +70,7 @@ _FLUID = (
     "gas_compression.volume_m3",
     "gas_compression.volume_m3_per_pa",
     "gas_compression.with_pressure",
+    "gas_compression.gain_per_rad",
     "supply.pressure_pa",
 )
 assert (ANGLE, SPEED) == (4, 5)
@@ -110,7 +113,7 @@ def _displaced(v, i, p, angle, speed):  # type: ignore[no-untyped-def]
     around = (0.0, 0.0, 0.0, 0.0, angle, speed, 0.0)
     a2, a3, growth = v[_A2, i], v[_A3, i], v[_GROWTH, i]
     full = liquid_rate((1.0, growth, a2, a3, per_volume((1.0, growth), 0.0)[0]), p, around)
-    chamber = (v[_EXPONENT, i], v[_VOLUME, i], v[_GAS_GROWTH, i], v[_GAS_GAIN, i])
+    chamber = (v[_EXPONENT, i], v[_VOLUME, i], v[_GAS_GROWTH, i], v[_GAS_GAIN, i], v[_GAS_PER_RAD, i])
     gas = gas_rate((*chamber, a2, a3, v[_SUPPLY, i]), p, around)
     if v[_LIQUID, i] > 0.0:
         return full * v[_LIQUID, i] + gas, UNCERTAIN * abs(full)

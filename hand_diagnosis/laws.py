@@ -13,7 +13,7 @@ have in them (MacKay, Neural Computation 4(3), 1992).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ from hand_model.effects.effect import INFLOW, SPEED, Effect
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS
 from hand_model.kernel.rows import ROW, effect_rows
 from hand_model.quantities import HAND, Wording, amount
+from hand_recording.signals import white_noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +90,20 @@ def begin_law(
     return sorted(rough, key=lambda fit: fit.cost)
 
 
+def with_nominal_numbers_of(problem: JointProblem, fit: MapFit, other: MapFit) -> MapFit:
+    """A short fit from a fit's own effects and the nominal numbers of another fit, or the fit itself if it is better.
+
+    A large effect shifts the nominal numbers; a fit that compensated for it in another way may not find back.
+    """
+    theirs = {p.row: float(z) for p, z, plain in zip(other.free, other.z, _nominal(other), strict=True) if plain}
+    own = _nominal(fit)
+    start = np.array(
+        [theirs.get(p.row, z) if own[k] else z for k, (p, z) in enumerate(zip(fit.free, fit.z, strict=True))]
+    )
+    again = map_fit(problem, fit.free, start, SETTINGS.law_iterations[0], 0.5).without_arrays()
+    return again if again.cost < fit.cost else fit
+
+
 def _added(problem: JointProblem, textbook: MapFit, effect: Effect) -> list[FreeParameter]:
     """The coefficients of an effect's law that a fit has not set free."""
     have = {parameter.row for parameter in textbook.free}
@@ -100,6 +115,22 @@ def training_evidence(problem: JointProblem, fit: MapFit) -> float:
     train = ~problem.held_out
     _, logdet = np.linalg.slogdet(np.eye(len(fit.z)) + _shrink(problem, fit) * fit.normal)
     return log_likelihood(problem, fit.squares, train) - 0.5 * float(fit.z @ fit.z) - 0.5 * float(logdet)
+
+
+def white_part(problem: JointProblem, fit: MapFit, stage: int) -> float:
+    """The white part of the residual of a signal [SI]; 0 where there is none."""
+    read = [r[stage][s.use[stage]] for s, r in zip(problem.segments, fit.residuals, strict=True)]
+    return max((white_noise(r) for r in read if len(r) > SETTINGS.min_stage_samples), default=0.0)
+
+
+def weighted_by_noise(problem: JointProblem, fit: MapFit) -> JointProblem:
+    """The problem with the weights of the white noise that a fit leaves, up to SETTINGS.refit_weight times its own."""
+    weight = SETTINGS.refit_weight * problem.weight
+    for stage in range(len(weight)):
+        noise = white_part(problem, fit, stage)
+        if noise > 0.0:
+            weight[stage] = max(min(weight[stage], 1.0 / noise**2), problem.weight[stage])
+    return replace(problem, weight=weight)
 
 
 def posterior_covariance(problem: JointProblem, fit: MapFit) -> Array:
@@ -209,7 +240,7 @@ def _compared(problem: JointProblem, textbook: MapFit, fit: MapFit, effect: Effe
         float(sum(1.0 - covariance[k, k] for k in own)),
         stage,
         fall,
-        bool(own and better and evidence > SETTINGS.min_log_evidence),
+        bool(own and better and evidence > 0.0),
     )
 
 

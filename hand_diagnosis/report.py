@@ -18,7 +18,9 @@ from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
 from hand_diagnosis.experiments import next_experiment, simulated_experiment
 from hand_diagnosis.findings import Finding, Number
 from hand_diagnosis.hypotheses import Isolability
+from hand_diagnosis.laws import weighted_by_noise
 from hand_diagnosis.remainders import Remainder
+from hand_diagnosis.search import at_floor
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.verdict import Region, locate
 from hand_identification.free_parameters import FARTHEST, START_CREEP
@@ -359,9 +361,12 @@ def claimed_values(joint: JointDiagnosis) -> dict[str, float]:
     if not search.accepted and not stays.any():
         return {}
     order = np.argsort(-np.abs(final.z) / deviation, kind="stable")
+    sharp = weighted_by_noise(problem, final)  # the weights of the fit that is reported
     while True:
         free = [p for p, kept in zip(final.free, stays, strict=True) if kept]
-        fit = map_fit(problem, free, final.z[stays], SETTINGS.rough_iterations) if free else final
+        fit = final
+        if free:
+            fit = at_floor(problem, map_fit(sharp, free, final.z[stays], SETTINGS.rough_iterations))
         further = [k for k in order if not stays[k]]
         if not further or fit.cost < final.cost + SETTINGS.min_log_evidence:
             break

@@ -22,7 +22,14 @@ from hand_diagnosis.hypotheses import (
     refined,
     validation_rmse,
 )
-from hand_diagnosis.laws import begin_law, learn_law, training_evidence
+from hand_diagnosis.laws import (
+    begin_law,
+    learn_law,
+    training_evidence,
+    weighted_by_noise,
+    white_part,
+    with_nominal_numbers_of,
+)
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import shape_driving
 from hand_identification.free_parameters import FreeParameter, merged
@@ -211,17 +218,22 @@ def _with_best_laws(
     """The hypotheses of a round ranked again, the leaders by the better one of their laws.
 
     A class wins or loses by its best law, not by its textbook form. Laws are freed only where the first hypothesis
-    leaves clearly more than the noise. Coarse fits decide which of them are fitted to the end.
+    leaves clearly more than the noise. Every rival whose coarse fit is near the best one is fitted to the end, so that
+    learned laws are compared with learned laws.
     """
     if not hypotheses or not _leaves_much(problem, current, hypotheses[0].fit):
         return list(hypotheses)
     coarse = replace(problem, step_s=SETTINGS.passes[0].step_s)
-    begun = {}
-    for number in [k for k, h in enumerate(hypotheses) if h.effect.coefficients][: SETTINGS.law_leaders[0]]:
-        begun[number] = begin_law(coarse, hypotheses[number].fit, hypotheses[number].effect, rng)
+    freed = [k for k, h in enumerate(hypotheses) if h.effect.coefficients][: SETTINGS.law_leaders]
+    begun = {k: begin_law(coarse, hypotheses[k].fit, hypotheses[k].effect, rng) for k in freed}
+    if not begun:
+        return list(hypotheses)
+    first = min(begun, key=lambda k: begun[k][0].cost)
+    for number in begun.keys() - {first}:
+        begun[number].insert(0, with_nominal_numbers_of(coarse, begun[number][0], begun[first][0]))
     evidence = {number: training_evidence(coarse, fits[0]) for number, fits in begun.items()}
-    ranked = list(hypotheses)
-    for number in sorted(begun, key=lambda k: -evidence[k])[: SETTINGS.law_leaders[1]]:
+    ranked, limit = list(hypotheses), max(evidence.values()) - SETTINGS.max_evidence_gap
+    for number in [k for k in begun if evidence[k] > limit]:
         ranked[number] = _with_best_law(problem, current, hypotheses[number], begun[number], rng)
     return _ranked(ranked)
 
@@ -245,9 +257,10 @@ def _leaves_much(problem: JointProblem, current: MapFit, fit: MapFit) -> bool:
     """Whether a fit leaves an error clearly above the noise, the white part of the current residuals, of any signal."""
     rmse = validation_rmse(problem, fit.squares)
     for stage in np.flatnonzero(np.isfinite(rmse)):
-        read = [r[stage][s.use[stage]] for s, r in zip(problem.segments, current.residuals, strict=True)]
-        white = max((white_noise(r) for r in read if len(r) > SETTINGS.min_stage_samples), default=0.0)
-        if rmse[stage] ** 2 - white**2 > (SETTINGS.law_min_excess * problem.floor[stage]) ** 2:
+        if (
+            rmse[stage] ** 2 - white_part(problem, current, int(stage)) ** 2
+            > (SETTINGS.law_min_excess * problem.floor[stage]) ** 2
+        ):
             return True
     return False
 
@@ -350,33 +363,30 @@ def _learn_below_floor(found: JointSearch, rng: np.random.Generator) -> None:
     """Free the laws of the effects found, where the validation data confirm what they explain below the floor."""
     problem = found.problem
     for k, hypothesis in enumerate(found.accepted):
-        if not residual_is_correlated(problem, found.final):
-            return
-        if not hypothesis.effect.coefficients or hypothesis.freed:
+        if not hypothesis.effect.coefficients or hypothesis.freed or not residual_is_correlated(problem, found.final):
             continue
-        sharp = replace(problem, weight=SETTINGS.refit_weight * problem.weight)
-        law = learn_law(sharp, found.final, hypothesis.effect, rng)
+        sharp = weighted_by_noise(problem, found.final)
+        # Evidence and covariance of both laws must come from the same weights.
+        textbook = map_fit(sharp, found.final.free, found.final.z, SETTINGS.refit_iterations)
+        law = learn_law(sharp, textbook, hypothesis.effect, rng)
         if law.preferred:
-            textbook = found.final.without_arrays()
-            found.accepted[k] = replace(hypothesis, freed=law.freed, textbook=textbook)
-            found.accepted[-1] = replace(found.accepted[-1], fit=_at_floor(problem, law.fit))
+            found.accepted[k] = replace(hypothesis, freed=law.freed, textbook=found.final.without_arrays())
+            found.accepted[-1] = replace(found.accepted[-1], fit=at_floor(problem, law.fit))
 
 
 def refit_below_floor(problem: JointProblem, fit: MapFit) -> MapFit:
-    """The fit continued with larger weights of the data; cost and covariance stay those of the practical floor.
+    """The fit continued with the weights of the noise; cost and covariance stay those of the practical floor.
 
     Which effects are missing is decided against the floor. Once that is decided, there is no reason to leave, for the
     sake of priors, what the same numbers explain.
     """
-    sharp = replace(problem, weight=SETTINGS.refit_weight * problem.weight)
-    return _at_floor(problem, map_fit(sharp, fit.free, fit.z, SETTINGS.refit_iterations))
+    sharp = weighted_by_noise(problem, fit)
+    return at_floor(problem, map_fit(sharp, fit.free, fit.z, SETTINGS.refit_iterations))
 
 
-def _at_floor(problem: JointProblem, done: MapFit) -> MapFit:
+def at_floor(problem: JointProblem, done: MapFit) -> MapFit:
     """A fit with the larger weights, with the cost and the covariance of the practical floor."""
-    train = ~problem.held_out
-    cost = float((problem.weight[:, None] * done.squares[:, train]).sum() + done.z @ done.z)
-    return replace(done, cost=cost, normal=done.normal / SETTINGS.refit_weight)
+    return map_fit(problem, done.free, done.z, 1)
 
 
 def residual_is_correlated(problem: JointProblem, fit: MapFit) -> bool:

@@ -13,6 +13,7 @@ from typing import Any
 
 CHOICE = "engineering choice"
 TRIALS = "calibrated on blind trials"
+FORMS = "log score of development forms (validation/development.py)"
 LIMIT = "physical limit of hand and actuators"
 
 
@@ -196,18 +197,17 @@ class Settings:
     listed_improvements: int = _setting(
         3, "improvements", "Length of that list.", CHOICE, "Shorter lists.", "Longer lists.")
     refit_weight: float = _setting(
-        25.0, "-", "Weight of the data in the last fit, relative to that of the practical floor.", CHOICE,
-        "Priors keep structure that the numbers explain.", "Noise moves the numbers.")
+        400.0, "-", "Largest weight of the data in the last fit, relative to that of the practical floor; it is that of"
+        " the white noise.", CHOICE, "Priors keep structure that the numbers explain.", "Noise moves the numbers.")
     refit_iterations: int = _setting(
-        6, "iterations", "Iterations of the last fit.", CHOICE, "It ends early.", "Slower.")
+        12, "iterations", "Iterations of the last fit.", CHOICE, "It ends early.", "Slower.")
     min_correlated_ratio: float = _setting(
         1.05, "-", "RMS of a residual over its white noise from which it is correlated and the last fit worth while.",
         CHOICE, "Every joint is fitted again.", "Correlated residuals are left.")
     bootstrap_draws: int = _setting(
         400, "draws", "Draws of the paired block bootstrap of the validation error.", CHOICE,
         "Less exact intervals.", "Slower.")
-    bootstrap_tail: float = _setting(
-        0.025, "-", "Probability outside the interval, at each end.", "95 % interval",
+    bootstrap_tail: float = _setting(0.025, "-", "Probability outside the interval, at each end.", "95 % interval",
         "Small effects are missed.", "False findings.")
     min_sharing_joints: float = _setting(
         0.5, "-", "Share of the diagnosed joints that must show an effect of the whole hand.", CHOICE,
@@ -249,8 +249,8 @@ class Settings:
         1.3, "floors", "Validation error beyond the noise, in repeatability floors, from which a joint without effects"
         " is not explained.", TRIALS, "False `unknown` findings.", "Small unknown physics is missed.")
     tolerated_share: float = _setting(
-        0.3, "-", "Share of the nominal excess error (RMS) that named effects may leave without other physics: real"
-        " laws differ in form from the textbook's.", CHOICE,
+        0.1, "-", "Share of the nominal excess error (RMS) that right names may leave, in addition to"
+        " name_excess_floors: real laws differ in form.", FORMS,
         "Right effects of another form stand next to a remainder.", "A second effect passes as an error of form.")
     max_claim_share: float = _setting(
         0.6, "-", "Share of the excess error (RMS) above which what an effect removes is not a finding.", CHOICE,
@@ -312,6 +312,11 @@ class Settings:
     outside_catalogue: float = _setting(
         0.04, "-", "Probability reserved for effects outside the catalogue.", TRIALS,
         "Overconfident findings.", "Timid findings.")
+    name_excess_floors: float = _setting(2.0, "floors", "Error beyond the noise, in repeatability floors, on data not"
+        " fitted, that right and wrong names leave equally often; a larger one is a remainder.", FORMS,
+        "Timid findings.", "Overconfident stand-ins for missing effects.")
+    name_sharpness: float = _setting(3.0, "-", "How fast the odds of a name fall with that error: power of 1 + its"
+        " square.", FORMS, "Names depend less on what they leave.", "Names depend more on it.")
     min_probability: float = _setting(
         0.01, "-", "Probabilities of effects stay between it and one minus it.", CHOICE,
         "No visible change.", "No visible change.")
@@ -356,9 +361,8 @@ class Settings:
         5e4, "Pa", "Least amplitude of a simulated experiment.", CHOICE,
         "Weak experiments are simulated.", "Stronger than some recordings.")
     # Learned laws
-    law_leaders: tuple[int, int] = _setting((8, 3), "hypotheses", "Hypotheses of a round whose laws are fitted"
-        " coarsely, and those of them that are fitted to the end.", CHOICE, "The right class may lose by its form.",
-        "Slower.")
+    law_leaders: int = _setting(8, "hypotheses", "Hypotheses of a round whose laws are fitted coarsely; those near"
+        " the best one (max_evidence_gap) are fitted on.", CHOICE, "The right class may lose by its form.", "Slower.")
     law_min_excess: float = _setting(1.0, "floors", "Validation error beyond the noise, in repeatability floors, that"
         " the leader leaves where laws are freed.", CHOICE, "Slower.", "Laws stay those of textbooks.")
     law_random_starts: int = _setting(24, "starts", "Random starts among those of the fit of a law.", CHOICE,

@@ -65,17 +65,28 @@ class StageResult:
         """Share of the mean square beyond the noise that the effects explain, 0 ... 1."""
         return 1.0 - self.left**2
 
-    @property
-    def left_beyond_floor(self) -> float:
-        """Share of the excess error (RMS) that is left beyond what one repetition differs from the next, 0 ... 1."""
-        beyond = float(np.sqrt(max(self.excess_after**2 - self.floor**2, 0.0)))
-        return min(beyond / max(self.excess_before, 1e-300), 1.0)
+    def right_name(self, test_before: float, test_after: float) -> float:
+        """Probability, 0 ... 1, that no other effect stands behind the names, by what they leave of this signal.
+
+        test_before, test_after: errors [SI] of the nominal and the final model on test data; NaN without such data. The
+        worse of validation and test data counts: a wrong class with a flexible law fits what it saw and fails
+        elsewhere. Logistic in the logarithm of 1 + x^2 / floor^2, the quantity of hypotheses.log_likelihood.
+        """
+        on_test = [float(np.sqrt(max(np.nan_to_num(x) ** 2 - self.noise**2, 0.0))) for x in (test_before, test_after)]
+        ratio = max(
+            (self.floor**2 + after**2) / (self.floor**2 + self._tolerated(before) ** 2)
+            for before, after in ((self.excess_before, self.excess_after), (on_test[0], on_test[1]))
+        )
+        return float(1.0 / (1.0 + ratio**SETTINGS.name_sharpness))
+
+    def _tolerated(self, before: float) -> float:
+        """Excess error [SI] that a right name may leave of an excess `before` [SI]."""
+        return float(np.hypot(SETTINGS.name_excess_floors * self.floor, SETTINGS.tolerated_share * before))
 
     @property
     def tolerated(self) -> float:
         """Excess error [SI] that needs no other physics: of repeatability, and of the form of the effects' laws."""
-        form = SETTINGS.tolerated_share * self.excess_before if self.effects else 0.0
-        return float(np.hypot(SETTINGS.unexplained_floors * self.floor, form))
+        return self._tolerated(self.excess_before) if self.effects else SETTINGS.unexplained_floors * self.floor
 
     @property
     def other_physics(self) -> float:

@@ -22,6 +22,7 @@ from scipy.integrate import solve_ivp
 from hand_diagnosis.laws import LearnedLaw, learn_law, training_evidence
 from hand_identification.driving import shape_driving
 from hand_identification.free_parameters import (
+    NOMINAL_KEYS,
     FreeParameter,
     effect_free_parameters,
     merged,
@@ -384,9 +385,9 @@ def ratio_on(problem: JointProblem, test: JointProblem, fit: MapFit, stage: int)
 def compare(hand: Hand, form: Form, seed: int) -> dict[str, Any]:
     """Textbook and learned laws of all classes of a form's stage on one recording; errors on another one."""
     rng = np.random.default_rng(seed)
-    nominal = replace(hand, parameters=hand.parameters * (1.0 + OFF * rng.standard_normal(hand.parameters.shape)))
-    for key in ("supply.pressure_pa", "end_stop.low_deg", "end_stop.high_deg"):
-        nominal.parameters[ROW[key]] = hand.parameters[ROW[key]]
+    nominal = replace(hand, parameters=hand.parameters.copy())
+    for key in NOMINAL_KEYS:  # effects stay neutral
+        nominal.parameters[ROW[key]] *= 1.0 + OFF * rng.standard_normal(len(hand.joints))
     problem, _, base = problem_of(nominal, recording(hand, form, rng))
     test, _, _ = problem_of(nominal, recording(hand, form, rng))
     names = VALVE if form.effect in VALVE else MOTION

@@ -18,13 +18,14 @@ def pressure_source(q, p, e):  # type: ignore[no-untyped-def]
     """p_abs V^n is constant but for what the valve feeds; dV/dphi = a2 + a3 phi by virtual work.
 
     V also grows with the pressure, by c_V: p_abs' = -n p_abs (a2 + a3 phi) phi' / (V + n c_V p_abs).
-    The law multiplies it by a gain that changes linearly with the pressure and is never negative.
+    The law multiplies it by gains that change linearly with the pressure and with the angle and are never negative.
     """
-    exponent, vented, growth, gain, a2, a3, supply = q
+    exponent, vented, growth, gain, per_rad, a2, a3, supply = q
     stiff = exponent * (p + ATMOSPHERE_PA)
     volume = max(_volume(p, e[ANGLE], vented, growth, a2, a3), SMALLEST_M3)
     rate = -stiff * _leverage(e[ANGLE], a2, a3) * e[SPEED] / (volume + stiff * growth)
-    return rate * (1.0 + gain * min(max(p / supply, 0.0), 1.0))
+    over_angle = min(max(1.0 + per_rad * e[ANGLE], 0.0), 10.0)
+    return rate * (1.0 + gain * min(max(p / supply, 0.0), 1.0)) * over_angle
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
@@ -42,6 +43,7 @@ EFFECT = Effect(
         Parameter(
             "gas_compression.with_pressure", -1.0, 10.0, "law: growth up to supply pressure", 1.0, 0.0, 0.5, law=True
         ),
+        Parameter("gas_compression.gain_per_rad", -5.0, 20.0, "law: growth with the angle", 1.0, 0.0, 0.3, law=True),
     ),
     reads=("statics.a2_nm_per_pa", "statics.a3_nm_per_pa_rad", "supply.pressure_pa"),
     hooks={"pressure_source": pressure_source},
@@ -56,10 +58,10 @@ EFFECT = Effect(
         acts_on="rate of the pressure",
         sign="opposes the change of volume",
         passive=True,
-        monotone="in proportion to the speed; the gain is not negative at any pressure",
+        monotone="in proportion to the speed; the gain is not negative at any pressure and angle",
         memory="the pressure itself",
         over=("pressure", "angle", "speed"),
-        coefficients=("gas_compression.volume_m3", "gas_compression.with_pressure"),
+        coefficients=("gas_compression.volume_m3", "gas_compression.with_pressure", "gas_compression.gain_per_rad"),
         quantity="the rise of the {pressure} per {angle} against the {flexion}",
         unit="pa_per_rad",
         curve=curve,

@@ -12,16 +12,17 @@ from hand_model.kernel.plant_rows import Parameter
 
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
-    """Share of the remaining warming that happens within a step; midpoint rule."""
-    tau = q[2]
-    return h / (tau + 0.5 * h), 1.0 / h
+    """Shares of the remaining warming of both capacities that happen within a step; midpoint rule."""
+    tau, faster = q[2], q[2] * q[5]
+    return h / (tau + 0.5 * h), h / (faster + 0.5 * h), 1.0 / h
 
 
 @inline
 def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
-    """A rest torque and a loss of elasticity in proportion to the warmth."""
-    shift, softening, a1 = q[0], q[1], q[4]
-    (warmth,) = m
+    """A rest torque and a loss of elasticity in proportion to the warmth; by the law, of two capacities."""
+    shift, softening, second, a1 = q[0], q[1], q[4], q[6]
+    slow, fast = m
+    warmth = slow + second * (fast - slow)
     elastic = softening * warmth * a1
     return shift * warmth - elastic * (phi - creep_angle), elastic
 
@@ -29,14 +30,15 @@ def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
 @inline
 def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
     """Warmth goes from 0 to 1 as a first-order lag; by the law it follows the mean speed over 1 rad/s in part."""
-    (warmth,) = m
-    heated = 1.0 + q[3] * (abs(after - before) * q[6] - 1.0)
-    return (warmth + (heated - warmth) * q[5],)
+    slow, fast = m
+    heated = 1.0 + q[3] * (abs(after - before) * q[9] - 1.0)
+    return slow + (heated - slow) * q[7], fast + (heated - fast) * q[8]
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
     """Torque gained [N m] after the time x [s] at the mean speed y [rad/s]."""
-    return float(q[0] * (1.0 + q[3] * (y - 1.0)) * -math.expm1(-x / q[2]))
+    slow, fast = -math.expm1(-x / q[2]), -math.expm1(-x / (q[2] * q[5]))
+    return float(q[0] * (1.0 + q[3] * (y - 1.0)) * (slow + q[4] * (fast - slow)))
 
 
 EFFECT = Effect(
@@ -49,30 +51,32 @@ EFFECT = Effect(
         Parameter(
             "thermal_drift.by_use", 0.0, 1.0, "law: share of the heat that motion gives", 1.0, 0.0, 0.3, law=True
         ),
+        Parameter("thermal_drift.second", 0.0, 1.0, "law: share of a faster capacity", 1.0, 0.0, 0.2, law=True),
+        Parameter("thermal_drift.faster", 0.01, 1.0, "its time constant over the other one", 1.0, 0.15),
     ),
     reads=("statics.a1_nm_per_rad",),
-    prepared=("approach", "per_h"),
-    memory=("warmth",),
+    prepared=("approach", "fast_approach", "per_h"),
+    memory=("slow", "fast"),
     hooks={"prepare": prepare, "torque": torque, "moved": moved},
     keys=("thermal_drift.torque_nm", "thermal_drift.softening", "thermal_drift.time_constant_s"),
     probes=((0.01, 0.0, 20.0), (-0.01, 0.0, 20.0), (0.0, 0.1, 20.0), (0.01, 0.0, 150.0), (0.0, -0.1, 60.0)),
-    spread={"thermal_drift.time_constant_s": 1.0},
+    spread={"thermal_drift.time_constant_s": 1.0, "thermal_drift.faster": 0.7},
     shape=("thermal_drift.time_constant_s",),
     says="warming shifts the {torque} at rest by {torque_nm} and reduces the stiffness by {softening}"
     " (relative), with a time constant of {time_constant_s}",
     experiments=("hold", "staircase"),
     doc="First-order warming that shifts the static map.",
-    source="lumped thermal model of one capacity",
+    source="lumped thermal model of one capacity, or by the law of two",
     constitution=Constitution(
         acts_on="rest torque and elasticity",
         sign="either",
         monotone="in proportion to the warmth, which follows the heat without overshoot",
-        memory="the warmth",
+        memory="the warmth of one or two capacities",
         over=("time", "speed"),
-        coefficients=("thermal_drift.by_use",),
+        coefficients=("thermal_drift.by_use", "thermal_drift.second", "thermal_drift.faster"),
         quantity="the {torque} gained by warming",
         unit="nm",
         curve=curve,
-        source="heat balance of one capacity, Incropera and DeWitt, Fundamentals of Heat Transfer, 2002, ch. 5",
+        source="heat balance of lumped capacities, Incropera and DeWitt, Fundamentals of Heat Transfer, 2002, ch. 5",
     ),
 )

@@ -22,13 +22,15 @@ def valve_error(q, error):  # type: ignore[no-untyped-def]
     """The valve reacts to the part of the error beyond the dead band, with a sharp edge or a gradual one.
 
     A gradual edge opens with the square of the error up to twice the width, as a rounded notch of a spool does.
-    The law leaves a share of the slope within the band, which is the leakage of the closed edge.
+    The law leaves a share of the slope within the band, which is the leakage of the closed edge, and lets the loss
+    fall again beyond the band, as for edges that a larger opening clears.
     """
-    width, soft, left, per_width = q
+    width, soft, left, clearing, per_width = q
     sharp = min(max(error, -width), width)
     x = min(max(error * per_width, -2.0), 2.0)
     gradual = width * x * (1.0 - 0.25 * abs(x))
-    closed = 1.0 - left
+    beyond = min(abs(error) * per_width, 8.0)
+    closed = (1.0 - left) / (1.0 + clearing * beyond * beyond)
     return error - closed * sharp - closed * soft * (gradual - sharp)
 
 
@@ -44,6 +46,9 @@ EFFECT = Effect(
         Parameter("valve_deadband.width_pa", 0.0, 2e5, "error that opens nothing", 1.0, 0.0, 5e3),
         Parameter("valve_deadband.softness", 0.0, 1.0, "0 a sharp edge, 1 a gradual opening", 1.0, 0.0, 0.17),
         Parameter("valve_deadband.slope_left", 0.0, 1.0, "law: share of the slope within", 1.0, 0.0, 0.1, law=True),
+        Parameter(
+            "valve_deadband.clearing", 0.0, 5.0, "law: how soon the loss falls beyond it", 1.0, 0.0, 0.3, law=True
+        ),
     ),
     prepared=("per_width",),
     hooks={"prepare": prepare, "valve_error": valve_error},
@@ -57,9 +62,9 @@ EFFECT = Effect(
     constitution=Constitution(
         acts_on="error to which the valve reacts",
         sign="that of the error, and never more than it",
-        monotone="rises with the error, with a slope of at most 1",
+        monotone="rises with the error, and stays between 0 and the error",
         over=("pressure error",),
-        coefficients=("valve_deadband.slope_left",),
+        coefficients=("valve_deadband.slope_left", "valve_deadband.clearing"),
         quantity="the error to which the valve reacts",
         unit="pa",
         curve=curve,

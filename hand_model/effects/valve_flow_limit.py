@@ -16,9 +16,21 @@ _PER_SPAN = 1.0 / (1.0 - CRITICAL)
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
     """Reciprocals of the supply pressure, absolute and gauge, and of the law's values at the full difference."""
-    _, fill_1, fill_2, fill_3, vent_1, vent_2, vent_3, supply, _, _ = q
+    _, fill_1, fill_2, fill_3, vent_1, vent_2, vent_3, _, supply, fill, vent, tau = q
     per_fill, per_vent = 1.0 / (1.0 + fill_1 + fill_2 + fill_3), 1.0 / (1.0 + vent_1 + vent_2 + vent_3)
-    return 1.0 / (supply + ATMOSPHERE_PA), 1.0 / supply, per_fill, per_vent
+    per_filling, per_venting = 1.0 / max(fill * tau, 1.0), 1.0 / max(vent * tau, 1.0)
+    return 1.0 / (supply + ATMOSPHERE_PA), 1.0 / supply, per_fill, per_vent, per_filling, per_venting
+
+
+@inline
+def valve_error(q, error):  # type: ignore[no-untyped-def]
+    """By the law the flow approaches its limit gradually: an error e with the limit at E acts like e / (1 + |e| / E).
+
+    The law takes a share of it. The result has the sign of the error and never exceeds it.
+    """
+    gradual, per_filling, per_venting = q[7], q[16], q[17]
+    share = error * per_filling if error > 0.0 else -error * per_venting
+    return error - gradual * error * (share / (1.0 + share))
 
 
 @inline
@@ -28,23 +40,23 @@ def flow_limit(q, limit, p, fills):  # type: ignore[no-untyped-def]
     By the law it also grows with the difference that drives the flow, by increments for each third of the supply
     pressure that cannot be negative; at the full difference it is the textbook limit.
     """
-    choking, per_full = q[0], q[10]
+    choking, per_full = q[0], q[12]
     here = p + ATMOSPHERE_PA
     ratio = here * per_full if fills else ATMOSPHERE_PA / max(here, 1.0)
     upstream = 1.0 if fills else here * per_full  # over the absolute supply pressure
     choked = subsonic(ratio, CRITICAL, _PER_SPAN) * upstream
-    share = min(max(p * q[11], 0.0), 1.0)
+    share = min(max(p * q[13], 0.0), 1.0)
     filling = 1.0 if fills else 0.0  # selected values would be conditional reads, which are not vectorised
     driving = 3.0 * (filling + share - 2.0 * filling * share)
     a, b = q[4] + filling * (q[1] - q[4]), q[5] + filling * (q[2] - q[5])
-    c, per_all = q[6] + filling * (q[3] - q[6]), q[13] + filling * (q[12] - q[13])
+    c, per_all = q[6] + filling * (q[3] - q[6]), q[15] + filling * (q[14] - q[15])
     grown = 1.0 + a * min(driving, 1.0) + b * min(max(driving - 1.0, 0.0), 1.0) + c * max(driving - 2.0, 0.0)
     return limit * (1.0 - choking + choking * choked) * (grown * per_all)
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
     """Limit [Pa/s] at the pressure x [Pa] of filling where y is 0, and of venting elsewhere."""
-    return float(flow_limit(q, q[8] if y == 0.0 else q[9], x, y == 0.0))
+    return float(flow_limit(q, q[9] if y == 0.0 else q[10], x, y == 0.0))
 
 
 _GROWTHS = tuple(
@@ -61,10 +73,20 @@ EFFECT = Effect(
     parameters=(
         Parameter("valve_flow_limit.choking", 0.0, 1.0, "0 a constant limit, 1 a choked one", 1.0, 0.0, 0.17),
         *_GROWTHS,
+        Parameter(
+            "valve_flow_limit.gradual",
+            0.0,
+            1.0,
+            "law: share of a gradual approach to the limit",
+            1.0,
+            0.0,
+            0.2,
+            law=True,
+        ),
     ),
-    reads=("supply.pressure_pa", "valve.fill_rate_pa_per_s", "valve.vent_rate_pa_per_s"),
-    prepared=("per_full", "per_supply", "per_fill", "per_vent"),
-    hooks={"prepare": prepare, "flow_limit": flow_limit},
+    reads=("supply.pressure_pa", "valve.fill_rate_pa_per_s", "valve.vent_rate_pa_per_s", "valve.time_constant_s"),
+    prepared=("per_full", "per_supply", "per_fill", "per_vent", "per_filling", "per_venting"),
+    hooks={"prepare": prepare, "valve_error": valve_error, "flow_limit": flow_limit},
     keys=("valve.fill_rate_pa_per_s", "valve.vent_rate_pa_per_s", "valve_flow_limit.choking"),
     probes=(
         (Times(0.1), Times(0.1), 0.0),
@@ -86,7 +108,7 @@ EFFECT = Effect(
         passive=True,
         monotone="does not fall while the pressure difference that drives the flow grows",
         over=("pressure", "direction"),
-        coefficients=tuple(parameter.key for parameter in _GROWTHS),
+        coefficients=(*(parameter.key for parameter in _GROWTHS), "valve_flow_limit.gradual"),
         quantity="the limit of filling, then of venting,",
         unit="pa_per_s",
         curve=curve,

@@ -21,7 +21,7 @@ from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.effects import CATALOGUE, EFFECTS, class_table
 from hand_model.effects.constitution import STATES, Constitution
-from hand_model.effects.effect import EXOGENOUS, HOOKS, INFLOW, SPEED, TIME, Effect, hook_arguments
+from hand_model.effects.effect import ANGLE, EXOGENOUS, HOOKS, INFLOW, SPEED, TIME, Effect, hook_arguments
 from hand_model.kernel.closed_loop import ClosedLoop
 from hand_model.kernel.hooks import compose, has_laws
 from hand_model.kernel.plant_rows import Parameter
@@ -290,6 +290,8 @@ def test_a_dead_band_stays_within_its_sector() -> None:
         assert np.all(felt * np.linspace(-3e4, 3e4, 301) >= 0.0)
         assert np.all(np.abs(felt) <= np.abs(np.linspace(-3e4, 3e4, 301)) + 1e-9)
     assert call(effect, "valve_error", numbers(effect, width_pa=5e3, slope_left=0.2), 4e3) == approx(800.0)
+    clears = numbers(effect, width_pa=5e3, clearing=1.0)  # x - 1 / (1 + x^2) for x widths
+    assert [call(effect, "valve_error", clears, 5e3 * x) for x in (-1.0, 3.0)] == approx([-2.5e3, 14.5e3])
 
 
 def test_a_tube_resists_more_at_a_larger_difference_and_less_under_pressure() -> None:
@@ -335,6 +337,8 @@ def test_flow_does_not_fall_with_the_difference_that_drives_it() -> None:
         assert fill[0] == approx(1e6)
         assert vent[-1] == approx(1e6)
         assert fill.min() > 0.0 and vent.min() > 0.0
+    soft = numbers(effect, gradual=1.0)  # the error at the limit is 4e6 Pa/s * 0.02 s, and 3e6 Pa/s * 0.02 s
+    assert [call(effect, "valve_error", soft, x) for x in (8e4, -12e4)] == approx([4e4, -4e4])
     one = numbers(effect, vent_1=1.0)
     assert call(effect, "flow_limit", one, 1e6, 1e5, False) == approx(0.75e6)
     assert call(effect, "flow_limit", one, 1e6, 1e5, True) == approx(1e6)
@@ -347,6 +351,12 @@ def test_gas_and_leak_stay_passive() -> None:
     for q in drawn("gas_compression", 6, exponent=1.2):
         source = [call(gas, "pressure_source", q, p, squeezed) for p in np.linspace(0.0, SUPPLY_PA, 30)]
         assert max(source) <= 0.0
+        bent = tuple(0.5 if column == ANGLE else value for column, value in enumerate(squeezed))
+        assert call(gas, "pressure_source", q, 3e5, bent) <= 0.0
+    straight, angled = numbers(gas, exponent=1.2), numbers(gas, exponent=1.2, gain_per_rad=2.0)
+    assert call(gas, "pressure_source", angled, 3e5, bent) == approx(
+        2.0 * call(gas, "pressure_source", straight, 3e5, bent)
+    )
     for q in drawn("leak", 6, rate_per_s=0.5, turbulent=0.3):
         assert np.diff([call(leak, "pressure_source", q, p, REST) for p in np.linspace(0.0, SUPPLY_PA, 30)]).max() < 0.0
     half = numbers(leak, rate_per_s=0.5, with_pressure=2.0)
@@ -507,10 +517,16 @@ def test_slow_changes_follow_use_and_attitude() -> None:
     expected = change * -0.05 * (0.4 - 0.1) + 2e-3 * 20.0 * (4e-7 - 1e-7 * 0.4) * 1e5
     assert call(ageing, "torque", q, m, 0.4, 0.0, 1e5, 0.1, REST)[0] == approx(expected)
     q = numbers(warming, torque_nm=0.01, time_constant_s=5.0, by_use=0.25)
-    warm: tuple[float, ...] = (0.0,)
+    warm: tuple[float, ...] = (0.0, 0.0)
     for _ in range(60_000):
         warm = call(warming, "moved", q, warm, 0.0, 3.0 * H, H)
     assert warm[0] == approx(0.75 + 0.25 * 3.0, rel=1e-4)
+    q = numbers(warming, torque_nm=0.01, time_constant_s=50.0, second=0.4, faster=0.1)
+    warm = (0.0, 0.0)
+    for _ in range(10_000):
+        warm = call(warming, "moved", q, warm, 0.0, 0.0, H)
+    expected = 0.01 * (0.6 * -np.expm1(-10.0 / 50.0) + 0.4 * -np.expm1(-10.0 / 5.0))
+    assert call(warming, "torque", q, warm, 0.4, 0.0, 1e5, 0.1, REST)[0] == approx(expected, rel=1e-4)
     q = numbers(gravity, sine_nm=0.02, turning_rad_per_s=0.01)
     later = tuple(30.0 if column == TIME else 0.0 for column in range(EXOGENOUS))
     assert call(gravity, "torque", q, 0.5, 0.0, 0.0, 0.0, later)[0] == approx(-0.02 * np.sin(0.8), rel=1e-5)
