@@ -86,7 +86,7 @@ def _run_all(names: tuple[str, ...], seed: int, as_json: bool) -> list[tuple[Rep
     from concurrent.futures import ProcessPoolExecutor, as_completed
     from multiprocessing import get_context
 
-    from validation.workers import end_with_parent
+    from validation.trial.workers import end_with_parent
 
     done: dict[str, tuple[Reproduction, bytes]] = {}
     with progress_bar(as_json, counted=len(names) > 1) as progress:

@@ -24,8 +24,11 @@ app = typer.Typer(
     "Example: hand trial make out/trial --cases 40",
 )
 KEY = "HAND_TRIAL_KEY"
+PLANTS = ("trial", "development", "held_back")
 TOOL = [sys.executable, "-m", "hand_tool"]
 _Folder = Annotated[Path, typer.Argument(help="Folder of the trial.")]
+_Out = Annotated[Path, typer.Argument(help="New folder.")]
+_Key = Annotated[str | None, typer.Option(help=f"The key that make printed. Default: ${KEY}, or standard input.")]
 _Jobs = Annotated[int, typer.Option(help="Number of processes, 1 to 256.")]
 
 
@@ -36,11 +39,15 @@ def make(
     cases: Annotated[int, typer.Option(help="Number of recordings, 10 to 100000.")] = 400,
     seed: Annotated[int | None, typer.Option(help="Master seed. Default: a new one, sealed with the truth.")] = None,
     model: Model = None,
+    plant: Annotated[str, typer.Option(help=f"Who conceals: {', '.join(PLANTS)}.")] = PLANTS[0],
     jobs: _Jobs = 2,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
     """Simulate recordings with concealed effects on an independent plant, and seal the truth about them.
+
+    trial: the plant of the trial, usual conditions. development: laws of many forms under many conditions, which may be
+    looked at. held_back: laws and kinds of physics that are run, not looked at; note each run in docs/proof.md.
 
     Prints the commitment (SHA-256 of the truth) and the key, which is not written to any file: keep it for score.
 
@@ -51,12 +58,15 @@ def make(
     with running("trial make", out / "recordings", out / "plan.json", errors=(KeyError,)) as outputs:
         if not 10 <= cases <= 100000:
             raise ValueError(f"--cases is {cases}; the allowed range is 10 to 100000")
+        if plant not in PLANTS:
+            raise ValueError(f"--plant is {plant!r}; it must be one of {', '.join(PLANTS)}")
         _check_jobs(jobs)
         check_folder(out)
         if out.exists() and any(out.iterdir()):
             raise ValueError(f"{out} is not empty; give a new folder")
         chosen = choose_model(model)
         require("validation", "cryptography")
+        from validation.referees.make import make as make_referees
         from validation.trial.make import make as make_trial
         from validation.trial.seal import new_key
 
@@ -64,7 +74,10 @@ def make(
         key = new_key()
         master = secrets.randbits(31) if seed is None else seed
         with _bar("cases") as advance:
-            promised = make_trial(out, chosen.path, cases, master, key, jobs=jobs, progress=advance)
+            if plant == PLANTS[0]:
+                promised = make_trial(out, chosen.path, cases, master, key, jobs=jobs, progress=advance)
+            else:
+                promised = make_referees(out, chosen.path, cases, master, key, plant, jobs=jobs, progress=advance)
         outputs.complete(out / "recordings", out / "plan.json")
     print(f"commitment {promised}")
     print(f"key {key.decode()}")
@@ -106,9 +119,7 @@ def run(
 @app.command()
 def score(
     folder: _Folder,
-    key: Annotated[
-        str | None, typer.Option(help=f"The key that make printed. Default: ${KEY}, or standard input.")
-    ] = None,
+    key: _Key = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -122,22 +133,76 @@ def score(
     with running("trial score", folder / "scores.json"):
         check_exists(folder)
         require("validation", "cryptography")
-        from validation.trial.score import met
         from validation.trial.score import score as score_trial
 
-        given = key or os.environ.get(KEY) or sys.stdin.readline().strip()
-        result = score_trial(folder, given.encode())
+        result = score_trial(folder, _given_key(key))
+    _print_scores(result, as_json)
+
+
+@app.command()
+def export(folder: _Folder, out: _Out, quiet: Quiet = False, verbose: Verbose = False) -> None:
+    """Copy recordings and nominal models of a trial, without the truth, for another method; docs/benchmark.md.
+
+    Example: hand trial export out/trial out/task
+
+    Exit codes: 0 done, 2 bad usage or an incomplete trial.
+    """
+    with running("trial export", out) as outputs:
+        check_folder(out)
+        if out.exists() and any(out.iterdir()):
+            raise ValueError(f"{out} is not empty; give a new folder")
+        if not (folder / "plan.json").is_file():
+            raise ValueError(f"{folder} holds no trial (plan.json is missing); make one with: hand trial make {folder}")
+        from validation.trial.answers import export as export_trial
+
+        count = export_trial(folder, out)
+        outputs.complete(out)
+    print(f"{count} recordings without their truth: {out}; answer them as docs/benchmark.md says")
+
+
+@app.command(name="score-answers")
+def score_answers(
+    folder: _Folder,
+    answers: Annotated[Path, typer.Argument(help="answers.json: findings and remainder of every case.")],
+    key: _Key = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Open the seal of a trial and grade the answers of another method as reports of ours are graded.
+
+    Example: hand trial score-answers out/trial answers.json --key KEY
+
+    Exit codes: 0 done, 1 a goal is not reached, 2 bad usage, bad answers, a wrong key or a broken seal.
+    """
+    with running("trial score-answers", folder / "scores.json"):
+        check_exists(folder)
+        check_exists(answers)
+        require("validation", "cryptography")
+        from validation.trial.answers import read_answers
+        from validation.trial.score import score as score_trial
+
+        given = read_answers(answers)
+        result = score_trial(folder, _given_key(key), given)
+    _print_scores(result, as_json)
+
+
+def _given_key(key: str | None) -> bytes:
+    return (key or os.environ.get(KEY) or sys.stdin.readline().strip()).encode()
+
+
+def _print_scores(result: dict[str, Any], as_json: bool) -> None:
+    """Print the scores; exit code 1 where a goal is not reached."""
+    from validation.trial.score import met
+
     reached = {name: met(name, figure["value"]) for name, figure in result["scores"].items()}
-    if as_json:
-        print(json.dumps(result))
-    else:
-        print("\n".join(_score_lines(result, reached)))
+    print(json.dumps(result) if as_json else "\n".join(_score_lines(result, reached)))
     raise typer.Exit(1 if False in reached.values() else 0)
 
 
 def _score_lines(result: dict[str, Any], reached: dict[str, bool | None]) -> list[str]:
     """One line per score: its value, its interval, its count and its goal."""
-    from validation.trial.score import GOALS, LABELS
+    from validation.trial.score import GOALS, LABELS, shown
 
     lines = [f"seed {result['seed']}, commitment {result['commitment']} kept, {result['recordings']} recordings"]
     for name, figure in result["scores"].items():
@@ -148,7 +213,7 @@ def _score_lines(result: dict[str, Any], reached: dict[str, bool | None]) -> lis
         verdict = {True: "reached", False: "NOT reached", None: ""}[reached[name]]
         wanted = f"  goal {sign} {goal:.0%} {verdict}" if sign else ""
         title = LABELS[name]
-        lines.append(f"{title:45s} {figure['value']:.1%}{interval} of {figure['count']}{wanted}")
+        lines.append(f"{title:45s} {shown(name, figure['value'])}{interval} of {figure['count']}{wanted}")
     return lines
 
 

@@ -103,12 +103,12 @@ def test_only_their_commands_import_validation_and_only_when_they_run() -> None:
 
 
 def test_the_trial_shares_no_code_with_what_it_tries() -> None:
-    """Fails when the blind trial imports anything of this tree but itself."""
-    paths = modules("validation/trial")
+    """Fails when the blind trial or its referees import anything of this tree but themselves."""
+    paths = [*modules("validation/trial"), *modules("validation/referees")]
     assert paths
     for path in paths:
         names = {name for name in modules_imported(path) if ours({name.split(".")[0]})}
-        foreign = {name for name in names if not name.startswith("validation.trial")}
+        foreign = {name for name in names if not name.startswith(("validation.trial", "validation.referees"))}
         assert not foreign, f"{path.name} imports {sorted(foreign)}"
 
 

@@ -49,11 +49,14 @@ def write_bag(
     site: tuple[int, str] | None,
     kept: Flags,
     pressure_late_s: float,
+    sent: Flags | None = None,
+    jitter_s: Array | None = None,
 ) -> None:
     """Write one .mcap file.
 
     readings: (4, frames, joints) of pressure [Pa], angle [rad], speed [rad/s], force [N].  u: set-points (frames,
     joints) [Pa].  site: column and name of a force sensor, None for none.  kept: (frames,), False for lost frames.
+    sent: (frames,), frames with a set-point, all where None.  jitter_s: (frames,) added to the stamps of measurements.
     pressure_late_s: offset of the pressures' stamps.  FileNotFoundError: no message definitions.
     """
     store = _store()
@@ -81,10 +84,14 @@ def write_bag(
 
         for k in range(len(u)):
             now = START_NS + round(k * frame_s * 1e9)
-            sent = now - round(0.8e9 * frame_s)
-            put("valve_command", sent, header=head(sent), lifetime=duration(0, LIFETIME_NS), name=joints, pressure=u[k])
+            before = now - round(0.8e9 * frame_s)
+            if sent is None or sent[k]:
+                lasts = duration(0, LIFETIME_NS)
+                put("valve_command", before, header=head(before), lifetime=lasts, name=joints, pressure=u[k])
             if not kept[k]:
                 continue
+            if jitter_s is not None:
+                now += round(jitter_s[k] * 1e9)
             pressure, angle, speed, force = readings[:, k]
             put(
                 "joint_states",

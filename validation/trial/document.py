@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from validation.trial.score import GOALS, LABELS, met
+from validation.trial.score import GOALS, LABELS, met, shown
 
 
 def _percent(share: float, digits: int = 1) -> str:
@@ -32,7 +32,7 @@ def scores_table(result: dict[str, Any]) -> str:
         interval = f"{_percent(score['low'])} to {_percent(score['high'])}" if "low" in score else ""
         reached = {True: "reached", False: "**not reached**", None: ""}[met(name, score["value"])]
         lines.append(
-            f"| {LABELS[name]} | {_percent(score['value'])} | {interval} | {score['count']} | {wanted} | {reached} |"
+            f"| {LABELS[name]} | {shown(name, score['value'])} | {interval} | {score['count']} | {wanted} | {reached} |"
         )
     shares = ", ".join(
         f"{LABELS[name]} {_percent(score['value'], 0)} of {score['count']}"

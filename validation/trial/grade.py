@@ -7,6 +7,7 @@ from typing import Any
 
 WITHIN = 0.15
 FLOORS = 1.25
+ONSET_S = 0.5
 
 
 @dataclass(slots=True)
@@ -32,6 +33,7 @@ class Grade:
     unknown_found: bool | None = None
     unknown_wrong: bool | None = None
     clean: bool | None = None
+    onset: bool | None = None
     parameters: list[tuple[str, float]] = field(default_factory=list)
     claims: list[tuple[float, bool]] = field(default_factory=list)
 
@@ -63,6 +65,9 @@ def grade(case: dict[str, Any], report: dict[str, Any]) -> Grade:
         any(_joint(left, t) for left in remainder) and not any(_names(f, t) for f in findings) for t in truths
     )
     done.clean = _clean(report, truths)
+    begun_s = case.get("conditions", {}).get("onset_s")
+    if begun_s is not None:
+        done.onset = all(any(_begins(f, t, begun_s) for f in findings if _joint(f, t)) for t in truths)
     done.parameters = [error for t in truths for error in _parameter(findings, t)]
     return done
 
@@ -81,6 +86,11 @@ def _place(finding: dict[str, Any], truth: dict[str, Any]) -> bool:
 
 def _joint(finding: dict[str, Any], truth: dict[str, Any]) -> bool:
     return bool(finding["joint"] == truth["joint"])
+
+
+def _begins(finding: dict[str, Any], truth: dict[str, Any], begun_s: float) -> bool:
+    since = finding.get("since")
+    return _names(finding, truth) and since is not None and abs(since - begun_s) <= ONSET_S
 
 
 def _names(finding: dict[str, Any], truth: dict[str, Any]) -> bool:

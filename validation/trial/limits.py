@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,10 +99,24 @@ def scene(q: Array, u: Array, partner: Index, neighbour: Index, joint: int, *, f
     return Scene(q[:, near].copy(), u[:, near].copy(), np.array(own), np.array(beside), 0, frame_s, wander)
 
 
+class Measured(Protocol):
+    """A joint on some plant: its readings with an effect, and with other constants."""
+
+    @property
+    def frame_s(self) -> float:
+        """Time between two frames [s]."""
+
+    def readings(self, concealed: Any, size: float, **changes: float) -> Array:
+        """Pressure, angle and force (3, frames).
+
+        size: of what is concealed [-].  changes: factors on rows of UNCERTAIN.
+        """
+
+
 class Projector:
     """Removes from a change of a signal what the nominal constants can imitate, for one stage of a scene."""
 
-    def __init__(self, where: Scene, stage: int) -> None:
+    def __init__(self, where: Measured, stage: int) -> None:
         """Compute the sensitivities by differences; the force needs the known obstacle."""
         still = next(known for known in KNOWN if known.needs == "known_wall") if stage == FORCE else None
         self.plain = where.readings(still, 0.0)[stage]

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,9 +20,11 @@ from validation.trial.motions import EXPERIMENTS, set_points
 from validation.trial.nominal import UNCERTAIN, Nominal
 from validation.trial.plant import ROW, record
 from validation.trial.seal import seal
-from validation.workers import end_with_parent
+from validation.trial.workers import end_with_parent
 
 FRAME_S, DURATION_S = 0.01, 30.0
+W = TypeVar("W")
+R = TypeVar("R")
 MULTIPLES = (1.0, 2.0, 5.0)
 NULL, PAIR, OUTSIDE, DELETED = 0.20, 0.15, 0.10, 0.06
 WALL = {
@@ -103,22 +105,23 @@ def make(
     cases = draw_cases(count, seed)
     work = [(case, str(model), str(out)) for case in cases]
     made: list[Case] = []
-    for done in _mapped(work, jobs):
+    for done in mapped(make_case, work, jobs):
         made.append(done)
         progress(len(made) / len(cases))
-    plan = [{"number": c.number, "model": c.model, "without": c.without} for c in made]
+    plan = [{"number": c.number, "model": c.model, "without": c.without, "tolerance": 0.0} for c in made]
     (out / "plan.json").write_text(json.dumps(plan, indent=1), encoding="utf-8")
     truth = {"seed": seed, "cases": [asdict(case) for case in made]}
     return seal(truth, out, key)
 
 
-def _mapped(work: list[tuple[Case, str, str]], jobs: int) -> Iterator[Case]:
+def mapped(do: Callable[[W], R], work: list[W], jobs: int) -> Iterator[R]:
+    """The results of `do` for each piece of work, in order, by `jobs` processes."""
     if jobs <= 1:
-        yield from map(make_case, work)
+        yield from map(do, work)
         return
     pool = ProcessPoolExecutor(jobs, initializer=end_with_parent)
     try:
-        yield from pool.map(make_case, work)
+        yield from pool.map(do, work)
     finally:
         pool.shutdown(cancel_futures=True)  # an interruption must not wait for the cases that have not begun
 

@@ -14,13 +14,16 @@ from typing import Any
 PASSED_ON = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "PYTHONPATH", "AMENT_PREFIX_PATH", "VIRTUAL_ENV", "TMPDIR")
 """The only environment variables that the diagnosing processes get."""
 BATCH = 24
-CASE: dict[str, type] = {"number": int, "model": str, "without": str}
-KINDS = {int: "a whole number", str: "text"}
+CASE: dict[str, type] = {"number": int, "model": str, "without": str, "tolerance": float}
+KINDS = {int: "a whole number", str: "text", float: "a number with a decimal point"}
 MOST_CASES = 100_000
 
 
 def read_plan(folder: Path) -> list[dict[str, Any]]:
-    """The cases of folder/plan.json: number, model and without. Raises ValueError, one line, for any other content."""
+    """The cases of folder/plan.json: number, model, without and tolerance (0: that of the run).
+
+    Raises ValueError, one line, for any other content.
+    """
     path = folder / "plan.json"
     try:
         plan = json.loads(path.read_text(encoding="utf-8"))
@@ -38,6 +41,8 @@ def read_plan(folder: Path) -> list[dict[str, Any]]:
         if not 0 <= case["number"] <= MOST_CASES or case["number"] in numbers:
             raise ValueError(f"{path}: number of case {place} must be 0 to {MOST_CASES}, each once")
         numbers.add(case["number"])
+        if not 0.0 <= case["tolerance"] <= 0.5:
+            raise ValueError(f"{path}: tolerance of case {place} must be 0 to 0.5")
         if not (folder / case["model"]).resolve().is_relative_to(folder.resolve()):
             raise ValueError(f"{path}: model of case {place} must be a file of the trial's folder")
     return plan
@@ -51,18 +56,18 @@ def run(folder: Path, command: list[str], jobs: int, tolerance: float, progress:
     of the tool where it fails.
     """
     plan = read_plan(folder)
-    groups: dict[tuple[str, str], list[int]] = defaultdict(list)
+    groups: dict[tuple[str, str, float], list[int]] = defaultdict(list)
     for case in plan:
-        groups[case["model"], case["without"]].append(case["number"])
+        groups[case["model"], case["without"], case["tolerance"] or tolerance].append(case["number"])
     environment = {name: os.environ[name] for name in PASSED_ON if name in os.environ}
     environment |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     begun, done = time.monotonic(), 0
-    for group, ((model, without), numbers) in enumerate(groups.items()):
+    for group, ((model, without, allowed), numbers) in enumerate(groups.items()):
         for first in range(0, len(numbers), BATCH):
             batch = numbers[first : first + BATCH]
             recordings = [str(folder / "recordings" / f"case_{number:04d}.mcap") for number in batch]
             reports = folder / "reports" / f"{group}_{first}"
-            options = ["--model", str(folder / model), "--out", str(reports), "--tolerance", str(tolerance)]
+            options = ["--model", str(folder / model), "--out", str(reports), "--tolerance", str(allowed)]
             options += ["--each", "--jobs", str(min(jobs, len(batch)))] + (["--without", without] if without else [])
             options.append("--no-sensor-curve")  # the trial records true angles, not readings of the Hall sensors
             finished = subprocess.run(

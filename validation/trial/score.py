@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 from collections import Counter
@@ -14,6 +13,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
+from validation.trial.calibration import brier, calibration_error, log_score, reliability
 from validation.trial.grade import WITHIN, Grade, grade
 from validation.trial.seal import unseal
 
@@ -23,7 +23,8 @@ import matplotlib.pyplot as plt
 GOALS = {
     "place": (">=", 0.97), "joint": (">=", 0.98), "first": (">=", 0.90), "first_two": (">=", 0.97),
     "both": None, "false_alarm": ("<=", 0.02), "unknown_found": (">=", 0.80), "unknown_wrong": ("<=", 0.05),
-    "clean": (">=", 0.90), "parameters": (">=", 0.85), "ece": ("<=", 0.06),
+    "clean": (">=", 0.90), "parameters": (">=", 0.85), "onset": None, "ece": ("<=", 0.06),
+    "brier": None, "log_score": None,
 }  # fmt: skip
 LABELS = {
     "place": "place correct",
@@ -36,26 +37,32 @@ LABELS = {
     "unknown_wrong": "known effects reported as unknown",
     "clean": "error at most 1.25 noise floors, data not fitted",
     "parameters": "parameters within 15 % (where both forms have them)",
+    "onset": "beginning found within 0.5 s",
     "ece": "expected calibration error",
+    "brier": "Brier score of the claims (0 is best)",
+    "log_score": "log score of the claims (0 is best)",
 }
 """What each score counts, in the words of docs/proof.md."""
-BINS = (0.0, 0.5, 0.7, 0.85, 0.95, 1.0001)
 GRADED_FROM = 2.0
+OF_ALL = {"parameters", "ece", "brier", "log_score"}
+"""Scores over all numbers or claims, not one a case."""
 
 
-def score(folder: Path, key: bytes) -> dict[str, Any]:
+def score(folder: Path, key: bytes, answers: dict[int, dict[str, Any]] | None = None) -> dict[str, Any]:
     """Open the seal, grade every case, write scores.json and the pictures; returns the scores.
 
+    answers: reports by the number of their case; None: those of the trial's folder, with the time that they took.
     ValueError: a wrong key, a broken seal, or a missing report.
     """
     truth, commitment = unseal(folder, key)
-    grades = [_grade(folder, case) for case in truth["cases"]]
+    grades = [_grade(folder, case, answers) for case in truth["cases"]]
     graded = [g for g in grades if g.kind == "null" or g.multiple >= GRADED_FROM]
-    scores = {name: _share(name, graded) for name in LABELS if name not in {"parameters", "ece"}}
+    scores = {name: _share(name, graded) for name in LABELS if name not in OF_ALL}
     numbers = [error <= WITHIN for g in graded for _, error in g.parameters]
     scores["parameters"] = _interval(numbers)
     claims = [claim for g in graded for claim in g.claims]
-    scores["ece"] = {"value": calibration_error(claims), "count": len(claims)}
+    for name, of in (("ece", calibration_error), ("brier", brier), ("log_score", log_score)):
+        scores[name] = {"value": of(claims), "count": len(claims)}
     result = {
         "commitment": commitment,
         "seed": truth["seed"],
@@ -63,7 +70,7 @@ def score(folder: Path, key: bytes) -> dict[str, Any]:
         "graded": len(graded),
         "kinds": dict(Counter(g.kind for g in grades)),
         "unplaced": dict(Counter(name for case in truth["cases"] for name in case["unplaced"])),
-        "timing": json.loads((folder / "timing.json").read_text(encoding="utf-8")),
+        "timing": json.loads((folder / "timing.json").read_text(encoding="utf-8")) if answers is None else None,
         "scores": scores,
         "at_the_limit": {
             name: _share(name, [g for g in grades if g.kind == "single" and g.multiple < GRADED_FROM])
@@ -71,6 +78,7 @@ def score(folder: Path, key: bytes) -> dict[str, Any]:
         },
         "reliability": reliability(claims),
         "by_effect": by_effect(graded),
+        "by_group": by_group(graded, truth["cases"]),
         "failures": failures(graded),
     }
     (folder / "scores.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
@@ -80,7 +88,11 @@ def score(folder: Path, key: bytes) -> dict[str, Any]:
     return result
 
 
-def _grade(folder: Path, case: dict[str, Any]) -> Grade:
+def _grade(folder: Path, case: dict[str, Any], answers: dict[int, dict[str, Any]] | None) -> Grade:
+    if answers is not None:
+        if case["number"] not in answers:
+            raise ValueError(f"case {case['number']} has no answer")
+        return grade(case, answers[case["number"]])
     found = sorted(folder.glob(f"reports/*/*_case_{case['number']:04d}/report.json"))
     if not found:
         raise ValueError(f"{folder}: case {case['number']} has no report; run the trial first")
@@ -102,24 +114,6 @@ def _interval(hits: list[bool]) -> dict[str, Any]:
     return {"value": p, "low": max(middle - half, 0.0), "high": min(middle + half, 1.0), "count": n}
 
 
-def reliability(claims: list[tuple[float, bool]]) -> list[dict[str, float]]:
-    """Bins of the claimed probability: its mean, the share of right findings, and their number."""
-    out = []
-    for low, high in itertools.pairwise(BINS):
-        part = [(p, right) for p, right in claims if low <= p < high]
-        if part:
-            claimed, right = np.mean([p for p, _ in part]), np.mean([r for _, r in part])
-            out.append({"claimed": float(claimed), "right": float(right), "count": len(part)})
-    return out
-
-
-def calibration_error(claims: list[tuple[float, bool]]) -> float | None:
-    """Expected calibration error (Naeini, Cooper, Hauskrecht 2015)."""
-    if not claims:
-        return None
-    return sum(group["count"] * abs(group["claimed"] - group["right"]) for group in reliability(claims)) / len(claims)
-
-
 def by_effect(grades: list[Grade]) -> dict[str, dict[str, int]]:
     """For each effect concealed alone: the number of cases, and in how many it was named first."""
     out: dict[str, dict[str, int]] = {}
@@ -129,6 +123,25 @@ def by_effect(grades: list[Grade]) -> dict[str, dict[str, int]]:
             row["cases"] += 1
             row["first"] += int(bool(g.first))
     return dict(sorted(out.items()))
+
+
+def by_group(grades: list[Grade], cases: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Scores of the cases with a referee, a family or a condition in common, by its name."""
+    groups: dict[str, list[Grade]] = {}
+    case_of = {case["number"]: case for case in cases}
+    for g in grades:
+        case = case_of[g.number]
+        names = [f"referee: {case.get('referee', 'trial')}", f"{g.multiple:g} x the limit", f"motion: {g.motion}"]
+        names += [f"condition: {label}" for label in case.get("labels", [])]
+        names += [f"family: {name}" for name in case.get("families", [])]
+        for name in names:
+            groups.setdefault(name, []).append(g)
+    wanted = ("place", "joint", "first", "both", "false_alarm", "unknown_found", "clean", "onset")
+    out = {}
+    for name, group in sorted(groups.items()):
+        claims = [claim for g in group for claim in g.claims]
+        out[name] = {score: _share(score, group) for score in wanted} | {"log_score": log_score(claims)}
+    return out
 
 
 def failures(grades: list[Grade]) -> list[dict[str, Any]]:
@@ -186,6 +199,11 @@ def _save(figure: Any, path: Path) -> None:
     figure.tight_layout()
     figure.savefig(path, dpi=130)
     plt.close(figure)
+
+
+def shown(name: str, value: float) -> str:
+    """A score [-] as text: a share in percent, a score of probabilities as a number."""
+    return f"{value:.3f}" if name in {"brier", "log_score"} else f"{100.0 * value:.1f} %"
 
 
 def met(name: str, value: float | None) -> bool | None:

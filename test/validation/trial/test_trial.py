@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import pytest
 from hand_model.description import load_hand
 from hand_sim.plant import PHI, HandPlant, P
 from validation.results import read_run
+from validation.trial.calibration import brier, calibration_error, log_score
 from validation.trial.catalogue import BY_NAME, FOREIGN, KNOWN
 from validation.trial.document import effects_table, failures_table, scores_table
 from validation.trial.grade import grade
@@ -24,7 +26,6 @@ from validation.trial.motions import EXPERIMENTS, set_points
 from validation.trial.nominal import Nominal
 from validation.trial.plant import record
 from validation.trial.run import read_plan
-from validation.trial.score import calibration_error
 from validation.trial.seal import SEALED, new_key, seal, unseal
 
 ROOT = Path(__file__).parents[3]
@@ -150,6 +151,15 @@ def test_calibration_error_is_that_of_the_claims() -> None:
     assert calibration_error([(0.9, False)] * 10) == pytest.approx(0.9)
 
 
+def test_the_scores_of_probabilities_are_those_of_the_literature() -> None:
+    """Fails when Brier and log score are not those of Brier 1950 and Good 1952, or certainty costs without end."""
+    claims = [(0.8, True), (0.6, False), (1.0, True), (1.0, False)]
+    assert brier(claims) == pytest.approx((0.04 + 0.36 + 0.0 + 1.0) / 4.0)
+    expected = (math.log(0.8) + math.log(0.4) + math.log(0.999) + math.log(0.001)) / 4.0
+    assert log_score(claims) == pytest.approx(expected)
+    assert brier([]) is None and log_score([]) is None
+
+
 def test_the_tables_say_what_the_scores_say() -> None:
     """Fails when a goal that is not reached, or an example of a failure, is missing in the tables of the page."""
     share = {"value": 0.5, "low": 0.2, "high": 0.8, "count": 4}
@@ -197,6 +207,8 @@ def test_a_small_trial_from_end_to_end(tmp_path: Path) -> None:
     [
         (("make", "nowhere", "--cases", "3"), "--cases is 3; the allowed range is 10 to 100000"),
         (("make", "nowhere", "--jobs", "0"), "--jobs is 0; the allowed range is 1 to 256"),
+        (("make", "nowhere", "--plant", "dev"), "--plant is 'dev'; it must be one of trial, development, held_back"),
+        (("export", "nowhere", "x"), "nowhere holds no trial (plan.json is missing)"),
         (("run", "nowhere"), "nowhere holds no trial (plan.json is missing)"),
         (("reality", "nowhere", "--out", "x"), "nowhere: neither pneumatic_cylinder nor servo_pendulum"),
     ],
@@ -208,7 +220,7 @@ def test_bad_usage_is_one_line(arguments: tuple[str, ...], line: str) -> None:
     assert line in done.stderr and len(done.stderr.strip().splitlines()) == 1
 
 
-CASE = {"number": 0, "model": "m.yaml", "without": ""}
+CASE = {"number": 0, "model": "m.yaml", "without": "", "tolerance": 0.0}
 BROKEN = {
     "no JSON": "{",
     "deep": "[" * 100_000,
@@ -237,8 +249,11 @@ def test_a_broken_plan_is_one_line(text: str, tmp_path: Path) -> None:
 
 def test_the_command_names_a_broken_plan(tmp_path: Path) -> None:
     """Fails when `hand trial run` shows a traceback for a plan without numbers, or diagnoses anything."""
-    (tmp_path / "plan.json").write_text(json.dumps([{"model": "m.yaml", "without": ""}]), encoding="utf-8")
+    case = {"model": "m.yaml", "without": "", "tolerance": 0.0}
+    (tmp_path / "plan.json").write_text(json.dumps([case]), encoding="utf-8")
     done = hand("trial", "run", str(tmp_path))
     assert done.returncode == 2
-    assert done.stderr.strip().splitlines()[-1].endswith("case 0 must be a mapping of number, model, without")
+    assert (
+        done.stderr.strip().splitlines()[-1].endswith("case 0 must be a mapping of number, model, without, tolerance")
+    )
     assert "Traceback" not in done.stderr and not (tmp_path / "reports").exists()

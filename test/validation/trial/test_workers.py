@@ -12,7 +12,7 @@ ABANDON = """
 import os, sys, time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
-from validation.workers import end_with_parent
+from validation.trial.workers import end_with_parent
 
 if __name__ == "__main__":
     pool = ProcessPoolExecutor(2, get_context(sys.argv[1]), end_with_parent)
