@@ -19,6 +19,7 @@ PACKAGES = [
     "hand_pages",
     "hand_model.kernel",
     "hand_ros",
+    "hand_client",
     "hand_driver",
     "hand_control",
     "hand_robot",

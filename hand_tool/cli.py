@@ -14,12 +14,14 @@ from hand_tool.diagnose import diagnose
 from hand_tool.emulate_board import emulate_board
 from hand_tool.excite import excite
 from hand_tool.identify import app as identify
+from hand_tool.live import enable, grasp, move, stop, watch
 from hand_tool.magnet import magnet
 from hand_tool.new_effect import new_effect
 from hand_tool.record import record
 from hand_tool.reproduce import reproduce
 from hand_tool.simulate import simulate
 from hand_tool.trial import app as trial
+from hand_tool.up import up
 from hand_tool.urdf import urdf
 from hand_tool.version import version
 
@@ -31,6 +33,8 @@ app = typer.Typer(
     "Example: hand demo --out out/demo\n\n"
     "Exit codes: 0 done, 1 the command found what it is asked to fail on, 2 bad usage or bad input, 130 Ctrl-C.",
 )
+for live_command in (up, move, grasp, watch, stop, enable):
+    app.command()(live_command)
 app.command()(record)
 app.command()(simulate)
 app.command("emulate-board")(emulate_board)

@@ -12,6 +12,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 COMPLYING = (
+    "hand_client",
     "hand_control",
     "hand_diagnosis",
     "hand_driver",

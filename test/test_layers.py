@@ -15,6 +15,7 @@ BELOW: dict[str, set[str]] = {
     "hand_messages": set(),
     "hand_pages": set(),
     "hand_ros": {"hand_messages"},
+    "hand_client": {"hand_model", "hand_messages", "hand_ros"},
     "hand_driver": {"hand_model", "hand_messages", "hand_ros"},
     "hand_control": {"hand_model", "hand_messages", "hand_ros"},
     "hand_robot": {"hand_model", "hand_control"},
@@ -25,6 +26,7 @@ BELOW: dict[str, set[str]] = {
     "hand_diagnosis": ROBOT | {"hand_pages", "hand_recording", "hand_machine", "hand_identification"},
     "hand_tool": ROBOT
     | {
+        "hand_client",
         "hand_control",
         "hand_robot",
         "hand_pages",

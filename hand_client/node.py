@@ -1,0 +1,183 @@
+"""A client of a running hand, over the topics, services and actions of every node. The only rclpy module here."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import rclpy
+from action_msgs.msg import GoalStatus
+from builtin_interfaces.msg import Duration
+from diagnostic_msgs.msg import DiagnosticArray
+from hand_msgs.action import Grasp
+from hand_msgs.msg import ControllerState, JointPressures
+from rclpy.action import ActionClient
+from rclpy.experimental import EventsExecutor
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Empty
+from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from hand_client.live_state import LiveState
+from hand_ros.node import QUEUED_QOS, SENSOR_QOS
+
+RUNNING_S = 5.0
+"""Longest wait for a hand that runs already; discovery takes up to 2.7 s."""
+ANSWER_S = 5.0
+CANCEL_S = 2.0
+TICK_S = 0.02
+
+
+class NoHandError(RuntimeError):
+    """No hand runs, or it does not answer; the message is one line that says what to start."""
+
+
+class HandClient:
+    """Context manager: a node in the namespace of the hand, and the state of the hand as its messages come."""
+
+    def __init__(self, namespace: str = "hand", name: str = "hand_client") -> None:
+        """Join the ROS graph; Ctrl-C stays with the program."""
+        self.namespace = f"/{namespace.strip('/')}"
+        self.state = LiveState()
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node(name, namespace=self.namespace)
+        self._executor = EventsExecutor()
+        self._executor.add_node(self._node)
+        node = self._node
+        node.create_subscription(JointState, "joint_states", self._on_joints, SENSOR_QOS)
+        node.create_subscription(JointPressures, "pressures", self._on_pressures, SENSOR_QOS)
+        node.create_subscription(ControllerState, "controller_state", self._on_state, SENSOR_QOS)
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, QUEUED_QOS)
+        self._trajectories = node.create_publisher(JointTrajectory, "joint_trajectory", QUEUED_QOS)
+        self._stop = node.create_publisher(Empty, "emergency_stop", QUEUED_QOS)
+
+    def __enter__(self) -> HandClient:
+        """Return the client."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the ROS graph."""
+        self._executor.remove_node(self._node)
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+
+    def spin(self, seconds: float) -> None:
+        """Receive messages for some time [s]."""
+        self._executor.spin_until_future_complete(Future(), timeout_sec=seconds)
+
+    def until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Receive messages until the condition holds; whether it did within timeout_s [s]."""
+        end = time.monotonic() + timeout_s
+        while not condition():
+            if time.monotonic() > end:
+                return False
+            self.spin(TICK_S)
+        return True
+
+    def await_hand(self, timeout_s: float = RUNNING_S) -> None:
+        """Wait until driver and controller report, at most timeout_s [s]. Raises NoHandError."""
+        if self.until(lambda: bool(self.state.joints and self.state.safety), timeout_s):
+            return
+        if not self.state.joints:
+            raise NoHandError(f"no hand runs in {self.namespace}; start one with: hand up --sim")
+        raise NoHandError(f"a driver runs in {self.namespace}, but no controller reports; wait for it or run: hand up")
+
+    def await_control(self) -> None:
+        """Wait until the controller drives the hand. Raises NoHandError that says how to enable it."""
+        self.await_hand()
+        if not self.until(lambda: self.state.controlling, CANCEL_S):
+            raise NoHandError(f"the hand does not move ({self.state.safety}); enable it with: hand enable [--reset]")
+
+    def move(self, angle_rad: Mapping[str, float], duration_s: float) -> None:
+        """Send angles [rad] of some joints as one trajectory of duration_s [s] with zero end velocity."""
+        if not self.until(lambda: self._trajectories.get_subscription_count() > 0, ANSWER_S):
+            raise NoHandError(f"nobody listens to {self.namespace}/joint_trajectory")
+        seconds = int(duration_s)
+        point = JointTrajectoryPoint(
+            positions=list(angle_rad.values()),
+            velocities=[0.0] * len(angle_rad),
+            time_from_start=Duration(sec=seconds, nanosec=round((duration_s - seconds) * 1e9)),
+        )
+        self._trajectories.publish(JointTrajectory(joint_names=list(angle_rad), points=[point]))
+
+    def grasp(
+        self, pattern: str, closure: float, max_torque_nm: float, healthy: Callable[[], None]
+    ) -> tuple[bool, str]:
+        """Run the action to its end: whether it succeeded, and its message. closure [-]: 0 open, 1 closed.
+
+        healthy is called all the time and may raise; then the goal is cancelled. Raises NoHandError.
+        """
+        action = ActionClient(self._node, Grasp, "grasp")
+        if not self.until(action.server_is_ready, ANSWER_S):
+            raise NoHandError(f"nobody offers the action {self.namespace}/grasp")
+        goal = Grasp.Goal(pattern=pattern, closure=closure, max_torque=max_torque_nm)
+        handle = self._wait(action.send_goal_async(goal))
+        if not handle.accepted:
+            self.until(lambda: self.state.statuses.get("controller: commands", (0, ""))[0] > 0, CANCEL_S)
+            return False, self.state.statuses.get("controller: commands", (0, "the grasp was refused"))[1]
+        future = handle.get_result_async()
+        try:
+            while not future.done():
+                self.spin(TICK_S)
+                healthy()
+        except BaseException:
+            self.until(handle.cancel_goal_async().done, CANCEL_S)
+            raise
+        answer = future.result()
+        return answer.status == GoalStatus.STATUS_SUCCEEDED, answer.result.message
+
+    def stop(self) -> None:
+        """Emergency stop: publish until driver and controller report it. Raises NoHandError where none of them does."""
+        for _ in range(round(RUNNING_S / 0.1)):
+            self._stop.publish(Empty())
+            if self.until(self._stopped, 0.1):
+                return
+        if self._stop.get_subscription_count() == 0:
+            raise NoHandError(f"no hand runs in {self.namespace}; nothing received the emergency stop")
+        raise NoHandError(f"the emergency stop was sent, but {self.namespace} does not confirm it")
+
+    def _stopped(self) -> bool:
+        parts = [(name, text) for name, (_, text) in self.state.statuses.items() if name.endswith(": safety")]
+        return bool(parts) and all("emergency stop" in text for _, text in parts)
+
+    def enable(self, reset: bool) -> tuple[bool, str]:
+        """Enable the controller, after clearing latched faults where reset is true; success and the answer."""
+        self.await_hand()
+        if reset:
+            for name in ("reset_driver", "reset"):
+                self._call(Trigger, name, Trigger.Request())  # without a latched fault it answers that there is none
+            self.until(lambda: "call reset" not in self.state.safety, CANCEL_S)
+        answer = self._call(SetBool, "enable", SetBool.Request(data=True))
+        return bool(answer.success), str(answer.message)
+
+    def _call(self, kind: Any, name: str, request: Any) -> Any:
+        client = self._node.create_client(kind, name)
+        if not self.until(client.service_is_ready, ANSWER_S):
+            raise NoHandError(f"nobody offers the service {self.namespace}/{name}")
+        return self._wait(client.call_async(request))
+
+    def _wait(self, future: Future) -> Any:
+        if not self.until(future.done, ANSWER_S):
+            raise NoHandError(f"{self.namespace} does not answer within {ANSWER_S:g} s")
+        return future.result()
+
+    def _on_joints(self, message: JointState) -> None:
+        stamp = message.header.stamp
+        stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+        self.state.frame(message.name, message.position, stamp_ns, self._node.get_clock().now().nanoseconds)
+
+    def _on_pressures(self, message: JointPressures) -> None:
+        self.state.take("pressure", message.name, message.pressure)
+
+    def _on_state(self, message: ControllerState) -> None:
+        for name in ("reference", "pressure_command", "torque_estimate", "contact"):
+            self.state.take(name, message.name, getattr(message, name))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        start = f"{self.namespace}/"
+        for status in message.status:
+            if status.name.startswith(start):
+                self.state.statuses[status.name.removeprefix(start)] = (status.level[0], status.message)

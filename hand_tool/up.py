@@ -1,0 +1,115 @@
+"""`hand up`: driver or simulation and controller, until Ctrl-C."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hand_recording.installed import default_model
+from hand_tool import interrupts
+from hand_tool.chosen_model import choose_model
+from hand_tool.console import fail, note, running
+from hand_tool.live import Namespace, Prefix, _client
+from hand_tool.options import AsJson, Model, Quiet, Verbose
+from hand_tool.processes import ProcessError, Processes
+
+if TYPE_CHECKING:
+    from hand_client.node import HandClient
+
+ALONE_S = 1.0
+"""Time in which a hand that runs already is heard."""
+READY_S = 60.0
+CHECK_S = 0.2
+
+
+def up(
+    *,
+    serial: Annotated[str, typer.Option(help="Port of a serial board, such as /dev/ttyUSB0.")] = "",
+    can: Annotated[str, typer.Option(help="Channel of a CAN board, such as can0.")] = "",
+    sim: Annotated[bool, typer.Option("--sim", help="The simulated hand; this is the default.")] = False,
+    can_interface: Annotated[str, typer.Option(help="python-can interface, with --can.")] = "socketcan",
+    enabled: Annotated[bool, typer.Option("--enabled", help="Drive a real hand at once; else: hand enable.")] = False,
+    namespace: Namespace = "hand",
+    joint_prefix: Prefix = "",
+    model: Model = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Start a hand: driver or simulation, and controller. Ctrl-C vents the hand and ends them.
+
+    Example: hand up --sim
+
+    A simulated hand is enabled at start, a real one is not.
+
+    Exit codes: 0 ended by Ctrl-C, 1 a node failed, 2 bad usage, or a hand runs already.
+    """
+    with running("up", errors=(ProcessError, RuntimeError)):
+        if sum((bool(serial), bool(can), sim)) > 1:
+            raise ValueError("--serial, --can and --sim exclude each other")
+        chosen = choose_model(model)
+        from hand_model.description import load_hand
+
+        load_hand(chosen.path, joint_prefix)
+        chosen.print(as_json)
+        driver = ["driver", "--ros-args", "-p", "transport:=serial", "-p", f"serial_port:={serial}"]
+        if can:
+            driver = ["driver", "--ros-args", "-p", "transport:=can", "-p", f"can_channel:={can}"]
+            driver += ["-p", f"can_interface:={can_interface}"]
+        elif not serial:
+            driver, enabled = ["simulation", "--ros-args"], True
+        common = ["-r", f"__ns:=/{namespace.strip('/')}", "-p", f"hand_description:={chosen.path.resolve()}"]
+        common += ["-p", "exit_unconfigured:=true"] + (["-p", f"joint_prefix:={joint_prefix}"] if joint_prefix else [])
+        settings = default_model().with_name("controller.yaml")
+        drive = ["controller", "--ros-args", "--params-file", str(settings), "-p", f"enabled_at_start:={enabled}"]
+        signal.signal(signal.SIGTERM, _end)
+        with _client(namespace, "up") as client:
+            if client.until(lambda: bool(client.state.joints), ALONE_S):
+                raise ValueError(f"a hand runs already in {client.namespace}; end it, or choose another --namespace")
+            try:
+                _run(client, [*driver, *common], [*drive, *common], as_json)
+            except ProcessError as error:
+                fail("up", str(error), 1)
+            except interrupts.Interrupted:
+                note("hand up: vented, nodes ended")
+
+
+def _end(*_: object) -> None:
+    """SIGTERM ends the hand in the same order as Ctrl-C."""
+    raise interrupts.Interrupted
+
+
+def _run(client: HandClient, driver: list[str], controller: list[str], as_json: bool) -> None:
+    """Run both nodes and print what they report, until one ends or Ctrl-C."""
+    with TemporaryDirectory() as logs, Processes(Path(logs)) as processes:
+        processes.start(driver[0], driver)
+        processes.start("controller", controller)
+        waited, last = 0.0, ""
+        while True:
+            client.spin(CHECK_S)
+            processes.check()
+            waited += CHECK_S
+            state = client.state
+            if not (state.joints and state.safety):
+                if waited > READY_S:
+                    raise ProcessError(f"no frames from the hand within {READY_S:g} s; {'; '.join(state.problems)}")
+                continue
+            problems = "; ".join(state.problems)
+            safety = problems or state.safety
+            if safety == last or (not last and state.rate_hz != state.rate_hz):
+                continue
+            last = safety
+            if as_json:
+                line = {"namespace": client.namespace, "rate_hz": state.rate_hz, "safety": state.safety}
+                print(json.dumps(line | {"problems": state.problems}), flush=True)
+            elif not problems:
+                what = f"{driver[0]} and controller of {len(state.joints)} joints"
+                print(f"{what} run in {client.namespace} at {state.rate_hz:.0f} Hz: {safety}", flush=True)
+            else:
+                print(f"{client.namespace} has a problem: {safety}", file=sys.stderr, flush=True)
