@@ -58,6 +58,11 @@ class LiveState:
         return self.safety == "controlling"
 
     @property
+    def vented(self) -> bool:
+        """Whether the controller says that it has vented the hand."""
+        return self.safety.startswith("vented")
+
+    @property
     def problems(self) -> list[str]:
         """Every error that a node reports now, one line each."""
         return [f"{name}: {text}" for name, (level, text) in self.statuses.items() if level == ERROR]

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import rclpy
+import rclpy.duration
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
@@ -21,11 +22,13 @@ from std_msgs.msg import Empty
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from hand_client.live_state import LiveState
+from hand_client.live_state import ERROR, LiveState
 from hand_ros.node import QUEUED_QOS, SENSOR_QOS
 
 RUNNING_S = 5.0
 """Longest wait for a hand that runs already; discovery takes up to 2.7 s."""
+STARTING_S = 15.0
+"""Longest wait for a controller where a driver runs already: both were just started."""
 ANSWER_S = 5.0
 CANCEL_S = 2.0
 TICK_S = 0.02
@@ -38,8 +41,14 @@ class NoHandError(RuntimeError):
 class HandClient:
     """Context manager: a node in the namespace of the hand, and the state of the hand as its messages come."""
 
-    def __init__(self, namespace: str = "hand", name: str = "hand_client") -> None:
-        """Join the ROS graph; Ctrl-C stays with the program."""
+    def __init__(
+        self, namespace: str = "hand", name: str = "hand_client", check: Callable[[], None] = lambda: None
+    ) -> None:
+        """Join the ROS graph; Ctrl-C stays with the program.
+
+        check is called after every wait and may raise: the executor drops what a signal raises within a callback.
+        """
+        self._check, self._ended = check, False
         self.namespace = f"/{namespace.strip('/')}"
         self.state = LiveState()
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
@@ -66,7 +75,13 @@ class HandClient:
 
     def spin(self, seconds: float) -> None:
         """Receive messages for some time [s]."""
-        self._executor.spin_until_future_complete(Future(), timeout_sec=seconds)
+        try:
+            self._executor.spin_until_future_complete(Future(), timeout_sec=seconds)
+            if not self._ended:  # what ends the program may still wait for an answer
+                self._check()
+        except BaseException:
+            self._ended = True
+            raise
 
     def until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Receive messages until the condition holds; whether it did within timeout_s [s]."""
@@ -78,16 +93,16 @@ class HandClient:
         return True
 
     def await_hand(self, timeout_s: float = RUNNING_S) -> None:
-        """Wait until driver and controller report, at most timeout_s [s]. Raises NoHandError."""
-        if self.until(lambda: bool(self.state.joints and self.state.safety), timeout_s):
-            return
-        if not self.state.joints:
+        """Wait at most timeout_s [s] for a driver, then STARTING_S for its controller. Raises NoHandError."""
+        if not self.until(lambda: bool(self.state.joints), timeout_s):
             raise NoHandError(f"no hand runs in {self.namespace}; start one with: hand up --sim")
-        raise NoHandError(f"a driver runs in {self.namespace}, but no controller reports; wait for it or run: hand up")
+        if not self.until(lambda: bool(self.state.safety), STARTING_S):
+            raise NoHandError(f"a driver runs in {self.namespace}, but no controller reports within {STARTING_S:g} s")
 
     def await_control(self) -> None:
         """Wait until the controller drives the hand. Raises NoHandError that says how to enable it."""
         self.await_hand()
+        self.until(lambda: self.state.controlling or self.state.vented, STARTING_S)
         if not self.until(lambda: self.state.controlling, CANCEL_S):
             raise NoHandError(f"the hand does not move ({self.state.safety}); enable it with: hand enable [--reset]")
 
@@ -102,6 +117,11 @@ class HandClient:
             time_from_start=Duration(sec=seconds, nanosec=round((duration_s - seconds) * 1e9)),
         )
         self._trajectories.publish(JointTrajectory(joint_names=list(angle_rad), points=[point]))
+
+    def hold(self, joints: Sequence[str]) -> None:
+        """End the motion of some joints where they are, and wait until that is sent: at most CANCEL_S."""
+        self._trajectories.publish(JointTrajectory(joint_names=list(joints)))
+        self._trajectories.wait_for_all_acked(rclpy.duration.Duration(seconds=CANCEL_S))
 
     def grasp(
         self, pattern: str, closure: float, max_torque_nm: float, healthy: Callable[[], None]
@@ -133,15 +153,16 @@ class HandClient:
         """Emergency stop: publish until driver and controller report it. Raises NoHandError where none of them does."""
         for _ in range(round(RUNNING_S / 0.1)):
             self._stop.publish(Empty())
-            if self.until(self._stopped, 0.1):
+            if self.until(self._stopped, 0.1) and self._stop.get_subscription_count():
                 return
         if self._stop.get_subscription_count() == 0:
             raise NoHandError(f"no hand runs in {self.namespace}; nothing received the emergency stop")
         raise NoHandError(f"the emergency stop was sent, but {self.namespace} does not confirm it")
 
     def _stopped(self) -> bool:
-        parts = [(name, text) for name, (_, text) in self.state.statuses.items() if name.endswith(": safety")]
-        return bool(parts) and all("emergency stop" in text for _, text in parts)
+        """Whether every node that reports its safety has latched a fault: this stop, or one that came before it."""
+        levels = [level for name, (level, _) in self.state.statuses.items() if name.endswith(": safety")]
+        return bool(levels) and all(level == ERROR for level in levels)
 
     def enable(self, reset: bool) -> tuple[bool, str]:
         """Enable the controller, after clearing latched faults where reset is true; success and the answer."""

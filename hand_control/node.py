@@ -156,8 +156,13 @@ class ControllerNode(HandNode):
         """Use new gains and limits, all or none, without a jump."""
         self._controller.configure(Settings.of(self._hand, values))
 
+    def described(self) -> str:
+        """The node and how many joints it has."""
+        return f"{self.get_name()} of {len(self._hand.joints)} joints"
+
     def start(self) -> None:
         """Begin to control from the present pose of the hand."""
+        self.cycles = 0
         self._pressure: Array = np.full(len(self._hand.joints), np.nan)
         self._pressure_ns = 0
         if self._enabled_at_start and not self._controller.safety.fault:
@@ -208,6 +213,7 @@ class ControllerNode(HandNode):
         times = Times(stamp_ns, self._now_ns(), host_ns)
         tick = self._controller.frame(times, position, velocity, self._pressure)
         if tick is not None:
+            self.cycles = (self.cycles or 0) + 1
             self._publish(tick)
             self._publish_contacts()
             self._watch_goals(tick)

@@ -121,8 +121,13 @@ class DriverNode(HandNode):
             self.create_service(Trigger, "reset_driver", self._on_reset),
         )
 
+    def described(self) -> str:
+        """The node and how many joints it has."""
+        return f"{self.get_name()} of {len(self._joints)} joints"
+
     def start(self) -> None:
         """Open the board and read it until stop."""
+        self.cycles = 0
         assert self._hand is not None
         self._board_clock = BoardClock()
         self._wall_clock = WallClock()
@@ -198,6 +203,7 @@ class DriverNode(HandNode):
         self._health.frame(frame, measured.at_rail, now_s, self._channel_watch)
         self._reporter.frame(frame, now_s)
         self._stamp_ns = stamp_ns
+        self.cycles = (self.cycles or 0) + 1
 
     def _watch_board(self, frame: Frame, acquired_ns: int, pressure_pa: Array) -> None:
         """Vent and latch where the board was restarted or does not follow; the ramp starts from what is measured."""

@@ -38,6 +38,7 @@ from hand_ros.memory import return_large_blocks, use_profiles
 from hand_ros.parameters import NodeParameter, ParameterError, check_all
 from hand_ros.processes import processes
 from hand_ros.publishers import Conflict, Publisher, SolePublishers
+from hand_ros.rate_meter import RateMeter
 from hand_ros.streams import Stream
 
 SENSOR_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -100,6 +101,8 @@ class HandNode(LifecycleNode):
         self._counts: dict[str, int] = {}
         self._logged: dict[str, tuple[float, str]] = {}
         self._healthy = False
+        self.cycles: int | None = None
+        self._rate = RateMeter()
         self._shown: list[tuple[str, Level, str]] = []
         self._shown_at = 0.0
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", QUEUED_QOS)
@@ -175,6 +178,10 @@ class HandNode(LifecycleNode):
     def health(self) -> list[Health]:
         """Current statuses of a configured node."""
         return []
+
+    def described(self) -> str:
+        """What the node is, for its log: its name and what it works on."""
+        return str(self.get_name())
 
     def on_configure(self, _state: State) -> TransitionCallbackReturn:
         """Lifecycle: check the parameters, then configure."""
@@ -402,14 +409,25 @@ class HandNode(LifecycleNode):
         self._diagnostics.publish(message)
 
     def _log_recovery(self, statuses: list[Health]) -> None:
-        """Log one line when everything is in order for the first time, or again after an error."""
+        """Log one line when everything is in order for the first time, or again after an error or a silence.
+
+        A node that counts cycles is in order only while it has some; errors are logged where they are found.
+        """
+        now_s = time.monotonic()
+        rate_hz = self._rate.update(self.cycles if self.active else None, now_s)
         worst = max((status.level for status in statuses), default=Level.OK)
-        if not self.active or worst == Level.ERROR:
+        silent = self._rate.silent(now_s)
+        if not self.active or worst == Level.ERROR or silent:
             self._healthy = False
-        elif worst == Level.OK and not self._healthy:
+        elif worst == Level.OK and not self._healthy and (self.cycles is None or rate_hz):
             self._healthy = True
-            line = "; ".join(f"{status.name}: {status.message}" for status in statuses)
-            self.log_throttled(Level.OK, "healthy", f"healthy: {line}")
+            rate = "" if rate_hz is None else f" at {rate_hz:.0f} Hz"
+            safety = "".join(f"; {status.message}" for status in statuses if status.name == "safety")
+            line = f"healthy: {self.described()} runs in {self.get_namespace()}{rate}{safety}"
+            self.log_throttled(Level.OK, "healthy", line)
+        if self.active and silent and worst != Level.ERROR:
+            line = f"not healthy: {self.described()} in {self.get_namespace()} receives no frames"
+            self.log_throttled(Level.WARN, "silent", line, RARELY_S)
 
     def _status(self, status: Health) -> DiagnosticStatus:
         return DiagnosticStatus(

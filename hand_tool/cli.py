@@ -33,21 +33,25 @@ app = typer.Typer(
     "Example: hand demo --out out/demo\n\n"
     "Exit codes: 0 done, 1 the command found what it is asked to fail on, 2 bad usage or bad input, 130 Ctrl-C.",
 )
-for live_command in (up, move, grasp, watch, stop, enable):
-    app.command()(live_command)
-app.command()(record)
-app.command()(simulate)
-app.command("emulate-board")(emulate_board)
-app.command("check-board")(check_board)
-app.command()(demo)
-app.command()(diagnose)
-app.command()(excite)
-app.add_typer(identify, name="identify")
-app.add_typer(trial, name="trial")
-app.command()(magnet)
-app.command("new-effect")(new_effect)
-app.command()(reproduce)
-app.command()(urdf)
+RUNNING, RECORDINGS, BOARDS, MODELS, PROOF = (
+    "A running hand",
+    "Recordings and their diagnosis",
+    "Boards",
+    "Models",
+    "Demonstration and proof",
+)
+"""Groups of subcommands in the help, in its order."""
+for group, subcommands in {
+    RUNNING: (up, move, grasp, watch, stop, enable),
+    RECORDINGS: (record, simulate, excite, diagnose),
+    BOARDS: (check_board, emulate_board),
+    MODELS: (urdf, new_effect, magnet),
+    PROOF: (demo, reproduce),
+}.items():
+    for subcommand in subcommands:
+        app.command(subcommand.__name__.replace("_", "-"), rich_help_panel=group)(subcommand)
+app.add_typer(identify, name="identify", rich_help_panel=RECORDINGS)
+app.add_typer(trial, name="trial", rich_help_panel=PROOF)
 
 
 def _print_version(wanted: bool) -> None:

@@ -103,6 +103,12 @@ def was_raised() -> bool:
     return _raised.is_set()
 
 
+def check() -> None:
+    """Raise Interrupted where it was raised, and library code has dropped it."""
+    if was_raised():
+        raise Interrupted
+
+
 def before_workers() -> None:
     """Call this before multiprocessing starts worker processes.
 

@@ -34,7 +34,7 @@ def _client(namespace: str, command: str) -> HandClient:
     from hand_client.node import HandClient
 
     interrupts.release()
-    return HandClient(namespace, f"hand_{command}")
+    return HandClient(namespace, f"hand_{command}", interrupts.check)
 
 
 def move(
@@ -67,8 +67,12 @@ def move(
             if unknown:
                 raise ValueError(f"the hand has no joint {unknown[0]}; it has {', '.join(client.state.joints)}")
             client.move(wanted, duration)
-            client.spin(duration)
-            client.until(lambda: not _away(client.state, wanted), SETTLE_S)
+            try:
+                client.spin(duration)
+                client.until(lambda: not _away(client.state, wanted), SETTLE_S)
+            except interrupts.Interrupted:
+                client.hold(list(wanted))
+                raise
             away, state = _away(client.state, wanted), client.state
     reached = {joint: state.values["position"][joint] for joint in wanted}
     if as_json:
@@ -184,16 +188,19 @@ def watch(
 
 def _table(state: LiveState, namespace: str) -> Table:
     """The live table: one row a joint."""
+    from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
     known = state.as_json()
     title = f"{namespace}: {state.safety}, {state.rate_hz:.0f} Hz, latency {1e3 * state.latency_s:.1f} ms"
-    table = Table(title=title, caption="; ".join(state.problems) or None)
-    for heading in ("joint", "angle deg", "reference deg", "pressure bar", "set-point bar", "torque N m", "contact"):
-        table.add_column(heading, justify="left" if heading in ("joint", "contact") else "right")
+    table = Table(title=title, caption="; ".join(state.problems) or None, box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("\njoint", no_wrap=True, min_width=max(map(len, state.joints), default=0))
+    for heading in ("angle\ndeg", "reference\ndeg", "pressure\nbar", "set-point\nbar", "torque\nN m"):
+        table.add_column(heading, justify="right")
+    table.add_column("\ncontact")
     for joint, row in known["joints"].items():
         scaled = [(row["angle_rad"], 180 / math.pi, 1), (row["reference_rad"], 180 / math.pi, 1)]
         scaled += [(row["pressure_pa"], 1e-5, 2), (row["set_point_pa"], 1e-5, 2), (row["torque_nm"], 1.0, 3)]
         cells = ["-" if value is None else f"{value * factor:.{digits}f}" for value, factor, digits in scaled]
-        table.add_row(joint, *cells, "contact" if row["contact"] else "")
+        table.add_row(joint, *cells, "yes" if row["contact"] else "")
     return table

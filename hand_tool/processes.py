@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 
@@ -32,8 +33,9 @@ class Processes:
 
     def __exit__(self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None) -> None:
         """Stop the processes that still run."""
-        for name in reversed(list(self._running)):
-            self.stop(name)
+        with ExitStack() as stops:  # also those after one that does not end
+            for name in self._running:
+                stops.callback(self.stop, name)
 
     def start(self, name: str, command: Sequence[str]) -> None:
         """Start a node: the name of its executable, then its arguments."""

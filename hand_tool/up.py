@@ -22,8 +22,8 @@ from hand_tool.processes import ProcessError, Processes
 if TYPE_CHECKING:
     from hand_client.node import HandClient
 
-ALONE_S = 1.0
-"""Time in which a hand that runs already is heard."""
+ALONE_S = 3.0
+"""Time in which a hand that runs already is heard; discovery takes up to 2.7 s."""
 READY_S = 60.0
 CHECK_S = 0.2
 
@@ -68,8 +68,8 @@ def up(
         common += ["-p", "exit_unconfigured:=true"] + (["-p", f"joint_prefix:={joint_prefix}"] if joint_prefix else [])
         settings = default_model().with_name("controller.yaml")
         drive = ["controller", "--ros-args", "--params-file", str(settings), "-p", f"enabled_at_start:={enabled}"]
-        signal.signal(signal.SIGTERM, _end)
         with _client(namespace, "up") as client:
+            signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))  # ends the hand in the same order
             if client.until(lambda: bool(client.state.joints), ALONE_S):
                 raise ValueError(f"a hand runs already in {client.namespace}; end it, or choose another --namespace")
             try:
@@ -78,11 +78,6 @@ def up(
                 fail("up", str(error), 1)
             except interrupts.Interrupted:
                 note("hand up: vented, nodes ended")
-
-
-def _end(*_: object) -> None:
-    """SIGTERM ends the hand in the same order as Ctrl-C."""
-    raise interrupts.Interrupted
 
 
 def _run(client: HandClient, driver: list[str], controller: list[str], as_json: bool) -> None:
@@ -96,18 +91,17 @@ def _run(client: HandClient, driver: list[str], controller: list[str], as_json: 
             processes.check()
             waited += CHECK_S
             state = client.state
-            if not (state.joints and state.safety):
-                if waited > READY_S:
-                    raise ProcessError(f"no frames from the hand within {READY_S:g} s; {'; '.join(state.problems)}")
-                continue
             problems = "; ".join(state.problems)
-            safety = problems or state.safety
-            if safety == last or (not last and state.rate_hz != state.rate_hz):
+            runs = bool(state.joints and state.safety) and state.rate_hz == state.rate_hz
+            if not runs and waited > READY_S:
+                raise ProcessError(f"no frames from the hand within {READY_S:g} s; {problems}")
+            safety = problems or (state.safety if runs else "")
+            if safety in ("", last):
                 continue
             last = safety
             if as_json:
-                line = {"namespace": client.namespace, "rate_hz": state.rate_hz, "safety": state.safety}
-                print(json.dumps(line | {"problems": state.problems}), flush=True)
+                known = {key: value for key, value in state.as_json().items() if key != "joints"}
+                print(json.dumps({"namespace": client.namespace} | known), flush=True)
             elif not problems:
                 what = f"{driver[0]} and controller of {len(state.joints)} joints"
                 print(f"{what} run in {client.namespace} at {state.rate_hz:.0f} Hz: {safety}", flush=True)

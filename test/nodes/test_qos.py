@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import resource
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -54,7 +55,8 @@ def test_every_topic_reaches_a_default_subscriber_and_late_ones_get_the_last_sta
     assert len(own) > len(TOPICS)
     assert {info.qos_profile.reliability for info in own} == {ReliabilityPolicy.RELIABLE}
     for name in ("simulation", "controller"):
-        client.until(lambda name=name: "healthy: " in stack.log(name))  # type: ignore[misc]
+        line = re.compile(rf" healthy: {name} of 11 joints runs in /hand at \d+ Hz; ")
+        client.until(lambda name=name, line=line: line.search(stack.log(name)))  # type: ignore[misc]
         assert len([line for line in stack.log(name).splitlines() if "healthy: " in line]) == 1, stack.log(name)
 
     request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE))
