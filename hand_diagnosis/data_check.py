@@ -21,7 +21,7 @@ from hand_model.joint_model import JointModel
 from hand_model.kernel.open_loop import OUTPUTS
 from hand_model.kernel.rows import ROW
 from hand_model.statics import equilibrium_angle
-from hand_recording.interpolation import bridge
+from hand_recording.interpolation import bridge, longest_gap_s
 from hand_recording.signals import Signals, white_noise
 
 
@@ -64,8 +64,9 @@ def _lost(signals: Signals) -> list[str]:
 
 
 def _gaps(signals: Signals) -> list[str]:
-    """The longest stretch without any reading."""
-    runs = list(_runs(np.asarray(~signals.known.any(axis=1))))
+    """The longest stretch without any reading; single lost frames are none."""
+    shortest = longest_gap_s(signals.period_s) / signals.period_s
+    runs = [run for run in _runs(np.asarray(~signals.known.any(axis=1))) if run[1] - run[0] + 1 > shortest]
     if not runs:
         return []
     start, end = max(runs, key=lambda run: run[1] - run[0])

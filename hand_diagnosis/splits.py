@@ -64,11 +64,12 @@ def fit_part(problem: JointProblem) -> JointProblem:
 def _slice(segment: Segment, begin: int, end: int) -> Segment:
     """Samples begin ... end - 1 of a segment."""
     samples = len(segment.angle_rad)
-    finer = (len(segment.driving_pa) - 1) // (samples - 1)
+    finer, parts = ((len(fine) - 1) // (samples - 1) for fine in (segment.driving_pa, segment.commanded_pa))
     part = slice(begin, end)
     return replace(
         segment,
         set_point_pa=segment.set_point_pa[part],
+        commanded_pa=segment.commanded_pa[parts * begin : parts * (end - 1) + 1],
         pressure_pa=segment.pressure_pa[part],
         driving_pa=segment.driving_pa[finer * begin : finer * (end - 1) + 1],
         smoothed=segment.smoothed[part],

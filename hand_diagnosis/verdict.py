@@ -187,14 +187,22 @@ def _disturbed(segment: Segment, rng: np.random.Generator, driven: bool) -> Segm
     white = white_noise(segment.pressure_pa) * rng.standard_normal(len(segment.pressure_pa))
     kept = white if driven else np.where(segment.smoothed, smoothed_over(white, segment.span), white)
     samples = np.arange(len(kept))
+    kept = kept + _moved(segment.pressure_pa, segment, rng)
     kept = np.interp(np.linspace(0.0, samples[-1], len(segment.driving_pa)), samples, kept)
-    angle = white_noise(segment.angle_rad) * rng.standard_normal(len(white))
+    angle = white_noise(segment.angle_rad) * rng.standard_normal(len(white)) + _moved(segment.angle_rad, segment, rng)
     speed, acceleration = derivatives(angle[:, None], segment.period_s)
     exogenous = segment.exogenous.copy()
     exogenous[:, ANGLE] += angle
     exogenous[:, SPEED] += speed[:, 0]
     exogenous[:, ACCELERATION] += acceleration[:, 0]
     return replace(segment, driving_pa=segment.driving_pa + kept, exogenous=exogenous)
+
+
+def _moved(values: Array, segment: Segment, rng: np.random.Generator) -> Array:
+    """Errors (T,) of a signal whose samples were taken at slightly wrong times: its speed times the jitter."""
+    if segment.jitter_s == 0.0:
+        return np.zeros(len(values))
+    return np.gradient(values, segment.period_s) * segment.jitter_s * rng.standard_normal(len(values))
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,6 +75,7 @@ def _segment(signals: Signals, hand: JointModel, joint: str, first_block: int) -
         signals.name,
         signals.period_s,
         signals.set_point_pa[:, j],
+        signals.commanded_pa[:, j],
         signals.pressure_pa[:, j],
         driving,
         span,
@@ -87,6 +88,7 @@ def _segment(signals: Signals, hand: JointModel, joint: str, first_block: int) -
         block_numbers(signals.samples, signals.period_s, first_block),
         start,
         signals.pressure_late_s,
+        signals.jitter_s,
     )
 
 
@@ -147,5 +149,9 @@ def _use(signals: Signals, j: int, force: Array) -> Flags:
 
 
 def _noise(segment: Segment) -> Array:
-    """Standard deviation of the white noise of each measured signal (OUTPUTS,), SI."""
-    return np.array([white_noise(signal) for signal in segment.measured])
+    """Standard deviation of the noise of each measured signal (OUTPUTS,), SI: white noise, and speed times jitter."""
+    white = np.array([white_noise(signal) for signal in segment.measured])
+    if segment.jitter_s == 0.0:
+        return white
+    speeds = np.gradient(segment.measured, segment.period_s, axis=1)
+    return np.asarray(np.hypot(white, segment.jitter_s * np.sqrt(np.mean(speeds**2, axis=1))))

@@ -33,15 +33,19 @@ HELD_OUT_EVERY = 3
 class Segment:
     """One recording of the joint. Signals (T,), exogenous (T, EXOGENOUS).
 
+    commanded_pa: (parts (T - 1) + 1,) set-points in force, `parts` evenly over each sample, as commands have times of
+    their own; set_point_pa are those at the samples.
     driving_pa: the measured pressure as the joint's input, its noise reduced, (finer (T - 1) + 1,) evenly over the
     samples.  span: of the smoothing, in samples.  smoothed: (T,) where there was any.  known: (T,) where readings were.
-    late_s: by how much the pressures were read after the other signals.
+    late_s: by how much the pressures were read after the other signals.  jitter_s: standard deviation of the times at
+    which the samples were taken.
     use: (OUTPUTS, T) samples that count.  block: (T,) number of the block of each sample, over all recordings.
     """
 
     name: str
     period_s: float
     set_point_pa: Array
+    commanded_pa: Array
     pressure_pa: Array
     driving_pa: Array
     span: int
@@ -54,6 +58,7 @@ class Segment:
     block: NDArray[np.int64]
     start: Array
     late_s: float = 0.0
+    jitter_s: float = 0.0
 
     @property
     def measured(self) -> Array:
@@ -114,7 +119,7 @@ class JointProblem:
             start = np.tile(segment.start, (len(columns), 1))
             start[:, CREEP], start[:, OMEGA] = starts[:, 0], starts[:, 1 + index]
             inputs = MeasuredInputs(
-                segment.set_point_pa, segment.driving_pa, segment.exogenous, segment.period_s, segment.late_s
+                segment.commanded_pa, segment.driving_pa, segment.exogenous, segment.period_s, segment.late_s
             )
             out.append(open_loop(columns, start, inputs, lever_m=self.lever_m, step_s=self.step_s, driven=self.driven))
         return out

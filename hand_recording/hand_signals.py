@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,18 +11,22 @@ from numpy.typing import NDArray
 
 from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
-from hand_recording.interpolation import bridge
+from hand_recording.interpolation import bridge, longest_gap_s
 from hand_recording.loader import Recording, RecordingError
+from hand_recording.sample_clock import on_steady_clock
 from hand_recording.signals import Signals, samples_on_grid
 from hand_recording.time_base import FOREIGN_CLOCK_NS, TimeBase, nearest, published_on_stamp_clock
 from hand_sim.offline import Commands, Ticks, rebuild_ticks, set_points_in_force
 
 SHORTEST_S = 2.0
-LONGEST_GAP_S = 0.1
 LATE_S = 0.02
 """Set-points sent later than this after the stamp of their frame are reported; a controller needs a few ms."""
 ON_GRID, STEADY = 0.02, 0.1
 """Shares of a period: distance of pressure stamps from the ticks that is ignored; largest scatter of a steady one."""
+FASTER, ON_MULTIPLE = 1.25, 0.02
+"""Ratio of rates that is clearly above 1; relative deviation from a whole multiple that a clock's error explains."""
+PART_S = 2.5e-3
+"""Length of the parts of a sample in which set-points act where the ticks of the board are unknown."""
 OFFSET_NS = 2e6
 """Smallest difference of two topics' delays from stamp to receipt that is reported as different clocks."""
 
@@ -43,26 +49,33 @@ def hand_signals(recording: Recording, hand: Hand) -> Signals:
     samples_on_grid(recording.path, stamps[0] * 1e-9, stamps[-1] * 1e-9, 1.0 / rate_hz)
     ticks = rebuild_ticks(stamps, rate_hz)
     grid = ticks.stamp_ns
-    base = recording.on_time_base(stamps_ns=grid, joints=joints, max_gap_s=LONGEST_GAP_S)
+    read = np.zeros(len(grid), dtype=bool)
+    read[ticks.number] = True  # a sample that was lost is bridged over a short distance, but it is no reading
+    sent = _commands(recording, joints)
+    recording, jitter_s, scatter = on_steady_clock(recording, ticks, rate_hz)
+    base = recording.on_time_base(stamps_ns=grid, joints=joints, max_gap_s=longest_gap_s(1.0 / rate_hz))
     angle, known = bridge(base.position)
     pressure_pa, late_s = _pressures(recording, base, joints)
     pressure, pressure_known = bridge(pressure_pa)
-    held, commanded = _set_points(recording, joints, ticks)
-    notes = (*_notes(recording), *_other_rate(rate_hz, hand))
+    parts = _parts(rate_hz, hand, recording, stamps)
+    between, commanded = _set_points(sent, _commanded(recording, joints), joints, _board_ticks(ticks, parts))
+    notes = (*_notes(recording), *scatter, *_other_rate(rate_hz, hand, parts))
     return Signals(
         recording.path.name,
         joints,
         ticks.period_s,
-        held,
+        between[::parts],
         pressure,
         angle,
         _forces(base, hand, joints),
-        known & (pressure_known | ~pressure_known.any(axis=0)),
+        known & (pressure_known | ~pressure_known.any(axis=0)) & read[:, None],
         commanded,
         np.asarray(pressure_known.any(axis=0)),
         notes,
         1.0 - len(stamps) / len(grid),
         pressure_late_s=late_s,
+        between_pa=between if parts > 1 else None,
+        jitter_s=jitter_s,
     )
 
 
@@ -88,21 +101,58 @@ def _rate_hz(stamps: NDArray[np.int64], nominal_hz: float) -> float:
     return nominal_hz if 0.8 < seen / nominal_hz < 1.25 else seen
 
 
-def _set_points(recording: Recording, joints: tuple[str, ...], ticks: Ticks) -> tuple[Array, Flags]:
-    """Set-points in force at each tick (T, J), and which joints were commanded."""
-    empty = np.zeros((len(ticks.stamp_ns), len(joints)))
+def _parts(rate_hz: float, hand: Hand, recording: Recording, stamps: NDArray[np.int64]) -> int:
+    """Number of ticks of the board in a sample of joint_states, of which a recorder may keep only some.
+
+    Commands that come clearly faster than the samples show that the board is faster. Its rate is the described one, or
+    that of the commands where they are faster still. Where it is no multiple of the rate of the samples, the time of
+    its ticks is unknown, and a set-point acts in the next PART_S.
+    """
+    if "valve_command" not in recording or len(recording["valve_command"]) < 2:
+        return 1
+    sent = np.unique(recording["valve_command"].stamp_ns)
+    sent_hz = (len(sent) - 1) * 1e9 / max(float(sent[-1] - sent[0]), 1.0)
+    if sent_hz < FASTER * len(stamps) * 1e9 / float(stamps[-1] - stamps[0]):
+        return 1
+    board_hz = sent_hz if sent_hz > FASTER * hand.rate_hz else hand.rate_hz
+    parts = max(round(board_hz / rate_hz), 1)
+    if abs(board_hz / rate_hz - parts) < ON_MULTIPLE * parts:
+        return parts
+    return max(math.ceil(1.0 / rate_hz / PART_S), 1)
+
+
+def _board_ticks(ticks: Ticks, parts: int) -> Ticks:
+    """Ticks of a board that is faster than the samples."""
+    return replace(ticks, number=ticks.number * parts, period_s=ticks.period_s / parts)
+
+
+def _commanded(recording: Recording, joints: tuple[str, ...]) -> list[str]:
+    """Those of the joints that valve_command names."""
+    return [joint for joint in joints if "valve_command" in recording and joint in recording["valve_command"].names]
+
+
+def _commands(recording: Recording, joints: tuple[str, ...]) -> Commands | None:
+    """Set-points as sent (M, commanded joints); None where none were recorded."""
     if "valve_command" not in recording or not len(recording["valve_command"]):
-        return empty, np.zeros(len(joints), dtype=bool)
+        return None
     data = recording["valve_command"]
-    present = [joint in data.names for joint in joints]
     columns = [data.names.index(joint) for joint in joints if joint in data.names]
     pressure = data["pressure"][:, columns]
     sent_ns = published_on_stamp_clock(recording.topics)
     usable = np.isfinite(pressure).all(axis=1) & (data["lifetime_ns"] > 0)
     order = np.argsort(sent_ns[usable], kind="stable")
-    commands = Commands(sent_ns[usable][order], pressure[usable][order], data["lifetime_ns"][usable][order] * 1e-9)
-    empty[:, present] = set_points_in_force(commands, ticks)
-    return empty, np.array(present)
+    return Commands(sent_ns[usable][order], pressure[usable][order], data["lifetime_ns"][usable][order] * 1e-9)
+
+
+def _set_points(
+    commands: Commands | None, names: Sequence[str], joints: tuple[str, ...], ticks: Ticks
+) -> tuple[Array, Flags]:
+    """Set-points in force at each tick (T, J), and which joints were commanded. names: of the commanded joints."""
+    held = np.zeros((len(ticks.stamp_ns), len(joints)))
+    present = np.array([joint in names for joint in joints], dtype=bool)
+    if commands is not None:
+        held[:, present] = set_points_in_force(commands, ticks)
+    return held, present
 
 
 def _forces(base: TimeBase, hand: Hand, joints: tuple[str, ...]) -> Array:
@@ -138,10 +188,16 @@ def _late(recording: Recording) -> list[str]:
     ]
 
 
-def _other_rate(rate_hz: float, hand: Hand) -> list[str]:
-    """A hint that the recording was made with another description than the one in use."""
+def _other_rate(rate_hz: float, hand: Hand, parts: int) -> list[str]:
+    """A hint that the recording was made with another description than the one in use, or kept some frames only."""
     if rate_hz == hand.rate_hz:
         return []
+    if parts > 1:
+        return [
+            f"joint_states comes at {rate_hz:.3g} Hz, and board.rate_hz of {hand.path} is {hand.rate_hz:g};"
+            " valve_command is faster, so the recorder kept some frames only;"
+            f" set-points keep their times, in {parts} parts of a sample"
+        ]
     return [
         f"joint_states comes at {rate_hz:.3g} Hz, and board.rate_hz of {hand.path} is {hand.rate_hz:g};"
         " was the recording made with another description?"

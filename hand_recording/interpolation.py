@@ -11,6 +11,13 @@ from hand_model.arrays import Array, Flags
 
 Times = NDArray[Any]
 """Rising times, (n,): integers [ns] or floats [s]."""
+LONGEST_GAP_S, LONGEST_GAP_PERIODS = 0.05, 3.5
+"""Readings farther apart than both are a gap, within which a signal is not known; a finger turns around in less."""
+
+
+def longest_gap_s(period_s: float) -> float:
+    """Largest distance [s] of two readings between which a signal of that sample period is interpolated."""
+    return max(LONGEST_GAP_S, LONGEST_GAP_PERIODS * period_s)
 
 
 def interpolate(times: Times, stamps: Times, values: Array, max_gap: float) -> Array:

@@ -14,6 +14,7 @@ A mapping names, per joint, the columns of a table with their units and signs:
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,18 +24,18 @@ from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.yaml_reader import Section, read_yaml
 from hand_recording.hand_signals import SHORTEST_S, hand_signals
-from hand_recording.interpolation import bridge, in_force, interpolate
+from hand_recording.interpolation import bridge, in_force, interpolate, longest_gap_s
 from hand_recording.loader import load_recording
 from hand_recording.recording_files import RecordingError
+from hand_recording.sample_clock import has_reading, steady_times
 from hand_recording.signals import Signals, samples_on_grid
 from hand_recording.table_file import TABLES, UNITS, read_table
 
-LONGEST_GAP_S = 0.2
-"""Samples farther apart than this, and than three periods, are not joined by a line."""
 PERIOD_S = (1e-6, 1.0)
 """Least and largest median distance of the samples of a table; no motion of a machine is seen at a lower rate."""
 LATEST_S = 1e12
 """Largest time of a table: beyond any epoch, and small enough for differences of a microsecond."""
+COLUMN = ("column", "unit", "sign")
 QUANTITIES = {"set_point": "pa", "pressure": "pa", "angle": "deg", "force": "n"}
 
 
@@ -58,15 +59,18 @@ def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
     kept, grid = uniform_clock(path, time_s)
     time_s = time_s[kept]
     joints = _joints(top, hand, mapping)
+    angles = [_column(s.section("angle", COLUMN), path, columns, "deg", signed=True) for _, s in joints]
+    time_s, grid, jitter_s, notes = steady_times(time_s, grid, np.column_stack(angles)[kept])
     data = {name: np.full((len(grid), len(joints)), np.nan) for name in QUANTITIES}
     for j, (_, section) in enumerate(joints):
         for name, unit in QUANTITIES.items():
             if name in section:
-                part = section.section(name, ("column", "unit", "sign"))
+                part = section.section(name, COLUMN)
                 values = _column(part, path, columns, unit, signed=True)[kept]
                 data[name][:, j] = _on_grid(grid, time_s, values, held=name == "set_point")
-    period_s = float(np.median(np.diff(time_s)))
-    return _signals(path, tuple(name for name, _ in joints), period_s, data, len(time_s) / len(grid))
+    signals = _signals(path, tuple(name for name, _ in joints), float(grid[1] - grid[0]), data, len(time_s) / len(grid))
+    read = signals.known & has_reading(grid, time_s)[:, None]
+    return replace(signals, known=read, notes=tuple(notes), jitter_s=jitter_s)
 
 
 def uniform_clock(path: Path, time_s: Array) -> tuple[NDArray[np.intp], Array]:
@@ -125,7 +129,7 @@ def _on_grid(grid: Array, time_s: Array, values: Array, *, held: bool) -> Array:
     # The last time of a grid may lie a rounding error behind the last sample.
     within = np.clip(grid, time_s[known][0], time_s[known][-1]) if len(grid) else grid
     close = np.where(np.abs(within - grid) < grid[1] - grid[0], within, grid)
-    return interpolate(close, time_s[known], values[known], max(LONGEST_GAP_S, 3.0 * (grid[1] - grid[0])))
+    return interpolate(close, time_s[known], values[known], longest_gap_s(float(grid[1] - grid[0])))
 
 
 def _signals(path: Path, joints: tuple[str, ...], period_s: float, data: dict[str, Array], share: float) -> Signals:

@@ -38,6 +38,8 @@ class Signals:
     driven: the motion was imposed from outside, and force_n is the machine's reaction.
     machine: the signals are those of another machine than a hand, to which the ranges of a hand do not apply.
     pressure_late_s: time from the reading of the angles of a sample to that of its pressures, by their stamps.
+    between_pa: (parts (T - 1) + 1, J) set-points in force, `parts` evenly over each sample; None where they change at
+    samples only.  jitter_s: standard deviation of the error of the samples' times that is left.
     """
 
     name: str
@@ -55,6 +57,13 @@ class Signals:
     driven: bool = False
     machine: bool = False
     pressure_late_s: float = 0.0
+    between_pa: Array | None = None
+    jitter_s: float = 0.0
+
+    @property
+    def commanded_pa(self) -> Array:
+        """Set-points in force (parts (T - 1) + 1, J), `parts` evenly over each sample."""
+        return self.set_point_pa if self.between_pa is None else self.between_pa
 
     @property
     def samples(self) -> int:

@@ -58,8 +58,9 @@ _J, _JC = ROW["dynamics.inertia_kg_m2"], ROW["dynamics.coupling_inertia_kg_m2"]
 class MeasuredInputs:
     """What was measured at the inputs of the stages of one joint.
 
-    set_point_pa: (samples,) [Pa], each holds until the next sample.  pressure_pa: (finer (samples - 1) + 1,) [Pa]
-    without gaps, `finer` readings evenly over each sample.  surroundings: (samples, 7): time [s], neighbour's
+    set_point_pa: (parts (samples - 1) + 1,) [Pa], `parts` evenly over each sample; each holds until the next.
+    pressure_pa: (finer (samples - 1) + 1,) [Pa] without gaps, `finer` readings evenly over each sample.
+    surroundings: (samples, 7): time [s], neighbour's
     angle [rad], inflow of the whole hand [Pa/s], partner's acceleration [rad/s^2], the joint's angle [rad], speed
     [rad/s] and acceleration [rad/s^2].  period_s: sample period [s].  late_s: time by which pressures were read after
     the ticks of everything else [s], less than a sample.
@@ -96,8 +97,8 @@ def _row_between(e, k, x):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _deliver_sample(w, u, k, dt, late, steps):  # type: ignore[no-untyped-def]
-    """Set-points that reach the valves in sample k, each lane by its own dead time and clock.
+def _deliver_part(w, u, k, dt, late, steps):  # type: ignore[no-untyped-def]
+    """Set-points that reach the valves in part k of the samples, dt long, each lane by its own dead time and clock.
 
     Returns the first and the last step within which one of them changes.
     """
@@ -212,7 +213,7 @@ block_loop: Any = None
 def _loop(key: str) -> Callable[..., Any]:
     """The loop of one block of lanes through all samples, to be specialised."""
 
-    def open_block(work, u, reading, e, dt, steps, lever, driven, late, out):  # type: ignore[no-untyped-def]
+    def open_block(work, u, parts, reading, e, dt, steps, lever, driven, late, out):  # type: ignore[no-untyped-def]
         _ = key
         w = carray(stack_doubles(_SIZE), (WORK, LANES))
         for row in range(WORK):
@@ -223,20 +224,22 @@ def _loop(key: str) -> Callable[..., Any]:
         for i in range(LANES):
             hook_prepare(w, i, h)
         for k in range(e.shape[0] - 1):
-            first_split, last_split = _deliver_sample(w, u, k, dt, late, steps)
-            for n in range(steps):
-                middle = (n + 0.5) / steps
-                _measure(w, reading, k + middle, finer, late, dt)
-                now = _row_between(e, k, middle)
-                if first_split <= n <= last_split:
-                    split_valve_step(w, n, now, h)
-                else:
-                    valve_step(w, n, now, h)
-                if driven:
-                    way = e[k + 1, ANGLE] - e[k, ANGLE]
-                    driven_step(w, now, e[k, ANGLE] + (n + 1.0) / steps * way, h)
-                else:
-                    free_step(w, now, h)
+            for part in range(parts):
+                first = part * (steps // parts)
+                first_split, last_split = _deliver_part(w, u, parts * k + part, dt / parts, late, steps // parts)
+                for n in range(steps // parts):
+                    middle = (first + n + 0.5) / steps
+                    _measure(w, reading, k + middle, finer, late, dt)
+                    now = _row_between(e, k, middle)
+                    if first_split <= n <= last_split:
+                        split_valve_step(w, n, now, h)
+                    else:
+                        valve_step(w, n, now, h)
+                    if driven:
+                        way = e[k + 1, ANGLE] - e[k, ANGLE]
+                        driven_step(w, now, e[k, ANGLE] + (first + n + 1.0) / steps * way, h)
+                    else:
+                        free_step(w, now, h)
             read(w, _row(e, k + 1), dt, lever, driven, out, k + 1)
 
     return open_block
@@ -245,11 +248,11 @@ def _loop(key: str) -> Callable[..., Any]:
 def _blocks(key: str) -> Callable[..., Any]:
     """All blocks in parallel, to be specialised; the loop of a block is compiled alone so that it is vectorised."""
 
-    def open_lanes(w, u, reading, e, dt, steps, lever, driven, late, out):  # type: ignore[no-untyped-def]
+    def open_lanes(w, u, parts, reading, e, dt, steps, lever, driven, late, out):  # type: ignore[no-untyped-def]
         _ = key
         for block in prange(w.shape[0]):
             lanes = out[LANES * block : LANES * (block + 1)]
-            block_loop(w[block], u, reading, e, dt, steps, lever, driven, late, lanes)
+            block_loop(w[block], u, parts, reading, e, dt, steps, lever, driven, late, lanes)
 
     return open_lanes
 
@@ -258,8 +261,8 @@ OPEN_EFFECTS = tuple(effect for effect in CATALOGUE if "valve" not in effect.hoo
 """Effects that a fit may vary: all but those that replace the valve by a switching one."""
 
 
-_BLOCK = "(f8[:,::1], f8[::1], f8[::1], f8[:,::1], f8, i8, f8, b1, f8, f8[:,:,::1])"
-_LANES = "(f8[:,:,::1], f8[::1], f8[::1], f8[:,::1], f8, i8, f8, b1, f8, f8[:,:,::1])"
+_BLOCK = "(f8[:,::1], f8[::1], i8, f8[::1], f8[:,::1], f8, i8, f8, b1, f8, f8[:,:,::1])"
+_LANES = "(f8[:,:,::1], f8[::1], i8, f8[::1], f8[:,::1], f8, i8, f8, b1, f8, f8[:,:,::1])"
 
 
 @cache
@@ -294,7 +297,8 @@ def open_loop(
     """
     count, samples = len(columns), len(inputs.surroundings)
     blocks = -(-count // LANES)
-    steps = steps_per_sample(inputs.period_s, step_s)
+    parts = max(1, (len(inputs.set_point_pa) - 1) // max(samples - 1, 1))
+    steps = parts * steps_per_sample(inputs.period_s / parts, step_s)
     w = np.zeros((blocks * LANES, WORK))
     w[:count, : len(ROW)], w[count:, : len(ROW)] = columns, columns[-1]
     w[:count, X : X + STATES], w[count:, X : X + STATES] = start, start[-1]
@@ -306,5 +310,6 @@ def open_loop(
     out[:, 0, 0], out[:, 1, 0], out[:, 2, 0] = w[:, X + P], w[:, X + PHI], 0.0
     measured = (inputs.set_point_pa, inputs.pressure_pa, inputs.surroundings)
     u, p, e = (np.ascontiguousarray(signal, dtype=np.float64) for signal in measured)
-    compile_loop(effects, has_laws(columns))(work, u, p, e, inputs.period_s, steps, lever_m, driven, inputs.late_s, out)
+    loop = compile_loop(effects, has_laws(columns))
+    loop(work, u, parts, p, e, inputs.period_s, steps, lever_m, driven, inputs.late_s, out)
     return out[:count]

@@ -95,6 +95,24 @@ def test_a_description_without_effects_is_the_plain_plant(hand: Hand) -> None:
     assert active_effects(rough.parameters) == (EFFECTS["coulomb_friction"],)
 
 
+@pytest.mark.parametrize("late_s", [0.0, 0.0013])
+def test_set_points_between_the_samples_act_at_their_own_times(late_s: float, hand: Hand) -> None:
+    """Fails when a set-point that changes between two samples acts at a sample instead, or a part is skipped."""
+    every, commands = 8, steps(3.0, seed=3)
+    commands[300:] = np.roll(commands[300:], 3, axis=0)  # changes between the samples that are kept
+    states = closed(hand, commands, ())[:-1]
+    fine = measured(states, 4, -1, commands, PERIOD_S)
+    count = (len(commands) - 1) // every
+    last = every * count + 1
+    coarse = MeasuredInputs(
+        fine.set_point_pa[:last], fine.pressure_pa[:last], fine.surroundings[:last:every], every * PERIOD_S, late_s
+    )
+    fine = replace(fine, late_s=late_s)
+    columns, start = hand.parameters[:, [4]].T, states[0][:, [4]].T
+    slow, fast = (open_loop(columns, start, inputs)[0, :2] for inputs in (coarse, fine))
+    np.testing.assert_allclose(slow, fast[:, :last:every], rtol=0.0, atol=1e-6)
+
+
 def test_lanes_do_not_mix(hand: Hand) -> None:
     """Fails when a parameter set's prediction depends on those it is computed together with."""
     commands = steps(3.0)

@@ -1,0 +1,133 @@
+"""The steady clock behind stamps that scatter, and whether the readings belong to it or to their stamps.
+
+A board samples on a steady clock. Where a host stamps its frames, the stamps scatter around that clock, and a reading
+that is put at its stamp is wrong by speed times scatter. Where the samples themselves were taken at uneven times, and
+the stamps are right, it is the other way round. The readings decide: at the right times they are smoother.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_model.arrays import Array, Flags
+from hand_recording.interpolation import interpolate, longest_gap_s
+from hand_recording.loader import Recording, TopicData
+from hand_sim.offline import Ticks, rebuild_ticks
+
+MIN_SCATTER = 0.02
+"""Scatter of stamps, in periods, below which readings stay at their stamps."""
+MAX_SCATTER = 0.35
+"""Scatter, in periods, beyond which a table has no steady clock: more than that of times spread evenly is 0.29."""
+OWN_PERIODS = 0.75
+"""Distance, in periods, within which a reading is that of a time."""
+SMOOTHER = 0.9
+"""Ratio of roughnesses from which one of the two clocks is clearly the right one."""
+QUIET = 0.99
+"""Share of the third differences that count, without the largest: jitter shows in motion, and spikes are no motion."""
+OUTCOMES = {
+    None: "the error of a reading, its speed times that, is part of the noise",
+    False: "readings are smooth at their own stamps and stay there",
+    True: "readings are smoother on that clock and are put there",
+}
+MEASURED = ("joint_states", "pressures", "contact_forces")
+
+
+def on_steady_clock(recording: Recording, ticks: Ticks, rate_hz: float) -> tuple[Recording, float, list[str]]:
+    """The recording with the stamps of its readings moved to the ticks of a steady clock, where that is right.
+
+    ticks: of joint_states.  Also the standard deviation [s] of the error of the samples' times that is left, and lines
+    for the reader.
+    """
+    states = recording["joint_states"]
+    stamps, first = np.unique(states.stamp_ns, return_index=True)
+    scatter_s = stamp_scatter_s(stamps, ticks)
+    if scatter_s < MIN_SCATTER * ticks.period_s:
+        return recording, 0.0, []
+    steady, line = (
+        steadier(stamps, ticks, states["position"][first]),
+        _scatter_line("stamps of joint_states", scatter_s),
+    )
+    if not steady:
+        return recording, scatter_s if steady is None else 0.0, [line + OUTCOMES[steady]]
+    moved = {name: _moved(recording, name, rate_hz) for name in MEASURED if name in recording}
+    topics = recording.topics | {name: topic for name, topic in moved.items() if topic is not None}
+    return replace(recording, topics=topics), 0.0, [line + OUTCOMES[steady]]
+
+
+def steady_times(time_s: Array, grid_s: Array, values: Array) -> tuple[Array, Array, float, list[str]]:
+    """Rising times (N,) [s] of a table and their grid (T,) [s], moved to a steady clock where that is right.
+
+    values: (N, J) readings by which this is decided.  Also the standard deviation [s] of the error of the times that is
+    left, and lines for the reader.
+    """
+    stamps = np.rint((time_s - time_s[0]) * 1e9).astype(np.int64)
+    if np.any(np.diff(stamps) <= 0):
+        return time_s, grid_s, 0.0, []
+    ticks = rebuild_ticks(stamps, 1.0 / float(grid_s[1] - grid_s[0]))
+    scatter_s = stamp_scatter_s(stamps, ticks)
+    if not MIN_SCATTER * ticks.period_s < scatter_s < MAX_SCATTER * ticks.period_s:
+        return time_s, grid_s, 0.0, []
+    steady, line = steadier(stamps, ticks, values), _scatter_line("its times", scatter_s)
+    if not steady:
+        return time_s, grid_s, scatter_s if steady is None else 0.0, [line + OUTCOMES[steady]]
+    clock = time_s[0] + 1e-9 * ticks.stamp_ns
+    return clock[ticks.number], clock, 0.0, [line + OUTCOMES[steady]]
+
+
+def has_reading(grid_s: Array, time_s: Array) -> Flags:
+    """Which times of a uniform grid (T,) [s] have a reading of their own among rising times (N,) [s]."""
+    after = np.clip(np.searchsorted(time_s, grid_s), 1, len(time_s) - 1)
+    away = np.minimum(np.abs(time_s[after] - grid_s), np.abs(grid_s - time_s[after - 1]))
+    return np.asarray(away <= OWN_PERIODS * (grid_s[1] - grid_s[0]), dtype=bool)
+
+
+def _scatter_line(what: str, scatter_s: float) -> str:
+    return f"{what} scatter by {scatter_s * 1e3:.2g} ms (standard deviation) around a steady clock; "
+
+
+def stamp_scatter_s(stamps_ns: NDArray[np.int64], ticks: Ticks) -> float:
+    """Standard deviation [s] of rising stamps (N,) around their ticks, those of a clock that was set excepted."""
+    error = (stamps_ns - ticks.stamp_ns[ticks.number]) * 1e-9
+    error = error[np.abs(error) < ticks.period_s]
+    return float(np.std(error)) if len(error) else 0.0
+
+
+def steadier(stamps_ns: NDArray[np.int64], ticks: Ticks, values: Array) -> bool | None:
+    """Whether readings (N, J) are clearly smoother at their ticks than at their stamps (N,); None: neither is.
+
+    Readings at the ticks are compared with those interpolated at the ticks from the stamps, by third differences.
+    """
+    grid = ticks.stamp_ns
+    put = interpolate(grid, grid[ticks.number], values, longest_gap_s(ticks.period_s) * 1e9)
+    own = interpolate(grid, stamps_ns, values, longest_gap_s(ticks.period_s) * 1e9)
+    # A line between two readings halves their noise: readings put on ticks are compared after the same smoothing.
+    share = (stamps_ns - grid[ticks.number]) / (ticks.period_s * 1e9)
+    lost = np.interp(np.arange(len(grid)), ticks.number, np.abs(share))[:, None]
+    put = put[1:-1] + 0.5 * lost[1:-1] * (put[2:] - 2.0 * put[1:-1] + put[:-2])
+    rough = [_roughness(each) for each in (put, own[1:-1])]
+    if rough[0] < SMOOTHER * rough[1]:
+        return True
+    return False if rough[1] < SMOOTHER * rough[0] else None
+
+
+def _roughness(values: Array) -> float:
+    """Sum over the joints of the RMS of third differences (T, J), each relative to the range of its joint."""
+    total = 0.0
+    for column in np.diff(values, 3, axis=0).T:
+        known = np.abs(column[np.isfinite(column)])
+        if len(known):
+            total += float(np.mean(np.sort(known)[: max(int(QUIET * len(known)), 1)] ** 2))
+    return float(np.sqrt(total))
+
+
+def _moved(recording: Recording, name: str, rate_hz: float) -> TopicData | None:
+    """A topic with its stamps on a steady clock of its own, which keeps a delay between topics; None: too short."""
+    topic = recording[name]
+    stamps, places = np.unique(topic.stamp_ns, return_inverse=True)
+    if len(stamps) < 2:
+        return None
+    ticks = rebuild_ticks(stamps, rate_hz)
+    return replace(topic, stamp_ns=ticks.stamp_ns[ticks.number][places])

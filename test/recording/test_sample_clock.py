@@ -1,0 +1,63 @@
+"""The sample clock: frames are numbered although stamps scatter, and the readings decide whose times are right."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hand_recording.sample_clock import has_reading, stamp_scatter_s, steadier, steady_times
+from hand_sim.offline import rebuild_ticks
+
+RATE_HZ, COUNT = 100.0, 3000
+PERIOD_NS = round(1e9 / RATE_HZ)
+
+
+def motion(time_s: np.ndarray) -> np.ndarray:
+    """Angles (N, 1) [rad] of an ordinary motion."""
+    return (0.6 * np.sin(2 * np.pi * 0.7 * time_s) + 0.2 * np.sin(2 * np.pi * 2.3 * time_s))[:, None]
+
+
+@pytest.mark.parametrize(("scatter_ms", "lost"), [(0.0, 0.3), (3.0, 0.05), (4.0, 0.05)])
+@pytest.mark.parametrize("drift", [0.0, 0.01])
+def test_frames_get_their_ticks_although_stamps_scatter(scatter_ms: float, lost: float, drift: float) -> None:
+    """Fails when scattering stamps, lost frames or a drifting clock give a frame the tick of another one."""
+    print("seed 80")
+    rng = np.random.default_rng(80)
+    tick = np.flatnonzero(rng.random(COUNT) >= lost)
+    away = rng.uniform(-scatter_ms, scatter_ms, len(tick)) * 1e6
+    stamps = np.rint(tick * PERIOD_NS * (1.0 + drift) + away).astype(np.int64)
+    ticks = rebuild_ticks(stamps, RATE_HZ)
+    np.testing.assert_array_equal(ticks.number, tick - tick[0])
+    assert ticks.period_s == pytest.approx((1.0 + drift) / RATE_HZ, rel=1e-4)
+    assert stamp_scatter_s(stamps, ticks) == pytest.approx(scatter_ms * 1e-3 / np.sqrt(3.0), rel=0.05, abs=1e-8)
+
+
+@pytest.mark.parametrize(("true_at_ticks", "expected"), [(True, True), (False, False)])
+def test_the_readings_say_whose_times_are_right(true_at_ticks: bool, expected: bool) -> None:
+    """Fails when stamps that are wrong are kept, or stamps that are right are changed."""
+    print("seed 81")
+    rng = np.random.default_rng(81)
+    at_ticks = np.arange(COUNT) / RATE_HZ
+    stamped = at_ticks + rng.uniform(-3e-3, 3e-3, COUNT)
+    noise = np.radians(0.03) * rng.standard_normal((COUNT, 1))
+    values = motion(at_ticks if true_at_ticks else stamped) + noise
+    stamps = np.rint((stamped - stamped[0]) * 1e9).astype(np.int64)
+    ticks = rebuild_ticks(stamps, RATE_HZ)
+    assert steadier(stamps, ticks, values) is expected
+    resting = steadier(stamps, ticks, noise)
+    assert resting is None, "a joint at rest cannot say whose times are right"
+    grid = stamped[0] + np.arange(COUNT) / RATE_HZ
+    _, _, jitter_s, lines = steady_times(stamped, grid, values)
+    assert jitter_s == 0.0
+    assert "1.7 ms" in lines[0]
+    assert steady_times(stamped, grid, noise)[2] == pytest.approx(3e-3 / np.sqrt(3.0), rel=0.05)
+    assert steady_times(at_ticks, at_ticks, values)[3] == []
+
+
+def test_lost_samples_have_no_reading() -> None:
+    """Fails when a sample that was lost counts as a reading, or one that exists does not."""
+    print("seed 82")
+    grid = np.arange(200) / RATE_HZ
+    kept = np.random.default_rng(82).random(200) > 0.2
+    kept[[0, -1]] = True
+    np.testing.assert_array_equal(has_reading(grid, grid[kept] + 1e-4), kept)
