@@ -10,6 +10,7 @@ import numpy as np
 from hand_diagnosis.data_check import check, repeatability
 from hand_diagnosis.findings import Finding, JointResult, ranked_findings
 from hand_diagnosis.hypotheses import Isolability, isolability, log_likelihood
+from hand_diagnosis.onset import search_with_onset, with_onset
 from hand_diagnosis.remainders import Remainder, remainders, verdict
 from hand_diagnosis.search import JointSearch, rough_evidence, search_joint
 from hand_diagnosis.settings import SETTINGS
@@ -189,13 +190,22 @@ def _diagnose_joint(
     problem = fit_part(whole)
     effects = [effect for effect in task.effects if effect.name != without]
     rng = np.random.default_rng([task.seed, *seed])
-    search = search_joint(problem, effects, ready.free, rng, ready.start)
+
+    def again(changed: JointProblem) -> JointSearch:
+        return search_joint(changed, effects, ready.free, rng, ready.start)
+
+    search = again(problem)
+    results = stage_results(problem, search.nominal, search.final, len(search.accepted))
+    switched, onset = search_with_onset(search, results, effects, again), None
+    if switched is not None:
+        search, onset, rows = switched
+        problem, whole = search.problem, with_onset(whole, onset, rows)
     test, withdrawn = _tested(whole, search, rng)
-    results = tuple(stage_results(problem, search.nominal, search.final, len(search.accepted)))
+    results = stage_results(problem, search.nominal, search.final, len(search.accepted))
     separable = [effect for effect in effects if effect.place != "force_sensor"]
     found = isolability(problem, search.nominal, separable) if search.accepted else None
     search.forget_sensitivities()
-    return JointDiagnosis(joint, search, results, wording, test, whole, found, withdrawn)
+    return JointDiagnosis(joint, search, tuple(results), wording, test, onset, whole, found, withdrawn)
 
 
 def _tested(

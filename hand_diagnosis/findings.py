@@ -14,6 +14,7 @@ import numpy as np
 from hand_diagnosis.hypotheses import Hypothesis
 from hand_diagnosis.laws import LawCurve
 from hand_diagnosis.laws import describe as describe_law
+from hand_diagnosis.onset import Onset
 from hand_diagnosis.search import JointSearch
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.splits import ErrorsOnTest
@@ -44,7 +45,7 @@ class Finding:
     when: stretches of the first recording [s].  numbers: the effect's.  tied_with: effects that the data cannot
     separate from it.  explains: share of the signal's mean square beyond the noise that it removes, 0 ... 1.
     at_bound: keys of its numbers that ended at a bound of their range.  law: its constitutive law; None for a class
-    that is a single number.
+    that is a single number.  onset: when it begins or ends; None where it is there all the time.
     """
 
     joint: str | None
@@ -61,6 +62,7 @@ class Finding:
     explains: float = 1.0
     at_bound: tuple[str, ...] = ()
     law: LawCurve | None = None
+    onset: Onset | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +70,7 @@ class JointResult:
     """A joint to report on: its search, its signals on the validation data, and the words for it.
 
     test: errors of the nominal model and of the final one on the test data; None where there are none.
+    onset: when its effects begin or end; None where they are there all the time.
     """
 
     joint: str
@@ -75,6 +78,7 @@ class JointResult:
     results: tuple[StageResult, ...]
     wording: Wording
     test: ErrorsOnTest | None = None
+    onset: Onset | None = None
 
     def result(self, stage: int) -> StageResult:
         """The result of a signal that the joint has."""
@@ -163,6 +167,7 @@ def _finding(result: JointResult, index: int) -> Finding:
         explains,
         tuple(key for key, _ in bound),
         law,
+        result.onset,
     )
 
 
@@ -224,6 +229,8 @@ def _statement(
         text += f" Its law departs from the textbook form: {law.statement}."
     text += f" It explains {explains:.0%} of the mismatch of the {signal}. {errors_text(result, stage)}"
     text += f" The noise floor is {factor * result.result(stage).noise:.3g} {unit}."
+    if result.onset is not None:
+        text += f" {result.onset.statement}"
     for key, limit in bound:
         text += f" {key} ended at the limit of its allowed range, {limit}; the true value may lie beyond it."
     return text

@@ -19,6 +19,7 @@ from hand_diagnosis.experiments import next_experiment, simulated_experiment
 from hand_diagnosis.findings import Finding, Number
 from hand_diagnosis.hypotheses import Isolability
 from hand_diagnosis.laws import weighted_by_noise
+from hand_diagnosis.onset import Onset
 from hand_diagnosis.remainders import Remainder
 from hand_diagnosis.search import at_floor
 from hand_diagnosis.settings import SETTINGS
@@ -104,9 +105,19 @@ def _finding(diagnosis: Diagnosis, rank: int, finding: Finding) -> dict[str, Any
         "tied_with": list(finding.tied_with),
         "explains": round(finding.explains, 4),
         "law": {"form": "textbook", "over": [], "points": []} if finding.law is None else finding.law.document(),
-        "since": None,
+        "since": finding.onset.at_s if finding.onset is not None and finding.onset.begins else None,
+        "onset": None if finding.onset is None else _onset(finding.onset),
         "parameters": _parameters(finding.numbers, finding.at_bound),
         "statement": finding.statement,
+    }
+
+
+def _onset(onset: Onset) -> dict[str, Any]:
+    return {
+        "kind": "begins" if onset.begins else "ends",
+        "at": onset.at_s,
+        "std": onset.std_s,
+        "probability": round(onset.probability, 4),
     }
 
 

@@ -302,6 +302,29 @@ class Settings:
         20.0, "-", "Variance of third differences of unit white noise, 1 + 9 + 9 + 1.", "definition",
         "Meaningless.", "Meaningless.")
 
+    # Onset
+    onset_prior: float = _setting(
+        0.1, "-", "Prior odds of an effect that begins or ends inside a recording against one that is always there.",
+        CHOICE, "Onsets where effects are only weakly excited.", "Onsets are missed.")
+    min_onset_probability: float = _setting(
+        0.5, "-", "Probability above which effects begin or end inside a recording.", "even odds",
+        "Onsets where effects are only weakly excited.", "Onsets are missed.")
+    min_onset_gain: float = _setting(
+        4.0, "log", "Gain in log likelihood from which a time is tried as an onset.", CHOICE,
+        "Slower, no other result.", "Onsets are missed.")
+    min_onset_s: float = _setting(
+        2.0, "s", "Least time from an onset to the beginning and the end of the fitted data.", CHOICE,
+        "Onsets in the transient at the beginning.", "Early and late onsets are missed.")
+    sound_share: float = _setting(
+        0.25, "-", "Share of a recording that first counts as free of effects where an onset is sought.", CHOICE,
+        "Too short to fit the nominal numbers.", "Early onsets are missed.")
+    onset_refinements: int = _setting(
+        3, "-", "Repetitions of a fit and the search of the best time.", CHOICE,
+        "Coarse times.", "Slower, no other result.")
+    onset_candidates: int = _setting(
+        2, "-", "Times at which a search with an onset is tried.", CHOICE,
+        "Onsets are missed.", "Slower, no other result.")
+
     # Findings
     bound_margin: float = _setting(
         0.001, "-", "Relative distance of a number from a bound of its range up to which it ended there.", CHOICE,

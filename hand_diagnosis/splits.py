@@ -79,6 +79,7 @@ def _slice(segment: Segment, begin: int, end: int) -> Segment:
         known=segment.known[part],
         use=segment.use[:, part],
         block=segment.block[part],
+        acts=None if segment.acts is None else segment.acts[part],
     )
 
 

@@ -88,6 +88,7 @@ def _finer(segment: Segment, finer: int) -> Segment:
         commanded_pa=np.repeat(segment.commanded_pa, finer // _parts(segment))[: len(pressure)],
         driving_pa=pressure,
         exogenous=refine(segment.exogenous, finer),
+        acts=None if segment.acts is None else np.repeat(segment.acts, finer)[: len(pressure)],
     )
 
 

@@ -38,7 +38,7 @@ class Segment:
     driving_pa: the measured pressure as the joint's input, its noise reduced, (finer (T - 1) + 1,) evenly over the
     samples.  span: of the smoothing, in samples.  smoothed: (T,) where there was any.  known: (T,) where readings were.
     late_s: by how much the pressures were read after the other signals.  jitter_s: standard deviation of the times at
-    which the samples were taken.
+    which the samples were taken.  acts: (T,) samples at which JointProblem.switched act; None: at all.
     use: (OUTPUTS, T) samples that count.  block: (T,) number of the block of each sample, over all recordings.
     """
 
@@ -59,6 +59,7 @@ class Segment:
     start: Array
     late_s: float = 0.0
     jitter_s: float = 0.0
+    acts: Flags | None = None
 
     @property
     def measured(self) -> Array:
@@ -71,6 +72,8 @@ class JointProblem:
     """A joint: its segments, nominal parameters (rows,), weights (OUTPUTS,) of squared residuals, validation blocks.
 
     floor: (OUTPUTS,) SI, repeatability of each signal; what is below it is not claimed.
+    switched: rows that have their nominal values while Segment.acts is False; the prediction is that of the plant
+    without them there, and that of the plant that always had them elsewhere.
     """
 
     joint: str
@@ -81,6 +84,7 @@ class JointProblem:
     step_s: float = 2.6e-3
     driven: bool = False
     floor: Array = field(default_factory=lambda: np.array(FLOOR))
+    switched: tuple[int, ...] = ()
 
     @property
     def claimable(self) -> Array:
@@ -121,8 +125,16 @@ class JointProblem:
             inputs = MeasuredInputs(
                 segment.commanded_pa, segment.driving_pa, segment.exogenous, segment.period_s, segment.late_s
             )
-            out.append(open_loop(columns, start, inputs, lever_m=self.lever_m, step_s=self.step_s, driven=self.driven))
+            predicted = self._open_loop(columns, start, inputs)
+            if segment.acts is not None and not segment.acts.all():
+                without = columns.copy()
+                without[:, list(self.switched)] = self.nominal[list(self.switched)]
+                predicted[:, :, ~segment.acts] = self._open_loop(without, start, inputs)[:, :, ~segment.acts]
+            out.append(predicted)
         return out
+
+    def _open_loop(self, columns: Array, start: Array, inputs: MeasuredInputs) -> Array:
+        return open_loop(columns, start, inputs, lever_m=self.lever_m, step_s=self.step_s, driven=self.driven)
 
     def residuals(self, columns: Array, starts: Array) -> list[Array]:
         """Measured minus predicted (k, OUTPUTS, T), SI, of every segment; 0 at samples that do not count."""

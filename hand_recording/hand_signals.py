@@ -57,9 +57,10 @@ def hand_signals(recording: Recording, hand: Hand) -> Signals:
     angle, known = bridge(base.position)
     pressure_pa, late_s = _pressures(recording, base, joints)
     pressure, pressure_known = bridge(pressure_pa)
-    parts = _parts(rate_hz, hand, recording, stamps)
+    seen_hz = 1.0 / ticks.period_s
+    parts = _parts(seen_hz, hand, recording, stamps)
     between, commanded = _set_points(sent, _commanded(recording, joints), joints, _board_ticks(ticks, parts))
-    notes = (*_notes(recording), *scatter, *_other_rate(rate_hz, hand, parts))
+    notes = (*_notes(recording), *scatter, *_other_rate(rate_hz if rate_hz == hand.rate_hz else seen_hz, hand, parts))
     return Signals(
         recording.path.name,
         joints,

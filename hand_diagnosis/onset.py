@@ -1,0 +1,207 @@
+"""An effect that begins or ends inside a recording: when, and how probably it was not always there.
+
+The candidates come from two sides. An effect that was found is switched off in the beginning or in the end, at the time
+that fits best. Where much is left, the nominal model is fitted to the beginning and to the end alone, and the time is
+sought at which its error changes. At a candidate the search is repeated with all effects off on the other side, and
+the time is refined by its profile. Both models are compared by their evidence; the one with an onset has one parameter
+more, over whose values, the times of the recording, its likelihood is averaged (MacKay, Neural Computation 4(3), 1992).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hand_diagnosis.hypotheses import amounts, log_evidence
+from hand_diagnosis.search import JointSearch
+from hand_diagnosis.settings import SETTINGS
+from hand_diagnosis.verdict import StageResult
+from hand_identification.joint_problem import CORRELATION_S, JointProblem
+from hand_identification.map_fit import MapFit, map_fit
+from hand_model.arrays import Array, Flags
+from hand_model.effects.effect import Effect
+from hand_model.kernel.plant_rows import PLANT_PARAMETERS
+from hand_model.kernel.rows import ROW
+
+LEAST_S = 8.0
+"""Shortest recording in which an onset is sought: one side of it must show that there is no effect."""
+
+
+@dataclass(frozen=True, slots=True)
+class Onset:
+    """When the effects of a joint began (begins) or ended [s], its standard error [s], and the probability of that."""
+
+    at_s: float
+    std_s: float
+    begins: bool
+    probability: float
+
+    def acts(self, samples: int, period_s: float) -> Flags:
+        """Samples (samples,) at which the effects act."""
+        return np.asarray((np.arange(samples) * period_s >= self.at_s) == self.begins, dtype=bool)
+
+    @property
+    def statement(self) -> str:
+        """The sentence about it."""
+        verb = "begins" if self.begins else "ends"
+        return (
+            f"It {verb} at {self.at_s:.1f} ± {max(self.std_s, 0.05):.1g} s (probability {self.probability:.2f}, against"
+            " an effect that is there all the time)."
+        )
+
+
+def with_onset(problem: JointProblem, onset: Onset, rows: Sequence[int]) -> JointProblem:
+    """The problem of one recording in which parameters of these rows are nominal before the onset, or after the end."""
+    segments = [replace(s, acts=onset.acts(len(s.angle_rad), s.period_s)) for s in problem.segments]
+    return replace(problem, segments=segments, switched=tuple(rows))
+
+
+def search_with_onset(
+    search: JointSearch,
+    results: Sequence[StageResult],
+    effects: Sequence[Effect],
+    again: Callable[[JointProblem], JointSearch],
+) -> tuple[JointSearch, Onset, tuple[int, ...]] | None:
+    """The search with an onset, the onset, and the switched rows; None where effects are there all the time, or none.
+
+    results: of the search without an onset.  again: searches a problem.  Only for one recording: between recordings, no
+    time is known.
+    """
+    problem = search.problem
+    if len(problem.segments) != 1 or len(problem.segments[0].angle_rad) * problem.segments[0].period_s < LEAST_S:
+        return None
+    rows = sorted({ROW[key] for e in effects for key in e.keys if ROW[key] >= len(PLANT_PARAMETERS)})
+    rows = sorted({*rows, *(ROW[key] for key in search.effect_keys)})
+    best: tuple[float, JointSearch, Onset] | None = None
+    for candidate in _candidates(search, results):
+        found = again(with_onset(problem, candidate, rows))
+        if not found.accepted:
+            continue
+        found, onset, evidence = _refined(problem, found, candidate, rows)
+        if best is None or evidence > best[0]:
+            best = evidence, found, onset
+    if best is None:
+        return None
+    evidence, found, onset = best
+    gain = evidence - _evidence(problem, search) + float(np.log(SETTINGS.onset_prior))
+    probability = float(0.5 * (1.0 + np.tanh(0.5 * gain / SETTINGS.evidence_temperature)))
+    if probability <= SETTINGS.min_onset_probability:
+        return None
+    probability = min(probability, 1.0 - SETTINGS.min_probability)
+    return found, replace(onset, probability=probability), tuple(rows)
+
+
+def _evidence(problem: JointProblem, search: JointSearch) -> float:
+    """Log evidence of the final model at the practical floor."""
+    fit = map_fit(problem, search.final.free, search.final.z, SETTINGS.nominal_iterations)
+    return log_evidence(problem, fit, amounts(fit))
+
+
+def _refined(
+    problem: JointProblem, found: JointSearch, onset: Onset, rows: Sequence[int]
+) -> tuple[JointSearch, Onset, float]:
+    """The search at the best time of the onset, that time, and the log evidence, summed over all times."""
+    own = sorted({ROW[key] for key in found.effect_keys})
+    fit, occam = found.final, 0.0
+    for _ in range(SETTINGS.onset_refinements):
+        on, off = _both(problem, fit, own)
+        times, score = _profile(problem, on, off, onset.begins)
+        weights = np.exp(score - score.max())
+        occam = float(np.log(weights.mean()))
+        weights /= weights.sum()
+        mean = float(times @ weights)
+        at = float(times[int(np.argmax(score))])
+        onset = replace(onset, at_s=at, std_s=float(np.sqrt(weights @ (times - mean) ** 2)))
+        switched = with_onset(replace(problem, segments=found.problem.segments), onset, rows)
+        fit = map_fit(switched, fit.free, fit.z, SETTINGS.nominal_iterations)
+    evidence = log_evidence(switched, fit, amounts(fit)) + occam
+    accepted = [*found.accepted[:-1], replace(found.accepted[-1], fit=fit)]
+    nominal = map_fit(switched, found.nominal.free, found.nominal.z, SETTINGS.nominal_iterations)
+    return replace(found, problem=switched, nominal=nominal, accepted=accepted), onset, evidence
+
+
+def _both(problem: JointProblem, fit: MapFit, rows: Sequence[int]) -> tuple[Array, Array]:
+    """Squared residuals (OUTPUTS, T), weighted, of a fit without an onset, and of it with those rows nominal."""
+    columns, starts = problem.columns(fit.free, fit.z[None])
+    off = columns.copy()
+    off[:, list(rows)] = problem.nominal[list(rows)]
+    plain = replace(problem, segments=[replace(segment, acts=None) for segment in problem.segments])
+    pair = [plain.residuals(each, starts)[0][0] ** 2 * problem.weight[:, None] for each in (columns, off)]
+    return pair[0], pair[1]
+
+
+def _profile(problem: JointProblem, on: Array, off: Array, begins: bool) -> tuple[Array, Array]:
+    """Times (n,) [s] and log likelihoods (n,) of effects that begin, or end, there; see hypotheses.log_likelihood."""
+    segment = problem.segments[0]
+    first, last = (off, on) if begins else (on, off)
+    before = np.cumsum(first, axis=1)
+    after = last.sum(axis=1, keepdims=True) - np.cumsum(last, axis=1)
+    counts = np.maximum(segment.use.sum(axis=1) * min(segment.period_s / CORRELATION_S, 1.0), 1.0)[:, None]
+    score = -0.5 * (counts * np.log1p((before + after) / counts)).sum(axis=0)
+    times = np.arange(1, on.shape[1] + 1) * segment.period_s
+    inside = (times >= SETTINGS.min_onset_s) & (times <= times[-1] - SETTINGS.min_onset_s)
+    return np.asarray(times[inside]), np.asarray(score[inside])
+
+
+def _candidates(search: JointSearch, results: Sequence[StageResult]) -> list[Onset]:
+    """Times at which effects may begin or end, at most one of each kind and origin."""
+    problem, found = search.problem, []
+    if search.accepted:
+        on, off = _both(problem, search.final, sorted({ROW[key] for key in search.effect_keys}))
+        counts = np.maximum(problem.segments[0].use.sum(axis=1) * problem.segments[0].period_s / CORRELATION_S, 1.0)
+        always = -0.5 * float((counts * np.log1p(on.sum(axis=1) / counts)).sum())
+        for begins in (True, False):
+            times, score = _profile(problem, on, off, begins)
+            if score.max() > always + SETTINGS.min_onset_gain:
+                found.append((float(score.max()) - always, Onset(float(times[score.argmax()]), 0.0, begins, 0.0)))
+    if any(result.excess_after > result.floor for result in results):
+        for begins in (True, False):
+            found += [each for each in (_change(problem, search.nominal, begins),) if each is not None]
+    found.sort(key=lambda pair: -pair[0])
+    kept: list[Onset] = []
+    for _, onset in found:
+        if all(abs(onset.at_s - other.at_s) > SETTINGS.min_onset_s or onset.begins != other.begins for other in kept):
+            kept.append(onset)
+    return kept[: SETTINGS.onset_candidates]
+
+
+def _change(problem: JointProblem, nominal: MapFit, begins: bool) -> tuple[float, Onset] | None:
+    """The time at which the nominal model, fitted to the sound side alone, begins or ceases to miss, and its gain."""
+    segment = problem.segments[0]
+    count = len(segment.angle_rad)
+    times = np.asarray(np.arange(1, count + 1) * segment.period_s, dtype=np.float64)
+    at = SETTINGS.sound_share * times[-1] if begins else (1.0 - SETTINGS.sound_share) * times[-1]
+    best = None
+    for _ in range(SETTINGS.onset_refinements):
+        sound = (times <= at) == begins
+        part = replace(problem, segments=[replace(segment, use=segment.use & sound)])
+        fit = map_fit(part, nominal.free, np.zeros(len(nominal.z)), SETTINGS.nominal_iterations)
+        squares = problem.residuals(*problem.columns(fit.free, fit.z[None]))[0][0] ** 2 * problem.weight[:, None]
+        gain, at, rises = _split(squares, segment.use, times, segment.period_s)
+        if gain < SETTINGS.min_onset_gain or rises != begins:
+            return best
+        best = gain, Onset(at, 0.0, begins, 0.0)
+    return best
+
+
+def _split(squares: Array, use: Flags, times: Array, period_s: float) -> tuple[float, float, bool]:
+    """Gain in log likelihood of two scales of the noise, the time between them [s], and whether the second is larger.
+
+    squares: (OUTPUTS, T), weighted; of the signal that gains most.
+    """
+    inside = (times >= SETTINGS.min_onset_s) & (times <= times[-1] - SETTINGS.min_onset_s)
+    best = (-np.inf, 0.0, True)
+    for values, used in zip(squares, use, strict=True):
+        n = np.cumsum(used) * min(period_s / CORRELATION_S, 1.0)
+        total = np.cumsum(values)
+        if n[-1] <= 1.0:
+            continue
+        first, second = total / np.maximum(n, 1e-9), (total[-1] - total) / np.maximum(n[-1] - n, 1e-9)
+        score = -0.5 * (n * np.log1p(first) + (n[-1] - n) * np.log1p(second))
+        score = np.where(inside, score + 0.5 * n[-1] * np.log1p(total[-1] / n[-1]), -np.inf)
+        k = int(np.argmax(score))
+        if score[k] > best[0]:
+            best = float(score[k]), float(times[k]), bool(second[k] > first[k])
+    return best
