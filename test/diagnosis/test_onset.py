@@ -1,0 +1,68 @@
+"""Effects that begin or end inside a recording are found with their time, and no others are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hand_diagnosis.diagnosis import diagnose
+from hand_model.description import Hand
+from hand_recording.signals import Signals
+from hand_sim.plant import PHI, HandPlant, P
+from test.diagnosis.recordings import (
+    ANGLE_NOISE_RAD,
+    PERIOD_S,
+    PRESSURE_NOISE_PA,
+    changed,
+    excitation,
+    off_by_a_little,
+)
+
+JOINT, SECONDS, SEED = "index_distal", 24.0, 84
+
+
+def recorded(first: Hand, then: Hand, at_s: float, rng: np.random.Generator) -> Signals:
+    """A recording of a hand that is another one from at_s on, with noisy sensors."""
+    commands = excitation(rng, SECONDS, len(first.joints))
+    count = round(at_s / PERIOD_S)
+    before = HandPlant(first, PERIOD_S)
+    states = [before.state[None], before.advance(commands[:count])]
+    after = HandPlant(then, PERIOD_S, before.state)
+    after.hold_history(commands[count - 1])
+    states = np.concatenate([*states, after.advance(commands[count:-1])])
+    shape, yes = commands.shape, np.ones(commands.shape[1], dtype=bool)
+    pressure = states[:, P] + PRESSURE_NOISE_PA * rng.standard_normal(shape)
+    angle = states[:, PHI] + ANGLE_NOISE_RAD * rng.standard_normal(shape)
+    known, none = np.ones(shape, dtype=bool), np.full(shape, np.nan)
+    return Signals("simulated", first.joints, PERIOD_S, commands, pressure, angle, none, known, yes, yes)
+
+
+@pytest.mark.parametrize(("begins", "at_s"), [(True, 11.3), (False, 9.1)])
+def test_a_leak_that_begins_or_ends_is_found_with_its_time(begins: bool, at_s: float, hand: Hand) -> None:
+    """Fails when the leak is not named, or its time is off by more than 0.3 s or four standard errors."""
+    print("seed", SEED)
+    rng = np.random.default_rng(SEED)
+    leaking = changed(hand, JOINT, leak__rate_per_s=0.6)
+    pair = (hand, leaking) if begins else (leaking, hand)
+    signals = recorded(*pair, at_s, rng)
+    model = off_by_a_little(hand, rng)
+    result = diagnose([signals], model, tolerance=0.05, seed=0, joints=[JOINT], sensor_curve=False)
+    assert [finding.effect for finding in result.findings] == ["leak"], result.findings
+    onset = result.findings[0].onset
+    assert onset is not None
+    assert onset.begins is begins
+    assert abs(onset.at_s - at_s) < max(0.3, 4.0 * onset.std_s)
+    assert onset.probability > 0.9
+    assert ("It begins at" if begins else "It ends at") in result.findings[0].statement
+
+
+def test_a_leak_that_is_always_there_has_no_onset(hand: Hand) -> None:
+    """Fails when an effect that is there all the time gets an onset, because it is little excited at first."""
+    print("seed", SEED)
+    rng = np.random.default_rng(SEED)
+    leaking = changed(hand, JOINT, leak__rate_per_s=0.6)
+    signals = recorded(leaking, leaking, 10.0, rng)
+    model = off_by_a_little(hand, rng)
+    result = diagnose([signals], model, tolerance=0.05, seed=0, joints=[JOINT], sensor_curve=False)
+    assert result.findings
+    assert all(finding.onset is None for finding in result.findings)
