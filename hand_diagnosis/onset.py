@@ -25,9 +25,6 @@ from hand_model.effects.effect import Effect
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS
 from hand_model.kernel.rows import ROW
 
-LEAST_S = 8.0
-"""Shortest recording in which an onset is sought: one side of it must show that there is no effect."""
-
 
 @dataclass(frozen=True, slots=True)
 class Onset:
@@ -47,7 +44,7 @@ class Onset:
         """The sentence about it."""
         verb = "begins" if self.begins else "ends"
         return (
-            f"It {verb} at {self.at_s:.1f} ± {max(self.std_s, 0.05):.1g} s (probability {self.probability:.2f}, against"
+            f"It {verb} at {self.at_s:.1f} ± {self.std_s:.1g} s (probability {self.probability:.2f}, against"
             " an effect that is there all the time)."
         )
 
@@ -70,7 +67,10 @@ def search_with_onset(
     time is known.
     """
     problem = search.problem
-    if len(problem.segments) != 1 or len(problem.segments[0].angle_rad) * problem.segments[0].period_s < LEAST_S:
+    if (
+        len(problem.segments) != 1
+        or len(problem.segments[0].angle_rad) * problem.segments[0].period_s < 4.0 * SETTINGS.min_onset_s
+    ):
         return None
     rows = sorted({ROW[key] for e in effects for key in e.keys if ROW[key] >= len(PLANT_PARAMETERS)})
     rows = sorted({*rows, *(ROW[key] for key in search.effect_keys)})
