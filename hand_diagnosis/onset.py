@@ -69,7 +69,7 @@ def search_with_onset(
     problem = search.problem
     if (
         len(problem.segments) != 1
-        or len(problem.segments[0].angle_rad) * problem.segments[0].period_s < 4.0 * SETTINGS.min_onset_s
+        or len(problem.segments[0].angle_rad) * problem.segments[0].period_s < SETTINGS.min_onset_recording_s
     ):
         return None
     rows = sorted({ROW[key] for e in effects for key in e.keys if ROW[key] >= len(PLANT_PARAMETERS)})

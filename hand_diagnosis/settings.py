@@ -315,6 +315,9 @@ class Settings:
     min_onset_s: float = _setting(
         2.0, "s", "Least time from an onset to the beginning and the end of the fitted data.", CHOICE,
         "Onsets in the transient at the beginning.", "Early and late onsets are missed.")
+    min_onset_recording_s: float = _setting(
+        8.0, "s", "Fitted data of a recording below which no onset is sought.", CHOICE,
+        "Onsets from too little data.", "Onsets in short recordings are missed.")
     sound_share: float = _setting(
         0.25, "-", "Share of a recording that first counts as free of effects where an onset is sought.", CHOICE,
         "Too short to fit the nominal numbers.", "Early onsets are missed.")
