@@ -30,10 +30,11 @@ def recorded(first: Hand, then: Hand, at_s: float, rng: np.random.Generator) -> 
     commands = excitation(rng, SECONDS, len(first.joints))
     count = round(at_s / PERIOD_S)
     before = HandPlant(first, PERIOD_S)
-    states = [before.state[None], before.advance(commands[:count])]
+    start = before.state[None].copy()
+    first_part = before.advance(commands[:count])
     after = HandPlant(then, PERIOD_S, before.state)
     after.hold_history(commands[count - 1])
-    states = np.concatenate([*states, after.advance(commands[count:-1])])
+    states = np.concatenate([start, first_part, after.advance(commands[count:-1])])
     shape, yes = commands.shape, np.ones(commands.shape[1], dtype=bool)
     pressure = states[:, P] + PRESSURE_NOISE_PA * rng.standard_normal(shape)
     angle = states[:, PHI] + ANGLE_NOISE_RAD * rng.standard_normal(shape)
