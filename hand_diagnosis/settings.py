@@ -1,4 +1,4 @@
-"""Every number that decides something in the diagnosis, in one frozen class.
+"""Every number that decides something in the diagnosis, in one frozen class; those up to the fits are in fit_settings.
 
 Each setting states its meaning, its unit, where it comes from, and what changes when it is halved or doubled. Settings
 whose source is TRIALS were adjusted on blind trials whose effects and seeds are not those of the published proof. The
@@ -8,415 +8,270 @@ values are written to report.json, and docs/settings.md has the table that `sett
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
-CHOICE = "engineering choice"
-TRIALS = "calibrated on blind trials"
-FORMS = "log score of development forms (validation/development.py)"
-LIMIT = "physical limit of hand and actuators"
+from hand_diagnosis.fit_settings import CHOICE, FORMS, TRIALS, FitPass, FitSettings, setting
 
-
-@dataclass(frozen=True, slots=True)
-class FitPass:
-    """One pass of fits over the hypotheses of a round.
-
-    most: number of hypotheses.  iterations: at most.  tolerance: fall of the cost [-] below which a fit ends.
-    step_s: largest integration step [s]; a longer step is faster and less exact.
-    """
-
-    most: int
-    iterations: int
-    tolerance: float
-    step_s: float
-
-
-def _setting(value: Any, unit: str, meaning: str, source: str, halved: str, doubled: str) -> Any:
-    """A field of Settings with its documentation."""
-    about = {"unit": unit, "meaning": meaning, "source": source, "halved": halved, "doubled": doubled}
-    return field(default=value, metadata=about)
+__all__ = ["SETTINGS", "FitPass", "Settings"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class Settings(FitSettings):
     """The settings of a diagnosis; `about` of a field is its documentation. SI units."""
 
     # fmt: off
-    # Data check
-    max_plausible_angle_rad: float = _setting(
-        2.0 * math.pi, "rad", "Larger angles are not readings of a joint.", LIMIT,
-        "Angles beyond half a turn are left out.", "Readings in degrees may pass as angles.")
-    max_plausible_pressure_pa: float = _setting(
-        2e6, "Pa", "Larger pressures are not readings of an actuator.", LIMIT,
-        "Recordings of strong supplies lose samples.", "Spikes of the ADC enter the fit.")
-    max_spike_share: float = _setting(
-        0.05, "-", "Up to this share of implausible samples they count as single errors, not as another unit.", CHOICE,
-        "More joints are reported as recorded in another unit.", "A wrong unit may pass as spikes.")
-    max_missing_share: float = _setting(
-        0.5, "-", "A joint with a larger share of missing readings is not diagnosed.", CHOICE,
-        "Joints with a quarter of gaps are not diagnosed.", "No joint is excluded for gaps.")
-    min_rail_s: float = _setting(
-        0.1, "s", "A noisy signal that keeps its extreme value exactly for this long is saturated.", CHOICE,
-        "Coarse quantisation may count as saturation.", "Short saturation enters the fit.")
-    max_unit_ratio: float = _setting(
-        5.0, "-", "Measured over expected size above which another unit is suspected.", CHOICE,
-        "Joints with strongly wrong nominal models are refused.", "A wrong unit enters the fit.")
-    min_unit_ratio: float = _setting(
-        3e-3, "-", "Measured over commanded pressure below which another unit is suspected.", CHOICE,
-        "kPa read as Pa (1e-3) still shows.", "Valves that hardly open are refused.")
-    unit_check_pressure_pa: float = _setting(
-        2e4, "Pa", "Range of pressure or set-points from which units and channels can be compared.", CHOICE,
-        "Noise may look like swapped channels.", "Weakly driven joints are not checked.")
-    unit_check_travel_rad: float = _setting(
-        math.radians(10.0), "rad", "Expected travel from which the measured travel can be compared.", CHOICE,
-        "Small loads look like another unit.", "Slightly moved joints are not checked.")
-    travel_quantile: float = _setting(
-        0.02, "-", "Share of samples left out at each end of a range before it is compared.", CHOICE,
-        "Single spikes widen the range.", "Short excursions are ignored.")
-    max_lost_share: float = _setting(
-        0.05, "-", "Share of missing frames above which they are reported.", CHOICE,
-        "Small losses are reported.", "A tenth of the frames may be missing unsaid.")
-    level_quantile: float = _setting(
-        0.95, "-", "Quantile of a signal that stands for its level.", CHOICE,
-        "Meaningless: the median would stand for the level.", "Not possible above 1.")
-    swapped_correlation: float = _setting(
-        0.9, "-", "Correlation with another joint's channel from which channels count as swapped.", CHOICE,
-        "Joints that move alike are refused.", "Not possible above 1.")
-    swapped_margin: float = _setting(
-        0.1, "-", "By how much that correlation must exceed the one with the joint's own channel.", CHOICE,
-        "Joints that move alike are refused.", "Swapped channels of similar motion are not seen.")
-    rerun_max_difference: float = _setting(
-        0.02, "-", "RMS difference of two runs' set-points, relative to their standard deviation, up to which they are"
-        " the same commands.", CHOICE, "Re-runs with lost commands are refused.", "Other commands pass as a re-run.")
-    rerun_max_lag_s: float = _setting(
-        2.0, "s", "A re-run may begin this much earlier or later.", CHOICE,
-        "Late re-runs are refused.", "The alignment takes twice as long.")
-    rerun_period_tolerance: float = _setting(
-        0.01, "-", "Relative difference of two sampling periods up to which they are the same.", CHOICE,
-        "Re-runs of another clock are refused.", "Misaligned ends count as scatter.")
-
-    # Which joints are diagnosed, and how their readings are taken
-    min_travel_rad: float = _setting(
-        math.radians(2.0), "rad", "A joint that moves less is not diagnosed.", CHOICE,
-        "Joints at the level of their noise are diagnosed.", "Stiff joints are not diagnosed.")
-    min_pushed_travel_rad: float = _setting(
-        math.radians(10.0), "rad", "A joint without pressure is diagnosed only above this travel.", CHOICE,
-        "Vented joints that are shaken are diagnosed.", "Joints moved by hand are not diagnosed.")
-    min_excited_pressure_pa: float = _setting(
-        1e4, "Pa", "Range of pressure from which a joint counts as excited by it.", CHOICE,
-        "Valve noise counts as excitation.", "Gently driven joints are not diagnosed.")
-    curve_vote_joints: int = _setting(
-        5, "joints", "Number of joints that decide whether angles are readings of the described Hall sensors.", CHOICE,
-        "One faulty joint can decide.", "The decision takes twice as long.")
-    curve_vote_margin: float = _setting(
-        0.1, "-", "Logarithm of the ratio of costs above which the nominal model alone decides.", CHOICE,
-        "Effects may decide instead of the sensors' curve.", "More recordings need the slower comparison.")
-    vented_pressure_pa: float = _setting(
-        5e3, "Pa", "A joint that begins below this pressure begins at its rest angle.", CHOICE,
-        "Noise makes the initial creep free.", "Creep at the start is underestimated.")
-    rough_iterations: int = _setting(
-        3, "iterations", "Iterations of fits that prepare inputs or compare two variants.", CHOICE,
-        "Inputs keep the error of the nominal model.", "Preparation takes twice as long.")
-    min_partner_gain: float = _setting(
-        4.0, "log", "Log likelihood by which the partner's modelled acceleration must beat its measured one.", CHOICE,
-        "Noise decides.", "A faulty sensor on one phalanx shows on the other.")
-    max_dropped_share: float = _setting(
-        2e-3, "-", "Share of missing frames from which they are a finding.", CHOICE,
-        "Single lost frames are findings.", "Losses of a radio link go unreported.")
-    dropped_frames_probability: float = _setting(
-        0.99, "-", "Probability of that finding; the stamps show it directly.", CHOICE,
-        "Understates what is counted.", "Not possible above 1.")
-
-    # Screening and fitting of hypotheses
-    probes_at_once: int = _setting(
-        32, "probes", "Probes simulated together.", CHOICE, "Slower on many cores.", "More memory.")
-    probes_at_once_long: int = _setting(
-        16, "probes", "The same for long recordings.", CHOICE, "Slower.", "More memory.")
-    long_recording_samples: int = _setting(
-        60_000, "samples", "Samples from which a recording is long.", CHOICE, "Slower.", "More memory.")
-    max_probe_share: float = _setting(
-        3.0, "-", "Multiple of a probe up to which its linear extrapolation is used.", CHOICE,
-        "Large effects are underrated.", "Nonlinear effects are overrated.")
-    min_promised_gain: float = _setting(
-        8.0, "cost", "Fall of the cost that a probe must promise for a fit.", CHOICE,
-        "More fits of no use.", "Small effects are not fitted.")
-    min_promised_share: float = _setting(
-        0.1, "-", "Share of the cost that the best probe must promise; else starting points are simulated too.", CHOICE,
-        "Large nonlinear effects may be missed.", "The search takes longer.")
-    start_share_low: float = _setting(
-        0.1, "-", "Least share of the way to a probe at which a fit starts.", CHOICE,
-        "Fits start too close to the neutral value.", "Small effects start too large.")
-    start_share_high: float = _setting(
-        2.0, "-", "Largest such share.", CHOICE, "Large effects need more iterations.", "Some fits diverge.")
-    probes_tried: int = _setting(
-        6, "probes", "Probes of an effect from which its fit may start.", CHOICE,
-        "Local minima of effects with several shapes.", "The search takes longer.")
-    probe_shares: tuple[float, ...] = _setting(
-        (0.1, 0.3, 1.0, 2.5, 6.0), "-", "Shares of the way to each probe at which starts are simulated.", CHOICE,
-        "Large effects start too far away.", "Small effects start too far away.")
-    nominal_iterations: int = _setting(
-        8, "iterations", "Iterations of a fit of the nominal numbers, or of a known set of effects.", CHOICE,
-        "The nominal model keeps avoidable error.", "Slower, no other result.")
-    passes: tuple[FitPass, ...] = _setting(
-        (FitPass(8, 7, 2.0, 5.2e-3), FitPass(5, 10, 0.5, 5.2e-3), FitPass(3, 20, 0.02, 2.6e-3)),
-        "hypotheses, iterations, cost, s", "Passes of fits in each round; the first ones are coarse.", CHOICE,
-        "With half the hypotheses the right one is sometimes left out.", "Twice the time, no other result.")
-    max_evidence_gap: float = _setting(
-        60.0, "log", "Log evidence behind the best hypothesis from which another is not fitted to the end.", CHOICE,
-        "Slowly converging effects lose.", "More fits of no use.")
-
     # Acceptance of an effect
-    max_effects: int = _setting(
+    max_effects: int = setting(
         4, "effects", "Effects that are accepted on one joint at most.", CHOICE,
         "Joints with three effects stay unknown.", "More parameters imitate what no effect explains.")
-    min_log_evidence: float = _setting(
+    min_log_evidence: float = setting(
         6.0, "log", "Log evidence by which an effect must beat the model without it.", CHOICE,
         "False findings.", "Small effects are missed.")
-    strong_log_evidence: float = _setting(
+    strong_log_evidence: float = setting(
         10.0, "log", "Log evidence that accepts an effect whose fall of the validation error is not significant by"
         " itself, because few blocks show the effect.", CHOICE,
         "False findings from single blocks.", "Rare events, as contacts, are missed.")
-    tie_log_evidence: float = _setting(
+    tie_log_evidence: float = setting(
         5.0, "log", "Log evidence by which two effects must differ; closer ones are one finding with both names.",
         CHOICE, "Wrong names of twins.", "Effects that the data separate are called alike.")
-    min_relative_improvement: float = _setting(
+    min_relative_improvement: float = setting(
         0.03, "-", "Fall of the validation error, relative to itself, that an effect must bring.", CHOICE,
         "Effects of no practical size are claimed.", "Small effects next to larger ones are missed.")
-    further_starts: int = _setting(
+    further_starts: int = setting(
         1, "fits", "Further starts of the fit of an accepted effect.", CHOICE,
         "Local minima go unnoticed.", "Slower.")
-    start_jitter: float = _setting(
+    start_jitter: float = setting(
         0.5, "prior standard deviations", "How far the further starts are off.", CHOICE,
         "They end in the same local minimum.", "They end in others more often.")
-    restart_iterations: int = _setting(
+    restart_iterations: int = setting(
         12, "iterations", "Iterations of the fits from further starts.", CHOICE,
         "They end too early to compare.", "Slower.")
-    min_listed_floors: float = _setting(
+    min_listed_floors: float = setting(
         0.2, "floors", "Error, in repeatability floors, that an improvement must remove to be listed as too small to"
         " claim.", CHOICE, "Longer lists.", "Shorter lists.")
-    listed_improvements: int = _setting(
+    listed_improvements: int = setting(
         3, "improvements", "Length of that list.", CHOICE, "Shorter lists.", "Longer lists.")
-    refit_weight: float = _setting(
+    refit_weight: float = setting(
         400.0, "-", "Largest weight of the data in the last fit, relative to that of the practical floor; it is that of"
         " the white noise.", CHOICE, "Priors keep structure that the numbers explain.", "Noise moves the numbers.")
-    refit_iterations: int = _setting(
+    refit_iterations: int = setting(
         12, "iterations", "Iterations of the last fit.", CHOICE, "It ends early.", "Slower.")
-    min_correlated_ratio: float = _setting(
+    min_correlated_ratio: float = setting(
         1.05, "-", "RMS of a residual over its white noise from which it is correlated and the last fit worth while.",
         CHOICE, "Every joint is fitted again.", "Correlated residuals are left.")
-    bootstrap_draws: int = _setting(
+    bootstrap_draws: int = setting(
         400, "draws", "Draws of the paired block bootstrap of the validation error.", CHOICE,
         "Less exact intervals.", "Slower.")
-    bootstrap_tail: float = _setting(0.025, "-", "Probability outside the interval, at each end.", "95 % interval",
+    bootstrap_tail: float = setting(0.025, "-", "Probability outside the interval, at each end.", "95 % interval",
         "Small effects are missed.", "False findings.")
-    min_sharing_joints: float = _setting(
+    min_sharing_joints: float = setting(
         0.5, "-", "Share of the diagnosed joints that must show an effect of the whole hand.", CHOICE,
         "An effect of few joints is put on the hand.", "Not possible above 1.")
 
     # Test data
-    test_share: float = _setting(
+    test_share: float = setting(
         0.2, "-", "Last part of each recording that is test data.", CHOICE,
         "The test error is less certain.", "Less is left to fit and to choose by.")
-    min_test_s: float = _setting(
+    min_test_s: float = setting(
         2.5, "s", "Shorter test data are not taken from a recording, whose rest is needed for choices.", CHOICE,
         "Test errors of a few samples.", "Short recordings have no test data.")
-    test_warm_up_s: float = _setting(
+    test_warm_up_s: float = setting(
         600.0, "s", "Time before the test data in which the memory of a driven joint's model settles; warming is"
         " slowest.", CHOICE, "Long recordings begin with a wrong temperature.", "Slower.")
-    min_recordings_to_spare: int = _setting(
+    min_recordings_to_spare: int = setting(
         3, "recordings", "Recordings from which a whole one is test data.", CHOICE,
         "Half of two recordings is not fitted.", "The test data are parts of fitted recordings.")
-    min_test_blocks: int = _setting(
+    min_test_blocks: int = setting(
         3, "blocks", "Blocks of test data without which nothing is withdrawn.", CHOICE,
         "Single blocks decide.", "Short recordings never withdraw a finding.")
-    min_elasticity_nm_per_rad: float = _setting(
+    min_elasticity_nm_per_rad: float = setting(
         1e-5, "N m/rad", "An axis with less elasticity keeps its state; it is estimated again for test data.", CHOICE,
         "No other result.", "Weak springs count as none.")
 
     # What the data can separate
-    alike_cosine: float = _setting(
+    alike_cosine: float = setting(
         0.95, "-", "Cosine between two effects' sensitivities from which the data do not separate them.", CHOICE,
         "All effects count as alike.", "Not possible above 1.")
-    isolability_samples: int = _setting(
+    isolability_samples: int = setting(
         20_000, "samples", "Samples from which a longer recording is thinned out for it.", CHOICE,
         "Less exact cosines.", "More memory.")
-    min_visible_sigma: float = _setting(
+    min_visible_sigma: float = setting(
         0.5, "sigma", "A probe below it is too small to be compared.", CHOICE,
         "Noise is compared.", "Small effects look like nothing.")
 
     # What remains, and where
-    unexplained_floors: float = _setting(
+    unexplained_floors: float = setting(
         1.3, "floors", "Validation error beyond the noise, in repeatability floors, from which a joint without effects"
         " is not explained.", TRIALS, "False `unknown` findings.", "Small unknown physics is missed.")
-    tolerated_share: float = _setting(
+    tolerated_share: float = setting(
         0.1, "-", "Share of the nominal excess error (RMS) that right names may leave, in addition to"
         " name_excess_floors: real laws differ in form.", FORMS,
         "Right effects of another form stand next to a remainder.", "A second effect passes as an error of form.")
-    max_claim_share: float = _setting(
+    max_claim_share: float = setting(
         0.6, "-", "Share of the excess error (RMS) above which what an effect removes is not a finding.", CHOICE,
         "Effects next to a larger unknown are not named.", "Effects that fit any residual a little are named.")
-    time_margin: float = _setting(
+    time_margin: float = setting(
         0.25, "-", "Share of variance by which time must explain more than any state.", CHOICE,
         "Drifts are reported where a state matters.", "Drifts are put on a state.")
-    state_bins: int = _setting(
+    state_bins: int = setting(
         20, "bins", "Bins of a state over which a residual is averaged.", CHOICE,
         "Narrow structure is averaged out.", "Noise counts as structure.")
-    moving_rad_s: float = _setting(
+    moving_rad_s: float = setting(
         0.1, "rad/s", "Speed from which a joint moves in one direction.", CHOICE,
         "Noise of the speed mixes the directions.", "Slow motion is left out.")
-    standing_rad_s: float = _setting(
+    standing_rad_s: float = setting(
         0.05, "rad/s", "Speed below which a joint stands.", CHOICE,
         "Noise counts as motion.", "Slow motion counts as rest.")
-    min_stage_samples: int = _setting(
+    min_stage_samples: int = setting(
         10, "samples", "Samples that a recording must have of a signal to be described.", CHOICE,
         "Descriptions of a few samples.", "Short recordings are left out.")
-    min_missed_sigma: float = _setting(
+    min_missed_sigma: float = setting(
         3.5, "standard errors", "Excess over the noise from which a region is missed; some thirty are tested.",
         "Bonferroni over 30 regions at 1.5 %", "False regions.", "Weak regions go unreported.")
-    min_region_samples: int = _setting(
+    min_region_samples: int = setting(
         5, "samples, blocks", "Samples of a block in a region, and blocks, that a test needs.", CHOICE,
         "Unstable tests.", "Rare regions are not tested.")
-    band_edges_hz: tuple[float, ...] = _setting(
+    band_edges_hz: tuple[float, ...] = setting(
         (0.0, 0.2, 2.0, math.inf), "Hz", "Edges of the frequency bands: creep and drift, motion, transients.", CHOICE,
         "Slow motion counts as transient.", "Transients count as motion.")
-    slow_hz: float = _setting(
+    slow_hz: float = setting(
         0.2, "Hz", "Centroid of a residual's spectrum below which it is called slow.", CHOICE,
         "Creep is described by a frequency.", "Slow motion is called slow drift.")
-    min_tone_share: float = _setting(
+    min_tone_share: float = setting(
         0.5, "-", "Share of a remainder's variance in one line of its spectrum from which it is periodic in time.",
         CHOICE, "Periodic motion makes remainders periodic.", "Only pure tones are called periodic.")
-    min_tone_periods: float = _setting(
+    min_tone_periods: float = setting(
         8.0, "periods", "Periods that a recording must hold of such a line.", CHOICE,
         "Drifts are called periodic.", "Slow periodic remainders are not recognised.")
-    noise_seed: int = _setting(
+    noise_seed: int = setting(
         20, "-", "Seed of the second draw of input noise.", CHOICE, "Another draw.", "Another draw.")
-    noise_parts: tuple[int, ...] = _setting(
+    noise_parts: tuple[int, ...] = setting(
         (1, 2, 5, 10, 20), "-", "The fastest 1/n of the samples, whose noise is estimated apart.", CHOICE,
         "Jitter of fast samples is averaged out.", "Parts too small to estimate.")
-    noise_part_samples: int = _setting(
+    noise_part_samples: int = setting(
         4, "samples", "Samples of the smallest part for which the parts are estimated apart.", CHOICE,
         "Unstable estimates.", "Jitter of fast samples is averaged out in short recordings.")
-    median_of_noise: float = _setting(
+    median_of_noise: float = setting(
         0.6745, "-", "Median magnitude of a unit normal variable.", "definition", "Meaningless.", "Meaningless.")
-    third_difference_variance: float = _setting(
+    third_difference_variance: float = setting(
         20.0, "-", "Variance of third differences of unit white noise, 1 + 9 + 9 + 1.", "definition",
         "Meaningless.", "Meaningless.")
 
     # Onset
-    onset_prior: float = _setting(
+    onset_prior: float = setting(
         0.1, "-", "Prior odds of an effect that begins or ends inside a recording against one that is always there.",
         CHOICE, "Onsets where effects are only weakly excited.", "Onsets are missed.")
-    min_onset_probability: float = _setting(
+    min_onset_probability: float = setting(
         0.5, "-", "Probability above which effects begin or end inside a recording.", "even odds",
         "Onsets where effects are only weakly excited.", "Onsets are missed.")
-    min_onset_gain: float = _setting(
+    min_onset_gain: float = setting(
         4.0, "log", "Gain in log likelihood from which a time is tried as an onset.", CHOICE,
         "Slower, no other result.", "Onsets are missed.")
-    min_onset_s: float = _setting(
+    min_onset_s: float = setting(
         2.0, "s", "Least time from an onset to the beginning and the end of the fitted data.", CHOICE,
         "Onsets in the transient at the beginning.", "Early and late onsets are missed.")
-    min_onset_recording_s: float = _setting(
+    min_onset_recording_s: float = setting(
         8.0, "s", "Fitted data of a recording below which no onset is sought.", CHOICE,
         "Onsets from too little data.", "Onsets in short recordings are missed.")
-    sound_share: float = _setting(
+    sound_share: float = setting(
         0.25, "-", "Share of a recording that first counts as free of effects where an onset is sought.", CHOICE,
         "Too short to fit the nominal numbers.", "Early onsets are missed.")
-    onset_refinements: int = _setting(
+    onset_refinements: int = setting(
         3, "-", "Repetitions of a fit and the search of the best time.", CHOICE,
         "Coarse times.", "Slower, no other result.")
-    onset_candidates: int = _setting(
+    onset_candidates: int = setting(
         2, "-", "Times at which a search with an onset is tried.", CHOICE,
         "Onsets are missed.", "Slower, no other result.")
 
     # Findings
-    bound_margin: float = _setting(
+    bound_margin: float = setting(
         0.001, "-", "Relative distance of a number from a bound of its range up to which it ended there.", CHOICE,
         "Bounds that a fit just misses go unreported.", "Numbers near a bound are reported.")
-    evidence_temperature: float = _setting(
+    evidence_temperature: float = setting(
         2.5, "-", "Log evidences are divided by it before probabilities are formed: equations that are only nearly"
         " right exaggerate differences.", TRIALS, "Overconfident findings.", "Timid findings.")
-    outside_catalogue: float = _setting(
+    outside_catalogue: float = setting(
         0.04, "-", "Probability reserved for effects outside the catalogue.", TRIALS,
         "Overconfident findings.", "Timid findings.")
-    name_excess_floors: float = _setting(2.0, "floors", "Error beyond the noise, in repeatability floors, on data not"
+    name_excess_floors: float = setting(2.0, "floors", "Error beyond the noise, in repeatability floors, on data not"
         " fitted, that right and wrong names leave equally often; a larger one is a remainder.", FORMS,
         "Timid findings.", "Overconfident stand-ins for missing effects.")
-    name_sharpness: float = _setting(3.0, "-", "How fast the odds of a name fall with that error: power of 1 + its"
+    name_sharpness: float = setting(3.0, "-", "How fast the odds of a name fall with that error: power of 1 + its"
         " square.", FORMS, "Names depend less on what they leave.", "Names depend more on it.")
-    min_probability: float = _setting(
+    min_probability: float = setting(
         0.01, "-", "Probabilities of effects stay between it and one minus it.", CHOICE,
         "No visible change.", "No visible change.")
-    min_alternative: float = _setting(
+    min_alternative: float = setting(
         0.02, "-", "Alternatives of a smaller probability are left out.", CHOICE,
         "Longer lists.", "Shorter lists.")
-    determined_deviation: float = _setting(
+    determined_deviation: float = setting(
         0.5, "prior standard deviations", "Posterior deviation below which the data determine a parameter.", CHOICE,
         "More parameters are marked.", "Parameters of the prior pass as measured.")
-    min_change_sigma: float = _setting(
+    min_change_sigma: float = setting(
         2.0, "standard errors", "Change of a nominal number from which it is listed.", CHOICE,
         "Longer lists.", "Shorter lists.")
-    min_change_tolerances: float = _setting(
+    min_change_tolerances: float = setting(
         0.1, "tolerances", "Least change of a nominal number that is listed.", CHOICE,
         "Longer lists.", "Shorter lists.")
-    correction_threshold: float = _setting(
+    correction_threshold: float = setting(
         0.05, "-", "Terms of the data-driven correction below this share of the residual's RMS are dropped.", CHOICE,
         "Longer formulas.", "Shorter formulas.")
-    correction_ridge: float = _setting(
+    correction_ridge: float = setting(
         1e-3, "-", "Weight of the ridge penalty of that regression.", "Brunton et al., PNAS 113(15), 2016",
         "No visible change.", "No visible change.")
-    correction_iterations: int = _setting(
+    correction_iterations: int = setting(
         10, "iterations", "Iterations of its thresholding.", "as above", "Ends early.", "No change.")
-    strong_correlation: float = _setting(
+    strong_correlation: float = setting(
         0.8, "-", "Correlation of two estimates from which the page lists the pair.", CHOICE,
         "Longer lists.", "Not possible above 1.")
-    figure_bins: int = _setting(
+    figure_bins: int = setting(
         24, "bins", "Bins of the residual over a state in figures.", CHOICE, "Coarser curves.", "Noisier curves.")
-    min_separation_gain: float = _setting(
+    min_separation_gain: float = setting(
         1.5, "-", "Multiple of the recorded motion's own separation that an experiment must reach to be proposed.",
         CHOICE, "Experiments that add little are proposed.", "Useful experiments are not proposed.")
-    spectrum_edges_hz: tuple[float, ...] = _setting(
+    spectrum_edges_hz: tuple[float, ...] = setting(
         (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 12.8, 50.0), "Hz",
         "Bands in which the spectra of two motions are compared.", CHOICE,
         "No other experiment is proposed.", "No other experiment is proposed.")
-    default_tolerance: float = _setting(
+    default_tolerance: float = setting(
         0.05, "-", "Relative standard deviation of the nominal numbers where none is given.", CHOICE,
         "Good models need a larger tolerance by hand.", "Changed numbers pass as tolerance.")
-    experiment_s: float = _setting(
+    experiment_s: float = setting(
         40.0, "s", "Length of a simulated experiment.", CHOICE, "Creep is not excited.", "Slower.")
-    min_experiment_pressure_pa: float = _setting(
+    min_experiment_pressure_pa: float = setting(
         5e4, "Pa", "Least amplitude of a simulated experiment.", CHOICE,
         "Weak experiments are simulated.", "Stronger than some recordings.")
     # Learned laws
-    law_leaders: int = _setting(8, "hypotheses", "Hypotheses of a round whose laws are fitted coarsely; those near"
+    law_leaders: int = setting(8, "hypotheses", "Hypotheses of a round whose laws are fitted coarsely; those near"
         " the best one (max_evidence_gap) are fitted on.", CHOICE, "The right class may lose by its form.", "Slower.")
-    law_min_excess: float = _setting(1.0, "floors", "Validation error beyond the noise, in repeatability floors, that"
+    law_min_excess: float = setting(1.0, "floors", "Validation error beyond the noise, in repeatability floors, that"
         " the leader leaves where laws are freed.", CHOICE, "Slower.", "Laws stay those of textbooks.")
-    law_random_starts: int = _setting(24, "starts", "Random starts among those of the fit of a law.", CHOICE,
+    law_random_starts: int = setting(24, "starts", "Random starts among those of the fit of a law.", CHOICE,
         "Fits from far away fail more often.", "Slower.")
-    law_start_of_one: float = _setting(1.0, "prior sd", "Size of starts in which one coefficient acts.", CHOICE,
+    law_start_of_one: float = setting(1.0, "prior sd", "Size of starts in which one coefficient acts.", CHOICE,
         "Coefficients without gradient at 0 are missed.", "Starts at the bounds.")
-    law_start_of_all: float = _setting(0.3, "prior sd", "Size of starts in which all coefficients act.", CHOICE,
+    law_start_of_all: float = setting(0.3, "prior sd", "Size of starts in which all coefficients act.", CHOICE,
         "As above.", "Starts at the bounds.")
-    law_fits: tuple[int, int, int] = _setting((3, 8, 3), "fits", "Starts next to the textbook form that are fitted"
+    law_fits: tuple[int, int, int] = setting((3, 8, 3), "fits", "Starts next to the textbook form that are fitted"
         " coarsely, in a whole fit, and best of them, continued.", CHOICE, "The wrong fit is continued.", "Slower.")
-    law_iterations: tuple[int, int] = _setting((8, 25), "iterations", "Iterations of these fits, at most.", CHOICE,
+    law_iterations: tuple[int, int] = setting((8, 25), "iterations", "Iterations of these fits, at most.", CHOICE,
         "Fits end early.", "Slower.")
-    law_surplus_errors: float = _setting(1.0, "standard errors", "A coefficient this close to neutral is tried"
+    law_surplus_errors: float = setting(1.0, "standard errors", "A coefficient this close to neutral is tried"
         " without.", CHOICE, "More coefficients than needed.", "Slower; the evidence decides in any case.")
-    law_points: int = _setting(25, "points", "Points of a law's curve.", CHOICE, "Coarser curves.", "Longer files.")
-    law_draws: int = _setting(80, "draws", "Draws from the posterior for the band of a curve.", CHOICE,
+    law_points: int = setting(25, "points", "Points of a law's curve.", CHOICE, "Coarser curves.", "Longer files.")
+    law_draws: int = setting(80, "draws", "Draws from the posterior for the band of a curve.", CHOICE,
         "Rougher bands.", "Slower.")
-    law_band: tuple[float, float] = _setting((0.025, 0.975), "-", "Quantiles of these draws: a 95 % band.", CHOICE,
+    law_band: tuple[float, float] = setting((0.025, 0.975), "-", "Quantiles of these draws: a 95 % band.", CHOICE,
         "Wider bands.", "Narrower bands.")
-    law_range_share: float = _setting(0.995, "-", "Share of the readings of a state over which a law is shown.", CHOICE,
+    law_range_share: float = setting(0.995, "-", "Share of the readings of a state over which a law is shown.", CHOICE,
         "Curves end early.", "Not possible above 1.")
-    law_settled: float = _setting(8.0, "time constants", "Length of a shown step response.", CHOICE,
+    law_settled: float = setting(8.0, "time constants", "Length of a shown step response.", CHOICE,
         "Cut off.", "Mostly flat.")
-    law_tube_differences: float = _setting(4.0, "-", "Largest shown pressure difference along a tube, in changes from"
+    law_tube_differences: float = setting(4.0, "-", "Largest shown pressure difference along a tube, in changes from"
         " sample to sample.", CHOICE, "Curves end early.", "Curves show what did not occur.")
-    law_constant_share: float = _setting(0.05, "-", "Relative change below which a law is called constant.", CHOICE,
+    law_constant_share: float = setting(0.05, "-", "Relative change below which a law is called constant.", CHOICE,
         "Small changes are described.", "Changes of 10 % are not described.")
-    law_most_share: float = _setting(0.9, "-", "Share of its change that a law has made at the state that its sentence"
+    law_most_share: float = setting(0.9, "-", "Share of its change that a law has made at the state that its sentence"
         " names.", CHOICE, "States too early are named.", "Not possible above 1.")
     # fmt: on
 

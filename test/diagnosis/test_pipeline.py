@@ -11,9 +11,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 ARCHITECTURE = ROOT / "docs" / "architecture.md"
 HEADING = "## From a recording to a sentence"
-LONGEST = 13
+LONGEST = 14
 PACKAGE = "hand_diagnosis"
-OTHERS = ("__init__", "api", "figures", "fleet", "page", "settings", "settings_table")
+OTHERS = ("__init__", "api", "figures", "fit_settings", "fleet", "page", "settings", "settings_table")
 """What shows or repeats the report, or stands next to it."""
 
 
@@ -38,11 +38,11 @@ def imports(module: str) -> set[str]:
             found |= {f"{PACKAGE}/{alias.name}.py" for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and node.module.startswith(f"{PACKAGE}."):
             found.add(f"{node.module.replace('.', '/')}.py")
-    return found - {f"{PACKAGE}/settings.py", f"{PACKAGE}/settings_table.py"}
+    return found - {f"{PACKAGE}/{name}.py" for name in ("settings", "settings_table", "fit_settings")}
 
 
 def test_the_way_is_short() -> None:
-    """Fails when the way gets longer than thirteen modules, or the page and the code differ about it."""
+    """Fails when the way gets longer than fourteen modules, or the page and the code differ about it."""
     way = documented()
     assert 1 < len(way) <= LONGEST
     assert all((ROOT / module).is_file() for module in way), way
