@@ -4,7 +4,7 @@ The recordings are those of validation/laws.py (its development half) and of val
 with one effect in a constitutive form that the catalogue does not have. Each is diagnosed with the whole catalogue, or
 (--deleted) without the effects that name its form; then the right answer is a remainder, or a name with a low
 probability. Printed are the findings, the remainder, the test errors over the noise, and at the end the shares and the
-expected calibration error over BINS.
+expected calibration error and log score of the claims (validation/trial/calibration.py).
 """
 
 from __future__ import annotations
@@ -26,14 +26,12 @@ from hand_model.description import Hand, load_hand
 from hand_recording.signals import Signals
 from validation import laws
 from validation.bench import other_forms
+from validation.trial.calibration import calibration_error, log_score
 
 FLOORS = 1.25
 """Largest test error over the noise that counts as down to the noise."""
 BELOW = 0.6
 """Probability below which the name of a stand-in for a deleted effect is not misleading."""
-
-BINS = (0.0, 0.5, 0.7, 0.85, 0.95, 1.0001)
-"""Bins of the stated probability over which the calibration error is taken."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,15 +109,6 @@ def line_of(row: dict[str, Any]) -> str:
             f" {ratios}; {row['seconds']:.0f} s")  # fmt: skip
 
 
-def calibration_error(claims: Sequence[tuple[float, bool]]) -> float:
-    """Expected calibration error (Naeini, Cooper, Hauskrecht 2015) of stated probabilities that were right or not."""
-    if not claims:
-        return 0.0
-    stated, right = np.array(claims, dtype=float).T
-    place = np.searchsorted(BINS, stated, side="right")
-    return float(sum(abs((stated - right)[place == k].sum()) for k in np.unique(place)) / len(claims))
-
-
 def summary(rows: Sequence[dict[str, Any]]) -> str:
     """The shares, in one line."""
     known = [row for row in rows if row["effect"]]
@@ -130,8 +119,9 @@ def summary(rows: Sequence[dict[str, Any]]) -> str:
         text.append(f"test error at most {FLOORS} floors {sum(clean)} of {len(known)}")
     else:
         text.append(f"flagged or below {BELOW} {sum(row['flagged'] for row in known)} of {len(known)}")
-    error = calibration_error([tuple(claim) for row in rows for claim in row["claims"]])
-    text.append(f"expected calibration error {error:.3f}")
+    claims = [(float(p), bool(right)) for row in rows for p, right in row["claims"]]
+    text.append(f"expected calibration error {calibration_error(claims) or 0.0:.3f}")
+    text.append(f"log score {log_score(claims) or 0.0:.3f}")
     text.append(f"CPU {sum(row['seconds'] for row in rows):.0f} s")
     return "; ".join(text)
 

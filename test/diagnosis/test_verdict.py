@@ -1,0 +1,40 @@
+"""The probability of a name by what it leaves of data that were not fitted."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from hand_diagnosis.settings import SETTINGS
+from hand_diagnosis.verdict import StageResult
+
+FLOOR, NOISE = 1.0, 0.2
+
+
+def result(before: float, after: float) -> StageResult:
+    """A signal with one effect: its excess error before and after, in floors."""
+    errors = math.hypot(before, NOISE), math.hypot(after, NOISE)
+    return StageResult(1, errors[0], errors[1], NOISE, before, after, FLOOR, 1, 40.0)
+
+
+def test_a_name_that_leaves_much_is_improbable() -> None:
+    """Fails when a name that leaves half of a large error stays sure, or one that leaves only noise does not."""
+    assert result(40.0, 0.1).right_name(math.nan, math.nan) > 0.9
+    assert result(40.0, 20.0).right_name(math.nan, math.nan) < 0.1
+    steps = [result(40.0, left).right_name(math.nan, math.nan) for left in (0.0, 1.0, 2.0, 4.0, 8.0, 16.0)]
+    assert steps == sorted(steps, reverse=True)
+
+
+def test_the_worse_of_validation_and_test_data_counts() -> None:
+    """Fails when a law that fits what it saw and misses the test data keeps its probability, or the reverse."""
+    fits, misses = result(40.0, 0.1), result(40.0, 20.0)
+    assert fits.right_name(40.0, 20.0) == pytest.approx(misses.right_name(math.nan, math.nan), rel=0.02)
+    assert misses.right_name(40.0, NOISE) == pytest.approx(misses.right_name(math.nan, math.nan))
+
+
+def test_even_odds_where_the_tolerated_error_is_left() -> None:
+    """Fails when what a right name may leave is not two floors, and a tenth of a large error, as settings.md says."""
+    for before in (5.0, 100.0):
+        tolerated = math.hypot(SETTINGS.name_excess_floors, SETTINGS.tolerated_share * before)
+        assert result(before, tolerated).right_name(math.nan, math.nan) == pytest.approx(0.5)
