@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hand_diagnosis.data_check import check, repeatability
 from hand_diagnosis.findings import Finding, JointResult, ranked_findings
-from hand_diagnosis.hypotheses import Isolability, isolability, log_likelihood
+from hand_diagnosis.hypotheses import Isolability, isolability, log_evidence, log_likelihood
 from hand_diagnosis.onset import search_with_onset, with_onset
 from hand_diagnosis.remainders import Remainder, remainders, verdict
 from hand_diagnosis.search import JointSearch, rough_evidence, search_joint
@@ -106,6 +106,8 @@ def diagnose(
         reruns = [without_sensor_curve(recording, model) for recording in reruns]
     lines = [line for each in (*checked, *checked_reruns) for line in (*each.signals.notes, *each.lines)]
     task = Task(signals, model, wanted, effects, tolerance, seed, repeatability(signals, reruns))
+    task, more = _tolerant(task)
+    lines += more
     done, failed = [], {}
     for number, joint in enumerate(wanted):
         try:
@@ -128,6 +130,32 @@ def diagnose(
         sensor_curve,
         wording,
     )
+
+
+def _tolerant(task: Task) -> tuple[Task, list[str]]:
+    """The task with a larger tolerance where most joints ask for larger changes of their numbers, and a line about it.
+
+    Empirical Bayes: the tolerance with the largest evidence of the plain models of all joints. The gain of a joint is
+    bounded, because it may have an effect; at least min_tolerance_joints joints are needed, and most of them must gain.
+    """
+    if len(task.joints) < SETTINGS.min_tolerance_joints:
+        return task, []
+    known = task.nominal_fits()
+    if np.median([np.sqrt(np.mean(fit.z**2)) for _, fit in known]) < SETTINGS.tolerance_moved:
+        return task, []
+    before = np.array([log_evidence(problem, fit) for problem, fit in known])
+    best, most = task, 0.0
+    for factor in SETTINGS.tolerance_factors:
+        tried = replace(task, tolerance=factor * task.tolerance, _rough={}, _inflows={})
+        gain = np.array([log_evidence(problem, fit) for problem, fit in tried.nominal_fits()]) - before
+        total = float(np.minimum(gain, SETTINGS.strong_log_evidence).sum())
+        if np.median(gain) > 0.0 and total > max(most, SETTINGS.min_log_evidence):
+            best, most = tried, total
+    if best is task:
+        return task, []
+    used, given = f"{100.0 * best.tolerance:.3g} %", f"{100.0 * task.tolerance:.3g} %"
+    line = f"most joints ask for larger changes of the nominal numbers than the tolerance of {given}; {used} is used"
+    return best, [f"{line}, so that small effects may go unnoticed: identify the numbers of the hand first"]
 
 
 def _withdrawals(result: JointDiagnosis) -> list[str]:

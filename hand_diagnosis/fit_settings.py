@@ -122,6 +122,15 @@ class FitSettings:
         0.99, "-", "Probability of that finding; the stamps show it directly.", CHOICE,
         "Understates what is counted.", "Not possible above 1.")
 
+    min_tolerance_joints: int = setting(
+        3, "joints", "Joints from which the tolerance of the nominal numbers is estimated.", CHOICE,
+        "An effect on one joint of two may pass as a wrong number.", "Hands with few moving joints keep theirs.")
+    tolerance_moved: float = setting(
+        0.9, "tolerances", "RMS change of the nominal numbers of the middle joint from which a larger tolerance is"
+        " tried.", CHOICE, "Slower: larger tolerances are tried for right models.", "Wrong numbers look like effects.")
+    tolerance_factors: tuple[float, ...] = setting(
+        (2.0, 4.0), "-", "Larger tolerances that are tried, relative to the given one.", CHOICE,
+        "Numbers that are far off look like effects.", "Small effects pass as wrong numbers.")
     # Screening and fitting of hypotheses
     probes_at_once: int = setting(
         32, "probes", "Probes simulated together.", CHOICE, "Slower on many cores.", "More memory.")

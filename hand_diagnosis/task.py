@@ -120,6 +120,15 @@ class Task:
             segment.exogenous[:, INFLOW] = self._inflow(number)
         return rough
 
+    def nominal_fits(self) -> list[tuple[JointProblem, MapFit]]:
+        """Of every joint, the problem without test data, and the plain model fitted to it within the tolerance."""
+        found = []
+        for joint in self.joints:
+            ready = self._roughly(joint)
+            fitted = fit_part(ready.problem)
+            found.append((fitted, map_fit(fitted, ready.free, ready.start, SETTINGS.rough_iterations)))
+        return found
+
     def partner(self, joint: str) -> str:
         """The joint that shares inertia with one; empty where there is none."""
         index = int(self.model.partner[self.model.joints.index(joint)])
