@@ -35,6 +35,7 @@ PACKAGES = [
     "validation.magnet",
     "validation.mutation",
     "validation.paper",
+    "validation.referees",
     "validation.trial",
 ]
 ROOT = Path(__file__).resolve().parent

@@ -34,7 +34,7 @@ class Terminal(Stack):
         """Wait until the hand runs and is driven."""
         self.client.until(lambda: "/hand " in self.log("hand"), 120.0)  # kernels may have to be compiled
         self.enable()
-        running = re.compile(r"^simulation and controller of 11 joints run in /hand at 200 Hz: controlling$", re.M)
+        running = re.compile(r"^simulation and controller of 11 joints run in /hand at \d+ Hz: controlling$", re.M)
         self.client.until(lambda: running.search(self.log("hand")))
 
     def begin(self, *words: str) -> subprocess.Popen[str]:
@@ -205,7 +205,7 @@ def test_up_runs_a_board_on_a_serial_line(stack: Stack, terminal: Terminal) -> N
     line = process.stdout.readline()
     process.send_signal(signal.SIGINT)
     assert end(process)[0] == 0
-    assert line == "driver and controller of 11 joints run in /other at 200 Hz: vented: not enabled\n"
+    assert re.fullmatch(r"driver and controller of 11 joints run in /other at \d+ Hz: vented: not enabled\n", line)
 
 
 def test_ctrl_c_ends_the_hand_that_up_started(terminal: Terminal) -> None:

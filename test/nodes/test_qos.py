@@ -57,7 +57,9 @@ def test_every_topic_reaches_a_default_subscriber_and_late_ones_get_the_last_sta
     for name in ("simulation", "controller"):
         line = re.compile(rf" healthy: {name} of 11 joints runs in /hand at \d+ Hz; ")
         client.until(lambda name=name, line=line: line.search(stack.log(name)))  # type: ignore[misc]
-        assert len([line for line in stack.log(name).splitlines() if "healthy: " in line]) == 1, stack.log(name)
+        lines = stack.log(name).splitlines()
+        outages = sum("[ERROR]" in line for line in lines)  # of a machine that stalls
+        assert 1 <= sum(" healthy: " in line for line in lines) <= 1 + outages, stack.log(name)
 
     request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE))
     assert client.call(ChangeState, "simulation/change_state", request).success
