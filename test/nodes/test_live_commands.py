@@ -14,12 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from test.nodes.stack import TOOL, WAIT_S, Client, Stack, Started
+from test.nodes.stack import STALLED, TOOL, TRIES, WAIT_S, Client, Stack, Started
 
 Answer = tuple[int, str, str]
-STALLED = ("no usable sensor data", "the board reports that it is vented, although")
-"""Reasons for which a hand vents where its processes do not run for 0.1 s."""
-TRIES = 3
 
 
 class Terminal(Stack):
@@ -158,6 +155,7 @@ def test_ctrl_c_ends_move_grasp_and_watch_in_order(terminal: Terminal) -> None:
     client = terminal.client
     code, _, err = terminal.hand("move", "index_proximal=0", "--duration", "0.5")
     assert code == 0, err
+    client.until(lambda: client.angle("index_proximal") < 0.1)  # older messages may still wait to be received
     code, _, err = terminal.interrupt(
         lambda: client.angle("index_proximal") > 0.3, "move", "index_proximal=1.4", "--duration", "4"
     )

@@ -8,6 +8,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from hand_ros.publishers import HOLD_S
+from test.nodes.stack import again_after_a_stall
 
 if TYPE_CHECKING:
     from test.nodes.stack import Client, Stack, Started
@@ -63,6 +64,7 @@ def rearmed(client: Client) -> None:
     driving(client)
 
 
+@again_after_a_stall
 def test_a_second_commander_is_named_never_obeyed_and_vents_the_hand(stack: Stack, client: Client) -> None:
     """Fails when a second commander moves the hand, is not named by both nodes, or is vented without a hold."""
     stack.node("simulation")
@@ -90,6 +92,7 @@ def test_a_second_commander_is_named_never_obeyed_and_vents_the_hand(stack: Stac
     rearmed(client)
 
 
+@again_after_a_stall
 def test_a_second_simulation_and_a_second_controller_are_named(stack: Stack, client: Client) -> None:
     """Fails when two sources of measurements, or two controllers, drive one hand unnoticed or unnamed."""
     stack.node("simulation")
