@@ -45,11 +45,14 @@ class Terminal(Stack):
     def enable(self) -> None:
         """Drive the hand again where a machine that stalled has made it vent."""
         self.client.spin(0.2)
-        if not self.client.said("controller", "safety", "controlling"):
+        for _ in range(TRIES):
+            if self.client.said("controller", "safety", "controlling"):
+                break
             self.client.trigger("reset_driver")
             self.client.trigger("reset")
             self.client.enable(True)
-            self.client.controlling()
+            self.client.spin(1.1)  # statuses come at 1 Hz
+        self.client.controlling()
 
     def interrupt(self, condition: Callable[[], bool], *words: str) -> Answer:
         """Run a command and press Ctrl-C as soon as the condition holds."""
