@@ -28,6 +28,7 @@ PACKAGES = [
     "hand_machine",
     "hand_identification",
     "hand_diagnosis",
+    "hand_studio",
     "hand_tool",
     "validation",
     "validation.bench",
@@ -39,7 +40,7 @@ PACKAGES = [
     "validation.trial",
 ]
 ROOT = Path(__file__).resolve().parent
-EXTRAS = ("ros", "analysis", "validation", "dev")
+EXTRAS = ("ros", "analysis", "studio", "validation", "dev")
 
 
 def files(folder: str, pattern: str) -> list[str]:

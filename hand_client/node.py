@@ -12,7 +12,7 @@ from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
 from hand_msgs.action import Grasp
-from hand_msgs.msg import ControllerState, JointPressures
+from hand_msgs.msg import ContactForces, ControllerState, JointPressures
 from rclpy.action import ActionClient
 from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
@@ -58,8 +58,10 @@ class HandClient:
         node = self._node
         node.create_subscription(JointState, "joint_states", self._on_joints, SENSOR_QOS)
         node.create_subscription(JointPressures, "pressures", self._on_pressures, SENSOR_QOS)
+        node.create_subscription(ContactForces, "contact_forces", self._on_forces, SENSOR_QOS)
         node.create_subscription(ControllerState, "controller_state", self._on_state, SENSOR_QOS)
         node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, QUEUED_QOS)
+        self._commands = node.create_publisher(JointState, "joint_commands", QUEUED_QOS)
         self._trajectories = node.create_publisher(JointTrajectory, "joint_trajectory", QUEUED_QOS)
         self._stop = node.create_publisher(Empty, "emergency_stop", QUEUED_QOS)
 
@@ -118,6 +120,21 @@ class HandClient:
         )
         self._trajectories.publish(JointTrajectory(joint_names=list(angle_rad), points=[point]))
 
+    def command(self, angle_rad: Mapping[str, float], max_torque_nm: float = 0.0) -> None:
+        """Send wanted angles [rad] of some joints, which the controller approaches at its own speed.
+
+        max_torque_nm: of each of them; 0: the configured limit.
+        """
+        torque = [max_torque_nm] * len(angle_rad) if max_torque_nm > 0.0 else []
+        self._commands.publish(JointState(name=list(angle_rad), position=list(angle_rad.values()), effort=torque))
+
+    def others(self) -> list[str]:
+        """Names of the other nodes in the namespace of the hand, as far as they are known yet."""
+        names = [name for name, space in self._node.get_node_names_and_namespaces() if space == self.namespace]
+        if self._node.get_name() in names:
+            names.remove(self._node.get_name())  # one of them is this client; there may be another of the same name
+        return names
+
     def hold(self, joints: Sequence[str]) -> None:
         """End the motion of some joints where they are, and wait until that is sent: at most CANCEL_S."""
         self._trajectories.publish(JointTrajectory(joint_names=list(joints)))
@@ -159,6 +176,15 @@ class HandClient:
             raise NoHandError(f"no hand runs in {self.namespace}; nothing received the emergency stop")
         raise NoHandError(f"the emergency stop was sent, but {self.namespace} does not confirm it")
 
+    def send_stop(self) -> None:
+        """Publish one emergency stop and do not wait; `stop` waits for its confirmation."""
+        self._stop.publish(Empty())
+
+    def vent(self) -> tuple[bool, str]:
+        """Vent the hand without latching a fault; success and the answer. Raises NoHandError."""
+        answer = self._call(Trigger, "vent", Trigger.Request())
+        return bool(answer.success), str(answer.message)
+
     def _stopped(self) -> bool:
         """Whether every node that reports its safety has latched a fault: this stop, or one that came before it."""
         levels = [level for name, (level, _) in self.state.statuses.items() if name.endswith(": safety")]
@@ -192,6 +218,9 @@ class HandClient:
 
     def _on_pressures(self, message: JointPressures) -> None:
         self.state.take("pressure", message.name, message.pressure)
+
+    def _on_forces(self, message: ContactForces) -> None:
+        self.state.take("force", message.name, message.force)
 
     def _on_state(self, message: ControllerState) -> None:
         for name in ("reference", "pressure_command", "torque_estimate", "contact"):

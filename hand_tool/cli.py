@@ -20,6 +20,7 @@ from hand_tool.new_effect import new_effect
 from hand_tool.record import record
 from hand_tool.reproduce import reproduce
 from hand_tool.simulate import simulate
+from hand_tool.studio import studio
 from hand_tool.trial import app as trial
 from hand_tool.up import up
 from hand_tool.urdf import urdf
@@ -42,7 +43,7 @@ RUNNING, RECORDINGS, BOARDS, MODELS, PROOF = (
 )
 """Groups of subcommands in the help, in its order."""
 for group, subcommands in {
-    RUNNING: (up, move, grasp, watch, stop, enable),
+    RUNNING: (studio, up, move, grasp, watch, stop, enable),
     RECORDINGS: (record, simulate, excite, diagnose),
     BOARDS: (check_board, emulate_board),
     MODELS: (urdf, new_effect, magnet),

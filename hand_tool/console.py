@@ -28,6 +28,8 @@ class Verbosity:
 
 
 VERBOSITY = Verbosity()
+EXTRA_OF = dict.fromkeys(("dask", "distributed", "pyarrow", "pysindy"), "analysis") | {"viser": "studio"}
+"""Extras by what they install; every other module that can be missing is of `validation`."""
 ROS_MODULES = ("rclpy", "hand_msgs", "ament_index_python")
 
 
@@ -91,7 +93,7 @@ def _missing(error: ModuleNotFoundError) -> str:
     module = (error.name or "").split(".")[0]
     if module in ROS_MODULES or module.endswith("_msgs"):
         return f"this needs ROS 2 Jazzy and the Python module {module} is not found; run: source env.bash"
-    extra = "analysis" if module in {"dask", "distributed", "pyarrow", "pysindy"} else "validation"
+    extra = EXTRA_OF.get(module, "validation")
     how = f"pip install 'fluidic_hand[{extra}]' (in the source tree: pip install '.[{extra}]')"
     return f"the Python module {module} is not installed; install it with: {how}"
 

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hand_recording.installed import default_model
 from hand_tool import interrupts
 from hand_tool.chosen_model import choose_model
 from hand_tool.console import fail, note, running
 from hand_tool.live import Namespace, Prefix, _client
+from hand_tool.node_commands import Link, node_commands
 from hand_tool.options import AsJson, Model, Quiet, Verbose
 from hand_tool.processes import ProcessError, Processes
 
@@ -58,22 +58,13 @@ def up(
 
         load_hand(chosen.path, joint_prefix)
         chosen.print(as_json)
-        driver = ["driver", "--ros-args", "-p", "transport:=serial", "-p", f"serial_port:={serial}"]
-        if can:
-            driver = ["driver", "--ros-args", "-p", "transport:=can", "-p", f"can_channel:={can}"]
-            driver += ["-p", f"can_interface:={can_interface}"]
-        elif not serial:
-            driver, enabled = ["simulation", "--ros-args"], True
-        common = ["-r", f"__ns:=/{namespace.strip('/')}", "-p", f"hand_description:={chosen.path.resolve()}"]
-        common += ["-p", "exit_unconfigured:=true"] + (["-p", f"joint_prefix:={joint_prefix}"] if joint_prefix else [])
-        settings = default_model().with_name("controller.yaml")
-        drive = ["controller", "--ros-args", "--params-file", str(settings), "-p", f"enabled_at_start:={enabled}"]
+        nodes = node_commands(Link(serial, can, can_interface, enabled), namespace, joint_prefix, chosen.path)
         with _client(namespace, "up") as client:
             signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))  # ends the hand in the same order
             if client.until(lambda: bool(client.state.joints), ALONE_S):
                 raise ValueError(f"a hand runs already in {client.namespace}; end it, or choose another --namespace")
             try:
-                _run(client, [*driver, *common], [*drive, *common], as_json)
+                _run(client, *nodes, as_json)
             except ProcessError as error:
                 fail("up", str(error), 1)
             except interrupts.Interrupted:

@@ -24,6 +24,7 @@ COMPLYING = (
     "hand_recording",
     "hand_ros",
     "hand_sim",
+    "hand_studio",
     "hand_tool",
     "validation",
 )

@@ -1,0 +1,137 @@
+"""A running hand in the page: its state is shown, and what users ask for is sent. One thread talks to the hand."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+import numpy as np
+
+from hand_client.node import HandClient, NoHandError
+from hand_model.description import Hand
+from hand_studio.hand_view import HandView
+from hand_studio.inbox import Inbox, Request
+from hand_studio.page import Page
+from hand_studio.panel import Panel
+
+FRAME_S = 0.04
+"""Period of the pictures."""
+VALUES_S = 0.25
+"""Period of the values in the panel."""
+RECORDER = "recorder"
+"""Name of the node that records."""
+UNTOUCHED_S = 1.0
+"""Time after the last slider that was moved from which the sliders follow the hand."""
+
+
+class Recorder(Protocol):
+    """Makes recordings of the hand, one at a time."""
+
+    def start(self) -> str:
+        """Begin a recording and return its path."""
+
+    def stop(self) -> str:
+        """End it and return a line that names its path, or says why there is none."""
+
+
+class Superseded(Exception):
+    """A grasp ends because something else was asked for."""
+
+
+class LivePage:
+    """The page of one running hand."""
+
+    def __init__(self, page: Page, client: HandClient, hand: Hand, grasps: Mapping[str, object], inbox: Inbox) -> None:
+        """Add the hand and its panel to the page. Raises ValueError, one line, for a hand without geometry."""
+        self._client, self._hand, self._inbox = client, hand, inbox
+        self._view = HandView(page.server.scene, hand, "/hand")
+        self._panel = Panel(page, hand, sorted(grasps), inbox)
+        self._note, self._recording, self._starting = "", False, ""
+        self._shown_s = self._values_s = self._touched_s = 0.0
+        self._targets: dict[str, float] = {}
+
+    def run(self, recorder: Recorder, healthy: Callable[[], None]) -> None:
+        """Show the hand and serve the requests until healthy(), called all the time, raises."""
+        try:
+            while True:
+                self._client.spin(FRAME_S)
+                healthy()
+                self._show()
+                self._move()
+                request = self._inbox.next()
+                if request is not None:
+                    self._note = self._answer(request, recorder, healthy)
+        finally:
+            if self._recording:
+                recorder.stop()
+
+    def check(self) -> None:
+        """Send an emergency stop at once, whatever the thread waits for; called after every wait of the client."""
+        if self._inbox.stop.is_set():
+            self._inbox.stop.clear()
+            self._client.send_stop()
+            self._inbox.ask("confirm stop")
+
+    def _show(self) -> None:
+        now, state = time.monotonic(), self._client.state
+        if now - self._shown_s < FRAME_S:
+            return
+        self._shown_s = now
+        angles = state.values.get("position", {})
+        self._view.pose(np.array([angles.get(joint, np.nan) for joint in self._hand.joints]))
+        self._view.press(state.values.get("force", {}))
+        if now - self._values_s >= VALUES_S:
+            self._values_s = now
+            if self._starting and RECORDER in self._client.others():
+                self._note, self._starting = f"recording to {self._starting}", ""
+            self._panel.show(state, self._note)
+            if now - self._touched_s > UNTOUCHED_S:
+                self._panel.follow(state.values.get("reference", {}))
+
+    def _move(self) -> None:
+        angles = self._inbox.angles()
+        if angles:
+            self._touched_s = time.monotonic()
+            self._client.command(angles, self._panel.max_torque_nm)
+            if not self._client.state.controlling:
+                self._note = "the hand does not move; press Enable"
+
+    def _answer(self, request: Request, recorder: Recorder, healthy: Callable[[], None]) -> str:
+        """Do what was asked; the line about its outcome."""
+        try:
+            match request.name:
+                case "confirm stop":
+                    self._client.stop()
+                    return "stopped: vented and latched; Enable goes on"
+                case "enable":
+                    return self._client.enable(reset=True)[1]
+                case "vent":
+                    return self._client.vent()[1]
+                case "grasp":
+                    return self._grasp(request.what, healthy)
+                case _:
+                    return self._record(recorder)
+        except NoHandError as error:
+            return str(error)
+
+    def _grasp(self, pattern: str, healthy: Callable[[], None]) -> str:
+        def meanwhile() -> None:
+            healthy()
+            self._show()
+            if self._inbox.waiting:
+                raise Superseded
+
+        try:
+            return f"{pattern}: {self._client.grasp(pattern, 1.0, self._panel.max_torque_nm, meanwhile)[1]}"
+        except Superseded:
+            return f"{pattern}: ended by the next request"
+
+    def _record(self, recorder: Recorder) -> str:
+        self._recording, self._starting = not self._recording, ""
+        if not self._recording:
+            self._panel.recording("")
+            return recorder.stop()
+        self._starting = recorder.start()
+        self._panel.recording(self._starting)
+        return "the recorder starts"

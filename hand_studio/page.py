@@ -1,0 +1,113 @@
+"""The page of the studio: a server for this machine alone unless asked otherwise, and who may drive the hand."""
+
+from __future__ import annotations
+
+import ipaddress
+import socket
+from collections.abc import Mapping
+from contextlib import redirect_stdout
+from io import StringIO
+from typing import Any
+from urllib.parse import urlsplit
+
+import viser
+
+LOCAL = "127.0.0.1"
+FIRST_PORT, LAST_PORT = 1024, 65535
+TITLE = "hand studio"
+EYE_M, MIDDLE_M = (0.07, -0.27, 0.14), (0.01, 0.0, 0.08)
+"""Where the page is seen from, and what it looks at; the wrist of the hand is the origin."""
+
+
+class Page:
+    """A running server of the page."""
+
+    def __init__(self, listen: str = LOCAL, port: int = 0, *, allow_others: bool = False) -> None:
+        """Serve at an address of this machine; port 0: any free port.  allow_others: other machines may drive the hand.
+
+        Raises ValueError, one line, for an address or a port that cannot be used.
+        """
+        check_address(listen, port)
+        self._listen, self._allow_others = listen, allow_others
+        with redirect_stdout(StringIO()):  # it prints addresses even where it is asked to be quiet
+            self.server = viser.ViserServer(host=listen, port=port, verbose=False)
+        self.port = self.server.get_port()
+        if port not in (0, self.port):  # the server takes the next free one without asking
+            self.close()
+            raise ValueError(f"port {port} of {listen} is taken; give another --port, or none for a free one")
+        self._drivers: dict[int, bool] = {}
+        self.server.on_client_disconnect(self._forget)
+        self.server.gui.configure_theme(
+            control_layout="fixed", control_width="large", show_logo=False, show_share_button=False
+        )
+        self.server.gui.set_panel_label(TITLE)
+        scene, camera = self.server.scene, self.server.initial_camera
+        scene.set_up_direction("+z")
+        scene.configure_default_lights(cast_shadow=False)  # shadows are slow where no graphics card draws them
+        camera.position, camera.look_at = EYE_M, MIDDLE_M
+        scene.add_grid("/floor", 0.5, 0.5, cell_size=0.02, section_size=0.1, position=(0.0, 0.0, -0.02))
+
+    @property
+    def url(self) -> str:
+        """Address of the page for a browser on this machine."""
+        host = LOCAL if ipaddress.ip_address(self._listen).is_unspecified else self._listen
+        return f"http://[{host}]:{self.port}" if ":" in host else f"http://{host}:{self.port}"
+
+    def drives(self, client_id: int | None) -> bool:
+        """Whether a client may drive the hand; None is the studio itself, which only shows values."""
+        if client_id is None:
+            return False
+        if client_id not in self._drivers:
+            self._drivers[client_id] = self._may_drive(client_id)
+        return self._drivers[client_id]
+
+    def _forget(self, client: viser.ClientHandle) -> None:
+        self._drivers.pop(client.client_id, None)
+
+    def _may_drive(self, client_id: int) -> bool:
+        connection: Any = self.server._websock_server._live_connections.get(client_id)
+        if connection is None or connection.request is None:
+            return False
+        return may_drive(connection.remote_address[0], connection.request.headers, self._allow_others)
+
+    def close(self) -> None:
+        """End the server."""
+        with redirect_stdout(StringIO()):
+            self.server.stop()
+
+
+def may_drive(address: str, headers: Mapping[str, str], allow_others: bool) -> bool:
+    """Whether a connection may drive the hand: from this machine, unless others are allowed, and from this page.
+
+    A page of another site in the same browser could connect, too. Its Origin is not the Host of the request; and a name
+    that somebody else made point to this machine is neither localhost nor an IP address.
+    """
+    host, origin = headers.get("Host", ""), headers.get("Origin", "")
+    if urlsplit(origin).netloc != host:
+        return False
+    return (allow_others or ipaddress.ip_address(address).is_loopback) and _is_direct(urlsplit(f"//{host}").hostname)
+
+
+def _is_direct(name: str | None) -> bool:
+    """Whether a host name needs no name server."""
+    try:
+        return name == "localhost" or bool(ipaddress.ip_address(name or ""))
+    except ValueError:
+        return False
+
+
+def check_address(listen: str, port: int) -> None:
+    """Raise ValueError, one line, where a server cannot listen at this address [IP] and port, 0 for a free one."""
+    if port != 0 and not FIRST_PORT <= port <= LAST_PORT:
+        raise ValueError(f"--port is {port}; the allowed range is {FIRST_PORT} to {LAST_PORT}, or 0 for a free one")
+    try:
+        family = socket.AF_INET6 if ipaddress.ip_address(listen).version == 6 else socket.AF_INET
+    except ValueError:
+        raise ValueError(f"--listen is {listen!r}; it must be an IP address of this machine, as {LOCAL}") from None
+    with socket.socket(family) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((listen, port))
+        except OSError as error:
+            advice = "give another --port, or none for a free one" if port else "give another --listen"
+            raise ValueError(f"cannot serve at {listen} port {port} ({error.strerror}); {advice}") from None

@@ -1,0 +1,118 @@
+"""The panel of a running hand: buttons, sliders and values. What users do goes into the inbox."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+import viser
+
+from hand_client.live_state import LiveState
+from hand_model.description import Hand
+from hand_studio.inbox import Inbox
+from hand_studio.page import Page
+
+READ_ONLY = (
+    "This page only shows the hand. It can be driven from the machine that runs the studio, or with --allow-others."
+)
+SMALLEST_NM = 0.01
+COLUMNS = ("joint", "angle deg", "pressure bar", "torque N m", "contact")
+
+
+class Panel:
+    """Controls and values of one hand."""
+
+    def __init__(self, page: Page, hand: Hand, grasps: Sequence[str], inbox: Inbox) -> None:
+        """Add everything to the page."""
+        self._page, self._hand, self._inbox = page, hand, inbox
+        gui = page.server.gui
+        self._status = gui.add_html(_status("looking for the hand", "", False))
+        self._button("Emergency stop", "stop", color="red")
+        self._record = self._button("Record", "record")
+        with gui.add_folder("Drive"):
+            self._button("Enable", "enable")
+            self._button("Vent", "vent")
+            largest = float(hand.limits.max_torque_nm.min())
+            self._torque = gui.add_slider("torque limit N m", SMALLEST_NM, largest, 0.005, largest)
+            choice = gui.add_button_group("grasp", list(grasps))
+            choice.on_click(self._allowed(lambda event: inbox.ask("grasp", event.target.value)))
+        with gui.add_folder("Joints, degrees"):
+            self._sliders: list[Any] = [self._slider(gui, index) for index in range(len(hand.joints))]
+        with gui.add_folder("Values"):
+            self._values = gui.add_html("")
+
+    @property
+    def max_torque_nm(self) -> float:
+        """Torque limit [N m] that is set in the page; 0 for the configured one, the largest."""
+        value = float(self._torque.value)
+        return 0.0 if value >= float(self._hand.limits.max_torque_nm.min()) - 1e-9 else value
+
+    def show(self, state: LiveState, note: str) -> None:
+        """Show values and safety of the hand, and a line about the last request."""
+        rate = f"{state.rate_hz:.0f} Hz, latency {1e3 * state.latency_s:.1f} ms" if state.joints else ""
+        problems = "; ".join(state.problems)
+        self._status.content = _status(problems or state.safety or "looking for the hand", rate, bool(problems), note)
+        self._values.content = _table(state)
+
+    def follow(self, reference_rad: dict[str, float]) -> None:
+        """Move the sliders to where the controller leads the joints, by name [rad]."""
+        for joint, slider in zip(self._hand.joints, self._sliders, strict=True):
+            angle = reference_rad.get(joint, math.nan)
+            if math.isfinite(angle) and abs(slider.value - math.degrees(angle)) > 0.5:
+                slider.value = float(np.clip(round(math.degrees(angle), 1), slider.min, slider.max))
+
+    def recording(self, name: str) -> None:
+        """Label the button by the recording that is made, "" for none."""
+        self._record.label = f"Stop recording {name}" if name else "Record"
+
+    def _button(self, label: str, name: str, what: str = "", color: Any = None) -> viser.GuiButtonHandle:
+        button = self._page.server.gui.add_button(label, color=color)
+        button.on_click(self._allowed(lambda _: self._inbox.ask(name, what)))
+        return button
+
+    def _slider(self, gui: viser.GuiApi, index: int) -> viser.GuiSliderHandle[float]:
+        joint, limits = self._hand.joints[index], self._hand.limits
+        low, high = (math.degrees(float(limit[index])) for limit in (limits.low_rad, limits.high_rad))
+        slider = gui.add_slider(joint, round(low, 1), round(high, 1), 0.1, float(np.clip(0.0, low, high)))
+        radians = (float(limits.low_rad[index]), float(limits.high_rad[index]))
+        slider.on_update(
+            self._allowed(
+                lambda event: self._inbox.move(joint, float(np.clip(math.radians(event.target.value), *radians)))
+            )
+        )
+        return slider
+
+    def _allowed(self, action: Callable[[Any], None]) -> Callable[[Any], None]:
+        """The action, for events of clients that may drive the hand."""
+
+        def run(event: Any) -> None:
+            if self._page.drives(event.client_id):
+                action(event)
+            elif event.client is not None:
+                event.client.add_notification("Read only", READ_ONLY, auto_close_seconds=6.0)
+
+        return run
+
+
+def _status(text: str, rate: str, problem: bool, note: str = "") -> str:
+    color = "#b3261e" if problem else "inherit"
+    lines = [
+        f'<div id="safety" style="color:{color};font-weight:600">{escape(text)}</div>',
+        f"<div>{escape(rate)}</div>",
+    ]
+    return f'<div style="padding:0.4em 0.8em">{"".join(lines)}<div id="note">{escape(note)}</div></div>'
+
+
+def _table(state: LiveState) -> str:
+    """Values of every joint and the forces as an HTML table."""
+    rows = [f"<tr>{''.join(f'<th>{name}</th>' for name in COLUMNS)}</tr>"]
+    for joint, row in state.as_json()["joints"].items():
+        cells = [(row["angle_rad"], 180.0 / math.pi, 1), (row["pressure_pa"], 1e-5, 2), (row["torque_nm"], 1.0, 3)]
+        texts = ["-" if value is None else f"{value * factor:.{digits}f}" for value, factor, digits in cells]
+        texts.append("yes" if row["contact"] else "")
+        rows.append(f"<tr><td>{escape(joint)}</td>{''.join(f'<td>{text}</td>' for text in texts)}</tr>")
+    style = "width:100%;font-size:0.8em;text-align:right;font-variant-numeric:tabular-nums"
+    return f'<table style="{style}">{"".join(rows)}</table>'

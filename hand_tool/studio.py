@@ -1,0 +1,185 @@
+"""`hand studio`: a hand in the browser, live."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from hand_recording.installed import default_model
+from hand_tool import interrupts
+from hand_tool.chosen_model import choose_model
+from hand_tool.console import note, require, running
+from hand_tool.live import Namespace, Prefix
+from hand_tool.node_commands import Link, node_commands
+from hand_tool.options import AsJson, Model, Quiet, Verbose
+from hand_tool.paths import check_folder
+from hand_tool.processes import ProcessError, Processes
+
+if TYPE_CHECKING:
+    from hand_client.node import HandClient
+    from hand_studio.page import Page
+
+HEARD_S = 4.0
+"""Time in which a hand that runs already is heard; discovery takes up to 2.7 s."""
+READY_S = 60.0
+CLIENT = "hand_studio"
+"""Name of the node of this command, by which another studio is found."""
+
+
+def studio(
+    *,
+    sim: Annotated[bool, typer.Option("--sim", help="Start a simulated hand.")] = False,
+    serial: Annotated[str, typer.Option(help="Start the hand at this serial port, such as /dev/ttyUSB0.")] = "",
+    can: Annotated[str, typer.Option(help="Start the hand at this CAN channel, such as can0.")] = "",
+    can_interface: Annotated[str, typer.Option(help="python-can interface, with --can.")] = "socketcan",
+    namespace: Namespace = "hand",
+    joint_prefix: Prefix = "",
+    model: Model = None,
+    out: Annotated[Path, typer.Option(help="Folder for the recordings made in the page.")] = Path(),
+    port: Annotated[int, typer.Option(help="Port of the page; 0: any free one.")] = 0,
+    listen: Annotated[
+        str, typer.Option(help="IP address to serve at; 0.0.0.0: every one of this machine.")
+    ] = "127.0.0.1",
+    allow_others: Annotated[
+        bool, typer.Option("--allow-others", help="Other machines may drive the hand, too.")
+    ] = False,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page.")] = True,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Show and drive a hand in the browser: the running one, or one that this command starts. Ctrl-C ends it.
+
+    Example: hand studio --sim
+
+    Exit codes: 0 ended by Ctrl-C, 2 bad usage, no running hand, a second studio, or a node failed.
+    """
+    with running("studio", errors=(RuntimeError,)):
+        if sum((bool(serial), bool(can), sim)) > 1:
+            raise ValueError("--serial, --can and --sim exclude each other")
+        chosen = choose_model(model)
+        check_folder(out)
+        require("viser")
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        from hand_control.grasps import load_grasps
+        from hand_model.description import load_hand
+        from hand_model.geometry import geometry_of
+
+        hand = load_hand(chosen.path, joint_prefix)
+        geometry_of(hand)
+        grasps = load_grasps(default_model().with_name("grasps.yaml"), hand)
+        chosen.print(as_json)
+        link = Link(serial, can, can_interface) if serial or can or sim else None
+        with ExitStack() as stack:
+            interrupts.release()
+            signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))  # ends the hand in the same order
+            nodes = Processes(Path(stack.enter_context(TemporaryDirectory())))
+            stack.enter_context(nodes)
+            for command in node_commands(link, namespace, joint_prefix, chosen.path) if link else ():
+                nodes.start(command[0], command)
+            from hand_client.node import HandClient  # the nodes start meanwhile
+            from hand_studio.inbox import Inbox
+            from hand_studio.live_page import LivePage
+            from hand_studio.page import Page
+
+            page = Page(listen, port, allow_others=allow_others)
+            stack.callback(page.close)
+            checks: list[Callable[[], None]] = [interrupts.check]
+            client = HandClient(namespace, CLIENT, _all(checks))
+            stack.enter_context(client)
+            live = LivePage(page, client, hand, grasps, Inbox())
+            checks.append(live.check)
+            _announce(page, client.namespace, browser, as_json)
+            recorder = BagRecorder(stack.enter_context(TemporaryDirectory()), out, client.namespace)
+            try:
+                live.run(recorder, Watch(client, nodes, started=link is not None))
+            except interrupts.Interrupted:
+                note("hand studio: ended" if link is None else "hand studio: vented, nodes ended")
+
+
+def _all(checks: Sequence[Callable[[], None]]) -> Callable[[], None]:
+    """A function that calls all of them, also those that are added later."""
+
+    def check_all() -> None:
+        for check in checks:
+            check()
+
+    return check_all
+
+
+def _announce(page: Page, namespace: str, browser: bool, as_json: bool) -> None:
+    """Print where the page is, and open it where there is a display."""
+    if as_json:
+        print(json.dumps({"url": page.url, "namespace": namespace}), flush=True)
+    else:
+        print(f"{namespace} in the browser: {page.url}", flush=True)
+    if not browser:
+        return
+    if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")):
+        note(
+            f"no display here; on another machine: ssh -L {page.port}:localhost:{page.port} HOST, then open the address"
+        )
+        return
+    import webbrowser
+
+    webbrowser.open(page.url)
+
+
+class Watch:
+    """Called all the time: raises where the hand does not come, a node ends, or another studio drives the hand."""
+
+    def __init__(self, client: HandClient, nodes: Processes, *, started: bool) -> None:
+        """started: whether this command started the nodes."""
+        self._client, self._nodes, self._started = client, nodes, started
+        self._begun_s, self._heard = time.monotonic(), False
+
+    def __call__(self) -> None:
+        """Raise ValueError or ProcessError, one line."""
+        self._nodes.check()
+        waited_s = time.monotonic() - self._begun_s
+        self._heard = self._heard or bool(self._client.state.joints)
+        if waited_s < HEARD_S:
+            if CLIENT in self._client.others():
+                raise ValueError(f"a studio of {self._client.namespace} runs already; end it, or use its page")
+            return
+        if not self._heard and not self._started:
+            raise ValueError(f"no hand runs in {self._client.namespace}; start one with: hand studio --sim")
+        if not self._heard and waited_s > READY_S:
+            raise ProcessError(
+                f"no frames from the hand within {READY_S:g} s; {'; '.join(self._client.state.problems)}"
+            )
+
+
+class BagRecorder:
+    """Runs the recorder node for each recording."""
+
+    def __init__(self, logs: str, folder: Path, namespace: str) -> None:
+        """Recordings are new folders hand_DATE_TIME in a folder."""
+        self._processes, self._folder, self._namespace = Processes(Path(logs)), folder, namespace
+        self._path = folder
+
+    def start(self) -> str:
+        """Begin a recording and return its path."""
+        self._path = self._folder / time.strftime("hand_%Y-%m-%d_%H-%M-%S")
+        arguments = ["--ros-args", "-r", f"__ns:={self._namespace}", "-p", f"out:={self._path}"]
+        self._processes.start("recorder", ["recorder", *arguments])
+        return str(self._path)
+
+    def stop(self) -> str:
+        """End it; the line that names its path, or the error."""
+        try:
+            self._processes.check()
+            self._processes.stop("recorder")
+        except ProcessError as error:
+            return f"not recorded: {error}"
+        return f"recorded: {self._path}"

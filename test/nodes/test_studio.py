@@ -1,0 +1,167 @@
+"""`hand studio` as a user meets it: the page in a real browser, the simulated hand over DDS."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from hand_recording.loader import load_recording
+from test.nodes.stack import TOOL, WAIT_S, Client, Stack
+from validation.browser import Browser
+
+SIZE = (700, 560)
+"""Of the window [pixels]: small, because no graphics card draws it."""
+
+
+class Studio(Stack):
+    """`hand studio --sim`, a browser on its page, and a node that listens to the hand."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        self.client = Client()
+        self.process = self.start("hand", "studio", "--sim", "--no-browser", "--json", "--out", str(folder))
+        self.client.until(lambda: '"url"' in self.log("hand"), 60.0)
+        line = next(line for line in self.log("hand").splitlines() if '"url"' in line)
+        self.url: str = json.loads(line)["url"]
+        self.page = Browser(folder, self.url, SIZE)
+
+    def enable(self) -> None:
+        """Drive the hand by the page's button, also where a machine that stalled has made the hand vent."""
+        self.client.spin(0.1)
+        while not self.client.said("controller", "safety", "controlling"):
+            self.page.click("Enable")
+            self.client.spin(1.5)  # the status of the nodes comes at 1 Hz
+
+    def begin(self, grasp: str, joint: str) -> None:
+        """Click a grasp and wait until it has moved a joint by 0.1 rad; a hand that a stall has vented begins again."""
+        end = time.monotonic() + WAIT_S
+        while not self._moves(grasp, joint):
+            assert time.monotonic() < end, f"{grasp} does not begin: {self.client.statuses}"
+
+    def _moves(self, grasp: str, joint: str) -> bool:
+        self.enable()
+        start = self.client.angle(joint)
+        self.page.click(grasp)
+        self._during(3.0, lambda: abs(self.client.angle(joint) - start) < 0.1)
+        return abs(self.client.angle(joint) - start) >= 0.1
+
+    def _during(self, seconds: float, condition: Callable[[], bool]) -> None:
+        """Receive messages for some time while a condition holds."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and condition():
+            self.client.spin(0.05)
+
+    def still(self) -> bytes:
+        """A picture that did not change for a while: the browser draws late on a busy machine."""
+        pictures = [self.page.scene()]
+        end = time.monotonic() + WAIT_S
+        while len(pictures) < 2 or changed(*pictures[-2:]) > 0.001:
+            assert time.monotonic() < end, "the picture of a hand at rest changes all the time"
+            self.client.spin(0.4)
+            pictures.append(self.page.scene())
+        return pictures[-1]
+
+    def move(self, joint: str, key: str, low_rad: float, high_rad: float) -> None:
+        """Press a key on a joint's slider until the joint is there; a hand that was vented by a stall is enabled."""
+        end = time.monotonic() + WAIT_S
+        while not low_rad < self.client.angle(joint) < high_rad:
+            assert time.monotonic() < end, f"{joint} is at {self.client.angle(joint):.3f} rad: {self.client.statuses}"
+            self.enable()
+            self.page.press(joint, "ArrowLeft" if key == "End" else "ArrowRight")
+            self.page.press(joint, key)
+            self._during(2.5, lambda: not low_rad < self.client.angle(joint) < high_rad)
+
+
+def changed(first: bytes, second: bytes) -> float:
+    """Share of the pixels that differ clearly between two PNG pictures of one size."""
+    pictures = [imread(io.BytesIO(picture))[..., :3] for picture in (first, second)]
+    return float(np.mean(np.abs(pictures[0] - pictures[1]).max(axis=-1) > 0.1))
+
+
+@pytest.fixture(scope="module")
+def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Studio]:
+    made = Studio(tmp_path_factory.mktemp("studio"))
+    try:
+        made.client.until(lambda: made.client.joints, 120.0)  # kernels may have to be compiled
+        made.page.until("document.querySelector('canvas')")
+        made.page.until_shown("Hz, latency")
+        yield made
+    finally:
+        made.page.close()
+        made.stop_all()
+        made.client.close()
+
+
+def test_a_slider_moves_the_joint_and_the_picture(studio: Studio) -> None:
+    """Fails when a slider sends another joint or unit, or the hand in the picture does not move."""
+    studio.enable()
+    others = {joint: studio.client.angle(joint) for joint in ("middle_proximal", "thumb_distal")}
+    before = studio.still()
+    studio.move("index_proximal", "End", 1.6, 1.9)
+    for joint, angle in others.items():
+        assert abs(studio.client.angle(joint) - angle) < 0.1
+    studio.client.until(lambda: changed(before, studio.page.scene()) > 0.005)
+
+
+def test_record_writes_a_bag(studio: Studio) -> None:
+    """Fails when the button writes nothing, or another hand's topics."""
+    studio.page.click("Record")
+    studio.page.until_shown("recording to")
+    studio.client.spin(1.5)
+    studio.page.click("Stop recording")
+    studio.page.until_shown("recorded: ")
+    (name,) = re.findall(r"recorded: (\S+)", studio.page.text())
+    recording = load_recording(Path(name))
+    assert recording.namespace == "/hand"
+    assert len(recording["joint_states"]) > 50
+
+
+def test_stop_vents_during_a_grasp_until_enable(studio: Studio) -> None:
+    """Fails when a stop waits for the grasp, pressure is commanded after it, or Enable does not clear it."""
+    studio.begin("cylindrical", "ring_proximal")
+    studio.page.click("Emergency stop")
+    studio.client.until(lambda: max(studio.client.valves[-1].pressure) == 0.0, 1.0)
+    studio.page.until_shown("emergency stop")
+    studio.page.until_shown("vented and latched")
+    studio.enable()
+    assert studio.client.said("controller", "safety", "controlling")
+
+
+def test_what_cannot_be_served_is_one_line(studio: Studio) -> None:
+    """Fails when a second studio or a hand that is not there does not end with code 2 and its reason."""
+    expected = {
+        (): "a studio of /hand runs already",
+        ("--namespace", "nobody"): "no hand runs in /nobody; start one with: hand studio --sim",
+    }
+    command = (*TOOL, "studio", "--no-browser", "--quiet")
+    started = [
+        subprocess.Popen([*command, *words], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        for words in expected
+    ]
+    for process, line in zip(started, expected.values(), strict=True):
+        _, error = process.communicate(timeout=WAIT_S)
+        assert (process.returncode, error.count("\n")) == (2, 1), error
+        assert error.startswith("hand studio: ") and line in error
+
+
+def test_ctrl_c_vents_and_ends_the_hand(studio: Studio) -> None:
+    """Fails when a node survives the studio, or the last command is not 0 Pa."""
+    path = Path(f"/proc/{studio.process.pid}/task/{studio.process.pid}/children")
+    nodes = path.read_text(encoding="utf-8").split()
+    assert len(nodes) == 2
+    studio.client.valves.clear()
+    assert studio.stop(studio.process, signal.SIGINT) == 0
+    studio.client.spin(0.2)
+    assert not studio.client.valves or max(studio.client.valves[-1].pressure) == 0.0
+    assert not any(Path(f"/proc/{pid}").exists() for pid in nodes)
+    assert "Traceback" not in studio.log("hand")

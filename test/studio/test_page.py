@@ -1,0 +1,117 @@
+"""The parts of the studio that need no browser: who may drive, what waits to be sent, shapes, missing parts."""
+
+from __future__ import annotations
+
+import math
+import socket
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from hand_model.geometry import Shape, pose, rotation_about
+from hand_studio.hand_meshes import mesh, quaternion
+from hand_studio.inbox import Inbox, Request
+from hand_studio.page import check_address, may_drive
+from hand_tool import studio
+from hand_tool.cli import app
+
+CONFIG = Path(__file__).parents[2] / "config" / "hand.yaml"
+HERE = {"Host": "127.0.0.1:8000", "Origin": "http://127.0.0.1:8000"}
+
+
+def test_only_the_own_page_on_this_machine_drives() -> None:
+    """Fails when another machine, a page of another site, or a foreign name of this machine may move the hand."""
+    assert may_drive("127.0.0.1", HERE, allow_others=False)
+    assert may_drive("::1", {"Host": "localhost:80", "Origin": "http://localhost:80"}, allow_others=False)
+    assert not may_drive("192.168.0.7", HERE, allow_others=False)
+    assert may_drive("192.168.0.7", HERE, allow_others=True)
+    for host, origin in (
+        ("127.0.0.1:8000", "http://example.org"),
+        ("127.0.0.1:8000", "http://127.0.0.1:9000"),
+        ("127.0.0.1:8000", ""),
+        ("example.org:8000", "http://example.org:8000"),
+    ):
+        assert not may_drive("127.0.0.1", {"Host": host, "Origin": origin}, allow_others=True), (host, origin)
+
+
+def test_an_emergency_stop_removes_what_waits() -> None:
+    """Fails when a motion or a grasp that was asked for before a stop is sent after it."""
+    inbox = Inbox()
+    inbox.move("index_proximal", 0.3)
+    inbox.move("index_proximal", 0.5)
+    inbox.ask("grasp", "tripod")
+    inbox.ask("stop")
+    assert inbox.stop.is_set() and inbox.waiting
+    assert inbox.angles() == {} and inbox.next() is None
+    inbox.move("index_proximal", 0.2)
+    inbox.ask("enable")
+    assert inbox.angles() == {"index_proximal": 0.2} and inbox.angles() == {}
+    assert inbox.next() == Request("enable") and inbox.next() is None
+
+
+@pytest.mark.parametrize(
+    ("shape", "volume"),
+    [
+        (Shape("box", (0.09, 0.08, 0.03), np.eye(4)), 0.09 * 0.08 * 0.03),
+        (Shape("capsule", (0.03, 0.01), pose(np.array([0.1, 0.0, 0.0]))), math.pi * 1e-4 * (0.03 + 0.04 / 3.0)),
+    ],
+    ids=["box", "capsule"],
+)
+def test_meshes_are_closed_and_point_outwards(shape: Shape, volume: float) -> None:
+    """Fails when a face is missing or seen from inside: the divergence theorem then gives another volume."""
+    vertices, faces = mesh(shape)
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0 == pytest.approx(volume, rel=0.05)
+    assert vertices.mean(axis=0) == pytest.approx(shape.pose[:3, 3], abs=1e-9)
+
+
+def test_quaternions_turn_as_their_matrices() -> None:
+    """Fails when w is not first, or the turn has the other sign."""
+    rng = np.random.default_rng(7)
+    print("seed 7")
+    for _ in range(20):
+        axis = rng.standard_normal(3)
+        axis /= np.linalg.norm(axis)
+        angle = rng.uniform(0.01, np.pi - 0.01)
+        w, *xyz = quaternion(rotation_about(axis, angle)) * 1.0
+        assert np.array([w, *xyz]) * np.sign(w) == pytest.approx([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
+
+
+def test_a_port_or_an_address_that_cannot_be_used_is_one_line() -> None:
+    """Fails when the server would take another port without asking, or the reason is not given."""
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(ValueError, match=f"cannot serve at 127.0.0.1 port {port}"):
+            check_address("127.0.0.1", port)
+    for listen, port, line in (
+        ("127.0.0.1", 80, "1024 to 65535"),
+        ("here", 0, "IP address"),
+        ("192.0.2.1", 0, "cannot"),
+    ):
+        with pytest.raises(ValueError, match=line):
+            check_address(listen, port)
+
+
+def test_what_the_studio_lacks_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when a missing viser or a hand without geometry starts a hand, or takes more than a line."""
+    flat = yaml.safe_load(CONFIG.read_text(encoding="utf-8"))
+    del flat["geometry"]
+    path = tmp_path / "hand.yaml"
+    path.write_text(yaml.safe_dump(flat), encoding="utf-8")
+    answer = CliRunner().invoke(app, ["studio", "--sim", "--model", str(path)])
+    assert answer.exit_code == 2 and "geometry is missing" in answer.output
+    answer = CliRunner().invoke(app, ["studio", "--sim", "--serial", "/dev/null"])
+    assert answer.exit_code == 2 and "exclude each other" in answer.output
+
+    def absent(*modules: str) -> None:
+        raise ModuleNotFoundError(f"No module named {modules[0]!r}", name=modules[0])
+
+    monkeypatch.setattr(studio, "require", absent)
+    answer = CliRunner().invoke(app, ["studio", "--sim"])
+    assert answer.exit_code == 2 and "pip install 'fluidic_hand[studio]'" in answer.output
+    assert len(answer.output.splitlines()) == 1

@@ -1,0 +1,118 @@
+"""A headless Chromium, driven through its DevTools protocol, for tests and pictures of pages."""
+
+from __future__ import annotations
+
+import base64
+import itertools
+import json
+import shutil
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from websockets.sync.client import connect
+
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+FLAGS = ("--headless", "--no-sandbox", "--no-first-run", "--disable-quic", "--hide-scrollbars", "--mute-audio")
+DRAWING = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+QUIET = ("--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-extensions")
+LAST = ("nice", "-n", "19")
+"""Without a graphics card the browser takes every core that it gets, and the hand under test keeps deadlines."""
+WAIT_S = 30.0
+
+
+class Browser:
+    """One page at a size in pixels."""
+
+    def __init__(self, folder: Path, url: str, size: tuple[int, int] = (900, 700)) -> None:
+        assert BROWSER, "no browser: install chromium"
+        profile = folder / "profile"
+        window = f"--window-size={size[0]},{size[1]}"
+        options = [*FLAGS, *DRAWING, *QUIET, window, f"--user-data-dir={profile}", "--remote-debugging-port=0"]
+        with (folder / "browser.log").open("wb") as log:
+            self._process = subprocess.Popen([*LAST, BROWSER, *options, "about:blank"], stdout=log, stderr=log)
+        self._numbers = itertools.count(1)
+        port_file = profile / "DevToolsActivePort"
+        self._until(lambda: port_file.is_file() and len(port_file.read_text().splitlines()) == 2)
+        port, path = port_file.read_text(encoding="utf-8").splitlines()
+        self._socket = connect(f"ws://127.0.0.1:{port}{path}", max_size=None)
+        self._session = ""
+        targets = self._call("Target.getTargets")["targetInfos"]
+        page = next(target["targetId"] for target in targets if target["type"] == "page")
+        self._session = self._call("Target.attachToTarget", targetId=page, flatten=True)["sessionId"]
+        self._call("Page.navigate", url=url)
+
+    def _until(self, condition: Callable[[], Any], timeout_s: float = WAIT_S) -> None:
+        end = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < end, "the browser does not answer"
+            time.sleep(0.05)
+
+    def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
+        number = next(self._numbers)
+        message = {"id": number, "method": method, "params": parameters}
+        self._socket.send(json.dumps(message | ({"sessionId": self._session} if self._session else {})))
+        while True:
+            answer = json.loads(self._socket.recv(timeout=WAIT_S))
+            if answer.get("id") == number:
+                assert "error" not in answer, answer
+                result: dict[str, Any] = answer["result"]
+                return result
+
+    def run(self, script: str) -> Any:
+        """The value of a JavaScript expression in the page."""
+        answer = self._call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in answer, answer
+        return answer["result"].get("value")
+
+    def text(self) -> str:
+        """What the page shows."""
+        return str(self.run("document.body?.innerText ?? ''"))
+
+    def until(self, script: str, timeout_s: float = WAIT_S) -> None:
+        """Wait until a JavaScript expression is true."""
+        end = time.monotonic() + timeout_s
+        while not self.run(f"Boolean({script})"):
+            assert time.monotonic() < end, f"{script} within {timeout_s} s; the page shows:\n{self.text()}"
+            time.sleep(0.05)
+
+    def until_shown(self, text: str, timeout_s: float = WAIT_S) -> None:
+        """Wait until the page shows a text."""
+        self.until(f"(document.body?.innerText ?? '').includes({json.dumps(text)})", timeout_s)
+
+    def click(self, label: str) -> None:
+        """Click the first button whose text begins with the label."""
+        find = f"[...document.querySelectorAll('button')].find(b => b.innerText.startsWith({json.dumps(label)}))"
+        self.until(find)
+        self.run(f"{find}.click()")
+
+    def press(self, slider: str, key: str, times: int = 1) -> None:
+        """Press a key on the slider with this label: Home, End, ArrowLeft or ArrowRight."""
+        find = f"[...document.querySelectorAll('label')].find(l => l.innerText === {json.dumps(slider)})"
+        self.run(
+            f"(() => {{ let row = {find};"
+            " while (!row.querySelector('[role=slider]')) row = row.parentElement;"
+            " row.querySelector('[role=slider]').focus(); })()"
+        )
+        for _ in range(times):
+            for kind in ("keyDown", "keyUp"):
+                self._call("Input.dispatchKeyEvent", type=kind, key=key, code=key)
+
+    def scene(self) -> bytes:
+        """The picture of the 3-D scene alone, as PNG."""
+        box = self.run("(r => [r.x, r.y, r.width, r.height])(document.querySelector('canvas').getBoundingClientRect())")
+        panel = self.run("document.querySelector('button').getBoundingClientRect().x")
+        clip = {"x": box[0], "y": box[1], "width": min(box[2], panel), "height": box[3], "scale": 1}
+        return base64.b64decode(self._call("Page.captureScreenshot", format="png", clip=clip)["data"])
+
+    def picture(self) -> bytes:
+        """The page as PNG."""
+        return base64.b64decode(self._call("Page.captureScreenshot", format="png")["data"])
+
+    def close(self) -> None:
+        """End the browser."""
+        self._socket.close()
+        self._process.terminate()
+        self._process.wait(timeout=20)
