@@ -12,9 +12,10 @@ from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
 from hand_msgs.action import Grasp
-from hand_msgs.msg import ContactForces, ControllerState, JointPressures
+from hand_msgs.msg import ContactForces, ControllerState, JointPressures, ValveCommand
 from rclpy.action import ActionClient
 from rclpy.experimental import EventsExecutor
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
@@ -23,6 +24,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from hand_client.live_state import ERROR, LiveState
+from hand_client.samples import Samples
 from hand_ros.node import QUEUED_QOS, SENSOR_QOS
 
 RUNNING_S = 5.0
@@ -32,6 +34,8 @@ STARTING_S = 15.0
 ANSWER_S = 5.0
 CANCEL_S = 2.0
 TICK_S = 0.02
+STREAM_QOS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Of topics of which every message counts: the program may not receive for 0.1 s."""
 
 
 class NoHandError(RuntimeError):
@@ -51,13 +55,14 @@ class HandClient:
         self._check, self._ended = check, False
         self.namespace = f"/{namespace.strip('/')}"
         self.state = LiveState()
+        self.samples: Samples | None = None
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node(name, namespace=self.namespace)
         self._executor = EventsExecutor()
         self._executor.add_node(self._node)
         node = self._node
-        node.create_subscription(JointState, "joint_states", self._on_joints, SENSOR_QOS)
-        node.create_subscription(JointPressures, "pressures", self._on_pressures, SENSOR_QOS)
+        node.create_subscription(JointState, "joint_states", self._on_joints, STREAM_QOS)
+        node.create_subscription(JointPressures, "pressures", self._on_pressures, STREAM_QOS)
         node.create_subscription(ContactForces, "contact_forces", self._on_forces, SENSOR_QOS)
         node.create_subscription(ControllerState, "controller_state", self._on_state, SENSOR_QOS)
         node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, QUEUED_QOS)
@@ -119,6 +124,11 @@ class HandClient:
             time_from_start=Duration(sec=seconds, nanosec=round((duration_s - seconds) * 1e9)),
         )
         self._trajectories.publish(JointTrajectory(joint_names=list(angle_rad), points=[point]))
+
+    def collect(self, joints: Sequence[str]) -> None:
+        """From now on, keep every frame and the set-points of these joints in `samples`."""
+        self.samples = Samples(tuple(joints))
+        self._node.create_subscription(ValveCommand, "valve_command", self._on_command, STREAM_QOS)
 
     def command(self, angle_rad: Mapping[str, float], max_torque_nm: float = 0.0) -> None:
         """Send wanted angles [rad] of some joints, which the controller approaches at its own speed.
@@ -212,12 +222,20 @@ class HandClient:
         return future.result()
 
     def _on_joints(self, message: JointState) -> None:
-        stamp = message.header.stamp
-        stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+        stamp_ns = _ns(message.header.stamp)
         self.state.frame(message.name, message.position, stamp_ns, self._node.get_clock().now().nanoseconds)
+        if self.samples is not None:
+            self.samples.angles(stamp_ns, message.name, message.position)
 
     def _on_pressures(self, message: JointPressures) -> None:
         self.state.take("pressure", message.name, message.pressure)
+        if self.samples is not None:
+            self.samples.pressures(_ns(message.header.stamp), message.name, message.pressure)
+
+    def _on_command(self, message: ValveCommand) -> None:
+        if self.samples is not None:
+            lifetime_ns = _ns(message.lifetime)
+            self.samples.command(_ns(message.header.stamp), lifetime_ns, message.name, message.pressure)
 
     def _on_forces(self, message: ContactForces) -> None:
         self.state.take("force", message.name, message.force)
@@ -231,3 +249,8 @@ class HandClient:
         for status in message.status:
             if status.name.startswith(start):
                 self.state.statuses[status.name.removeprefix(start)] = (status.level[0], status.message)
+
+
+def _ns(time: Any) -> int:
+    """Nanoseconds of a Time or a Duration."""
+    return int(time.sec) * 1_000_000_000 + int(time.nanosec)

@@ -15,10 +15,13 @@ _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z i
 _BOX = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
 
 
-def mesh(shape: Shape) -> tuple[Array, Triangles]:
-    """Vertices (n, 3) [m] in the frame of the link, and faces (m, 3), counter-clockwise from outside."""
+def mesh(shape: Shape, scale: float = 1.0) -> tuple[Array, Triangles]:
+    """Vertices (n, 3) [m] in the frame of the link, and faces (m, 3), counter-clockwise from outside.
+
+    scale: factor of the size about the middle of the shape [-].
+    """
     vertices, faces = _box(shape.size_m) if shape.kind == "box" else _capsule(*shape.size_m)
-    return vertices @ shape.pose[:3, :3].T + shape.pose[:3, 3], faces
+    return scale * vertices @ shape.pose[:3, :3].T + shape.pose[:3, 3], faces
 
 
 def _box(size_m: tuple[float, ...]) -> tuple[Array, Triangles]:

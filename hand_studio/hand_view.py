@@ -16,6 +16,8 @@ Color = tuple[int, int, int]
 PALM, LINK, PRESSED = (120, 128, 140), (196, 201, 208), (213, 94, 0)
 UPRIGHT = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """The frame of the palm in the scene: fingers up, the inner side of the hand to the viewer."""
+GHOST_SCALE, GHOST_OPACITY = 0.93, 0.6
+"""A ghost is smaller, so that a measured hand in the same pose hides it."""
 STILL_RAD = 4e-3
 """Smaller motions, as those by noise, are not drawn: without a graphics card a browser takes a core to draw."""
 SMALLEST_N, LARGEST_N = 0.1, 5.0
@@ -25,10 +27,8 @@ SMALLEST_N, LARGEST_N = 0.1, 5.0
 class HandView:
     """Meshes of all links of a hand, below a name of the scene."""
 
-    def __init__(
-        self, scene: viser.SceneApi, hand: Hand, name: str, *, color: Color | None = None, opacity: float | None = None
-    ) -> None:
-        """Draw the hand at angle 0. color: of all links instead of palm and phalanges.  opacity: 0 ... 1 [-].
+    def __init__(self, scene: viser.SceneApi, hand: Hand, name: str, *, ghost: Color | None = None) -> None:
+        """Draw the hand at angle 0. ghost: colour of a transparent hand, which is seen only where it is elsewhere.
 
         Raises ValueError, one line, for a hand without geometry.
         """
@@ -38,8 +38,8 @@ class HandView:
         self._colors: dict[str, Color] = {}
         self.root = scene.add_frame(name, show_axes=False, wxyz=quaternion(UPRIGHT))
         for link in self._geometry.links:
-            own = color or (PALM if link.joint < 0 else LINK)
-            self._meshes[link.name] = _meshes(scene, f"{name}/{link.name}", link, own, opacity)
+            own = ghost or (PALM if link.joint < 0 else LINK)
+            self._meshes[link.name] = _meshes(scene, f"{name}/{link.name}", link, own, ghost is not None)
             self._colors[link.name] = own
         self._pads = {
             frame.name: scene.add_icosphere(f"{name}/{frame.name}", 1.0, PRESSED, subdivisions=2, visible=False)
@@ -81,21 +81,19 @@ class HandView:
                     handle.color = wanted
 
 
-def _meshes(
-    scene: viser.SceneApi, name: str, link: Link, color: Color, opacity: float | None
-) -> list[viser.MeshHandle]:
+def _meshes(scene: viser.SceneApi, name: str, link: Link, color: Color, ghost: bool) -> list[viser.MeshHandle]:
     handles = []
     for number, shape in enumerate(link.shapes):
-        vertices, faces = mesh(shape)
+        vertices, faces = mesh(shape, GHOST_SCALE if ghost else 1.0)
         handles.append(
             scene.add_mesh_simple(
                 f"{name}/{number}",
                 vertices.astype(np.float32),
                 faces,
                 color=color,
-                opacity=opacity,
+                opacity=GHOST_OPACITY if ghost else None,
                 flat_shading=shape.kind == "box",
-                cast_shadow=opacity is None,
+                cast_shadow=False,
             )
         )
     return handles

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Mapping
 from typing import Protocol
@@ -10,15 +11,24 @@ import numpy as np
 
 from hand_client.node import HandClient, NoHandError
 from hand_model.description import Hand
+from hand_model.kernel.closed_loop import loops
+from hand_model.kernel.open_loop import OPEN_EFFECTS
 from hand_studio.hand_view import HandView
 from hand_studio.inbox import Inbox, Request
+from hand_studio.live_model import LiveModel
 from hand_studio.page import Page
 from hand_studio.panel import Panel
+from hand_studio.tint import tints
 
 FRAME_S = 0.04
 """Period of the pictures."""
 VALUES_S = 0.25
 """Period of the values in the panel."""
+CURVES_S = 0.1
+"""Period of the curves."""
+DELAY_NS = 40_000_000
+"""Age from which everything that belongs to a frame has been received."""
+GHOST = (0, 114, 178)
 RECORDER = "recorder"
 """Name of the node that records."""
 UNTOUCHED_S = 1.0
@@ -46,9 +56,15 @@ class LivePage:
         """Add the hand and its panel to the page. Raises ValueError, one line, for a hand without geometry."""
         self._client, self._hand, self._inbox = client, hand, inbox
         self._view = HandView(page.server.scene, hand, "/hand")
+        self._ghost = HandView(page.server.scene, hand, "/model", ghost=GHOST)
+        self._ghost.root.visible = False
+        self._model = LiveModel(hand)
+        self._compiled = threading.Event()
+        threading.Thread(target=self._compile, daemon=True, name="compile the model").start()
+        client.collect(hand.joints)
         self._panel = Panel(page, hand, sorted(grasps), inbox)
         self._note, self._recording, self._starting = "", False, ""
-        self._shown_s = self._values_s = self._touched_s = 0.0
+        self._shown_s = self._values_s = self._curves_s = self._touched_s = 0.0
         self._targets: dict[str, float] = {}
 
     def run(self, recorder: Recorder, healthy: Callable[[], None]) -> None:
@@ -66,6 +82,10 @@ class LivePage:
             if self._recording:
                 recorder.stop()
 
+    def _compile(self) -> None:
+        loops(OPEN_EFFECTS)  # seconds where it was never done on this machine
+        self._compiled.set()
+
     def check(self) -> None:
         """Send an emergency stop at once, whatever the thread waits for; called after every wait of the client."""
         if self._inbox.stop.is_set():
@@ -81,13 +101,33 @@ class LivePage:
         angles = state.values.get("position", {})
         self._view.pose(np.array([angles.get(joint, np.nan) for joint in self._hand.joints]))
         self._view.press(state.values.get("force", {}))
+        self._compare()
         if now - self._values_s >= VALUES_S:
             self._values_s = now
             if self._starting and RECORDER in self._client.others():
                 self._note, self._starting = f"recording to {self._starting}", ""
-            self._panel.show(state, self._note)
+            self._panel.show(state, self._note, self._model.mismatch)
             if now - self._touched_s > UNTOUCHED_S:
                 self._panel.follow(state.values.get("reference", {}))
+
+    def _compare(self) -> None:
+        """Advance the model, and show it as the ghost, in the curves and as the tint of the joints."""
+        samples = self._client.samples
+        if samples is None or not self._compiled.is_set():
+            return
+        self._model.add(samples.take(time.time_ns() - DELAY_NS))
+        parameters = self._panel.what_if.take()
+        if parameters is not None:
+            self._model.change(parameters)
+        ghost = self._model.ghost_rad
+        if ghost is None:
+            return
+        self._ghost.root.visible = True
+        self._ghost.pose(ghost)
+        self._view.tint(tints(self._model.mismatch))
+        if parameters is not None or time.monotonic() - self._curves_s >= CURVES_S:
+            self._curves_s = time.monotonic()
+            self._panel.curves.show(*self._model.curves(self._panel.curves.joint))
 
     def _move(self) -> None:
         angles = self._inbox.angles()
@@ -108,6 +148,9 @@ class LivePage:
                     return self._client.enable(reset=True)[1]
                 case "vent":
                     return self._client.vent()[1]
+                case "restart":
+                    self._model.restart()
+                    return ""
                 case "grasp":
                     return self._grasp(request.what, healthy)
                 case _:

@@ -11,15 +11,18 @@ import numpy as np
 import viser
 
 from hand_client.live_state import LiveState
+from hand_model.arrays import Array
 from hand_model.description import Hand
+from hand_studio.curves import Curves
 from hand_studio.inbox import Inbox
 from hand_studio.page import Page
+from hand_studio.what_if import WhatIf
 
 READ_ONLY = (
     "This page only shows the hand. It can be driven from the machine that runs the studio, or with --allow-others."
 )
 SMALLEST_NM = 0.01
-COLUMNS = ("joint", "angle deg", "pressure bar", "torque N m", "contact")
+COLUMNS = ("joint", "angle deg", "pressure bar", "torque N m", "mismatch / noise", "contact")
 
 
 class Panel:
@@ -32,17 +35,25 @@ class Panel:
         self._status = gui.add_html(_status("looking for the hand", "", False))
         self._button("Emergency stop", "stop", color="red")
         self._record = self._button("Record", "record")
-        with gui.add_folder("Drive"):
-            self._button("Enable", "enable")
-            self._button("Vent", "vent")
-            largest = float(hand.limits.max_torque_nm.min())
-            self._torque = gui.add_slider("torque limit N m", SMALLEST_NM, largest, 0.005, largest)
-            choice = gui.add_button_group("grasp", list(grasps))
-            choice.on_click(self._allowed(lambda event: inbox.ask("grasp", event.target.value)))
-        with gui.add_folder("Joints, degrees"):
-            self._sliders: list[Any] = [self._slider(gui, index) for index in range(len(hand.joints))]
-        with gui.add_folder("Values"):
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Drive"):
+            self._add_drive(gui, grasps)
+        with tabs.add_tab("Model"):
+            self.curves = Curves(gui, hand.joints, ("measured", "model"))
+            self._button("Start the model again", "restart")
+            self.what_if = WhatIf(gui, hand, hand.parameters, self._allowed)
+        with tabs.add_tab("Values"):
             self._values = gui.add_html("")
+
+    def _add_drive(self, gui: viser.GuiApi, grasps: Sequence[str]) -> None:
+        self._button("Enable", "enable")
+        self._button("Vent", "vent")
+        largest = float(self._hand.limits.max_torque_nm.min())
+        self._torque = gui.add_slider("torque limit N m", SMALLEST_NM, largest, 0.005, largest)
+        choice = gui.add_button_group("grasp", list(grasps))
+        choice.on_click(self._allowed(lambda event: self._inbox.ask("grasp", event.target.value)))
+        with gui.add_folder("Joints, degrees"):
+            self._sliders: list[Any] = [self._slider(gui, index) for index in range(len(self._hand.joints))]
 
     @property
     def max_torque_nm(self) -> float:
@@ -50,12 +61,12 @@ class Panel:
         value = float(self._torque.value)
         return 0.0 if value >= float(self._hand.limits.max_torque_nm.min()) - 1e-9 else value
 
-    def show(self, state: LiveState, note: str) -> None:
-        """Show values and safety of the hand, and a line about the last request."""
+    def show(self, state: LiveState, note: str, mismatch: Array) -> None:
+        """Show values and safety of the hand, a line about the last request, and the mismatch (joints,) [-]."""
         rate = f"{state.rate_hz:.0f} Hz, latency {1e3 * state.latency_s:.1f} ms" if state.joints else ""
         problems = "; ".join(state.problems)
         self._status.content = _status(problems or state.safety or "looking for the hand", rate, bool(problems), note)
-        self._values.content = _table(state)
+        self._values.content = _table(state, dict(zip(self._hand.joints, mismatch.tolist(), strict=True)))
 
     def follow(self, reference_rad: dict[str, float]) -> None:
         """Move the sliders to where the controller leads the joints, by name [rad]."""
@@ -106,13 +117,13 @@ def _status(text: str, rate: str, problem: bool, note: str = "") -> str:
     return f'<div style="padding:0.4em 0.8em">{"".join(lines)}<div id="note">{escape(note)}</div></div>'
 
 
-def _table(state: LiveState) -> str:
-    """Values of every joint and the forces as an HTML table."""
+def _table(state: LiveState, mismatch: dict[str, float]) -> str:
+    """Values of every joint as an HTML table."""
     rows = [f"<tr>{''.join(f'<th>{name}</th>' for name in COLUMNS)}</tr>"]
     for joint, row in state.as_json()["joints"].items():
         cells = [(row["angle_rad"], 180.0 / math.pi, 1), (row["pressure_pa"], 1e-5, 2), (row["torque_nm"], 1.0, 3)]
         texts = ["-" if value is None else f"{value * factor:.{digits}f}" for value, factor, digits in cells]
-        texts.append("yes" if row["contact"] else "")
+        texts += [f"{abs(mismatch.get(joint, 0.0)):.0f}", "yes" if row["contact"] else ""]
         rows.append(f"<tr><td>{escape(joint)}</td>{''.join(f'<td>{text}</td>' for text in texts)}</tr>")
     style = "width:100%;font-size:0.8em;text-align:right;font-variant-numeric:tabular-nums"
     return f'<table style="{style}">{"".join(rows)}</table>'

@@ -83,10 +83,14 @@ class Browser:
         self.until(f"(document.body?.innerText ?? '').includes({json.dumps(text)})", timeout_s)
 
     def click(self, label: str) -> None:
-        """Click the first button whose text begins with the label."""
-        find = f"[...document.querySelectorAll('button')].find(b => b.innerText.startsWith({json.dumps(label)}))"
+        """Click the first button or tab whose text begins with the label."""
+        every = "[...document.querySelectorAll('button, [role=tab]')]"
+        find = f"{every}.find(b => b.innerText.startsWith({json.dumps(label)}))"
         self.until(find)
-        self.run(f"{find}.click()")
+        self.run(f"{find}.scrollIntoView({{block: 'nearest'}})")
+        x, y = self.run(f"(r => [r.x + r.width / 2, r.y + r.height / 2])({find}.getBoundingClientRect())")
+        for kind in ("mousePressed", "mouseReleased"):
+            self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
     def press(self, slider: str, key: str, times: int = 1) -> None:
         """Press a key on the slider with this label: Home, End, ArrowLeft or ArrowRight."""
@@ -100,12 +104,17 @@ class Browser:
             for kind in ("keyDown", "keyUp"):
                 self._call("Input.dispatchKeyEvent", type=kind, key=key, code=key)
 
-    def scene(self) -> bytes:
-        """The picture of the 3-D scene alone, as PNG."""
-        box = self.run("(r => [r.x, r.y, r.width, r.height])(document.querySelector('canvas').getBoundingClientRect())")
-        panel = self.run("document.querySelector('button').getBoundingClientRect().x")
-        clip = {"x": box[0], "y": box[1], "width": min(box[2], panel), "height": box[3], "scale": 1}
+    def element(self, selector: str) -> bytes:
+        """The picture of the first element that a CSS selector finds, as PNG."""
+        self.until(f"document.querySelector({json.dumps(selector)})")
+        find = f"document.querySelector({json.dumps(selector)})"
+        box = self.run(f"(r => [r.x, r.y, r.width, r.height])({find}.getBoundingClientRect())")
+        clip = dict(zip(("x", "y", "width", "height"), box, strict=True)) | {"scale": 1}
         return base64.b64decode(self._call("Page.captureScreenshot", format="png", clip=clip)["data"])
+
+    def scene(self) -> bytes:
+        """The picture of the 3-D scene, as PNG."""
+        return self.element("canvas")
 
     def picture(self) -> bytes:
         """The page as PNG."""

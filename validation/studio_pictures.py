@@ -34,7 +34,7 @@ def main() -> None:
 
 
 def live(folder: Path, out: Path) -> None:
-    """The page of a simulated hand that holds the tripod grasp."""
+    """The page of a simulated hand that holds the tripod grasp, and next to it a model with a load on every joint."""
     command = [sys.executable, "-m", "hand_tool", "studio", "--sim", "--no-browser", "--json", "--out", str(folder)]
     environment = os.environ | {"ROS_HOME": str(folder)}
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
@@ -43,16 +43,38 @@ def live(folder: Path, out: Path) -> None:
     try:
         page.until_shown("Hz, latency")
         page.run("document.querySelectorAll('.mantine-Notification-closeButton').forEach(b => b.click())")
-        while "tripod: " not in page.text() or "vented" in page.text():  # a busy machine vents the hand
-            page.click("Enable")
-            time.sleep(2.0)
-            page.click("tripod")
-            time.sleep(MOTION_S)
+        _grasp(page)
         out.write_bytes(page.picture())
+        page.click("Model")
+        page.press("torque_nm", "End")
+        time.sleep(1.0)
+        picture = page.picture()
+        while _vented(page):
+            page.click("Drive")
+            _grasp(page)
+            page.click("Model")
+            time.sleep(1.0)
+            picture = page.picture()
+        out.with_name("studio_model.png").write_bytes(picture)
     finally:
         page.close()
         process.send_signal(signal.SIGINT)
         process.wait(timeout=30)
+
+
+def _vented(page: Browser) -> bool:
+    return "vented" in page.text()
+
+
+def _grasp(page: Browser) -> None:
+    """Hold the tripod grasp; a busy machine vents the hand, which then begins again."""
+    done = False
+    while not done:
+        page.click("Enable")
+        time.sleep(2.0)
+        page.click("tripod")
+        time.sleep(MOTION_S)
+        done = "tripod: " in page.text() and not _vented(page)
 
 
 if __name__ == "__main__":

@@ -13,12 +13,13 @@ from hand_model.kernel.open_loop import OPEN_EFFECTS, compile_loop
 
 
 def main() -> None:
-    """Compile the plain plant's closed loop and the open loop of the fits."""
+    """Compile the closed loops of the plain plant and of the studio, and the open loop of the fits."""
     argparse.ArgumentParser(
         prog="python -m hand_model.kernel",
         description="Compile the common loops of the kernel into the cache. Example: python -m hand_model.kernel",
     ).parse_args()
     loops(())
+    loops(OPEN_EFFECTS)
     compile_loop(OPEN_EFFECTS)
 
 

@@ -290,6 +290,11 @@ class ClosedLoop:
         rows = self._map.gather(self._work[:, X : X + STATES])
         return np.ascontiguousarray(rows.reshape(STATES, self._hands, self._joints).transpose(1, 0, 2))
 
+    def shift(self, change: Array) -> None:
+        """Add a change (hands, STATES, joints) to the true state; the memory of the effects stays."""
+        rows = self._map.scatter(_side_by_side(change), np.zeros(STATES))
+        self._work[:, X : X + STATES] += rows
+
     def hold_history(self, pressure_pa: Array) -> None:
         """Fill the dead-time memory as if pressure_pa (hands, joints) had been commanded for long."""
         self._history[:] = self._lanes(pressure_pa[:, None])[:, :1]
