@@ -40,10 +40,13 @@ class Checked:
 
 
 def check(signals: Signals, model: JointModel) -> Checked:
-    """Check one recording, (T, joints), before it is diagnosed; the ranges of a hand do not apply to a machine."""
+    """Check one recording, (T, joints), before it is diagnosed.
+
+    That of another machine was checked when it was read (hand_machine/reading.py): the ranges of a hand do not apply.
+    """
     lines, unusable = [], set[str]()
     if signals.machine:
-        return Checked(signals, tuple(f"{signals.name}: {line}" for line in _gaps(signals)), frozenset())
+        return Checked(signals, (), frozenset())
     for joint, line in (*_missing(signals), *_units(signals, model), *_swapped(signals)):
         lines.append(f"{signals.name}: {line}; excluded")
         unusable.add(joint)

@@ -19,10 +19,11 @@ LARGEST, SMALLEST_GAIN = 1e12, 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column of the recordings and the factor that turns it into SI."""
+    """A column of the recordings and the factor that turns it into SI. scale_given: whether the file states it."""
 
     name: str
     scale: float
+    scale_given: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,5 +76,6 @@ def _columns(top: Section, imposed: bool) -> dict[str, Column]:
     columns = {}
     for name in wanted:
         part = section.section(name, ("column", "scale"))
-        columns[name] = Column(part.raw("column", "the name of a column"), part.number("scale", -LARGEST, LARGEST, 1.0))
+        own = part.raw("column", "the name of a column")
+        columns[name] = Column(str(own), part.number("scale", -LARGEST, LARGEST, 1.0), "scale" in part)
     return columns

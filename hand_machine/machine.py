@@ -12,27 +12,22 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
+from hand_machine.balance import balance, check_plausible
 from hand_machine.description import MachineDescription, load_description
+from hand_machine.reading import Readings, read_machine
 from hand_machine.wording import AXIS, wording_of
 from hand_model.arrays import Array
 from hand_model.kernel.rows import DEGREE, JOINT_PARAMETERS, ROW
 from hand_model.quantities import Wording
 from hand_model.yaml_document import yaml_text
-from hand_recording.interpolation import bridge
-from hand_recording.recording_files import RecordingError
-from hand_recording.signal_files import uniform_clock
 from hand_recording.signals import Signals
-from hand_recording.table_file import read_table
 
 TORQUE, TRAVEL, INPUT, FORCE = 0.5, 1.5, 4e5, 10.0
 """Sizes in a finger: torque [N m], travel [rad], input [Pa], force at the pad [N]."""
 LEVER_M = TORQUE / FORCE
 EFFECT_SHARE = 0.1
 """Share of the torque of a finger that effects may have."""
-SMOOTHED_S = 0.05
-"""Half the window over which positions are differentiated, to see what force the nominal model lacks."""
 LACKING_QUANTILE = 0.99
 LEAST_DAMPING, LEAST_STIFFNESS, LEAST_INERTIA = 1e-4, 1e-6, 1e-9
 """Of a finger [N m s/rad, N m/rad, kg m^2], where the file gives none: too small to see, enough to start a fit from."""
@@ -89,12 +84,14 @@ class Machine:
 
 
 def load_machine(path: Path, recordings: Sequence[Path]) -> Machine:
-    """Read a machine's description and recordings (CSV, Parquet or NPZ).
+    """Read a machine's description and recordings (CSV, Parquet, NPZ or MAT).
 
     Raises DescriptionError or RecordingError, one line, for what cannot be used.
     """
     described = load_description(path)
-    tables = [_read(described, recording) for recording in recordings]
+    tables = [read_machine(described, recording) for recording in recordings]
+    for recording, table in zip(recordings, tables, strict=True):
+        check_plausible(described, recording, table)
     scales = _scales(described, tables)
     wording = wording_of(
         described.linear,
@@ -108,36 +105,11 @@ def load_machine(path: Path, recordings: Sequence[Path]) -> Machine:
     return Machine(described.name, _model(described, scales), signals, wording)
 
 
-def _read(described: MachineDescription, recording: Path) -> dict[str, Array]:
-    """Columns (T,) on a uniform clock, SI: time, input, position, force (where the motion is imposed)."""
-    columns = read_table(recording).numbers
-    data = {}
-    for name, column in described.columns.items():
-        if column.name not in columns:
-            raise RecordingError(f"{recording} has no column {column.name!r}; it has: {', '.join(columns)}")
-        data[name] = column.scale * columns[column.name]
-    kept, grid = uniform_clock(recording, data["time"])
-    time_s = data["time"][kept]
-    names = [name for name in described.columns if name != "time"]
-    known = {name: _interpolated(recording, name, grid, time_s, data[name][kept]) for name in names}
-    return {"time": grid, "input": np.zeros(len(grid))} | known
-
-
-def _interpolated(recording: Path, name: str, grid: Array, time_s: Array, values: Array) -> Array:
-    """Values (n,) at times (n,) [s], on the grid (T,) [s]; values that are not finite are bridged."""
-    finite = np.isfinite(values)
-    if not finite.any():
-        raise RecordingError(f"{recording}: {name} holds no finite number")
-    if name == "position" and np.ptp(values[finite]) == 0.0:
-        raise RecordingError(f"{recording}: position is constant at {values[finite][0]:g}; the axis must move")
-    return np.asarray(np.interp(grid, time_s[finite], values[finite]), dtype=np.float64)
-
-
-def _scales(described: MachineDescription, tables: Sequence[dict[str, Array]]) -> Scales:
-    travel = max(float(np.ptp(np.concatenate([table["position"] for table in tables]))), 1e-12)
+def _scales(described: MachineDescription, tables: Sequence[Readings]) -> Scales:
+    travel = max(float(np.ptp(np.concatenate([table.signals["position"] for table in tables]))), 1e-12)
     # An angle stays an angle: gravity and harmonic errors are sines of it.
     per_angle = travel / TRAVEL if described.linear else 1.0
-    largest = float(np.abs(np.concatenate([table["input"] for table in tables])).max())
+    largest = float(np.abs(np.concatenate([table.signals["input"] for table in tables])).max())
     lacking = max(_lacking(described, table) for table in tables)
     per_torque = max(described.gain * largest / TORQUE, lacking / (EFFECT_SHARE * TORQUE), 1e-12)
     # An input at rest still has a usual gain.
@@ -145,16 +117,14 @@ def _scales(described: MachineDescription, tables: Sequence[dict[str, Array]]) -
     return Scales(per_torque, per_angle, per_input)
 
 
-def _lacking(described: MachineDescription, table: dict[str, Array]) -> float:
+def _lacking(described: MachineDescription, table: Readings) -> float:
     """Largest force [N] or torque [N m] that the nominal model lacks, by its balance over the recorded motion."""
-    period = float(np.median(np.diff(table["time"])))
-    window = min(2 * round(SMOOTHED_S / period) + 1, (len(table["time"]) - 1) // 2 * 2 + 1)
-    if window < 5:
+    forces = balance(described, table)
+    if forces is None or not table.known.any():
         return 0.0
-    x, v, a = (savgol_filter(table["position"], window, 3, deriv=k, delta=period) for k in range(3))
-    passive = described.stiffness * x + described.damping * v + described.inertia * a + described.weight * np.sin(x)
-    lacking = described.gain * table["input"] - passive - table.get("force", 0.0)
-    return float(np.quantile(np.abs(lacking), LACKING_QUANTILE))
+    driving, passive = forces
+    lacking = driving - passive - table.signals.get("force", np.zeros(len(passive)))
+    return float(np.quantile(np.abs(lacking[table.known]), LACKING_QUANTILE))
 
 
 def _model(described: MachineDescription, scales: Scales) -> AxisModel:
@@ -172,16 +142,26 @@ def _model(described: MachineDescription, scales: Scales) -> AxisModel:
     return AxisModel(described.path, described.name, (AXIS,), parameters[:, None], np.array([-1]))
 
 
-def _signals(recording: Path, table: dict[str, Array], imposed: bool, scales: Scales) -> Signals:
-    drive, known = bridge(table["input"][:, None] / scales.input)
+def _signals(recording: Path, table: Readings, imposed: bool, scales: Scales) -> Signals:
+    drive = table.signals["input"][:, None] / scales.input
     force = np.full_like(drive, np.nan)
     if imposed:
-        force = table["force"][:, None] / scales.torque / LEVER_M
+        force = table.signals["force"][:, None] / scales.torque / LEVER_M
     yes = np.ones(1, dtype=bool)
-    period = float(np.median(np.diff(table["time"])))
-    position = table["position"][:, None] / scales.angle
     return Signals(
-        recording.name, (AXIS,), period, drive, drive, position, force, known, ~yes, yes, driven=imposed, machine=True
+        recording.name,
+        (AXIS,),
+        table.period_s,
+        drive,
+        drive,
+        table.signals["position"][:, None] / scales.angle,
+        force,
+        table.known[:, None],
+        ~yes,
+        yes,
+        notes=table.notes,
+        driven=imposed,
+        machine=True,
     )
 
 

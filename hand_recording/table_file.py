@@ -1,4 +1,4 @@
-"""Tables of numbers: the one reader of CSV, Parquet and NPZ files, and columns by quantity and unit.
+"""Tables of numbers: the one reader of CSV, Parquet, NPZ and MAT files, and columns by quantity and unit.
 
 A column of a rig's table is named quantity_unit. A known unit is converted into the one that is asked for, and angles
 are checked for degrees and radians being mixed up.
@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import csv
 import importlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.io import loadmat
 
 from hand_model.arrays import Array
 from hand_recording.recording_files import RecordingError
+from hand_recording.signals import LONGEST
 
 UNITS: dict[str, dict[str, float]] = {
     "pa": {"pa": 1.0, "kpa": 1e3, "mbar": 1e2, "bar": 1e5, "mpa": 1e6},
@@ -28,8 +30,10 @@ UNITS: dict[str, dict[str, float]] = {
     "ohm": {"ohm": 1.0, "kohm": 1e3},
 }
 """Factors of the units of a quantity, by the unit that the program asks for."""
-TABLES = {".csv", ".parquet", ".pq", ".npz"}
+TABLES = {".csv", ".parquet", ".pq", ".npz", ".mat"}
 """Names of the files that read_table reads end with one of these."""
+CHUNK = 1 << 20
+"""Bytes of a text file that are read at a time to count its lines."""
 
 
 @dataclass(frozen=True)
@@ -62,10 +66,11 @@ class Table:
 
 
 def read_table(path: Path) -> Table:
-    """The columns of a CSV file with a header, a Parquet file or an NPZ archive of vectors of equal length.
+    """The columns of a CSV file with a header, a Parquet or MAT file, or an NPZ archive of vectors of equal length.
 
-    In a CSV file, empty lines and lines that begin with # are left out.  Raises RecordingError, one line, for what
-    cannot be read.
+    In a CSV file, empty lines and lines that begin with # are left out. Of a MAT file (up to version 7.2), the numeric
+    vectors of the largest length are read, also those in structures, named `structure.field`.  Raises RecordingError,
+    one line, for what cannot be read and for more than LONGEST rows.
     """
     try:
         if path.suffix == ".npz":
@@ -73,11 +78,15 @@ def read_table(path: Path) -> Table:
                 columns = {name: np.asarray(archive[name], dtype=np.float64) for name in archive.files}
         elif path.suffix in {".parquet", ".pq"}:
             columns = _parquet(path)
+        elif path.suffix == ".mat":
+            columns = _mat(path)
         else:
             return _csv(path)
     except FileNotFoundError:
         raise RecordingError(f"{path} does not exist") from None
-    except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:
+    except NotImplementedError:  # how scipy refuses version 7.3, which is HDF5
+        raise RecordingError(f"{path} is a MAT file of version 7.3; save it with: save(..., '-v7')") from None
+    except (OSError, UnicodeDecodeError, csv.Error, ValueError, TypeError) as error:
         if isinstance(error, RecordingError):
             raise
         kind = "CSV" if path.suffix == ".csv" else "a table"
@@ -85,7 +94,37 @@ def read_table(path: Path) -> Table:
     lengths = {column.shape for column in columns.values()}
     if len(lengths) != 1 or len(next(iter(lengths))) != 1:
         raise RecordingError(f"{path}: its columns must be vectors of equal length; they are {sorted(lengths)}")
-    return Table(path, dict(columns), range(1, next(iter(lengths))[0] + 1))
+    rows = next(iter(lengths))[0]
+    _check_rows(path, rows)
+    return Table(path, dict(columns), range(1, rows + 1))
+
+
+def _check_rows(path: Path, rows: int) -> None:
+    if rows > LONGEST:
+        raise RecordingError(
+            f"{path} has {rows} rows; the allowed range is up to {LONGEST}; keep every"
+            f" {-(-rows // LONGEST)}th row, or cut it into several recordings"
+        )
+
+
+def _mat(path: Path) -> dict[str, Array]:
+    """The numeric vectors of the largest length, in structures too; other variables are settings."""
+    content = loadmat(path, squeeze_me=True, struct_as_record=False, chars_as_strings=True)
+    columns = dict(_vectors({name: value for name, value in content.items() if not name.startswith("__")}, ""))
+    if not columns:
+        raise RecordingError(f"{path} holds no vectors of numbers")
+    longest = max(map(len, columns.values()))
+    return {name: values for name, values in columns.items() if len(values) == longest}
+
+
+def _vectors(content: dict[str, object], within: str) -> Iterator[tuple[str, Array]]:
+    """The numeric vectors of the variables of a MAT file or of the fields of a structure."""
+    for name, value in content.items():
+        fields = getattr(value, "_fieldnames", None)
+        if fields is not None:
+            yield from _vectors({field: getattr(value, field) for field in fields}, f"{within}{name}.")
+        elif isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "fiub":
+            yield f"{within}{name}", np.asarray(value, dtype=np.float64)
 
 
 def _parquet(path: Path) -> dict[str, Array]:
@@ -107,6 +146,8 @@ def _parquet(path: Path) -> dict[str, Array]:
 
 
 def _csv(path: Path) -> Table:
+    with path.open("rb") as stream:  # counted first: numbers as text take 20 times the memory
+        _check_rows(path, sum(chunk.count(b"\n") for chunk in iter(lambda: stream.read(CHUNK), b"")) - 1)
     with path.open(newline="", encoding="utf-8-sig") as stream:
         reader = csv.reader(stream)
         rows = [(reader.line_num, row) for row in reader if any(map(str.strip, row)) and row[0].lstrip()[:1] != "#"]

@@ -23,12 +23,17 @@ LINES = 15
 def diagnose(
     *,
     recordings: Annotated[list[Path], typer.Argument(help="rosbag2 folders or .mcap/.db3 files, or CSV with --map.")],
-    out: Annotated[Path, typer.Option(help="Folder for report.json, report.html, model.yaml and PNGs.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for report.json, report.html, model.yaml and PNGs. Required.")
+    ] = None,
     model: Model = None,
     mapping: Annotated[
         Path | None, typer.Option("--map", help="YAML that names the columns of a CSV or Parquet.")
     ] = None,
     machine: Annotated[Path | None, typer.Option(help="Another single-axis machine's file instead of a hand.")] = None,
+    suggest_map: Annotated[
+        bool, typer.Option("--suggest-map", help="Print the columns of a machine file for a table, and stop.")
+    ] = False,
     joints: Annotated[str, typer.Option(help="Comma-separated joints. Default: all that move.")] = "",
     tolerance: Annotated[float, typer.Option(help="Expected relative error of the nominal numbers, 0 to 1.")] = 0.05,
     without: Annotated[str, typer.Option(help="Comma-separated effects to leave out of the search.")] = "",
@@ -60,6 +65,11 @@ def diagnose(
 
     Exit codes: 0 done, 2 bad usage or a recording or model that cannot be used.
     """
+    if suggest_map:
+        _suggest_map(recordings)
+        return
+    if out is None:
+        raise typer.BadParameter("a folder for the results is needed", param_hint="--out")
     files = (out / "report.json", out / "report.html", out / "model.yaml")
     fleet = each or jobs > 1 or scheduler is not None
     tls = (tls_ca, tls_cert, tls_key)
@@ -70,6 +80,19 @@ def diagnose(
         check_folder(out)
         chosen = choose_model(machine or model)
         if machine is not None:
+            _refuse_with_machine(
+                {
+                    "--model": model,
+                    "--map": mapping,
+                    "--joints": joints,
+                    "--sensor-curve": sensor_curve,
+                    "--rerun": rerun,
+                    "--each": each,
+                    "--jobs": jobs > 1,
+                    "--scheduler": scheduler,
+                    "--ask": ask,
+                }
+            )
             content = _machine(
                 chosen, recordings, out, tolerance=tolerance, seed=seed, without=_list(without), as_json=as_json
             )
@@ -135,6 +158,21 @@ def _check(
 
 def _print(content: dict[str, Any], out: Path, as_json: bool, ask: bool) -> None:
     print(json.dumps(content) if as_json else "\n".join(_summary(content, out, ask)))
+
+
+def _refuse_with_machine(given: dict[str, object]) -> None:
+    """Refuse options that have no part in the diagnosis of another machine. given: values by option, false if not."""
+    wrong = [option for option, value in given.items() if value or (option == "--sensor-curve" and value is False)]
+    if wrong:
+        raise ValueError(f"{', '.join(wrong)} cannot be used with --machine")
+
+
+def _suggest_map(recordings: list[Path]) -> None:
+    """Print the section `columns` of a machine file, proposed from the first recording."""
+    from hand_machine.suggestion import suggest_map
+
+    with running("diagnose"):
+        print(suggest_map(recordings[0]), end="")
 
 
 def _machine(
