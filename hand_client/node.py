@@ -145,6 +145,11 @@ class HandClient:
             names.remove(self._node.get_name())  # one of them is this client; there may be another of the same name
         return names
 
+    def listens(self, name: str) -> bool:
+        """Whether a node of this name receives joint_states, as far as it is known yet."""
+        found = self._node.get_subscriptions_info_by_topic(f"{self.namespace}/joint_states")
+        return any((info.node_namespace, info.node_name) == (self.namespace, name) for info in found)
+
     def hold(self, joints: Sequence[str]) -> None:
         """End the motion of some joints where they are, and wait until that is sent: at most CANCEL_S."""
         self._trajectories.publish(JointTrajectory(joint_names=list(joints)))

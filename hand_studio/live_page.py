@@ -104,7 +104,7 @@ class LivePage:
         self._compare()
         if now - self._values_s >= VALUES_S:
             self._values_s = now
-            if self._starting and RECORDER in self._client.others():
+            if self._starting and self._client.listens(RECORDER):
                 self._note, self._starting = f"recording to {self._starting}", ""
             self._panel.show(state, self._note, self._model.mismatch)
             if now - self._touched_s > UNTOUCHED_S:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import logging
 import socket
 from collections.abc import Mapping
 from contextlib import redirect_stdout
@@ -29,6 +30,8 @@ class Page:
         """
         check_address(listen, port)
         self._listen, self._allow_others = listen, allow_others
+        # A browser opens connections that it does not use; each would be logged with a traceback.
+        logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
         with redirect_stdout(StringIO()):  # it prints addresses even where it is asked to be quiet
             self.server = viser.ViserServer(host=listen, port=port, verbose=False)
         self.port = self.server.get_port()

@@ -1,7 +1,8 @@
-"""`hand studio`: a hand in the browser, live."""
+"""`hand studio`: a hand in the browser, live or from a recording."""
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import signal
@@ -24,6 +25,7 @@ from hand_tool.node_commands import Link, node_commands
 from hand_tool.options import AsJson, Model, Quiet, Verbose
 from hand_tool.paths import check_folder
 from hand_tool.processes import ProcessError, Processes
+from hand_tool.studio_replay import replay
 
 if TYPE_CHECKING:
     from hand_client.node import HandClient
@@ -38,6 +40,10 @@ CLIENT = "hand_studio"
 
 def studio(
     *,
+    recording: Annotated[Path | None, typer.Argument(help="Replay this recording. Default: a running hand.")] = None,
+    after: Annotated[
+        Path | None, typer.Option(help="With a recording: the found model, as OUT or OUT/model.yaml of hand diagnose.")
+    ] = None,
     sim: Annotated[bool, typer.Option("--sim", help="Start a simulated hand.")] = False,
     serial: Annotated[str, typer.Option(help="Start the hand at this serial port, such as /dev/ttyUSB0.")] = "",
     can: Annotated[str, typer.Option(help="Start the hand at this CAN channel, such as can0.")] = "",
@@ -58,25 +64,34 @@ def studio(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Show and drive a hand in the browser: the running one, or one that this command starts. Ctrl-C ends it.
+    """Show and drive a hand in the browser: the running one, one that this command starts, or a recording.
 
     Example: hand studio --sim
 
     Exit codes: 0 ended by Ctrl-C, 2 bad usage, no running hand, a second studio, or a node failed.
     """
     with running("studio", errors=(RuntimeError,)):
-        if sum((bool(serial), bool(can), sim)) > 1:
-            raise ValueError("--serial, --can and --sim exclude each other")
+        if sum((bool(serial), bool(can), sim, recording is not None)) > 1:
+            raise ValueError("a recording, --serial, --can and --sim exclude each other")
+        if after is not None and recording is None:
+            raise ValueError("--after needs a recording")
         chosen = choose_model(model)
         check_folder(out)
         require("viser")
-        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         from hand_control.grasps import load_grasps
         from hand_model.description import load_hand
         from hand_model.geometry import geometry_of
+        from hand_studio.page import Page
 
         hand = load_hand(chosen.path, joint_prefix)
         geometry_of(hand)
+        if recording is not None:
+            chosen.print(as_json)
+            announce = functools.partial(_announce, browser=browser, as_json=as_json)
+            serve = functools.partial(Page, listen, port, allow_others=allow_others)
+            replay((recording, namespace), after, hand, serve, announce)
+            return
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         grasps = load_grasps(default_model().with_name("grasps.yaml"), hand)
         chosen.print(as_json)
         link = Link(serial, can, can_interface) if serial or can or sim else None
@@ -90,7 +105,6 @@ def studio(
             from hand_client.node import HandClient  # the nodes start meanwhile
             from hand_studio.inbox import Inbox
             from hand_studio.live_page import LivePage
-            from hand_studio.page import Page
 
             page = Page(listen, port, allow_others=allow_others)
             stack.callback(page.close)
@@ -117,12 +131,12 @@ def _all(checks: Sequence[Callable[[], None]]) -> Callable[[], None]:
     return check_all
 
 
-def _announce(page: Page, namespace: str, browser: bool, as_json: bool) -> None:
-    """Print where the page is, and open it where there is a display."""
+def _announce(page: Page, shown: str, browser: bool, as_json: bool) -> None:
+    """Print where the page of a hand or recording is, and open it where there is a display."""
     if as_json:
-        print(json.dumps({"url": page.url, "namespace": namespace}), flush=True)
+        print(json.dumps({"url": page.url, "shown": shown}), flush=True)
     else:
-        print(f"{namespace} in the browser: {page.url}", flush=True)
+        print(f"{shown} in the browser: {page.url}", flush=True)
     if not browser:
         return
     if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")):

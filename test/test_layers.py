@@ -24,7 +24,7 @@ BELOW: dict[str, set[str]] = {
     "hand_machine": ROBOT | {"hand_recording"},
     "hand_identification": ROBOT | {"hand_recording", "hand_machine"},
     "hand_diagnosis": ROBOT | {"hand_pages", "hand_recording", "hand_machine", "hand_identification"},
-    "hand_studio": ROBOT | {"hand_client"},
+    "hand_studio": ROBOT | {"hand_client", "hand_recording"},
     "hand_tool": ROBOT
     | {
         "hand_studio",

@@ -42,6 +42,10 @@ class Browser:
         targets = self._call("Target.getTargets")["targetInfos"]
         page = next(target["targetId"] for target in targets if target["type"] == "page")
         self._session = self._call("Target.attachToTarget", targetId=page, flatten=True)["sessionId"]
+        self.open(url)
+
+    def open(self, url: str) -> None:
+        """Show another page."""
         self._call("Page.navigate", url=url)
 
     def _until(self, condition: Callable[[], Any], timeout_s: float = WAIT_S) -> None:

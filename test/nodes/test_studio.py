@@ -10,16 +10,22 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from matplotlib.image import imread
 
+from hand_model.description import load_hand
+from hand_model.kernel.rows import ROW
 from hand_recording.loader import load_recording
+from hand_recording.replay import record_offline
 from test.nodes.stack import TOOL, WAIT_S, Client, Stack
 from validation.browser import Browser
 
+CONFIG = Path(__file__).parents[2] / "config" / "hand.yaml"
 SIZE = (700, 560)
 """Of the window [pixels]: small, because no graphics card draws it."""
 
@@ -181,3 +187,32 @@ def test_ctrl_c_vents_and_ends_the_hand(studio: Studio) -> None:
     assert not studio.client.valves or max(studio.client.valves[-1].pressure) == 0.0
     assert not any(Path(f"/proc/{pid}").exists() for pid in nodes)
     assert "Traceback" not in studio.log("hand")
+
+
+def test_a_recording_is_replayed_next_to_the_model_before_and_after(studio: Studio) -> None:
+    """Fails when time, hand or one of the models of a recording is not shown, or --after is not read from a folder."""
+    hand = load_hand(CONFIG)
+    rising = np.clip(np.arange(600) / 200.0 - 0.6, 0.0, 1.0)[:, None] * np.full(len(hand.joints), 1.5e5)
+    concealed = hand.parameters.copy()
+    concealed[ROW["constant_load.torque_nm"]] = 0.05
+    bag, found = studio.folder / "loaded.mcap", studio.folder / "diagnosis"
+    for _ in record_offline(replace(hand, parameters=concealed), rising, bag, seed=2):
+        pass
+    found.mkdir()
+    model = yaml.safe_load(CONFIG.read_text(encoding="utf-8"))
+    model["joint_defaults"]["constant_load"] = {"torque_nm": 0.05}
+    (found / "model.yaml").write_text(yaml.safe_dump(model), encoding="utf-8")
+    command = [*TOOL, "studio", str(bag), "--after", str(found), "--no-browser", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            studio.page.open(json.loads(process.stdout.readline())["url"])
+            studio.page.until_shown("RMS difference: model")
+            off_deg = re.search(r"model: ([\d.]+) deg, after: ([\d.]+) deg", studio.page.text())
+            assert off_deg is not None and float(off_deg[2]) < 0.3 < 3.0 < float(off_deg[1])
+            before = studio.still()
+            studio.page.press("time s", "End")
+            studio.client.until(lambda: changed(before, studio.page.scene()) > 0.005)
+        finally:
+            process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=20) == 0
