@@ -28,8 +28,8 @@ def replay(
 ) -> None:
     """Serve the page until Ctrl-C.
 
-    recorded: the recording, and the namespace of the hand in it where there are several.  serve: makes the page.  announce: called with the page and its name.
-
+    recorded: the recording, and the namespace of the hand in it where there are several.  after: the found model.
+    serve: makes the page.  announce: called with the page and its name.
     Raises ValueError, one line, for a recording or a model that cannot be used.
     """
     recording, namespace = recorded
