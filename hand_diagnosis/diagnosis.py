@@ -44,11 +44,9 @@ from hand_recording.signals import Signals
 class JointDiagnosis(JointResult):
     """A joint: its search, its signals on validation data, and what its data can separate where something was found.
 
-    whole: the problem with the test data, which the search did not see.  withdrawn: effects that validation data
-    confirm and that make the test error clearly larger.
+    withdrawn: effects that validation data confirm and that make the test error clearly larger.
     """
 
-    whole: JointProblem | None = None
     isolability: Isolability | None = None
     withdrawn: tuple[str, ...] = ()
 

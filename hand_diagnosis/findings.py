@@ -19,7 +19,7 @@ from hand_diagnosis.search import JointSearch
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.splits import ErrorsOnTest
 from hand_diagnosis.verdict import StageResult, describe
-from hand_identification.joint_problem import BLOCK_S
+from hand_identification.joint_problem import BLOCK_S, JointProblem
 from hand_identification.map_fit import MapFit
 from hand_model.effects.effect import Effect
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
@@ -70,7 +70,8 @@ class JointResult:
     """A joint to report on: its search, its signals on the validation data, and the words for it.
 
     test: errors of the nominal model and of the final one on the test data; None where there are none.
-    onset: when its effects begin or end; None where they are there all the time.
+    onset: when its effects begin or end; None where they are there all the time.  whole: the problem with the test
+    data, which the search did not see.
     """
 
     joint: str
@@ -79,6 +80,7 @@ class JointResult:
     wording: Wording
     test: ErrorsOnTest | None = None
     onset: Onset | None = None
+    whole: JointProblem | None = None
 
     def result(self, stage: int) -> StageResult:
         """The result of a signal that the joint has."""

@@ -301,7 +301,7 @@ def describe(
     unit, over_unit = (wording.units.quantity(f"law.x_{ending}") for ending in (known.unit, STATES[known.over[0]]))
     points = np.column_stack([first * over_unit.factor, *(y * unit.factor for y in (here[0], low, high, plain))])
     quantity, over = wording.sentence(known.quantity, ()), tuple(wording.state(name) for name in known.over)
-    sentence = _sentence(quantity, over, points[:, 0], here * unit.factor, unit.unit, over_unit.unit)
+    sentence = in_words(quantity, over, points[:, 0], here * unit.factor, unit.unit, over_unit.unit)
     form = "textbook" if textbook is None else "learned"
     return LawCurve(form, over, quantity, unit.unit, over_unit.unit, points, sentence)
 
@@ -366,7 +366,7 @@ def _time_constant(problem: JointProblem, fit: MapFit) -> float:
     return sum(float(columns[0, ROW[key]]) for key in ("valve.time_constant_s", "valve_lag.time_constant_s"))
 
 
-def _sentence(quantity: str, over: tuple[str, ...], x: Array, y: Array, unit: str, over_unit: str) -> str:
+def in_words(quantity: str, over: tuple[str, ...], x: Array, y: Array, unit: str, over_unit: str) -> str:
     """A law in words. x (points,), y (values of the second state, points), in units and words of the machine."""
     main, size = y[0], float(np.abs(y).max())
     change = main - main[0]

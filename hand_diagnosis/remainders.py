@@ -1,39 +1,61 @@
-"""Remainders: what the model leaves beyond the findings, with its own probability of being other physics.
+"""Remainders: what the model leaves beyond the findings, its own probability of being other physics, and its law.
 
 The probability is that of verdict.StageResult.other_physics. Numbers and sentences are in the units and words of the
 hand or machine they are about (hand_model/quantities).
 
-A data-driven correction of a residual is fitted by sparse regression on polynomials of angle, pressure and speed with
-the sign of the motion. It describes and does not explain; the report says so.
+A remainder gets a law without a name where the data confirm one: a torque or a deviation of the set-point over one
+state, or a harmonic of time or angle (hand_model/effects/unnamed_torque.py, unnamed_pressure.py). The training data
+fit every family, their evidence chooses one, and it is kept where it reduces the error on validation and on test data.
+It describes; it does not explain.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hand_diagnosis.findings import Finding, JointResult, Number, errors_text, parameter_numbers, said, when
+from hand_diagnosis.hypotheses import block_bootstrap, validation_rmse
+from hand_diagnosis.laws import LawCurve, in_words, posterior_covariance, training_evidence, weighted_by_noise
+from hand_diagnosis.search import at_floor
 from hand_diagnosis.settings import SETTINGS
+from hand_diagnosis.splits import evaluate_test
 from hand_diagnosis.verdict import StageResult, Structure, describe
-from hand_identification.joint_problem import JointProblem
-from hand_identification.map_fit import MapFit
-from hand_model.arrays import Array
-from hand_model.effects.effect import SPEED
-from hand_model.quantities import Wording
+from hand_identification.free_parameters import FreeParameter, law_free_parameters
+from hand_identification.joint_problem import STAGES, JointProblem, Segment
+from hand_identification.map_fit import MapFit, map_fit
+from hand_model.arrays import Array, Flags
+from hand_model.effects import EFFECTS
+from hand_model.effects.constitution import STATES
+from hand_model.effects.effect import NEIGHBOUR, SPEED, Effect
+from hand_model.kernel.rows import ROW, effect_rows
+from hand_model.quantities import Wording, amount
 
 STAGE_PLACES = ("valve", "joint", "force_sensor")
 """Place of a remainder by the signal in which it shows."""
+ACTS = {"pressure": "unnamed_pressure", "angle": "unnamed_torque"}
+"""The effect whose law explains a remainder of a signal."""
+KEYS = {
+    "angle": "angle_per_rad",
+    "speed": "speed_s_per_rad",
+    "pressure": "pressure_per_pa",
+    "set-point": "set_point_per_pa",
+    "time": "time_per_s",
+    "neighbour": "neighbour_per_rad",
+}
+"""The key by which an effect's law depends on a state."""
 FAMILIES = {
     "angle": "depends_on_angle",
-    "pressure": "depends_on_pressure",
     "speed": "depends_on_speed",
+    "pressure": "depends_on_pressure",
     "set-point": "depends_on_set_point",
     "time": "drifts_with_time",
+    "neighbour": "depends_on_another_joint",
 }
-"""Family of a remainder by the state on which it depends most."""
-PERIODIC = "periodic_in_time"
+"""Name of the family of a curve over a state."""
+PERIODIC = {"time": "periodic_in_time", "angle": "periodic_in_angle"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +64,7 @@ class Remainder:
 
     rms: beyond the noise, on validation data.  share: of the mean square beyond the noise, 0 ... 1.
     probability: of being other physics than that named.  candidates: effects that explain a part and are not claimed,
-    with their numbers.
+    with their numbers.  learned, law: the law that the data confirm, as a fit and as a curve; None where none is.
     """
 
     joint: str
@@ -56,6 +78,8 @@ class Remainder:
     when: tuple[tuple[float, float], ...]
     candidates: tuple[tuple[str, tuple[Number, ...]], ...]
     statement: str
+    learned: RemainderLaw | None = None
+    law: LawCurve | None = None
 
 
 def remainders(joints: Sequence[JointResult]) -> list[Remainder]:
@@ -81,6 +105,9 @@ def remainder(result: JointResult, stage: StageResult) -> Remainder:
     own = [tuple(parameter_numbers(search, effect, wording)) for effect in parts]
     texts = [said(effect, numbers, wording) for effect, numbers in zip(parts, own, strict=True)]
     factor, unit = wording.signal_units[stage.stage]
+    learned = _learned(result, stage.stage, structure)
+    law = None if learned is None else described(learned, wording)
+    family = PERIODIC["time"] if structure.tone > SETTINGS.min_tone_share else FAMILIES[structure.state]
     return Remainder(
         result.joint,
         STAGE_PLACES[stage.stage],
@@ -89,10 +116,33 @@ def remainder(result: JointResult, stage: StageResult) -> Remainder:
         unit,
         stage.left**2,
         stage.other_physics,
-        PERIODIC if structure.tone > SETTINGS.min_tone_share else FAMILIES[structure.state],
+        family if learned is None else learned.placed.family,
         when(search, search.final, stage.stage),
         tuple((effect.name, numbers) for effect, numbers in zip(parts, own, strict=True)),
-        _statement(result, stage, structure, texts),
+        f"{_statement(result, stage, structure, texts)} {_law_text(learned, law, factor, unit)}",
+        learned,
+        law,
+    )
+
+
+def _learned(result: JointResult, stage: int, structure: Structure) -> RemainderLaw | None:
+    """The law of what the claimed effects leave; of what the nominal model leaves, where one is not claimed."""
+    search = result.search
+    if result.whole is None:
+        return None
+    fit = search.final if len(result.claimed()) == len(search.accepted) else search.nominal
+    return learn_remainder(search.problem, result.whole, fit, stage, structure)
+
+
+def _law_text(learned: RemainderLaw | None, law: LawCurve | None, factor: float, unit: str) -> str:
+    """What the law of a remainder is and what it gains. factor, unit: of the signal."""
+    if learned is None or law is None:
+        return "No law over one state of the joint is confirmed for it."
+    on, errors = ("test", learned.test) if learned.test else ("validation", learned.validation)
+    before, after = (f"{factor * error:.3g}" for error in errors)
+    return (
+        f"A law without a name describes it: {law.statement}. It reduces the error on {on} data from {before} to"
+        f" {after} {unit}; model.yaml holds it as {learned.placed.effect.name}."
     )
 
 
@@ -107,96 +157,230 @@ def _statement(result: JointResult, stage: StageResult, structure: Structure, pa
         pace = "varies slowly"
     named = "beyond the findings" if any(k in result.claimed() for k in range(len(result.search.accepted))) else ""
     held = f" A part of it may be explained, which is not claimed: {'; '.join(parts)}." if parts else ""
-    correction = sparse_correction(result.search.problem, result.search.final, stage.stage, wording)
-    (_, angle), (_, pressure) = wording.symbol_units
-    position, drive, speed = wording.symbols
     return (
         f"{result.joint}: {factor * stage.excess_after:.3g} {unit} RMS of the {wording.signals[stage.stage]} exceed the"
         f" noise{' ' * bool(named) + named}, and with a probability of {stage.other_physics:.2f} they are physics that"
         f" no effect of the catalogue explains. This remainder depends most on the {wording.state(structure.state)}"
         f" ({structure.share:.0%} of its variance), {pace}, and differs by {factor * structure.direction:.2g} {unit}"
         f" between {wording.positive} and {wording.negative}.{held} {errors_text(result, stage.stage)}"
-        f" A data-driven correction without physical meaning, {correction.text} {unit} ({position} in {angle}, {drive}"
-        f" in {pressure}, {speed} in {angle}/s), removes {correction.validation_share:.0%} of its mean square on the"
-        f" validation data."
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Correction:
-    """residual [unit] = sum of coefficient times term; validation_share: of its mean square that it removes [-]."""
+# The law of a remainder.
 
-    unit: str
-    terms: tuple[tuple[str, float], ...]
-    validation_share: float
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """A family with the state that it depends on: x runs from 0 to 1 between low and high [SI], or through turns."""
+
+    effect: Effect
+    state: str
+    low: float
+    high: float
+    turns: bool
 
     @property
-    def text(self) -> str:
-        """The formula."""
-        return " ".join(f"{value:+.3g}" + ("" if name == "1" else f" {name}") for name, value in self.terms) or "0"
+    def key(self) -> str:
+        """The key of the growth of x with the state."""
+        return f"{self.effect.name}.{KEYS[self.state]}"
+
+    @property
+    def family(self) -> str:
+        """Its name in report.json."""
+        return PERIODIC[self.state] if self.turns else FAMILIES[self.state]
+
+    def put(self, problem: JointProblem) -> JointProblem:
+        """The problem in which the law would depend on this state; it is still zero."""
+        nominal = problem.nominal.copy()
+        nominal[ROW[self.key]] = 1.0 / (self.high - self.low)
+        if not self.turns:
+            nominal[ROW[f"{self.effect.name}.offset"]] = -self.low / (self.high - self.low)
+        return replace(problem, nominal=nominal)
+
+    def free(self, nominal: Array, span: float) -> list[FreeParameter]:
+        """The law's free parameters: knots, or both parts of a harmonic and its frequency over a span [SI]."""
+        own = law_free_parameters(self.effect, nominal)
+        if not self.turns:
+            return [p for p in own if ".knot_" in p.key]
+        row, each = ROW[self.key], SETTINGS.remainder_turn / span
+        rate = float(nominal[row])
+        pair = [p for p in own if ".knot_" not in p.key]
+        return [*pair, FreeParameter(row, rate, each, False, rate - 3.0 * each, rate + 3.0 * each)]
 
 
-def sparse_correction(problem: JointProblem, fit: MapFit, stage: int, wording: Wording) -> Correction:
-    """Fit the residual of a signal on training blocks, in its shown unit, and evaluate it on validation blocks."""
-    factor, unit = wording.signal_units[stage]
-    libraries, targets, held = [], [], []
-    for segment, residual in zip(problem.segments, fit.residuals, strict=True):
-        use = segment.use[stage]
-        states = segment.angle_rad[use], segment.pressure_pa[use], segment.exogenous[use, SPEED]
-        libraries.append(correction_terms(*states, wording))
-        targets.append(factor * residual[stage][use])
-        held.append(problem.held_out[segment.block[use]])
-    table = np.concatenate([np.column_stack(list(library.values())) for library in libraries])
-    target, validation = np.concatenate(targets), np.concatenate(held)
-    scale = np.maximum(np.abs(table).max(axis=0), 1e-12)
-    rms = float(np.sqrt(np.mean(target**2))) or 1.0
-    train = ~validation
-    weights = thresholded_least_squares((table / scale)[train], (target / rms)[train]) * rms / scale
-    left = target[validation] - table[validation] @ weights
-    share = 1.0 - float(np.mean(left**2)) / max(float(np.mean(target[validation] ** 2)), 1e-300)
-    terms = tuple((name, float(w)) for name, w in zip(libraries[0], weights, strict=True) if w != 0.0)
-    return Correction(unit, terms, max(share, 0.0))
+@dataclass(frozen=True, slots=True)
+class RemainderLaw:
+    """The law of a remainder. problem: with the law's state placed.  validation, test: errors before and after, SI.
 
-
-def thresholded_least_squares(table: Array, target: Array, threshold: float | None = None) -> Array:
-    """Coefficients (n,) of the columns of a table (m, n) for a target (m,); those below a threshold are zero.
-
-    Ridge regression and removal of small coefficients in turn, until none is small; then ordinary least squares on the
-    columns that are left. Sequentially thresholded least squares: Brunton, Proctor and Kutz, PNAS 113(15), 2016.
-    threshold: [unit of target over that of table]; None: SETTINGS.correction_threshold.
+    before, fit: of the model without and with the law.  test: None where there are no test data.
     """
-    threshold = SETTINGS.correction_threshold if threshold is None else threshold
-    kept = np.ones(table.shape[1], dtype=bool)
-    for _ in range(SETTINGS.correction_iterations):
-        ridge = np.sqrt(SETTINGS.correction_ridge) * np.eye(kept.sum())
-        part = np.vstack([table[:, kept], ridge])
-        found = np.linalg.lstsq(part, np.concatenate([target, np.zeros(len(ridge))]), rcond=None)[0]
-        large = np.abs(found) >= threshold
-        kept[kept] = large
-        if large.all() or not kept.any():
-            break
-    coefficients = np.zeros(table.shape[1])
-    if kept.any():
-        coefficients[kept] = np.linalg.lstsq(table[:, kept], target, rcond=None)[0]
-    return coefficients
+
+    placed: Placed
+    stage: int
+    problem: JointProblem
+    before: MapFit
+    fit: MapFit
+    validation: tuple[float, float]
+    test: tuple[float, float] | None
+
+    def values(self) -> dict[str, float]:
+        """Numbers (SI) by key with which a model has the law: those of its effect, and all that were fitted with it."""
+        column = self.problem.columns(self.fit.free, self.fit.z[None])[0][0]
+        rows = {parameter.key: ROW[parameter.key] for parameter in self.placed.effect.parameters}
+        rows = {key: row for key, row in rows.items() if column[row] != 0.0}
+        rows |= {p.key: p.row for p, z in zip(self.fit.free, self.fit.z, strict=True) if p.row < len(ROW) and z != 0.0}
+        return {key: float(column[row]) for key, row in rows.items()}
+
+    def resolutions(self) -> dict[str, float]:
+        """Resolution (SI) of the fitted numbers by key, see MapFit.resolutions."""
+        return self.fit.resolutions(self.problem.columns(self.fit.free, self.fit.z[None])[0][0])
 
 
-def correction_terms(angle_rad: Array, pressure_pa: Array, speed_rad_s: Array, wording: Wording) -> dict[str, Array]:
-    """Candidate terms (T,) of a correction by name, in the units of `wording.symbol_units`."""
-    direction = np.tanh(speed_rad_s / SETTINGS.standing_rad_s)
-    x, p, v = wording.symbols
-    (per_angle, _), (per_pressure, _) = wording.symbol_units
-    angle, pressure, speed = per_angle * angle_rad, per_pressure * pressure_pa, per_angle * speed_rad_s
-    return {
-        "1": np.ones_like(angle),
-        x: angle,
-        p: pressure,
-        v: speed,
-        f"{x}^2": angle**2,
-        f"{x} {p}": angle * pressure,
-        f"{p}^2": pressure**2,
-        f"{x}^3": angle**3,
-        f"sign({v})": direction,
-        f"{p} sign({v})": pressure * direction,
-        f"{v} |{v}|": speed * np.abs(speed),
-    }
+def learn_remainder(
+    problem: JointProblem, whole: JointProblem, fit: MapFit, stage: int, structure: Structure
+) -> RemainderLaw | None:
+    """The law that explains most of what a fit leaves of a signal; None where none is confirmed.
+
+    problem: without the test data.  whole: with them.  structure: of what is left, for the frequency of a tone.
+    """
+    name = ACTS.get(STAGES[stage])
+    if name is None or problem.driven:
+        return None
+    coarse = replace(problem, step_s=SETTINGS.passes[0].step_s)
+    tried = [
+        (placed, _fitted(coarse, fit, placed, SETTINGS.law_iterations[0]))
+        for placed in _families(problem, fit, EFFECTS[name], stage, structure)
+    ]
+    if not tried:
+        return None
+    placed, begun = max(tried, key=lambda pair: training_evidence(pair[0].put(coarse), pair[1]))
+    ready = placed.put(problem)
+    ended = map_fit(weighted_by_noise(ready, fit), begun.free, begun.z, SETTINGS.law_iterations[1])
+    ended = at_floor(ready, ended)
+    before, after = (float(validation_rmse(ready, each.squares)[stage]) for each in (fit, ended))
+    rng = np.random.default_rng(SETTINGS.noise_seed)
+    fall = block_bootstrap(ready, fit.squares, ended.squares, stage, rng)
+    if fall[0] <= 0.0 or after > (1.0 - SETTINGS.min_relative_improvement) * before:
+        return None
+    test = evaluate_test(placed.put(whole), [fit, ended], free_axis=False)
+    errors = None
+    if test is not None and np.isfinite(test.rmse(0)[stage]):
+        errors = (float(test.rmse(0)[stage]), float(test.rmse(1)[stage]))
+        if errors[1] > (1.0 - SETTINGS.min_relative_improvement) * errors[0]:
+            return None
+    return RemainderLaw(placed, stage, ready, fit, ended, (before, after), errors)
+
+
+def _fitted(problem: JointProblem, fit: MapFit, placed: Placed, iterations: int) -> MapFit:
+    """A short fit of a family beside all that the model has, from no law at all."""
+    ready = placed.put(problem)
+    span = max(float(np.ptp(values)) for values in _values(problem, placed.state))
+    added = placed.free(ready.nominal, span)
+    start = np.concatenate([fit.z, np.zeros(len(added))])
+    return map_fit(ready, [*fit.free, *added], start, iterations).without_arrays()
+
+
+def _families(problem: JointProblem, fit: MapFit, effect: Effect, stage: int, structure: Structure) -> Iterator[Placed]:
+    """Every family that the data can determine: curves over states that vary, and harmonics that repeat often."""
+    own = {parameter.key for parameter in effect.parameters}
+    for state, key in KEYS.items():
+        if f"{effect.name}.{key}" not in own:
+            continue
+        values = np.concatenate(_values(problem, state))
+        low, high = (float(end) for end in np.quantile(values, (0.0, 1.0)))
+        if high - low > _least_range(state):
+            yield Placed(effect, state, low, high, turns=False)
+    if structure.tone > SETTINGS.remainder_tone_share:
+        yield Placed(effect, "time", 0.0, 1.0 / structure.tone_hz, turns=True)
+    turn = _turn_of_angle(problem, fit, stage)
+    if turn > 0.0:
+        yield Placed(effect, "angle", 0.0, turn, turns=True)
+
+
+def _least_range(state: str) -> float:
+    """Range [SI] of a state over which a curve has a meaning."""
+    least = {"angle": SETTINGS.remainder_least_angle_rad, "pressure": SETTINGS.remainder_least_pressure_pa}
+    kind = {"neighbour": "angle", "set-point": "pressure"}.get(state, state)
+    return least.get(kind, 0.0)
+
+
+STATES_OF = {"neighbour": "angle"} | {state: state for state in KEYS if state != "neighbour"}
+"""The state (constitution.STATES) whose unit a state of KEYS has."""
+
+
+def _values(problem: JointProblem, state: str) -> list[Array]:
+    """A state (T,) [SI] in every segment."""
+
+    def of(segment: Segment) -> Array:
+        if state == "time":
+            return np.asarray(np.arange(len(segment.angle_rad)) * segment.period_s, dtype=np.float64)
+        known = {"angle": segment.angle_rad, "pressure": segment.pressure_pa, "set-point": segment.set_point_pa}
+        if state in known:
+            return known[state]
+        return np.asarray(segment.exogenous[:, NEIGHBOUR if state == "neighbour" else SPEED])
+
+    return [of(segment) for segment in problem.segments]
+
+
+def _turn_of_angle(problem: JointProblem, fit: MapFit, stage: int) -> float:
+    """The period [rad] of the harmonic of the angle that explains most of a residual; 0 where none is fast enough."""
+    uses: list[Flags] = [segment.use[stage] for segment in problem.segments]
+    angle = np.concatenate([s.angle_rad[use] for s, use in zip(problem.segments, uses, strict=True)])
+    left = np.concatenate([r[stage][use] for r, use in zip(fit.residuals, uses, strict=True)])
+    span = float(np.ptp(angle))
+    if span <= 0.0 or len(left) < SETTINGS.min_stage_samples:
+        return 0.0
+    slow = np.column_stack([np.ones_like(angle), angle, angle**2, angle**3])
+    left = left - slow @ np.linalg.lstsq(slow, left, rcond=None)[0]
+    counts = np.arange(SETTINGS.remainder_turns[0], SETTINGS.remainder_turns[1], 0.25)
+    shares = [_share(left, 2.0 * np.pi * count / span * angle) for count in counts]
+    return span / float(counts[int(np.argmax(shares))])
+
+
+def _share(left: Array, phase: Array) -> float:
+    """Share [-] of the square of a residual that one harmonic explains."""
+    parts = np.column_stack([np.sin(phase), np.cos(phase)])
+    gone = parts @ np.linalg.lstsq(parts, left, rcond=None)[0]
+    return float(gone @ left) / max(float(left @ left), 1e-300)
+
+
+def described(law: RemainderLaw, wording: Wording) -> LawCurve:
+    """The law over its state with its 95 % band, in the units of the machine and in words."""
+    placed, fit = law.placed, law.fit
+    known = placed.effect.constitution
+    assert known is not None
+    x = np.linspace(0.0, 1.0, SETTINGS.law_points)
+    turn = placed.high - placed.low
+    if placed.turns:
+        turn = 1.0 / law.values()[placed.key]
+    state = placed.low + turn * x if not placed.turns else turn * x
+    draws = np.random.default_rng(SETTINGS.noise_seed).multivariate_normal(
+        fit.z, posterior_covariance(law.problem, fit), SETTINGS.law_draws, method="cholesky"
+    )
+    here, drawn = _curves(law, fit.z[None], x)[0], _curves(law, draws, x)
+    ends = np.quantile(drawn, SETTINGS.law_band, axis=0)
+    unit, over_unit = (
+        wording.units.quantity(f"law.x_{ending}") for ending in (known.unit, STATES[STATES_OF[placed.state]])
+    )
+    columns = (here, np.minimum(ends[0], here), np.maximum(ends[1], here), np.zeros_like(here))
+    points = np.column_stack([over_unit.factor * state, *(unit.factor * y for y in columns)])
+    over = "angle of another joint" if placed.state == "neighbour" else wording.state(placed.state)
+    quantity = wording.sentence(known.quantity, ())
+    if placed.turns:
+        size = amount(unit.factor * float(np.ptp(here)) / 2.0, unit.unit)
+        every = amount(abs(over_unit.factor * turn), over_unit.unit)
+        sentence = f"{quantity} repeats every {every} of the {over} with an amplitude of {size}"
+    else:
+        sentence = in_words(quantity, (over,), points[:, 0], points[None, :, 1], unit.unit, over_unit.unit)
+    return LawCurve("learned", (over,), quantity, unit.unit, over_unit.unit, points, sentence)
+
+
+def _curves(law: RemainderLaw, z: Array, x: Sequence[float] | Array) -> Array:
+    """Values (k, len(x)) of the law [SI] at coordinates z (k, free)."""
+    effect = law.placed.effect
+    assert effect.constitution is not None
+    curve = effect.constitution.curve
+    assert curve is not None
+    columns, _ = law.problem.columns(law.fit.free, z)
+    rows = list(effect_rows(effect, prepared=False))
+    return np.array([[curve(tuple(map(float, column[rows])), float(at), 0.0) for at in x] for column in columns])

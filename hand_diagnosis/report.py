@@ -144,11 +144,20 @@ def _remainder(left: Remainder) -> dict[str, Any]:
         "share": round(left.share, 4),
         "probability": round(left.probability, 4),
         "family": left.family,
-        "law": None,
+        "law": _remainder_law(left),
         "when": [{"start": start, "end": end} for start, end in left.when],
         "candidates": [{"effect": name, "parameters": _parameters(numbers)} for name, numbers in left.candidates],
         "statement": left.statement,
     }
+
+
+def _remainder_law(left: Remainder) -> dict[str, Any] | None:
+    """The law of a remainder with the effect that carries it and, SI, its errors before and after."""
+    if left.law is None or left.learned is None:
+        return None
+    gain = {"validation": left.learned.validation, "test": left.learned.test}
+    errors = {split: None if pair is None else list(pair) for split, pair in gain.items()}
+    return {**left.law.document(), "effect": left.learned.placed.effect.name, "errors_si": errors}
 
 
 def _separating(diagnosis: Diagnosis, finding: Finding, rival: str, otherwise: str) -> str:
@@ -312,6 +321,9 @@ def write_report(
     out.mkdir(parents=True, exist_ok=True)
     for joint in diagnosis.joints:
         values = claimed_values(joint)
+        for law in [left.learned for left in diagnosis.remainder if left.joint == joint.joint and left.learned]:
+            values |= law.values()
+            resolutions[joint.joint] |= law.resolutions()
         own = {key: value for key, value in values.items() if key in joint.search.effect_keys}
         for tried, left_out in ((values, ""), (own, "the changed nominal numbers"), ({}, "what was found")):
             if not tried and not left_out:

@@ -213,14 +213,6 @@ class Settings(FitSettings):
     min_change_tolerances: float = setting(
         0.1, "tolerances", "Least change of a nominal number that is listed.", CHOICE,
         "Longer lists.", "Shorter lists.")
-    correction_threshold: float = setting(
-        0.05, "-", "Terms of the data-driven correction below this share of the residual's RMS are dropped.", CHOICE,
-        "Longer formulas.", "Shorter formulas.")
-    correction_ridge: float = setting(
-        1e-3, "-", "Weight of the ridge penalty of that regression.", "Brunton et al., PNAS 113(15), 2016",
-        "No visible change.", "No visible change.")
-    correction_iterations: int = setting(
-        10, "iterations", "Iterations of its thresholding.", "as above", "Ends early.", "No change.")
     strong_correlation: float = setting(
         0.8, "-", "Correlation of two estimates from which the page lists the pair.", CHOICE,
         "Longer lists.", "Not possible above 1.")
@@ -273,6 +265,16 @@ class Settings(FitSettings):
         "Small changes are described.", "Changes of 10 % are not described.")
     law_most_share: float = setting(0.9, "-", "Share of its change that a law has made at the state that its sentence"
         " names.", CHOICE, "States too early are named.", "Not possible above 1.")
+    # Laws of remainders
+    remainder_least_angle_rad: float = setting(0.05, "rad", "Range of an angle over which a curve is fitted.", CHOICE,
+        "Curves over noise.", "Small motions get no curve.")
+    remainder_least_pressure_pa: float = setting(1e4, "Pa", "The same of a pressure.", CHOICE, "As above.", "As above.")
+    remainder_tone_share: float = setting(0.1, "-", "Share of a remainder's variance in one line of its spectrum from"
+        " which a harmonic of time is tried.", CHOICE, "Slower.", "Weak tones get no law.")
+    remainder_turns: tuple[float, float] = setting((3.0, 24.0), "turns", "Harmonics of the angle that are tried, in"
+        " turns over its range.", CHOICE, "Curves are taken for slow harmonics.", "Faster ones are found, slower.")
+    remainder_turn: float = setting(0.25, "turns", "Prior deviation of a harmonic over the whole range.", CHOICE,
+        "The frequency found by the residual stays.", "A neighbouring minimum may be taken.")
     # fmt: on
 
 

@@ -35,11 +35,13 @@ ENDINGS: dict[str, Dimension] = {
     "nm_per_rad": Dimension(1, -1),
     "nm_per_pa": Dimension(1, 0, -1),
     "rad_per_s": Dimension(0, 1, 0, -1),
+    "s_per_rad": Dimension(0, -1, 0, 1),
     "pa_per_s": Dimension(0, 0, 1, -1),
     "per_pa": Dimension(0, 0, -1),
     "per_rad": Dimension(0, -1),
     "per_s": Dimension(0, 0, 0, -1),
     "nm": Dimension(1),
+    "rad": Dimension(0, 1),
     "pa": Dimension(0, 0, 1),
     "s": Dimension(0, 0, 0, 1),
 }

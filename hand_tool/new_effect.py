@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import keyword
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from hand_tool.console import running
+from hand_tool.effect_draft import drafted
 from hand_tool.options import Quiet, Verbose
 
 _ORDER = re.compile(r'^ORDER: tuple\[str, \.\.\.\] = \(\n((?:    "\w+",\n)*)\)$', re.MULTILINE)
@@ -36,6 +38,10 @@ def new_effect(
     name: Annotated[str, typer.Argument(help="Name of the effect: lower case, words joined by underscores.")],
     place: Annotated[str, typer.Option(help=f"Where it acts: {', '.join(PLACES)}.")] = "joint",
     after: Annotated[str, typer.Option(help="Effect of the catalogue that it follows. Default: the last one.")] = "",
+    source: Annotated[
+        Path | None, typer.Option("--from", help="report.json: draft the effect from the law of a remainder.")
+    ] = None,
+    joint: Annotated[str, typer.Option(help="Joint of that remainder. Default: the first one with a law.")] = "",
     tree: Annotated[Path, typer.Option(help="Source tree to write to.")] = Path(),
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -44,20 +50,25 @@ def new_effect(
 
     Example: hand new-effect tendon_friction --place joint
 
+    Example: hand new-effect gear_ripple --from out/diagnosis/report.json
+
     Exit codes: 0 done, 2 bad usage or bad input.
     """
     with running("new-effect"):
-        effect, test = write_effect(tree, name, place, after)
+        effect, test = write_effect(tree, name, place, after, drafted(source, joint) if source else None)
     print(_NEXT.format(effect=effect, test=test, name=name))
 
 
-def write_effect(tree: Path, name: str, place: str, after: str = "") -> tuple[Path, Path]:
+def write_effect(
+    tree: Path, name: str, place: str, after: str = "", draft: Mapping[str, str] | None = None
+) -> tuple[Path, Path]:
     """Write hand_model/effects/NAME.py, its place in ORDER and its check; returns the effect's file and the test's.
 
+    draft: fields of the template of a law (effect_draft.drafted), whose place is used; None for the other template.
     Raises ValueError, one line, for a name, a place or a tree that does not fit; nothing is written then.
     """
     folder, test = tree / "hand_model" / "effects", tree / "test" / "model" / "test_effects.py"
-    for path in (folder / "__init__.py", folder / "template.py.txt", test):
+    for path in (folder / "__init__.py", folder / "template.py.txt", folder / "template_law.py.txt", test):
         if not path.is_file():
             raise ValueError(f"{path} is not there; --tree must be the source tree, not an installed copy")
     if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name) or keyword.iskeyword(name):
@@ -71,8 +82,11 @@ def write_effect(tree: Path, name: str, place: str, after: str = "") -> tuple[Pa
     effect = folder / f"{name}.py"
     if effect.exists() or re.search(rf"^def {name}\(", checks, re.MULTILINE):
         raise ValueError(f"name is '{name}'; {effect.name} or a function of this name in {test.name} is there already")
-    text = (folder / "template.py.txt").read_text(encoding="utf-8")
-    effect.write_text(text.replace("@NAME@", name).replace("@PLACE@", place), encoding="utf-8")
+    template = "template.py.txt" if draft is None else "template_law.py.txt"
+    text = (folder / template).read_text(encoding="utf-8")
+    for field, value in {"PLACE": place, **(draft or {}), "NAME": name}.items():
+        text = text.replace(f"@{field}@", value)
+    effect.write_text(text, encoding="utf-8")
     test.write_text(checks.replace(_CHECKS_END, _CHECK.format(name=name) + _CHECKS_END), encoding="utf-8")
     (folder / "__init__.py").write_text(catalogue, encoding="utf-8")
     return effect, test

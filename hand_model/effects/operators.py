@@ -40,6 +40,17 @@ def decay(x):  # type: ignore[no-untyped-def]
 
 
 @inline
+def knot(weight, away, value, rise):  # type: ignore[no-untyped-def]
+    """A linear spline's value and its slope per knot with one more knot of this weight, `away` knots below the place.
+
+    The slope is that between the two knots around the place.
+    """
+    near = 1.0 if abs(away) < 1.0 else 0.0
+    toward = 1.0 if away < 0.0 else -1.0
+    return value + weight * max(1.0 - abs(away), 0.0), rise + weight * near * toward
+
+
+@inline
 def lag_constants(tau, h):  # type: ignore[no-untyped-def]
     """Constants (kept, slowness) of a first-order lag of time constant tau [s] over a step of h [s].
 

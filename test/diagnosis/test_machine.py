@@ -14,12 +14,9 @@ from typer.testing import CliRunner
 from hand_diagnosis import remainders
 from hand_diagnosis.diagnosis import diagnose
 from hand_diagnosis.findings import Number, joint_findings
-from hand_diagnosis.remainders import correction_terms
 from hand_diagnosis.report import schema
-from hand_machine.wording import wording_of
 from hand_model.description import Hand
 from hand_model.effects import EFFECTS
-from hand_model.quantities import HAND
 from hand_tool.cli import app
 from test.diagnosis.recordings import changed, off_by_a_little, record
 
@@ -165,19 +162,6 @@ def test_a_part_that_is_known_stands_beside_the_unknown(tmp_path: Path) -> None:
     assert friction["parameters"]["coulomb_friction.torque_nm"]["value"] > 0.06
     test = next(row for row in content["fit"] if row["split"] == "test" and row["signal"] == "angle")  # type: ignore[attr-defined]
     assert f"to {test['rmse_after']:.3g} deg" in left["statement"]
-
-
-def test_a_correction_in_other_units_is_the_same_curve() -> None:
-    """Fails when a term of the correction is not built from the states in the machine's own units and symbols."""
-    rng = np.random.default_rng(5)
-    angle, pressure, speed = rng.uniform(0.1, 2.0, (3, 7))
-    linear = wording_of(True, per_torque=20.0, per_angle=0.1, per_input=3.0, per_force=1.0)
-    own = correction_terms(angle, pressure, speed, linear)
-    hand = correction_terms(0.1 * angle, 3e5 * pressure, 0.1 * speed, HAND)
-    assert list(own) == ["1", "x", "u", "v", "x^2", "x u", "u^2", "x^3", "sign(v)", "u sign(v)", "v |v|"]
-    for (name, values), (_, same) in zip(own.items(), hand.items(), strict=True):
-        if "sign" not in name:  # the direction of motion has no size
-            np.testing.assert_allclose(values, same, rtol=1e-12)
 
 
 def test_two_effects_on_one_joint(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> None:

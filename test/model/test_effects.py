@@ -546,6 +546,43 @@ def fsr_gain(_: Any) -> None:
     assert call("fsr_gain", "force_reading", numbers("fsr_gain", error=-0.3), 2.0) == approx(1.4)
 
 
+def unnamed_torque(_: Any) -> None:
+    """Broken by a knot at a wrong place, a curve that goes on beyond its ends, a wrong state, period or stiffness."""
+    rng = np.random.default_rng(3)
+    heights = dict(zip([f"knot_{k}_nm" for k in range(8)], rng.normal(size=8), strict=True))
+    surroundings = around(time=4.0, neighbour=-0.3)
+    states = {"angle_per_rad": 0.7, "speed_s_per_rad": -2.0, "pressure_per_pa": 3e5, "time_per_s": 4.0}
+    for key, value in (states | {"neighbour_per_rad": -0.3}).items():
+        for low in (value - 0.21, value - 0.6, value + 0.2, value - 2.0):
+            q = numbers("unnamed_torque", **heights, **{key: 1.0}, offset=-low)
+            arguments: dict[str, Any] = {"omega": -2.0, "p": 3e5, "e": surroundings}
+            expected = np.interp(value - low, np.linspace(0.0, 1.0, 8), list(heights.values()))
+            assert torque("unnamed_torque", q, 0.7, **arguments)[0] == approx(expected, abs=1e-9)
+            assert_stiffness("unnamed_torque", q, omega=-2.0, p=3e5, e=surroundings)
+    q = numbers("unnamed_torque", angle_per_rad=14.0 / (2.0 * np.pi), sine_nm=0.3, cosine_nm=-0.2)
+    for phi in np.linspace(-0.2, 1.5, 12):
+        expected = 0.3 * np.sin(14.0 * phi) - 0.2 * np.cos(14.0 * phi)
+        assert torque("unnamed_torque", q, phi)[0] == approx(expected, abs=1e-6)
+    assert_stiffness("unnamed_torque", q)
+
+
+def unnamed_pressure(_: Any) -> None:
+    """Broken by a knot at a wrong place, a wrong state or period, or a set-point that is replaced and not shifted."""
+    rng = np.random.default_rng(4)
+    heights = dict(zip([f"knot_{k}_pa" for k in range(8)], 1e4 * rng.normal(size=8), strict=True))
+    u, p, surroundings = 2e5, 3e5, around(time=4.0, angle=0.7)
+    for key, value in {"set_point_per_pa": u, "pressure_per_pa": p, "time_per_s": 4.0, "angle_per_rad": 0.7}.items():
+        for share in (0.2, 0.63, -0.1, 1.4):
+            q = numbers("unnamed_pressure", **heights, **{key: 1.0}, offset=share - value)
+            expected = u + np.interp(share, np.linspace(0.0, 1.0, 8), list(heights.values()))
+            assert call("unnamed_pressure", "set_point", q, u, p, surroundings, H) == approx(expected, abs=1e-3)
+    for time_s in (0.0, 0.1, 0.33, 7.2):
+        q = numbers("unnamed_pressure", time_per_s=1.7, sine_pa=2e3, cosine_pa=1e3)
+        phase = 2.0 * np.pi * 1.7 * time_s
+        expected = u + 2e3 * np.sin(phase) + 1e3 * np.cos(phase)
+        assert call("unnamed_pressure", "set_point", q, u, p, around(time=time_s), H) == approx(expected, abs=0.01)
+
+
 # Wrong numbers of the plain plant: on one joint of it.
 
 STATICS = {
