@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -80,6 +81,14 @@ class Remainder:
     statement: str
     learned: RemainderLaw | None = None
     law: LawCurve | None = None
+
+    def law_document(self) -> dict[str, Any] | None:
+        """The entry `law` in report.json: the curve, the effect that carries it, and its errors [SI]."""
+        if self.law is None or self.learned is None:
+            return None
+        gain = {"validation": self.learned.validation, "test": self.learned.test}
+        errors = {split: None if pair is None else list(pair) for split, pair in gain.items()}
+        return {**self.law.document(), "effect": self.learned.placed.effect.name, "errors_si": errors}
 
 
 def remainders(joints: Sequence[JointResult]) -> list[Remainder]:
@@ -198,7 +207,10 @@ class Placed:
         return replace(problem, nominal=nominal)
 
     def free(self, nominal: Array, span: float) -> list[FreeParameter]:
-        """The law's free parameters: knots, or both parts of a harmonic and its frequency over a span [SI]."""
+        """The law's free parameters: knots, or both parts of a harmonic and its frequency over a span [SI].
+
+        nominal: (rows,) of the problem in which the law is placed.
+        """
         own = law_free_parameters(self.effect, nominal)
         if not self.turns:
             return [p for p in own if ".knot_" in p.key]
@@ -272,7 +284,7 @@ def learn_remainder(
 
 
 def _fitted(problem: JointProblem, fit: MapFit, placed: Placed, iterations: int) -> MapFit:
-    """A short fit of a family beside all that the model has, from no law at all."""
+    """A short fit of a family together with all that the model has, from no law at all."""
     ready = placed.put(problem)
     span = max(float(np.ptp(values)) for values in _values(problem, placed.state))
     added = placed.free(ready.nominal, span)

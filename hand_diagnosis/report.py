@@ -144,20 +144,11 @@ def _remainder(left: Remainder) -> dict[str, Any]:
         "share": round(left.share, 4),
         "probability": round(left.probability, 4),
         "family": left.family,
-        "law": _remainder_law(left),
+        "law": left.law_document(),
         "when": [{"start": start, "end": end} for start, end in left.when],
         "candidates": [{"effect": name, "parameters": _parameters(numbers)} for name, numbers in left.candidates],
         "statement": left.statement,
     }
-
-
-def _remainder_law(left: Remainder) -> dict[str, Any] | None:
-    """The law of a remainder with the effect that carries it and, SI, its errors before and after."""
-    if left.law is None or left.learned is None:
-        return None
-    gain = {"validation": left.learned.validation, "test": left.learned.test}
-    errors = {split: None if pair is None else list(pair) for split, pair in gain.items()}
-    return {**left.law.document(), "effect": left.learned.placed.effect.name, "errors_si": errors}
 
 
 def _separating(diagnosis: Diagnosis, finding: Finding, rival: str, otherwise: str) -> str:

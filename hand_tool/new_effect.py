@@ -36,6 +36,7 @@ _NEXT = """Next, as docs/effects.md describes:
 
 def new_effect(
     name: Annotated[str, typer.Argument(help="Name of the effect: lower case, words joined by underscores.")],
+    *,
     place: Annotated[str, typer.Option(help=f"Where it acts: {', '.join(PLACES)}.")] = "joint",
     after: Annotated[str, typer.Option(help="Effect of the catalogue that it follows. Default: the last one.")] = "",
     source: Annotated[

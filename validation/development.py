@@ -1,6 +1,6 @@
 """Whole diagnoses of development recordings: `python -m validation.development [--deleted] [--json FILE]`.
 
-The recordings are those of validation/laws.py (its development half) and of validation/bench/other_forms.py: a joint
+The recordings are those of validation/laws.py (its development half) and of validation/other_forms.py: a joint
 with one effect in a constitutive form that the catalogue does not have. Each is diagnosed with the whole catalogue, or
 (--deleted) without the effects that name its form; then the right answer is a remainder, or a name with a low
 probability. Printed are the findings, the remainder, the test errors over the noise, and at the end the shares and the
@@ -24,8 +24,7 @@ from hand_diagnosis.splits import ErrorsOnTest
 from hand_diagnosis.verdict import StageResult
 from hand_model.description import Hand, load_hand
 from hand_recording.signals import Signals
-from validation import laws
-from validation.bench import other_forms
+from validation import laws, other_forms
 from validation.trial.calibration import calibration_error, log_score
 
 FLOORS = 1.25

@@ -22,7 +22,7 @@ from hand_model.effects import EFFECTS
 from hand_model.kernel.rows import ROW
 from hand_model.quantities import HAND
 from hand_tool.cli import app
-from validation.bench.other_forms import JOINT, nominal_model, recording
+from validation.other_forms import JOINT, nominal_model, recording
 
 SEED, FLOORS = 31, 12.0
 ANGLE = 1

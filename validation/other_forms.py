@@ -4,7 +4,7 @@ The plain equations are those of Martin et al. 2004 (Eqs. 6, 8, 11 and 12), inte
 and without the code of hand_model. Each form acts with one size, which is raised until the recording differs from that
 of the plain plant by a chosen number of practical floors.
 
-    python -m validation.bench.other_forms 1
+    python -m validation.other_forms 1
 
 diagnoses one recording of every form, from the seed given, and prints what was found, with the test errors of pressure
 and angle over the noise.
@@ -211,7 +211,7 @@ def main(seed: int, floors: float = 12.0) -> None:
     from hand_diagnosis.diagnosis import diagnose  # noqa: PLC0415 - the recordings need no fit
     from hand_model.description import load_hand  # noqa: PLC0415 - as above
 
-    hand = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
+    hand = load_hand(Path(__file__).parents[1] / "config" / "hand.yaml")
     for k, (form, (_, _, right)) in enumerate(FORMS.items()):
         own = seed + 17 * k
         signals, _ = recording(hand, form, floors, own)
@@ -227,9 +227,9 @@ def main(seed: int, floors: float = 12.0) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(
-        prog="python -m validation.bench.other_forms",
+        prog="python -m validation.other_forms",
         description="Diagnose a recording of every form.",
-        epilog="Example: python -m validation.bench.other_forms 1 --floors 12",
+        epilog="Example: python -m validation.other_forms 1 --floors 12",
     )
     parser.add_argument("seed", type=int, help="seed of the first recording")
     parser.add_argument("--floors", type=float, default=12.0, help="RMS change of a signal, in practical floors")
