@@ -217,10 +217,10 @@ def _diagnose_joint(
     effects = [effect for effect in task.effects if effect.name != without]
     rng = np.random.default_rng([task.seed, *seed])
 
-    def again(changed: JointProblem) -> JointSearch:
-        return search_joint(changed, effects, ready.free, rng, ready.start)
+    def again(changed: JointProblem, laws: bool) -> JointSearch:
+        return search_joint(changed, effects, ready.free, rng, ready.start, laws=laws)
 
-    search = again(problem)
+    search = again(problem, laws=True)
     results = stage_results(problem, search.nominal, search.final, len(search.accepted))
     switched, onset = search_with_onset(search, results, effects, again), None
     if switched is not None:

@@ -19,7 +19,7 @@ from hand_diagnosis.search import JointSearch
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.verdict import StageResult
 from hand_identification.joint_problem import CORRELATION_S, JointProblem
-from hand_identification.map_fit import MapFit, map_fit
+from hand_identification.map_fit import MapFit, map_fit, residual_is_correlated
 from hand_model.arrays import Array, Flags
 from hand_model.effects.effect import Effect
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS
@@ -59,12 +59,12 @@ def search_with_onset(
     search: JointSearch,
     results: Sequence[StageResult],
     effects: Sequence[Effect],
-    again: Callable[[JointProblem], JointSearch],
+    again: Callable[[JointProblem, bool], JointSearch],
 ) -> tuple[JointSearch, Onset, tuple[int, ...]] | None:
     """The search with an onset, the onset, and the switched rows; None where effects are there all the time, or none.
 
-    results: of the search without an onset.  again: searches a problem.  Only for one recording: between recordings, no
-    time is known.
+    results: of the search without an onset.  again: searches a problem, with learned laws or without; textbook forms
+    are enough to find a time.  Only for one recording: between recordings, no time is known.
     """
     problem = search.problem
     if (
@@ -76,7 +76,7 @@ def search_with_onset(
     rows = sorted({*rows, *(ROW[key] for key in search.effect_keys)})
     best: tuple[float, JointSearch, Onset] | None = None
     for candidate in _candidates(search, results):
-        found = again(with_onset(problem, candidate, rows))
+        found = again(with_onset(problem, candidate, rows), False)
         if not found.accepted:
             continue
         found, onset, evidence = _refined(problem, found, candidate, rows)
@@ -84,13 +84,36 @@ def search_with_onset(
             best = evidence, found, onset
     if best is None:
         return None
-    evidence, found, onset = best
-    gain = evidence - _evidence(problem, search) + float(np.log(SETTINGS.onset_prior))
-    probability = float(0.5 * (1.0 + np.tanh(0.5 * gain / SETTINGS.evidence_temperature)))
+    always = _evidence(problem, search)
+    probability = _probability(best[0] - always)
     if probability <= SETTINGS.min_onset_probability:
         return None
-    probability = min(probability, 1.0 - SETTINGS.min_probability)
+    evidence, found, onset = _with_laws(problem, best, again, rows)
+    probability = min(_probability(evidence - always), 1.0 - SETTINGS.min_probability)
     return found, replace(onset, probability=probability), tuple(rows)
+
+
+def _probability(gain: float) -> float:
+    """Probability, 0 ... 1, of an onset that gains this log evidence."""
+    odds = gain + float(np.log(SETTINGS.onset_prior))
+    return float(0.5 * (1.0 + np.tanh(0.5 * odds / SETTINGS.evidence_temperature)))
+
+
+def _with_laws(
+    problem: JointProblem,
+    best: tuple[float, JointSearch, Onset],
+    again: Callable[[JointProblem, bool], JointSearch],
+    rows: Sequence[int],
+) -> tuple[float, JointSearch, Onset]:
+    """The best search with an onset, again with learned laws where it leaves more than the noise, if that is better."""
+    _, found, onset = best
+    if not residual_is_correlated(found.problem, found.final, SETTINGS.min_correlated_ratio):
+        return best
+    learned = again(with_onset(problem, onset, rows), True)
+    if not learned.accepted:
+        return best
+    learned, moved, evidence = _refined(problem, learned, onset, rows)
+    return max((best, (evidence, learned, moved)), key=lambda each: each[0])
 
 
 def _evidence(problem: JointProblem, search: JointSearch) -> float:

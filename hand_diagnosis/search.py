@@ -34,11 +34,10 @@ from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import shape_driving
 from hand_identification.free_parameters import FreeParameter, merged
 from hand_identification.joint_problem import STAGES, JointProblem
-from hand_identification.map_fit import MapFit, map_fit
+from hand_identification.map_fit import MapFit, map_fit, residual_is_correlated
 from hand_model.arrays import Array
 from hand_model.effects.effect import Effect
 from hand_model.kernel.rows import ROW
-from hand_recording.signals import white_noise
 
 SCATTER = "the scatter of the fit over its starting points"
 REPEATABILITY = "the repeatability"
@@ -59,12 +58,13 @@ class NotClaimable:
 class JointSearch:
     """What was found on a joint. rounds: the hypotheses of each round, the most evident first.
 
-    evidences: log evidence of the model at the beginning of each round.
+    evidences: log evidence of the model at the beginning of each round.  laws: whether laws are learned.
     """
 
     problem: JointProblem
     nominal: MapFit
     nominal_evidence: float
+    laws: bool = True
     accepted: list[Hypothesis] = field(default_factory=list)
     rounds: list[list[Hypothesis]] = field(default_factory=list)
     evidences: list[float] = field(default_factory=list)
@@ -123,13 +123,16 @@ def search_joint(
     base: Sequence[FreeParameter],
     rng: np.random.Generator,
     start: Array,
+    *,
+    laws: bool = True,
 ) -> JointSearch:
     """Explain one joint by the effects given.
 
     base: free parameters of its nominal numbers.  start: (base,) coordinates at which their fit begins.
+    laws: whether laws are learned; without, only textbook forms are fitted, which is several times as fast.
     """
     nominal = map_fit(problem, base, start, SETTINGS.nominal_iterations)
-    found = JointSearch(problem, nominal, log_evidence(problem, nominal))
+    found = JointSearch(problem, nominal, log_evidence(problem, nominal), laws=laws)
     current, evidence = nominal, found.nominal_evidence
     left = list(effects)
     for _ in range(SETTINGS.max_effects):
@@ -165,7 +168,9 @@ def _best_of_round(
     The first in the order of evidence that is accepted; one that is not does not stand in the way of the next.
     """
     problem = found.problem
-    hypotheses = _with_best_laws(problem, current, _round(problem, current, effects, rng), rng)
+    hypotheses = _round(problem, current, effects, rng)
+    if found.laws:
+        hypotheses = _with_best_laws(problem, current, hypotheses, rng)
     found.rounds.append(hypotheses)
     found.evidences.append(evidence)
     for hypothesis in hypotheses:
@@ -350,12 +355,13 @@ def _refit_below_floor(found: JointSearch, rng: np.random.Generator) -> None:
 
     The laws of the effects found are freed where that still leaves more.
     """
-    if not residual_is_correlated(found.problem, found.final):
+    if not residual_is_correlated(found.problem, found.final, SETTINGS.min_correlated_ratio):
         return
     if found.accepted:
         last = found.accepted[-1]
         found.accepted[-1] = replace(last, fit=refit_below_floor(found.problem, last.fit))
-        _learn_below_floor(found, rng)
+        if found.laws:
+            _learn_below_floor(found, rng)
     found.nominal = refit_below_floor(found.problem, found.nominal)
 
 
@@ -363,7 +369,11 @@ def _learn_below_floor(found: JointSearch, rng: np.random.Generator) -> None:
     """Free the laws of the effects found, where the validation data confirm what they explain below the floor."""
     problem = found.problem
     for k, hypothesis in enumerate(found.accepted):
-        if not hypothesis.effect.coefficients or hypothesis.freed or not residual_is_correlated(problem, found.final):
+        if (
+            not hypothesis.effect.coefficients
+            or hypothesis.freed
+            or not residual_is_correlated(problem, found.final, SETTINGS.min_correlated_ratio)
+        ):
             continue
         sharp = weighted_by_noise(problem, found.final)
         # Evidence and covariance of both laws must come from the same weights.
@@ -387,13 +397,3 @@ def refit_below_floor(problem: JointProblem, fit: MapFit) -> MapFit:
 def at_floor(problem: JointProblem, done: MapFit) -> MapFit:
     """A fit with the larger weights, with the cost and the covariance of the practical floor."""
     return map_fit(problem, done.free, done.z, 1)
-
-
-def residual_is_correlated(problem: JointProblem, fit: MapFit) -> bool:
-    """Whether any residual is clearly more than white noise."""
-    for segment, residual in zip(problem.segments, fit.residuals, strict=True):
-        for stage in np.flatnonzero(segment.use.any(axis=1)):
-            left = residual[stage][segment.use[stage]]
-            if float(np.sqrt(np.mean(left**2))) > SETTINGS.min_correlated_ratio * white_noise(left):
-                return True
-    return False

@@ -151,7 +151,8 @@ class JointProblem:
             first, last = segment.block[0], segment.block[-1]
             starts = np.searchsorted(segment.block, np.arange(first, last + 1))
             for column, values in zip(total, residual, strict=True):
-                column[:, first : last + 1] += np.add.reduceat(values * values, starts, axis=1)
+                with np.errstate(over="ignore"):  # a trial that diverges costs infinity
+                    column[:, first : last + 1] += np.add.reduceat(values * values, starts, axis=1)
         return total
 
     @property

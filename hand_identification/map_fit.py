@@ -15,6 +15,7 @@ import numpy as np
 from hand_identification.free_parameters import START_CREEP, FreeParameter
 from hand_identification.joint_problem import JointProblem
 from hand_model.arrays import Array
+from hand_recording.signals import white_noise
 
 DIFFERENCE = 0.002
 """Step of the finite differences, in standard deviations of the prior."""
@@ -193,8 +194,18 @@ def costs_at(problem: JointProblem, free: Sequence[FreeParameter], points: Array
 
 def _simulated(problem: JointProblem, free: Sequence[FreeParameter], points: Array) -> tuple[Array, Array, list[Array]]:
     """Costs (k,), squares (k, OUTPUTS, blocks) and residuals (k, OUTPUTS, T) by segment."""
-    train = (~problem.held_out).astype(float)
     residuals = problem.residuals(*problem.columns(free, points))
     squares = problem.block_squares(residuals)
-    costs: Array = (problem.weight[None, :, None] * squares * train).sum(axis=(1, 2)) + (points**2).sum(axis=1)
+    counted = np.where(problem.held_out, 0.0, squares)  # of a simulation that diverges, squares are infinite
+    costs: Array = (problem.weight[None, :, None] * counted).sum(axis=(1, 2)) + (points**2).sum(axis=1)
     return np.where(np.isfinite(costs), costs, np.inf), squares, residuals
+
+
+def residual_is_correlated(problem: JointProblem, fit: MapFit, ratio: float) -> bool:
+    """Whether the RMS of any residual is more than `ratio` [-] times its white noise."""
+    for segment, residual in zip(problem.segments, fit.residuals, strict=True):
+        for stage in np.flatnonzero(segment.use.any(axis=1)):
+            left = residual[stage][segment.use[stage]]
+            if float(np.sqrt(np.mean(left**2))) > ratio * white_noise(left):
+                return True
+    return False
