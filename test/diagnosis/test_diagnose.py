@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from hand_diagnosis.diagnosis import Diagnosis, diagnose
 from hand_diagnosis.verdict import locate
 from hand_model.description import Hand
-from hand_model.effects import CATALOGUE, EFFECTS
+from hand_model.effects import CATALOGUE
 from hand_model.kernel.rows import ROW
 from hand_recording.signals import Signals
 from test.diagnosis.recordings import ANGLE_NOISE_RAD, changed, off_by_a_little, record
