@@ -191,7 +191,7 @@ def test_what_the_catalogue_lacks_is_unknown(effect: str, values: dict[str, floa
     rng = np.random.default_rng(30)
     signals = record(changed(hand, JOINT, **values), rng, 24.0)
     rivals = PRESSURE_RIVALS if effect == "pressure_gain" else TORQUE_RIVALS
-    others = [name for name, entry in EFFECTS.items() if (entry.keys and name not in rivals) or name == effect]
+    others = [each.name for each in CATALOGUE if each.keys and (each.name not in rivals or each.name == effect)]
     result = run(signals, off_by_a_little(hand, rng), JOINT, without=others)
     named = [(f.effect, f.probability) for f in result.findings]
     assert result.remainder or (named and max(probability for _, probability in named) < 0.6), named
