@@ -17,6 +17,7 @@ from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.splits import ErrorsOnTest, evaluate_test, fit_part, spared_last
 from hand_diagnosis.task import (
     Task,
+    effects_not_offered,
     effects_without,
     initial_rest_angle,
     model_accelerations,
@@ -89,7 +90,7 @@ def diagnose(
     wording: units and words of findings.  progress: called with each joint that is done.
     Raises ValueError for joints or effects that do not exist, and for a re-run of other commands.
     """
-    effects = effects_without(without)
+    effects = effects_without(without, model)
     checked = [check(recording, model) for recording in signals]
     signals = spared_last([each.signals for each in checked])
     unusable = frozenset().union(*(each.unusable for each in checked))
@@ -116,6 +117,7 @@ def diagnose(
     done = _without_unshared(task, _beside_models(task, done))
     lines += [line for result in done for line in _at_bounds(result)]
     lines += [line for result in done for line in _withdrawals(result)]
+    lines += effects_not_offered(model)
     findings, left = ranked_findings(done, signals), remainders(done)
     reasons = not_judged(checked, [result.joint for result in done], joints) | failed
     return Diagnosis(

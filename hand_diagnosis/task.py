@@ -30,12 +30,22 @@ from hand_recording.signals import Signals, derivatives
 _ANGLE_SENSOR = [ROW[key] for effect in CATALOGUE if effect.place == "angle_sensor" for key in effect.keys]
 
 
-def effects_without(names: Sequence[str]) -> list[Effect]:
-    """The effects of the catalogue that have parameters, without those named. Raises ValueError for unknown names."""
+def effects_without(names: Sequence[str], model: JointModel) -> list[Effect]:
+    """The effects of the catalogue that have parameters and exist on a machine, without those named.
+
+    Raises ValueError for unknown names.
+    """
     for name in names:
         if name not in EFFECTS:
             raise ValueError(f"--without is {name!r}; the effects are: {', '.join(EFFECTS)}")
-    return [effect for effect in CATALOGUE if effect.keys and effect.name not in names]
+    possible = [effect for effect in CATALOGUE if model.lacks.isdisjoint(effect.needs)]
+    return [effect for effect in possible if effect.keys and effect.name not in names]
+
+
+def effects_not_offered(model: JointModel) -> list[str]:
+    """A line about the effects that cannot exist on a machine."""
+    names = [effect.name for effect in CATALOGUE if effect.keys and not model.lacks.isdisjoint(effect.needs)]
+    return [f"effects that this machine cannot have are not offered: {', '.join(names)}"] if names else []
 
 
 def moving_joints(

@@ -11,8 +11,10 @@ from pathlib import Path
 
 from hand_model.yaml_reader import Section, read_yaml
 
-KEYS = ("schema", "name", "motion", "imposed", "gain", "stiffness", "damping", "inertia", "weight", "columns")
+KEYS = ("schema", "name", "motion", "imposed", "gain", "stiffness", "damping", "inertia", "weight", "has", "columns")
 COLUMNS = ("time", "input", "position", "force")
+PARTS = ("supply", "valve", "chamber", "soft_material", "magnetic_sensor", "input_sensor", "force_sensing_resistor")
+"""What the key `has` may state (NEEDS of hand_model/effects/effect.py); the rest follows from the other keys."""
 LARGEST, SMALLEST_GAIN = 1e12, 1e-12
 """Bounds of every number of the file, in SI."""
 
@@ -33,7 +35,8 @@ class MachineDescription:
     linear: position in m and force in N; else angle in rad and torque in N m.
     imposed: a rig moves the axis and the force is measured; else the input moves it.
     gain: force or torque per unit of input.  stiffness [N/m or N m/rad], damping [N s/m or N m s/rad], inertia [kg or
-    kg m^2] and weight [N m at 90 degrees] of the nominal model.  columns: those the recordings are read from.
+    kg m^2] and weight [N m at 90 degrees] of the nominal model.  has: parts that effects may need, of PARTS.
+    columns: those the recordings are read from.
     """
 
     path: Path
@@ -45,6 +48,7 @@ class MachineDescription:
     damping: float
     inertia: float
     weight: float
+    has: frozenset[str]
     columns: Mapping[str, Column]
 
 
@@ -63,8 +67,22 @@ def load_description(path: Path) -> MachineDescription:
         top.number("gain", SMALLEST_GAIN, LARGEST, 1.0 if imposed else None),
         **numbers,
         weight=top.number("weight", 0.0, 0.0 if linear else LARGEST, 0.0),
+        has=_parts(top, linear=linear),
         columns=_columns(top, imposed),
     )
+
+
+def _parts(top: Section, *, linear: bool) -> frozenset[str]:
+    allowed = f"a list of {', '.join(PARTS)}"
+    given = top.raw("has", allowed, [])
+    if not isinstance(given, list):
+        raise top.error("has", f"must be {allowed}")
+    for part in given:
+        if part not in PARTS:
+            raise top.error("has", f"contains {part!r}; it must be {allowed}")
+    if linear and "magnetic_sensor" in given:
+        raise top.error("has", "contains magnetic_sensor, which only an axis with motion: rotary can have")
+    return frozenset(given)
 
 
 def _columns(top: Section, imposed: bool) -> dict[str, Column]:

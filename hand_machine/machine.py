@@ -18,6 +18,7 @@ from hand_machine.description import MachineDescription, load_description
 from hand_machine.reading import Readings, read_machine
 from hand_machine.wording import AXIS, wording_of
 from hand_model.arrays import Array
+from hand_model.effects.effect import NEEDS
 from hand_model.kernel.rows import DEGREE, JOINT_PARAMETERS, ROW
 from hand_model.quantities import Wording
 from hand_model.yaml_document import yaml_text
@@ -29,6 +30,8 @@ LEVER_M = TORQUE / FORCE
 EFFECT_SHARE = 0.1
 """Share of the torque of a finger that effects may have."""
 LACKING_QUANTILE = 0.99
+WARMING_S = 600.0
+"""Shortest recording in which a machine may warm up or age: the shortest short-time duty of IEC 60034-1 (S2)."""
 LEAST_DAMPING, LEAST_STIFFNESS, LEAST_INERTIA = 1e-4, 1e-6, 1e-9
 """Of a finger [N m s/rad, N m/rad, kg m^2], where the file gives none: too small to see, enough to start a fit from."""
 WITHOUT_PART = {
@@ -59,13 +62,17 @@ class Scales:
 
 @dataclass(frozen=True, slots=True)
 class AxisModel:
-    """The nominal model of the axis. parameters: (rows of JOINT_PARAMETERS, 1), scaled to the size of a finger."""
+    """The nominal model of the axis. parameters: (rows of JOINT_PARAMETERS, 1), scaled to the size of a finger.
+
+    lacks: what it does not have of what effects may need, keys of NEEDS.
+    """
 
     path: Path
     name: str
     joints: tuple[str, ...]
     parameters: Array
     partner: NDArray[np.int64]
+    lacks: frozenset[str]
 
     def lever_arm_m(self, joint: int) -> float:
         """Lever arm [m] that makes the scaled torque of a finger its scaled force."""
@@ -102,7 +109,8 @@ def load_machine(path: Path, recordings: Sequence[Path]) -> Machine:
     )
     named = zip(recordings, tables, strict=True)
     signals = tuple(_signals(recording, table, described.imposed, scales) for recording, table in named)
-    return Machine(described.name, _model(described, scales), signals, wording)
+    longest = max(float(np.ptp(table.time_s)) for table in tables)
+    return Machine(described.name, _model(described, scales, longest), signals, wording)
 
 
 def _scales(described: MachineDescription, tables: Sequence[Readings]) -> Scales:
@@ -127,7 +135,7 @@ def _lacking(described: MachineDescription, table: Readings) -> float:
     return float(np.quantile(np.abs(lacking[table.known]), LACKING_QUANTILE))
 
 
-def _model(described: MachineDescription, scales: Scales) -> AxisModel:
+def _model(described: MachineDescription, scales: Scales, longest_s: float) -> AxisModel:
     scale = scales.angle / scales.torque
     own = {
         "statics.a1_nm_per_rad": -max(described.stiffness * scale, LEAST_STIFFNESS),
@@ -139,7 +147,18 @@ def _model(described: MachineDescription, scales: Scales) -> AxisModel:
     parameters = np.array([(p.neutral or 0.0) * p.scale for p in JOINT_PARAMETERS])
     for key, value in (WITHOUT_PART | own).items():
         parameters[ROW[key]] = value
-    return AxisModel(described.path, described.name, (AXIS,), parameters[:, None], np.array([-1]))
+    return AxisModel(
+        described.path, described.name, (AXIS,), parameters[:, None], np.array([-1]), _lacks(described, longest_s)
+    )
+
+
+def _lacks(described: MachineDescription, longest_s: float) -> frozenset[str]:
+    """What the axis does not have of what effects may need. longest_s: duration of its longest recording."""
+    has = set(described.has)
+    has |= set() if described.linear else {"rotation"}
+    has |= {"force_sensor"} if described.imposed else set()
+    has |= {"long_recording"} if longest_s >= WARMING_S else set()
+    return frozenset(NEEDS) - has
 
 
 def _signals(recording: Path, table: Readings, imposed: bool, scales: Scales) -> Signals:

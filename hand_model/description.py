@@ -99,6 +99,11 @@ class Hand:
         """Number of ADC channels."""
         return self.sensors.channel_count
 
+    @property
+    def lacks(self) -> frozenset[str]:
+        """What effects may need and the hand does not have: nothing, the catalogue is that of the hand."""
+        return frozenset()
+
     def lever_arm_m(self, joint: int) -> float:
         """Lever arm [m] of the first force sensor of a joint; 1 where it has none."""
         sites = np.flatnonzero(self.sensors.site_joint == joint)

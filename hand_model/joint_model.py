@@ -38,6 +38,11 @@ class JointModel(Protocol):
         """(joints,) index of the joint that shares inertia, or -1."""
         ...
 
+    @property
+    def lacks(self) -> frozenset[str]:
+        """What it does not have of what effects may need, keys of NEEDS."""
+        ...
+
     def lever_arm_m(self, joint: int) -> float:
         """Lever arm [m] of the force sensor of a joint; 1 where it has none."""
         ...

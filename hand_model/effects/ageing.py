@@ -52,6 +52,7 @@ _BY_USE = (
 EFFECT = Effect(
     name="ageing",
     place="material",
+    needs=("long_recording",),
     parameters=(
         Parameter("ageing.stiffness_per_h", -60.0, 60.0, "relative change of elasticity per hour", 1 / 3600, 0.0, 3.0),
         Parameter(

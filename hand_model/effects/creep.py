@@ -58,6 +58,7 @@ _SHIFTS = tuple(
 EFFECT = Effect(
     name="creep",
     place="material",
+    needs=("soft_material",),
     parameters=_SHIFTS,
     reads=(
         "statics.a1_nm_per_rad",

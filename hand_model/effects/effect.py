@@ -83,6 +83,20 @@ EXPERIMENTS = (
     "neighbour_moves",
 )
 """Excitations that an effect may name: those of `hand excite`, and three that a person does by hand."""
+NEEDS: dict[str, str] = {
+    "supply": "a supply that several valves share",
+    "valve": "a valve between set-point and pressure",
+    "chamber": "a chamber with a fluid",
+    "soft_material": "soft material, as silicone or rubber",
+    "other_joint": "a neighbouring joint",
+    "rotation": "an axis that turns",
+    "magnetic_sensor": "an angle sensor with a magnet",
+    "input_sensor": "an input that is measured and not exact",
+    "force_sensor": "a measured force",
+    "force_sensing_resistor": "a force-sensing resistor",
+    "long_recording": "a recording of at least ten minutes",
+}
+"""What an effect may need of a machine. A hand has all of it."""
 HOOKS: dict[str, tuple[str, ...]] = {
     "prepare": ("h",),
     "set_point": ("u", "p", "e", "h"),
@@ -140,6 +154,7 @@ class Effect:
     everywhere: whether one cause acts on the whole hand and not on one joint.
     meets_others: whether its equations use NEIGHBOUR or INFLOW of e.
     constitution: the class of the effect, apart from its law; every entry of the catalogue has one.
+    needs: what a machine must have for the effect to exist there, keys of NEEDS.
 
     Raises ValueError, one line with the effect's name, for anything that does not fit together.
     """
@@ -163,6 +178,7 @@ class Effect:
     everywhere: bool = False
     meets_others: bool = False
     constitution: Constitution | None = None
+    needs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse what does not fit together."""
@@ -174,6 +190,9 @@ class Effect:
         for experiment in self.experiments:
             if experiment not in EXPERIMENTS:
                 raise self._error("experiment", experiment, EXPERIMENTS)
+        for need in self.needs:
+            if need not in NEEDS:
+                raise self._error("need", need, NEEDS)
         self._check_parameters()
         self._check_keys()
         self._check_hooks()

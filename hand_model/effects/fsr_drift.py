@@ -27,6 +27,7 @@ def force_reading(q, m, force):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="fsr_drift",
     place="force_sensor",
+    needs=("force_sensing_resistor",),
     parameters=(
         Parameter("fsr_drift.share", -0.9, 5.0, "of the force added under lasting load", 1.0, 0.0, 0.2),
         Parameter("fsr_drift.time_constant_s", 0.1, 1e3, "of the creep", 1.0, 10.0),

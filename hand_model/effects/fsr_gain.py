@@ -18,6 +18,7 @@ def force_reading(q, force):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="fsr_gain",
     place="force_sensor",
+    needs=("force_sensor",),
     parameters=(Parameter("fsr_gain.error", -0.9, 5.0, "relative error of the reading", 1.0, 0.0, 0.2),),
     hooks={"force_reading": force_reading},
     keys=("fsr_gain.error",),

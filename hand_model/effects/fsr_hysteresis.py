@@ -33,6 +33,7 @@ def force_reading(q, m, force):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="fsr_hysteresis",
     place="force_sensor",
+    needs=("force_sensing_resistor",),
     parameters=(
         Parameter("fsr_hysteresis.share", 0.0, 0.9, "half the loop over the force", 1.0, 0.0, 0.1),
         Parameter("fsr_hysteresis.turn_n", 0.02, 50.0, "change of force that turns the loop half around", 1.0, 0.5),

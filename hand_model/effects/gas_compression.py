@@ -36,6 +36,7 @@ def curve(q, x, y):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="gas_compression",
     place="fluid",
+    needs=("chamber",),
     parameters=(
         Parameter("gas_compression.exponent", 0.0, 3.0, "Eq. 7, polytropic exponent; 1 isothermal", 1.0, 0.0, 1.0),
         Parameter("gas_compression.volume_m3", 1e-7, 1e-3, "of actuator and tube, vented at 0", 1.0, 2e-6),

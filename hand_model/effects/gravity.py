@@ -25,6 +25,7 @@ def curve(q, x, y):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="gravity",
     place="joint",
+    needs=("rotation",),
     parameters=(
         Parameter("gravity.sine_nm", -5.0, 5.0, "torque against flexion at 90 degrees", 1.0, 0.0, 0.01),
         Parameter("gravity.cosine_nm", -5.0, 5.0, "torque against flexion at 0 degrees", 1.0, 0.0, 0.01),

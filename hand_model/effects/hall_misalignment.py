@@ -20,6 +20,7 @@ def angle_reading(q, phi):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="hall_misalignment",
     place="angle_sensor",
+    needs=("rotation", "magnetic_sensor"),
     parameters=(
         Parameter("hall_misalignment.sine_deg", -20.0, 20.0, "first harmonic of the error", DEGREE, 0.0, 1.0),
         Parameter("hall_misalignment.cosine_deg", -20.0, 20.0, "first harmonic of the error", DEGREE, 0.0, 1.0),

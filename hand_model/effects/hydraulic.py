@@ -31,6 +31,7 @@ def pressure_source(q, p, e):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="hydraulic",
     place="fluid",
+    needs=("chamber",),
     parameters=(
         Parameter("hydraulic.share", 0.0, 1.0, "1: an incompressible fluid, Eq. 7; set by `fluid`", 1.0, 0.0, 1.0),
         Parameter("hydraulic.volume_m3_per_pa", 1e-14, 1e-9, "growth of the chamber with pressure", 1.0, 1.2e-12),

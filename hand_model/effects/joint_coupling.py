@@ -20,6 +20,7 @@ def torque(q, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="joint_coupling",
     place="joint",
+    needs=("other_joint",),
     parameters=(
         Parameter("joint_coupling.stiffness_nm_per_rad", -5.0, 5.0, "torque per neighbour's angle", 1.0, 0.0, 0.01),
         Parameter("joint_coupling.ratio", 0.0, 3.0, "of its own angle that relieves it", 1.0, 0.0, 0.3),

@@ -31,6 +31,7 @@ def curve(q, x, y):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="leak",
     place="fluid",
+    needs=("chamber",),
     parameters=(
         Parameter("leak.rate_per_s", 0.0, 50.0, "share of the pressure lost in a second, at 1 bar", 1.0, 0.0, 0.1),
         Parameter("leak.turbulent", 0.0, 1.0, "0 a gap, loss with pressure; 1 a hole, with its root", 1.0, 0.0, 0.17),

@@ -30,6 +30,7 @@ def pressure_true(q, reading):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="pressure_gain",
     place="pressure_sensor",
+    needs=("input_sensor",),
     parameters=(Parameter("pressure_gain.error", -0.5, 0.5, "relative error of the span", 1.0, 0.0, 0.005),),
     prepared=("per_span",),
     hooks={"prepare": prepare, "pressure_reading": pressure_reading, "pressure_true": pressure_true},

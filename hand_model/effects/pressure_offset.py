@@ -25,6 +25,7 @@ def pressure_true(q, reading):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="pressure_offset",
     place="pressure_sensor",
+    needs=("input_sensor",),
     parameters=(Parameter("pressure_offset.offset_pa", -2e5, 2e5, "reading minus true pressure", 1.0, 0.0, 5e3),),
     hooks={"pressure_reading": pressure_reading, "pressure_true": pressure_true},
     keys=("pressure_offset.offset_pa",),

@@ -38,6 +38,7 @@ def curve(q, x, y):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="supply_droop",
     place="supply",
+    needs=("supply",),
     parameters=(
         Parameter("supply_droop.deficit_pa", 0.0, 5e5, "supply pressure missing at rest", 1.0, 0.0, 5e4),
         Parameter("supply_droop.resistance_s", 0.0, 2.0, "sag per sum of all pressure rises", 1.0, 0.0, 0.05),

@@ -59,6 +59,7 @@ def valve(q, m, p, u, e, h):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="switching_valve",
     place="valve",
+    needs=("valve",),
     parameters=(
         Parameter("switching_valve.share", 0.0, 1.0, "1: two switching valves; set by `valve_kind`", 1.0, 0.0, 1.0),
         Parameter("switching_valve.conductance_m3_per_s_pa", 1e-11, 1e-6, "sonic conductance C, ISO 6358", 1.0, 3e-10),

@@ -44,6 +44,7 @@ def curve(q, x, y):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="thermal_drift",
     place="material",
+    needs=("long_recording",),
     parameters=(
         Parameter("thermal_drift.torque_nm", -1.0, 1.0, "torque gained once warm", 1.0, 0.0, 0.01),
         Parameter("thermal_drift.softening", -1.0, 1.0, "share of the elasticity lost once warm", 1.0, 0.0, 0.1),

@@ -42,6 +42,7 @@ def curve(q, x, y):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="valve_deadband",
     place="valve",
+    needs=("valve",),
     parameters=(
         Parameter("valve_deadband.width_pa", 0.0, 2e5, "error that opens nothing", 1.0, 0.0, 5e3),
         Parameter("valve_deadband.softness", 0.0, 1.0, "0 a sharp edge, 1 a gradual opening", 1.0, 0.0, 0.17),

@@ -8,6 +8,7 @@ from hand_model.effects.effect import Effect
 EFFECT = Effect(
     name="valve_delay",
     place="valve",
+    needs=("valve",),
     keys=("valve.dead_time_s",),
     probes=((0.015,), (0.03,), (0.0,)),
     says="the valve reacts after a dead time of {dead_time_s}",

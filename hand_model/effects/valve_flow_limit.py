@@ -70,6 +70,7 @@ _GROWTHS = tuple(
 EFFECT = Effect(
     name="valve_flow_limit",
     place="valve",
+    needs=("valve",),
     parameters=(
         Parameter("valve_flow_limit.choking", 0.0, 1.0, "0 a constant limit, 1 a choked one", 1.0, 0.0, 0.17),
         *_GROWTHS,

@@ -33,6 +33,7 @@ def set_point(q, m, u, p, e, h):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="valve_hysteresis",
     place="valve",
+    needs=("valve",),
     parameters=(
         Parameter("valve_hysteresis.width_pa", 0.0, 2e5, "half the width of the loop", 1.0, 0.0, 5e3),
         Parameter("valve_hysteresis.softness", 0.0, 1.0, "0 a play, 1 a rounded loop", 1.0, 0.0, 0.17),

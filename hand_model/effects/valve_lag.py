@@ -53,6 +53,7 @@ def curve(q, x, y):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="valve_lag",
     place="valve",
+    needs=("valve",),
     parameters=(
         Parameter("valve_lag.time_constant_s", 0.0, 1.0, "second lag of the valve", 1.0, 0.0, 0.03),
         Parameter("valve_lag.venting_ratio", 0.2, 5.0, "time constant while venting over that while filling", 1.0, 1.0),

@@ -1,0 +1,93 @@
+"""Effects are offered only where what they need exists."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hand_diagnosis.task import effects_not_offered, effects_without
+from hand_machine.description import PARTS
+from hand_machine.machine import AxisModel, load_machine
+from hand_model.description import load_hand
+from hand_model.effects import CATALOGUE, EFFECTS
+from hand_model.effects.effect import NEEDS
+from hand_model.yaml_loader import DescriptionError
+from hand_recording.installed import default_model
+
+SLIDE = {"schema": 1, "name": "slide", "motion": "linear", "gain": 1.0, "inertia": 0.2, "damping": 1.0}
+COLUMNS = {"time": {"column": "t"}, "input": {"column": "u"}, "position": {"column": "x"}}
+ALWAYS = {"coulomb_friction", "viscous_friction", "stiffening", "hysteresis", "backlash", "end_stop", "constant_load"}
+
+
+def model(folder: Path, seconds: float, **keys: object) -> AxisModel:
+    """The model of a machine whose recording lasts for so long."""
+    time = np.arange(0.0, seconds + 0.05, 0.1)
+    np.savez(folder / "run.npz", t=time, u=np.sin(time), x=0.1 * np.sin(0.3 * time))
+    content = SLIDE | {"columns": COLUMNS} | keys
+    (folder / "machine.yaml").write_text(json.dumps(content), encoding="utf-8")
+    return load_machine(folder / "machine.yaml", [folder / "run.npz"]).model
+
+
+def offered(axis: AxisModel) -> set[str]:
+    return {effect.name for effect in effects_without([], axis)}
+
+
+def test_a_plain_axis_is_offered_no_impossible_effect(tmp_path: Path) -> None:
+    """Fails when a linear axis gets a magnet, a valve, warming within 30 s, or loses friction; or no line says so."""
+    axis = model(tmp_path, 30.0)
+    names = offered(axis)
+    assert names >= ALWAYS
+    impossible = {
+        "hall_misalignment",
+        "valve_lag",
+        "valve_delay",
+        "thermal_drift",
+        "ageing",
+        "gravity",
+        "creep",
+        "leak",
+    }
+    assert not names & (impossible | {"supply_droop", "joint_coupling", "fsr_drift", "pressure_offset"})
+    line = effects_not_offered(axis)[0]
+    assert all(effect.name in line for effect in CATALOGUE if effect.keys and effect.name not in names)
+
+
+def test_each_need_offers_its_effects(tmp_path: Path) -> None:
+    """Fails when a part, the kind of motion, a measured force or the duration does not offer what it makes possible."""
+    assert "gravity" in offered(model(tmp_path, 30.0, motion="rotary"))
+    assert {"thermal_drift", "ageing"} <= offered(model(tmp_path, 600.0))
+    assert not {"thermal_drift", "ageing"} & offered(model(tmp_path, 599.0))
+    for part in PARTS:
+        found = offered(model(tmp_path, 30.0, motion="rotary", has=[part]))
+        assert found >= {effect.name for effect in CATALOGUE if effect.keys and effect.needs == (part,)}, part
+    forced = COLUMNS | {"force": {"column": "u"}}
+    assert "fsr_gain" in offered(model(tmp_path, 30.0, imposed=True, inertia=0.0, columns=forced))
+    everything = replace(model(tmp_path, 30.0), lacks=frozenset())
+    assert offered(everything) == {effect.name for effect in CATALOGUE if effect.keys}
+
+
+def test_a_hand_has_every_effect() -> None:
+    """Fails when an effect of the hand is no longer offered, or an effect needs what no machine can state."""
+    hand = load_hand(default_model())
+    assert {effect.name for effect in effects_without([], hand)} == {name for name, e in EFFECTS.items() if e.keys}
+    assert effects_not_offered(hand) == []
+    assert {need for effect in CATALOGUE for need in effect.needs} == set(NEEDS)
+
+
+@pytest.mark.parametrize(
+    ("has", "line"),
+    [
+        ("valve", "has must be a list of supply, valve"),
+        (["pump"], "has contains 'pump'; it must be a list of"),
+        ([["valve"]], "has contains .*; it must be a list of"),
+        (["magnetic_sensor"], "has contains magnetic_sensor, which only an axis with motion: rotary can have"),
+    ],
+)
+def test_parts_that_are_wrong_are_refused(tmp_path: Path, has: object, line: str) -> None:
+    """Fails when an unknown or impossible part is accepted."""
+    with pytest.raises(DescriptionError, match=line):
+        model(tmp_path, 30.0, has=has)
