@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import itertools
 import json
+import os
 import shutil
 import subprocess
 import time
@@ -19,7 +20,9 @@ FLAGS = ("--headless", "--no-sandbox", "--no-first-run", "--disable-quic", "--hi
 DRAWING = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 QUIET = ("--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-extensions")
 LAST = ("nice", "-n", "19")
-"""Without a graphics card the browser takes every core that it gets, and the hand under test keeps deadlines."""
+KEEP_LAST = ("setpriv", "--bounding-set", "-sys_nice", "--inh-caps", "-sys_nice")
+"""Without a graphics card the browser takes every core that it gets, and the hand under test keeps deadlines. So it has
+the lowest priority, and where it runs as root, it loses the right to raise that of the process that draws."""
 WAIT_S = 30.0
 
 
@@ -32,7 +35,10 @@ class Browser:
         window = f"--window-size={size[0]},{size[1]}"
         options = [*FLAGS, *DRAWING, *QUIET, window, f"--user-data-dir={profile}", "--remote-debugging-port=0"]
         with (folder / "browser.log").open("wb") as log:
-            self._process = subprocess.Popen([*LAST, BROWSER, *options, "about:blank"], stdout=log, stderr=log)
+            root = os.geteuid() == 0 and shutil.which(KEEP_LAST[0]) is not None
+            self._process = subprocess.Popen(
+                [*(KEEP_LAST if root else ()), *LAST, BROWSER, *options, "about:blank"], stdout=log, stderr=log
+            )
         self._numbers = itertools.count(1)
         port_file = profile / "DevToolsActivePort"
         self._until(lambda: port_file.is_file() and len(port_file.read_text().splitlines()) == 2)
