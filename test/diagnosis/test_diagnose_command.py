@@ -31,6 +31,8 @@ from hand_sim.plant import PHI, HandPlant, P
 from test.diagnosis.recordings import CONFIG, changed, excitation, hand_tool, off_by_a_little, record
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+TABLE_S = 16.0
+"""Length of a table, which is diagnosed without the motion of the joint's partner and therefore slowly."""
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +93,7 @@ def test_the_page_stands_alone(report: Path) -> None:
 def test_a_table_gives_the_same_finding(rubbing: Path, tmp_path: Path) -> None:
     """Fails when units, signs or times of a mapped CSV are not applied."""
     base = load_recording(rubbing).on_time_base()
+    few = base.time_s < base.time_s[0] + TABLE_S
     j = base.joints.index("index_proximal")
     rows = np.column_stack(
         [
@@ -101,7 +104,9 @@ def test_a_table_gives_the_same_finding(rubbing: Path, tmp_path: Path) -> None:
         ]
     )
     table = tmp_path / "rig.csv"
-    np.savetxt(table, rows[np.isfinite(rows).all(axis=1)], delimiter=",", header="t,u,p,phi", comments="", fmt="%.6f")
+    np.savetxt(
+        table, rows[few & np.isfinite(rows).all(axis=1)], delimiter=",", header="t,u,p,phi", comments="", fmt="%.6f"
+    )
     mapping = tmp_path / "map.yaml"
     mapping.write_text(
         "time: {column: t, unit: ms}\njoints:\n  index_proximal:\n    set_point: {column: u, unit: bar}\n"
