@@ -38,13 +38,18 @@ def effects_without(names: Sequence[str], model: JointModel) -> list[Effect]:
     for name in names:
         if name not in EFFECTS:
             raise ValueError(f"--without is {name!r}; the effects are: {', '.join(EFFECTS)}")
-    possible = [effect for effect in CATALOGUE if model.lacks.isdisjoint(effect.needs)]
-    return [effect for effect in possible if effect.keys and effect.name not in names]
+    return [effect for effect in CATALOGUE if effect.keys and effect.name not in names and _is_possible(effect, model)]
+
+
+def _is_possible(effect: Effect, model: JointModel) -> bool:
+    """Whether a machine has what an effect needs, and the effect changes no number that is exact."""
+    exact = {key for key, tolerance in model.tolerances.items() if tolerance == 0.0}
+    return model.lacks.isdisjoint(effect.needs) and exact.isdisjoint(effect.keys)
 
 
 def effects_not_offered(model: JointModel) -> list[str]:
     """A line about the effects that cannot exist on a machine."""
-    names = [effect.name for effect in CATALOGUE if effect.keys and not model.lacks.isdisjoint(effect.needs)]
+    names = [effect.name for effect in CATALOGUE if effect.keys and not _is_possible(effect, model)]
     return [f"effects that this machine cannot have are not offered: {', '.join(names)}"] if names else []
 
 
@@ -147,7 +152,8 @@ class Task:
     def _roughly(self, joint: str) -> Prepared:
         if joint not in self._rough:
             problem = joint_problem(self.signals, self.model, joint, self.floors.get(joint, np.array(FLOOR)))
-            free = nominal_free_parameters(problem.nominal, self.tolerance, initial_rest_angle(self.signals, joint))
+            rested = initial_rest_angle(self.signals, joint)
+            free = nominal_free_parameters(problem.nominal, self.tolerance, rested, self.model.tolerances)
             if not problem.driven:
                 free += speed_free_parameters(fit_part(problem).starts(1)[0, 1:].tolist())
             fitted = fit_part(problem)

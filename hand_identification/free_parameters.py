@@ -8,7 +8,7 @@ an effect's parameter is wide, and its bounds are those of the parameter table.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,21 +93,25 @@ class FreeParameter:
         return JOINT_PARAMETERS[self.row].key
 
 
-def nominal_free_parameters(nominal: Array, tolerance: float, rested: bool) -> list[FreeParameter]:
+def nominal_free_parameters(
+    nominal: Array, tolerance: float, rested: bool, own: Mapping[str, float] | None = None
+) -> list[FreeParameter]:
     """Free parameters of the plain plant around its nominal parameters (rows,), each by a relative tolerance [-].
+
+    own: tolerances of single parameters, by key; one with the tolerance 0 is exact and not free.
 
     The bounds are FARTHEST tolerances away: a larger difference indicates missing physics, not a wrong number.
     rested: whether the joint was at rest without pressure before the recording, so that its creep has decayed.
     """
-    free = []
+    free, own = [], own or {}
     for key in NOMINAL_KEYS:
         row = ROW[key]
         size = max(abs(nominal[row]), _FLOOR.get(key, 0.0))
         creepless = key.startswith("material.") and nominal[ROW["material.phi_max_deg"]] == 0.0
-        if size == 0.0 or creepless:
+        if size == 0.0 or creepless or own.get(key) == 0.0:
             continue
         bound = JOINT_PARAMETERS[row]
-        scale = size * max(tolerance, WIDE.get(key, 0.0))
+        scale = size * own.get(key, max(tolerance, WIDE.get(key, 0.0)))
         low = max(bound.low * bound.scale, nominal[row] - FARTHEST * scale)
         high = min(bound.high * bound.scale, nominal[row] + FARTHEST * scale)
         free.append(FreeParameter(row, nominal[row], scale, False, low, high))

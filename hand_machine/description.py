@@ -15,8 +15,13 @@ KEYS = ("schema", "name", "motion", "imposed", "gain", "stiffness", "damping", "
 COLUMNS = ("time", "input", "position", "force")
 PARTS = ("supply", "valve", "chamber", "soft_material", "magnetic_sensor", "input_sensor", "force_sensing_resistor")
 """What the key `has` may state (NEEDS of hand_model/effects/effect.py); the rest follows from the other keys."""
+NUMBERS = ("gain", "stiffness", "damping", "inertia")
+"""Numbers that a fit may change, each within its own tolerance unless it is exact."""
+NUMBER = ("value", "exact", "tolerance")
 LARGEST, SMALLEST_GAIN = 1e12, 1e-12
 """Bounds of every number of the file, in SI."""
+SMALLEST_TOLERANCE = 1e-6
+"""Least relative tolerance; a number that is known better is exact."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +41,8 @@ class MachineDescription:
     imposed: a rig moves the axis and the force is measured; else the input moves it.
     gain: force or torque per unit of input.  stiffness [N/m or N m/rad], damping [N s/m or N m s/rad], inertia [kg or
     kg m^2] and weight [N m at 90 degrees] of the nominal model.  has: parts that effects may need, of PARTS.
-    columns: those the recordings are read from.
+    columns: those the recordings are read from.  tolerances: relative standard deviations [-] of NUMBERS that have
+    their own; 0 where the number is exact.
     """
 
     path: Path
@@ -50,6 +56,7 @@ class MachineDescription:
     weight: float
     has: frozenset[str]
     columns: Mapping[str, Column]
+    tolerances: Mapping[str, float]
 
 
 def load_description(path: Path) -> MachineDescription:
@@ -58,18 +65,39 @@ def load_description(path: Path) -> MachineDescription:
     top.integer("schema", 1, 1)
     linear = top.choice("motion", ["linear", "rotary"]) == "linear"
     imposed = bool(top.raw("imposed", "true or false", False))
-    numbers = {key: top.number(key, 0.0, LARGEST, 0.0) for key in ("stiffness", "damping", "inertia")}
+    least = {"gain": (SMALLEST_GAIN, 1.0 if imposed else None)}
+    read = {key: _number(top, key, *least.get(key, (0.0, 0.0))) for key in NUMBERS}
     return MachineDescription(
         path,
         top.name("name"),
         linear,
         imposed,
-        top.number("gain", SMALLEST_GAIN, LARGEST, 1.0 if imposed else None),
-        **numbers,
+        **{key: value for key, (value, _) in read.items()},
         weight=top.number("weight", 0.0, 0.0 if linear else LARGEST, 0.0),
         has=_parts(top, linear=linear),
         columns=_columns(top, imposed),
+        tolerances={key: tolerance for key, (_, tolerance) in read.items() if tolerance is not None},
     )
+
+
+def _number(top: Section, key: str, low: float, default: float | None) -> tuple[float, float | None]:
+    """A number and its own relative tolerance [-], 0 where it is exact, None where it has none."""
+    if not isinstance(top.raw(key, "a number", default if default is None else [default]), dict):
+        return top.number(key, low, LARGEST, default), None
+    part = top.section(key, NUMBER)
+    value = part.number("value", low, LARGEST)
+    exact = part.raw("exact", "true or false", [])
+    if exact not in ([], True, False):
+        raise part.error("exact", f"is {exact!r}; it must be true or false")
+    if exact is True and "tolerance" in part:
+        raise part.error("tolerance", "contradicts exact: true; give one of them")
+    if exact is True:
+        return value, 0.0
+    if "tolerance" not in part:
+        return value, None
+    if value == 0.0:
+        raise part.error("tolerance", "is relative and has no meaning for a value of 0; give exact: true or neither")
+    return value, part.number("tolerance", SMALLEST_TOLERANCE, 1.0)
 
 
 def _parts(top: Section, *, linear: bool) -> frozenset[str]:

@@ -6,7 +6,7 @@ finger, so that tolerances, floors and typical sizes of effects fit; the wording
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +30,13 @@ LEVER_M = TORQUE / FORCE
 EFFECT_SHARE = 0.1
 """Share of the torque of a finger that effects may have."""
 LACKING_QUANTILE = 0.99
+PARAMETER = {
+    "gain": "statics.a2_nm_per_pa",
+    "stiffness": "statics.a1_nm_per_rad",
+    "damping": "dynamics.viscous_friction_nm_s_per_rad",
+    "inertia": "dynamics.inertia_kg_m2",
+}
+"""Parameters of the model by the numbers of the machine file."""
 WARMING_S = 600.0
 """Shortest recording in which a machine may warm up or age: the shortest short-time duty of IEC 60034-1 (S2)."""
 LEAST_DAMPING, LEAST_STIFFNESS, LEAST_INERTIA = 1e-4, 1e-6, 1e-9
@@ -64,7 +71,8 @@ class Scales:
 class AxisModel:
     """The nominal model of the axis. parameters: (rows of JOINT_PARAMETERS, 1), scaled to the size of a finger.
 
-    lacks: what it does not have of what effects may need, keys of NEEDS.
+    lacks: what it does not have of what effects may need, keys of NEEDS.  tolerances: relative standard deviations [-]
+    of parameters that have their own, by key; 0 where a number is exact.
     """
 
     path: Path
@@ -73,6 +81,7 @@ class AxisModel:
     parameters: Array
     partner: NDArray[np.int64]
     lacks: frozenset[str]
+    tolerances: Mapping[str, float]
 
     def lever_arm_m(self, joint: int) -> float:
         """Lever arm [m] that makes the scaled torque of a finger its scaled force."""
@@ -137,18 +146,25 @@ def _lacking(described: MachineDescription, table: Readings) -> float:
 
 def _model(described: MachineDescription, scales: Scales, longest_s: float) -> AxisModel:
     scale = scales.angle / scales.torque
+    no_damping = 0.0 if described.tolerances.get("damping") == 0.0 else LEAST_DAMPING
     own = {
-        "statics.a1_nm_per_rad": -max(described.stiffness * scale, LEAST_STIFFNESS),
+        "statics.a1_nm_per_rad": -(described.stiffness * scale or LEAST_STIFFNESS),
         "statics.a2_nm_per_pa": described.gain * scales.input / scales.torque,
-        "dynamics.inertia_kg_m2": max(described.inertia * scale, LEAST_INERTIA),
-        "dynamics.viscous_friction_nm_s_per_rad": max(described.damping * scale, LEAST_DAMPING),
+        "dynamics.inertia_kg_m2": described.inertia * scale or LEAST_INERTIA,
+        "dynamics.viscous_friction_nm_s_per_rad": described.damping * scale or no_damping,
         "gravity.sine_nm": described.weight / scales.torque,
     }
     parameters = np.array([(p.neutral or 0.0) * p.scale for p in JOINT_PARAMETERS])
     for key, value in (WITHOUT_PART | own).items():
         parameters[ROW[key]] = value
     return AxisModel(
-        described.path, described.name, (AXIS,), parameters[:, None], np.array([-1]), _lacks(described, longest_s)
+        described.path,
+        described.name,
+        (AXIS,),
+        parameters[:, None],
+        np.array([-1]),
+        _lacks(described, longest_s),
+        {PARAMETER[name]: tolerance for name, tolerance in described.tolerances.items()},
     )
 
 

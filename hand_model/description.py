@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -103,6 +104,11 @@ class Hand:
     def lacks(self) -> frozenset[str]:
         """What effects may need and the hand does not have: nothing, the catalogue is that of the hand."""
         return frozenset()
+
+    @property
+    def tolerances(self) -> Mapping[str, float]:
+        """Tolerances of single parameters: none, all parameters of a hand have the same."""
+        return {}
 
     def lever_arm_m(self, joint: int) -> float:
         """Lever arm [m] of the first force sensor of a joint; 1 where it has none."""

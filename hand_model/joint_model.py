@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
 
@@ -41,6 +42,11 @@ class JointModel(Protocol):
     @property
     def lacks(self) -> frozenset[str]:
         """What it does not have of what effects may need, keys of NEEDS."""
+        ...
+
+    @property
+    def tolerances(self) -> Mapping[str, float]:
+        """Relative standard deviations [-] of parameters that have their own, by key; 0 where a number is exact."""
         ...
 
     def lever_arm_m(self, joint: int) -> float:
