@@ -119,8 +119,9 @@ static void detect(int n, int i, const hand_real *g, hand_real *s, hand_real bal
     if (S(RELEASED) > HAND_C_RELEASE_TIME) S(CONTACT) = S(SUM) = S(AGE) = 0;
 }
 
-static void adapt(int n, int i, const hand_real *g, hand_real *s, hand_real balance, hand_real variance, hand_real speed,
-                  int saturated, hand_real dt)
+/* Whether the map changed. */
+static int adapt(int n, int i, const hand_real *g, hand_real *s, hand_real balance, hand_real variance, hand_real speed,
+                 int saturated, hand_real dt)
 {
     static const int row[4][4] = {{HAND_S_C00, HAND_S_C01, HAND_S_C02, HAND_S_C03},
                                   {HAND_S_C01, HAND_S_C11, HAND_S_C12, HAND_S_C13},
@@ -130,9 +131,9 @@ static void adapt(int n, int i, const hand_real *g, hand_real *s, hand_real bala
     const int stopped = speed > HAND_C_MIN_SPEED && S(SPEED) < HAND_C_STOPPING * speed;
     if (stopped || saturated || S(CONTACT) != 0 || S(SUM) > R(0.5) * G(THRESHOLD)) S(PAUSE) = HAND_C_PAUSE_TIME;
     else if (S(PAUSE) > 0) S(PAUSE) -= dt;
-    if (balance > 0 && balance * balance > HAND_C_GATE * HAND_C_GATE * variance) return;
-    if (S(PAUSE) > 0 || size_of(speed) < HAND_C_MIN_SPEED) return;
-    if (phi < G(LOW) + HAND_C_MARGIN || phi > G(HIGH) - HAND_C_MARGIN) return;
+    if (balance > 0 && balance * balance > HAND_C_GATE * HAND_C_GATE * variance) return 0;
+    if (S(PAUSE) > 0 || size_of(speed) < HAND_C_MIN_SPEED) return 0;
+    if (phi < G(LOW) + HAND_C_MARGIN || phi > G(HIGH) - HAND_C_MARGIN) return 0;
     hand_real r[4], k[4];
     regressors(n, i, g, s, speed, r);
     for (int a = 0; a < 4; a++) {
@@ -157,15 +158,16 @@ static void adapt(int n, int i, const hand_real *g, hand_real *s, hand_real bala
         const hand_real grow = 1 + dt / G(MEMORY);
         for (int a = 0; a < 10; a++) s[(HAND_S_C00 + a) * n + i] *= grow;
     }
+    return 1;
 }
 
 static hand_real cut(int n, int i, const hand_real *g, const hand_real *s, hand_real wanted, hand_real ceiling,
-                     hand_real dt)
+                     int rests, hand_real dt)
 {
     hand_real command = low_of(high_of(wanted, 0), ceiling);
     const hand_real last = low_of(S(COMMAND), ceiling);
     command = bounded(command, last - G(P_RATE) * dt, last + G(P_RATE) * dt);
-    if (size_of(command - last) < G(DEADBAND) && command > 0 && command < ceiling) command = last;
+    if (rests && size_of(command - last) < G(DEADBAND) && command > 0 && command < ceiling) command = last;
     return command;
 }
 
@@ -177,7 +179,7 @@ void hand_law_start(int n, const hand_real *g, hand_real *s)
 
 void hand_law_release(int n, hand_real *s)
 {
-    for (int i = 0; i < n; i++) S(INTEGRAL) = S(COMMAND) = S(TAKE_OVER) = S(WANTED) = 0;
+    for (int i = 0; i < n; i++) S(INTEGRAL) = S(FREE_INTEGRAL) = S(COMMAND) = S(TAKE_OVER) = S(WANTED) = 0;
 }
 
 static hand_real feed_forward(int n, int i, const hand_real *g, const hand_real *s, const hand_real *u, hand_real a0,
@@ -189,12 +191,40 @@ static hand_real feed_forward(int n, int i, const hand_real *g, const hand_real 
     return hold + (moving + (G(INERTIA) + d * lead) * U(ACCELERATION)) / leverage(at, a2, a3);
 }
 
-static void integrate_error(int n, int i, const hand_real *g, hand_real *s, hand_real ki, hand_real error,
-                            hand_real beyond, hand_real here, hand_real stiffness, hand_real dt)
+/* Pressure of feed-forward and integral with the present map. */
+static hand_real steady_pressure(int n, int i, const hand_real *g, const hand_real *s, const hand_real *u)
 {
-    hand_real resolved = 0, growth = ki * error;
-    if (G(DEADBAND) > 0 && stiffness > 0) resolved = G(DEADBAND) * here / stiffness + HAND_C_NOISE;
-    if (size_of(error) <= resolved) return;
+    const hand_real a0 = G(A0) * (1 + S(D_A0)), a1 = G(A1) * (1 + S(D_A1)), a2 = G(A2);
+    const hand_real a3 = G(A3) * (1 + S(D_A3)), d = G(VISCOUS) * (1 + S(D_VISCOUS));
+    const hand_real here = high_of(leverage(low_of(U(POSITION), G(HIGH)), a2, a3), HAND_C_MIN_LEVERAGE);
+    return feed_forward(n, i, g, s, u, a0, a1, a2, a3, d) + S(INTEGRAL) / here;
+}
+
+/* With a slow reference, the integral takes over a change of the map; before: the steady pressure with the old one. */
+static void take_over_map(int n, int i, const hand_real *g, hand_real *s, const hand_real *u, hand_real before)
+{
+    if (G(FEED_FORWARD) == 0 || G(TORQUE_MODE) != 0 || size_of(U(SPEED)) >= HAND_C_MIN_SPEED) return;
+    const hand_real a3 = G(A3) * (1 + S(D_A3));
+    const hand_real here = high_of(leverage(low_of(U(POSITION), G(HIGH)), G(A2), a3), HAND_C_MIN_LEVERAGE);
+    const hand_real difference = (before - steady_pressure(n, i, g, s, u)) * here;
+    if (!finite_real(difference)) return;
+    S(INTEGRAL) = bounded(S(INTEGRAL) + difference, -G(I_MAX), G(I_MAX));
+    S(FREE_INTEGRAL) = bounded(S(FREE_INTEGRAL) + difference, -G(I_MAX), G(I_MAX));
+}
+
+/* Drop what the integral gained in contact, once the reference retreats. */
+static void let_go(int n, int i, hand_real *s, hand_real reference_speed)
+{
+    if (S(CONTACT) == 0 && S(SUM) == 0) S(FREE_INTEGRAL) = S(INTEGRAL);
+    else if (reference_speed < -HAND_C_REST_REFERENCE) S(INTEGRAL) = low_of(S(INTEGRAL), S(FREE_INTEGRAL));
+}
+
+static void integrate_error(int n, int i, const hand_real *g, hand_real *s, hand_real ki, hand_real error,
+                            hand_real beyond, hand_real here, hand_real stiffness, int rests, hand_real dt)
+{
+    hand_real growth = ki * error;
+    if (rests && G(DEADBAND) > 0 && stiffness > 0
+        && size_of(error) <= G(DEADBAND) * here / stiffness + HAND_C_NOISE) return;
     if (G(BACK_CALCULATION) != 0) growth -= beyond * here / G(TRACKING_TIME);
     else if (beyond * error > 0) growth = 0;
     S(INTEGRAL) = bounded(S(INTEGRAL) + growth * dt, -G(I_MAX), G(I_MAX));
@@ -252,6 +282,7 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
     hand_real ceiling = pressure_for(U(LIMIT), at_phi, creep, a0, a1, a2, a3, phi_max), wanted = ceiling;
     if (G(TORQUE_MODE) == 0) {
         error = U(REFERENCE) - phi;
+        let_go(n, i, s, U(SPEED));
         wanted = G(FEED_FORWARD) != 0 ? feed_forward(n, i, g, s, u, a0, a1, a2, a3, d) : 0;
         wanted += (kp * error + kd * (U(SPEED) - S(SPEED))) / here;
         if (S(TAKE_OVER) != 0) {
@@ -266,15 +297,19 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
         hold_command(n, i, s, out);
         return;
     }
-    const int rests = size_of(U(SPEED)) < HAND_C_REST_REFERENCE && size_of(S(SPEED)) < HAND_C_REST_SPEED
-                      && size_of(error) < HAND_C_REST_ERROR;
-    S(WANTED) += (rests && G(DEADBAND) > 0 && dt > 0 ? dt / (dt + HAND_C_REST_FILTER) : 1) * (wanted - S(WANTED));
+    const int rests = G(TORQUE_MODE) != 0 ? size_of(S(SPEED)) < HAND_C_REST_SPEED
+                                          : size_of(U(SPEED)) < HAND_C_REST_REFERENCE;
+    const int filtered = rests && size_of(error) < HAND_C_REST_ERROR && G(DEADBAND) > 0 && dt > 0;
+    S(WANTED) += (filtered ? dt / (dt + HAND_C_REST_FILTER) : 1) * (wanted - S(WANTED));
     const hand_real beyond = wanted - bounded(wanted, 0, ceiling);
-    S(COMMAND) = cut(n, i, g, s, S(WANTED), ceiling, dt);
-    if (integrate) integrate_error(n, i, g, s, ki, error, beyond, here, stiffness, dt);
+    S(COMMAND) = cut(n, i, g, s, S(WANTED), ceiling, rests, dt);
+    if (integrate) integrate_error(n, i, g, s, ki, error, beyond, here, stiffness, rests, dt);
     OUT(PRESSURE) = S(COMMAND);
     OUT(SATURATED) = beyond != 0;
-    if (G(ADAPT) != 0 && dt > 0 && integrate) adapt(n, i, g, s, balance, variance, speed_2, beyond != 0, dt);
+    if (G(ADAPT) != 0 && dt > 0 && integrate) {
+        const hand_real before = steady_pressure(n, i, g, s, u);
+        if (adapt(n, i, g, s, balance, variance, speed_2, beyond != 0, dt)) take_over_map(n, i, g, s, u, before);
+    }
 }
 
 void hand_law_tick(int n, const hand_real *g, hand_real *s, const hand_real *u, hand_real dt, int integrate, int drive,

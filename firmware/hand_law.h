@@ -63,6 +63,7 @@ enum {
 /* Rows of the state. */
 enum {
     HAND_S_INTEGRAL, /* [N m] integral of the error */
+    HAND_S_FREE_INTEGRAL, /* [N m] integral before the contact */
     HAND_S_COMMAND, /* [Pa] last command */
     HAND_S_TAKE_OVER, /* [0 or 1] the integral takes over a change of the gains in the next tick */
     HAND_S_CREEP, /* creeping ratio, Eq. 12 */
@@ -128,10 +129,10 @@ enum {
 #define HAND_C_MAX_DT ((hand_real)0.05) /* [s] upper bound of dt; a longer gap carries no information about the motion within it */
 #define HAND_C_MIN_LEVERAGE ((hand_real)1e-09) /* [N m/Pa] smallest torque per pressure that a torque is divided by */
 #define HAND_C_NOISE ((hand_real)0.0003) /* [rad] noise of the angle sensor: the integrator ignores smaller errors with a dead-band */
-#define HAND_C_REST_REFERENCE ((hand_real)0.02) /* [rad/s] a joint is at rest while its reference is slower, */
-#define HAND_C_REST_SPEED ((hand_real)0.3) /* [rad/s] its measured speed is smaller, */
-#define HAND_C_REST_ERROR ((hand_real)0.01) /* [rad] and its error is smaller; then the wanted pressure is filtered */
-#define HAND_C_REST_FILTER ((hand_real)0.1) /* [s] with this time constant */
+#define HAND_C_REST_REFERENCE ((hand_real)0.002) /* [rad/s] a joint is to rest while its reference is slower; the dead-band acts only then */
+#define HAND_C_REST_SPEED ((hand_real)0.3) /* [rad/s] in torque mode, a joint is at rest while its measured speed is smaller */
+#define HAND_C_REST_ERROR ((hand_real)0.01) /* [rad] at rest, with an error below this, the wanted pressure is filtered */
+#define HAND_C_REST_FILTER ((hand_real)0.05) /* [s] with this time constant */
 #define HAND_C_MIN_SPEED ((hand_real)0.05) /* [rad/s] a slower joint gives adaptation no information */
 #define HAND_C_GATE ((hand_real)3.0) /* standard deviations beyond which a balance is taken for contact, not for the map */
 #define HAND_C_STOPPING ((hand_real)0.5) /* a joint stops when its speed falls below this share of the filtered speed */

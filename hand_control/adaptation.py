@@ -71,9 +71,12 @@ def _is_free_motion(g, s, i, balance, variance, speed, saturated, dt):  # type: 
 
 @compiled
 def adapt(g, s, i, balance, variance, speed, saturated, dt):  # type: ignore[no-untyped-def]
-    """One step of joint i: filtered balance [N m], its variance [(N m)^2], filtered speed [rad/s], dt [s]."""
+    """One step of joint i: filtered balance [N m], its variance [(N m)^2], filtered speed [rad/s], dt [s].
+
+    Returns whether the map changed.
+    """
     if not _is_free_motion(g, s, i, balance, variance, speed, saturated, dt):
-        return
+        return False
     r0, r1, r2, r3 = _regressors(g, s, i, speed)
     c00, c01, c02, c03 = s[S.c00, i], s[S.c01, i], s[S.c02, i], s[S.c03, i]
     c11, c12, c13 = s[S.c11, i], s[S.c12, i], s[S.c13, i]
@@ -99,6 +102,7 @@ def adapt(g, s, i, balance, variance, speed, saturated, dt):  # type: ignore[no-
     s[S.c00, i], s[S.c01, i], s[S.c02, i], s[S.c03, i] = c00 * grow, c01 * grow, c02 * grow, c03 * grow
     s[S.c11, i], s[S.c12, i], s[S.c13, i] = c11 * grow, c12 * grow, c13 * grow
     s[S.c22, i], s[S.c23, i], s[S.c33, i] = c22 * grow, c23 * grow, c33 * grow
+    return True
 
 
 @inlined

@@ -49,7 +49,7 @@ from hand_control.grasps import Approach, Grasp, Grasping, Outcome
 from hand_control.law import Law
 from hand_control.references import References
 from hand_control.sensor_watch import SensorWatch
-from hand_control.shaping import Shaper, TorqueLimiter
+from hand_control.shaping import Shaper, TorqueLimiter, approach_speed
 from hand_control.supervisor import VENT_S, Phase, Supervisor
 from hand_control.tuning import gains
 from hand_messages.health import Health, Level
@@ -106,6 +106,7 @@ class Controller:
         self._law = Law(gains(hand, settings))
         self._gap = Gap(self._law)
         self._settling = False
+        self._inertia = hand.row("dynamics.inertia_kg_m2") + hand.row("dynamics.coupling_inertia_kg_m2")
         self._shaper = Shaper(count, self._law.inputs, (hand.limits.low_rad, hand.limits.high_rad))
         self._torque = TorqueLimiter(hand.limits.max_torque_nm)
         self._pressure_watch = PressureWatch(hand)
@@ -456,7 +457,8 @@ class Controller:
         if self._torque_mode:
             self._shaper.latch(position)  # the angle is free: the reference follows it
         elif not self._sensor_watch.limits:  # the reference waits for a joint that is held back
-            self._shaper.step(target, speed, self.settings, dt)
+            flexing = approach_speed(self._inertia, self._torque.now, self.settings)
+            self._shaper.step(target, speed, self.settings, dt, flexing)
         inputs = self._law.inputs
         inputs[U.limit], inputs[U.position], inputs[U.pressure] = self._torque.now, position, pressure
         if self.board.vented:  # the driver, too, lets the pressure rise from here only, at the same rate

@@ -101,6 +101,10 @@ class Settings:
         "N m/s", 3.0, 0.01, 1000.0, "largest rate of the target in torque mode, and of a rising torque limit"
     )
     reference_bandwidth_rad_per_s: float = _number("rad/s", 12.0, 1.0, 100.0, "bandwidth of the reference filter")
+    contact_stiffness_nm_per_rad: float = _number(
+        "N m/rad", 30.0, 0.0, 1e5,
+        "stiffness of objects: on its first impact the torque stays below the limit of the joint; 0: any speed",
+    )  # fmt: skip
     max_jump_deg: float = _number("deg", 30.0, 1.0, 360.0, "largest plausible change of an angle between two frames")
     path_tolerance_deg: float = _number(
         "deg", 0.0, 0.0, 180.0, "a trajectory with a larger error on its path is aborted; 0: never"
@@ -246,6 +250,7 @@ _COVARIANCE = tuple(
 )  # fmt: skip
 STATE = (
     Row("integral", "N m", "integral of the error"),
+    Row("free_integral", "N m", "integral before the contact"),
     Row("command", "Pa", "last command"),
     Row("take_over", "0 or 1", "the integral takes over a change of the gains in the next tick"),
     Row("creep", "", "creeping ratio, Eq. 12"),
@@ -294,10 +299,10 @@ CONSTANTS: dict[str, tuple[float, str, str]] = {
     "max_dt": (0.05, "s", "upper bound of dt; a longer gap carries no information about the motion within it"),
     "min_leverage": (1e-9, "N m/Pa", "smallest torque per pressure that a torque is divided by"),
     "noise": (3e-4, "rad", "noise of the angle sensor: the integrator ignores smaller errors with a dead-band"),
-    "rest_reference": (0.02, "rad/s", "a joint is at rest while its reference is slower,"),
-    "rest_speed": (0.3, "rad/s", "its measured speed is smaller,"),
-    "rest_error": (0.01, "rad", "and its error is smaller; then the wanted pressure is filtered"),
-    "rest_filter": (0.1, "s", "with this time constant"),
+    "rest_reference": (2e-3, "rad/s", "a joint is to rest while its reference is slower; the dead-band acts only then"),
+    "rest_speed": (0.3, "rad/s", "in torque mode, a joint is at rest while its measured speed is smaller"),
+    "rest_error": (0.01, "rad", "at rest, with an error below this, the wanted pressure is filtered"),
+    "rest_filter": (0.05, "s", "with this time constant"),
     "min_speed": (0.05, "rad/s", "a slower joint gives adaptation no information"),
     "gate": (3.0, "", "standard deviations beyond which a balance is taken for contact, not for the map"),
     "stopping": (0.5, "", "a joint stops when its speed falls below this share of the filtered speed"),

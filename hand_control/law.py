@@ -131,31 +131,72 @@ def _feed_forward(g, s, u, i, a0, a1, a2, a3, d):  # type: ignore[no-untyped-def
 
 
 @inlined
-def _send(g, s, i, wanted, ceiling, dt):  # type: ignore[no-untyped-def]
-    """Command [Pa] for a wanted pressure: limits, bounded rate, dead-band."""
+def _steady_pressure(g, s, u, i):  # type: ignore[no-untyped-def]
+    """Pressure [Pa] of feed-forward and integral of joint i with the present map."""
+    a0, a1, a2, a3, d = _adapted_map(g, s, i)
+    here = max(leverage(min(u[U.position, i], g[G.high, i]), a2, a3), C.min_leverage)
+    return _feed_forward(g, s, u, i, a0, a1, a2, a3, d) + s[S.integral, i] / here
+
+
+@inlined
+def _take_over_map(g, s, u, i, before):  # type: ignore[no-untyped-def]
+    """Let the integral of joint i take over a change of its map; before: the steady pressure with the old map [Pa].
+
+    With a slow reference the integral has long compensated what the map learns, and the joint would jump. A faster
+    motion has not waited for the integral: there the map brings the joint to its reference.
+    """
+    if g[G.feed_forward, i] == 0.0 or g[G.torque_mode, i] != 0.0 or abs(u[U.speed, i]) >= C.min_speed:
+        return
+    _, _, a2, a3, _ = _adapted_map(g, s, i)
+    here = max(leverage(min(u[U.position, i], g[G.high, i]), a2, a3), C.min_leverage)
+    difference = (before - _steady_pressure(g, s, u, i)) * here
+    if math.isfinite(difference):
+        s[S.integral, i] = min(max(s[S.integral, i] + difference, -g[G.i_max, i]), g[G.i_max, i])
+        s[S.free_integral, i] = min(max(s[S.free_integral, i] + difference, -g[G.i_max, i]), g[G.i_max, i])
+
+
+@inlined
+def _send(g, s, i, wanted, ceiling, rests, dt):  # type: ignore[no-untyped-def]
+    """Command [Pa] for a wanted pressure: limits, bounded rate, and the dead-band where the joint rests."""
     command = min(max(wanted, 0.0), ceiling)
     last = min(s[S.command, i], ceiling)  # a falling ceiling is obeyed at once
     step = g[G.p_rate, i] * dt
     command = min(max(command, last - step), last + step)
-    if abs(command - last) < g[G.deadband, i] and command > 0.0 and command < ceiling:
+    if rests and abs(command - last) < g[G.deadband, i] and command > 0.0 and command < ceiling:
         command = last
     return command
 
 
 @inlined
-def _filter_at_rest(g, s, u, i, wanted, error, dt):  # type: ignore[no-untyped-def]
+def _rests(g, s, u, i):  # type: ignore[no-untyped-def]
+    """Whether joint i is to rest: its reference does; in torque mode, which has no reference, the joint does."""
+    if g[G.torque_mode, i] != 0.0:
+        return abs(s[S.speed, i]) < C.rest_speed
+    return abs(u[U.speed, i]) < C.rest_reference
+
+
+@inlined
+def _filter_at_rest(g, s, i, wanted, error, rests, dt):  # type: ignore[no-untyped-def]
     """Wanted pressure [Pa]; at rest its feedback is noise, and a filter keeps it below the dead-band."""
-    rests = abs(u[U.speed, i]) < C.rest_reference and abs(s[S.speed, i]) < C.rest_speed and abs(error) < C.rest_error
-    share = dt / (dt + C.rest_filter) if rests and g[G.deadband, i] > 0.0 and dt > 0.0 else 1.0
+    filtered = rests and abs(error) < C.rest_error and g[G.deadband, i] > 0.0 and dt > 0.0
+    share = dt / (dt + C.rest_filter) if filtered else 1.0
     s[S.wanted, i] += share * (wanted - s[S.wanted, i])
     return s[S.wanted, i]
 
 
 @inlined
-def _integrate(g, s, i, ki, error, beyond, here, k, dt):  # type: ignore[no-untyped-def]
+def _let_go(s, i, reference_speed):  # type: ignore[no-untyped-def]
+    """Drop what the integral of joint i gained in contact, once the reference retreats [rad/s]."""
+    if s[S.contact, i] == 0.0 and s[S.sum, i] == 0.0:
+        s[S.free_integral, i] = s[S.integral, i]
+    elif reference_speed < -C.rest_reference:
+        s[S.integral, i] = min(s[S.integral, i], s[S.free_integral, i])
+
+
+@inlined
+def _integrate(g, s, i, ki, error, beyond, here, k, rests, dt):  # type: ignore[no-untyped-def]
     """Advance the integral [N m] of joint i. beyond: wanted pressure outside its limits [Pa]; here: leverage."""
-    resolved = g[G.deadband, i] * here / k + C.noise if g[G.deadband, i] > 0.0 and k > 0.0 else 0.0
-    if abs(error) <= resolved:
+    if rests and g[G.deadband, i] > 0.0 and k > 0.0 and abs(error) <= g[G.deadband, i] * here / k + C.noise:
         return
     growth = ki * error
     if g[G.back_calculation, i] != 0.0:
@@ -204,7 +245,9 @@ def _joint(g, s, u, i, dt, integrate, drive, out):  # type: ignore[no-untyped-de
         return
     beyond = _control(g, s, u, i, a0, a1, a2, a3, d, dt, integrate, out)
     if g[G.adapt, i] != 0.0 and dt > 0.0 and integrate and math.isfinite(beyond):
-        adapt(g, s, i, balance, variance, filtered_speed, beyond != 0.0, dt)
+        before = _steady_pressure(g, s, u, i)
+        if adapt(g, s, i, balance, variance, filtered_speed, beyond != 0.0, dt):
+            _take_over_map(g, s, u, i, before)
 
 
 @inlined
@@ -218,6 +261,7 @@ def _control(g, s, u, i, a0, a1, a2, a3, d, dt, integrate, out):  # type: ignore
     # In torque mode the limit is the wanted torque; the valve gives its pressure without an error to integrate.
     if g[G.torque_mode, i] == 0.0:
         error = u[U.reference, i] - u[U.position, i]
+        _let_go(s, i, u[U.speed, i])
         wanted = _feed_forward(g, s, u, i, a0, a1, a2, a3, d) if g[G.feed_forward, i] != 0.0 else 0.0
         wanted += (kp * error + kd * (u[U.speed, i] - s[S.speed, i])) / here
         if s[S.take_over, i] != 0.0:
@@ -232,9 +276,10 @@ def _control(g, s, u, i, a0, a1, a2, a3, d, dt, integrate, out):  # type: ignore
         _hold_command(s, i, out)
         return math.nan
     beyond = wanted - min(max(wanted, 0.0), ceiling)
-    s[S.command, i] = _send(g, s, i, _filter_at_rest(g, s, u, i, wanted, error, dt), ceiling, dt)
+    rests = _rests(g, s, u, i)
+    s[S.command, i] = _send(g, s, i, _filter_at_rest(g, s, i, wanted, error, rests, dt), ceiling, rests, dt)
     if integrate:
-        _integrate(g, s, i, ki, error, beyond, here, k, dt)
+        _integrate(g, s, i, ki, error, beyond, here, k, rests, dt)
     out[OUT.pressure, i] = s[S.command, i]
     out[OUT.saturated, i] = 1.0 if beyond != 0.0 else 0.0
     return beyond
@@ -276,7 +321,7 @@ class Law:
 
     def release(self) -> None:
         """Set integrators and commands to 0; the observed state of the joints stays."""
-        for row in (S.integral, S.command, S.take_over, S.wanted):
+        for row in (S.integral, S.free_integral, S.command, S.take_over, S.wanted):
             self.state[row] = 0.0
 
     def reset_map(self) -> None:

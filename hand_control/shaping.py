@@ -50,7 +50,7 @@ def _below(r, v, u, high, most, h):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _shape(rows, target, target_speed, low, high, bandwidth, max_speed, most, dt):  # type: ignore[no-untyped-def]
+def _shape(rows, target, target_speed, low, high, bandwidth, max_speed, flexing, most, dt):  # type: ignore[no-untyped-def]
     if dt <= 0.0:
         rows[U.acceleration] = 0.0
         return
@@ -61,14 +61,14 @@ def _shape(rows, target, target_speed, low, high, bandwidth, max_speed, most, dt
         before = v
         goal = min(max(target[i], low[i]), high[i]) if math.isfinite(target[i]) else r
         goal_speed = target_speed[i] if math.isfinite(target_speed[i]) else 0.0
-        goal_speed = min(max(goal_speed, -max_speed), max_speed)
+        top = min(flexing[i], max_speed)
+        goal_speed = min(max(goal_speed, -max_speed), top)
         for _ in range(steps):
             error = goal - r
             closing = min(0.5 * bandwidth * abs(error), np.sqrt(most * abs(error)))
             wanted = goal_speed + (closing if error > 0.0 else -closing)
             a = min(max(2.0 * bandwidth * (wanted - v), -most), most)
-            fastest = max(max_speed, abs(v) - most * h)
-            u = min(max(v + a * h, -fastest), fastest)
+            u = min(max(v + a * h, -max(max_speed, -v - most * h)), max(top, v - most * h))
             if u > 0.0:
                 r, v = _below(r, v, u, high[i], most, h)
             else:
@@ -77,6 +77,18 @@ def _shape(rows, target, target_speed, low, high, bandwidth, max_speed, most, dt
             r = min(max(r, low[i]), high[i])
         rows[U.reference, i], rows[U.speed, i] = r, v
         rows[U.acceleration, i] = (v - before) / dt
+
+
+def approach_speed(inertia: Array, torque_nm: Array, settings: Settings) -> Array:
+    """Largest speed (n,) [rad/s] at which the first impact stays below torque_nm (n,) [N m].
+
+    A joint of inertia J (n,) [kg m^2] that meets a spring k at the speed v is stopped by the torque v sqrt(J k): its
+    kinetic energy J v^2 / 2 becomes that of the spring. The actuator's own torque comes later, through the valve.
+    """
+    impedance = np.sqrt(inertia * settings.contact_stiffness_nm_per_rad)
+    fastest = np.full(len(inertia), np.inf)
+    np.divide(np.maximum(torque_nm, 0.0), impedance, out=fastest, where=impedance > 0.0)
+    return fastest
 
 
 class Shaper:
@@ -90,6 +102,7 @@ class Shaper:
         self._rows = np.zeros((3, joints)) if inputs is None else inputs
         self.r, self.v, self.a = (self._rows[row] for row in (U.reference, U.speed, U.acceleration))
         low, high = (np.full(joints, -np.inf), np.full(joints, np.inf)) if limits is None else limits
+        self._free = np.full(joints, np.inf)
         self._low, self._high = np.array(low, dtype=np.float64), np.array(high, dtype=np.float64)
 
     def latch(self, position: Array) -> None:
@@ -97,15 +110,19 @@ class Shaper:
         self.r[:] = np.clip(position, self._low, self._high)
         self.v[:] = self.a[:] = 0.0
 
-    def step(self, target: Array, target_speed: Array, settings: Settings, dt: float) -> None:
+    def step(
+        self, target: Array, target_speed: Array, settings: Settings, dt: float, flexing: Array | None = None
+    ) -> None:
         """Follow target (n,) [rad] and its speed (n,) [rad/s] for dt [s], bounded as in the law.
 
-        A target or speed that is not finite counts as the present reference at rest.
+        A target or speed that is not finite counts as the present reference at rest.  flexing: a further bound
+        on the positive speeds (n,) [rad/s], as of `approach_speed`.
         """
         max_speed = math.radians(settings.max_speed_deg_per_s)
+        flexing = self._free if flexing is None else flexing
         most = math.radians(settings.max_acceleration_deg_per_s2)
         bandwidth = settings.reference_bandwidth_rad_per_s
-        bounds = self._low, self._high, bandwidth, max_speed, most
+        bounds = self._low, self._high, bandwidth, max_speed, flexing, most
         _shape(self._rows, target, target_speed, *bounds, bounded_dt(dt))
 
     def stopping_point(self, settings: Settings) -> Array:

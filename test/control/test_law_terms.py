@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hand_control.declared import OUT, STATE, C, G, S, Settings, U
-from hand_control.law import Law, _send
+from hand_control.law import Law, _send, _steady_pressure, _take_over_map
 from hand_control.tuning import gains
 from hand_model.arrays import Array
 from hand_model.description import load_hand
@@ -291,7 +291,43 @@ def test_no_dt_widens_the_rate_of_the_command(kind: str, dt: float) -> None:
     [(100.0, 100.0), (399.0, 100.0), (401.0, 401.0), (0.5, 100.0), (0.0, 0.0), (-5.0, 0.0), (1e9, 1e5), (1e5, 1e5)],
 )
 def test_the_dead_band_holds_the_command_but_never_its_bounds(wanted: float, sent: float) -> None:
-    """Fails when a change below the dead-band is sent, a larger one is not, or venting or the ceiling is delayed."""
+    """Fails when rest sends a change below the dead-band, or motion does not, or venting or the ceiling is delayed."""
     g, s = gains_of(), np.zeros((len(S), 1))
     s[S.command] = 100.0
-    assert _send(g, s, 0, wanted, 1e5, DT_S) == sent
+    assert _send(g, s, 0, wanted, 1e5, True, DT_S) == sent
+    moving = _send(g, s, 0, wanted, 1e5, False, DT_S)
+    assert moving == min(max(wanted, 0.0), 1e5)
+
+
+@pytest.mark.parametrize("kind", ["python", "double"])
+def test_a_retreat_drops_what_the_integral_gained_in_contact(kind: str) -> None:
+    """Fails when a joint keeps the torque of a contact while its reference retreats, or drops it before."""
+    g = gains_of({"creep_compensation": False, "adaptation": False})
+    law = Law(g) if kind == "python" else CLaw(kind, g)
+    for _ in range(100):  # at rest, the pressure is that of the map
+        law.tick(at(0.5, 0.5, 7e4), DT_S)
+    free = law.state[S.integral, 0]
+    for _ in range(100):
+        law.tick(at(0.9, 0.52, 2.5e5), DT_S)
+    pressed = law.state[S.integral, 0]
+    assert law.state[S.contact, 0] == 1.0 and pressed > free + 0.02
+    inputs = at(0.9, 0.52, 2.5e5)
+    inputs[U.speed] = -0.5
+    law.tick(inputs, DT_S)
+    gained = law.state[S.integral, 0] - free
+    assert gained < 0.15 * (pressed - free)  # one tick of growth and what came before the detector rose
+
+
+def test_adaptation_keeps_the_pressure_of_a_slow_joint() -> None:
+    """Fails when taking over a changed map leaves a difference of the steady pressure (seed 4)."""
+    rng = np.random.default_rng(4)
+    g = gains_of({"creep_compensation": False}, joints=20)
+    law = Law(g)
+    law.inputs[:] = at(0.6, 0.6, 8e4)
+    law.state[S.integral] = rng.uniform(-0.02, 0.02, 20)
+    before = np.array([_steady_pressure(g, law.state, law.inputs, i) for i in range(20)])
+    law.state[[S.d_a0, S.d_a1, S.d_a3]] = rng.uniform(-0.2, 0.2, (3, 20))
+    for i in range(20):
+        _take_over_map(g, law.state, law.inputs, i, before[i])
+    after = [_steady_pressure(g, law.state, law.inputs, i) for i in range(20)]
+    np.testing.assert_allclose(after, before, rtol=1e-9)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hand_control.declared import C, Settings, bounded_dt
-from hand_control.shaping import Shaper, TorqueLimiter
+from hand_control.shaping import Shaper, TorqueLimiter, approach_speed
 from hand_model.description import load_hand
 
 HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
@@ -182,3 +182,18 @@ def test_torque_rises_and_falls_at_the_rate_in_torque_mode_only() -> None:
     assert torque.now == pytest.approx([0.26, 0.0])
     torque.start(np.array([math.nan, 0.3]))
     assert torque.now.tolist() == [0.0, 0.3]
+
+
+def test_a_small_torque_limit_slows_the_approach_and_not_the_retreat() -> None:
+    """Fails when a joint flexes faster than its first impact allows, or when the bound slows an opening joint."""
+    chosen = settings_of(contact_stiffness_nm_per_rad=25.0)
+    fastest = approach_speed(np.array([1e-4]), np.array([0.02]), chosen)
+    assert fastest[0] == pytest.approx(0.02 / math.sqrt(1e-4 * 25.0))
+    shaper, speeds = bounded(), []
+    for target in (1.2, 0.0):
+        for _ in range(700):
+            shaper.step(np.array([target]), np.array([9.0]) * (target > 1.0), chosen, DT_S, fastest)
+            speeds.append(shaper.v[0])
+    assert max(speeds) == pytest.approx(fastest[0]) and min(speeds) < -4.0 * fastest[0]
+    free = settings_of(contact_stiffness_nm_per_rad=0.0)
+    assert np.isinf(approach_speed(np.array([1e-4]), np.zeros(1), free)).all()

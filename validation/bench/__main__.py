@@ -33,6 +33,7 @@ BENCHES = (
     "compare",
     "control",
     "firmware",
+    "motion",
 )
 PROGRAMS = {"plant": ("cc",), "firmware": ("arm-none-eabi-gcc", "qemu-system-arm")}
 """Programs that a bench starts and that this package does not install."""
