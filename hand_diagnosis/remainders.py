@@ -146,7 +146,7 @@ def _learned(result: JointResult, stage: int, structure: Structure) -> Remainder
 def _law_text(learned: RemainderLaw | None, law: LawCurve | None, factor: float, unit: str) -> str:
     """What the law of a remainder is and what it gains. factor, unit: of the signal."""
     if learned is None or law is None:
-        return "No law over one state of the joint is confirmed for it."
+        return "No law over one state is confirmed for it."
     on, errors = ("test", learned.test) if learned.test else ("validation", learned.validation)
     before, after = (f"{factor * error:.3g}" for error in errors)
     return (

@@ -12,7 +12,8 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 EXIT_CODE = 130
@@ -107,6 +108,18 @@ def check() -> None:
     """Raise Interrupted where it was raised, and library code has dropped it."""
     if was_raised():
         raise Interrupted
+
+
+@contextmanager
+def until_raised() -> Iterator[None]:
+    """Context of work that Ctrl-C ends in order, also where library code has turned it into an error of its own."""
+    try:
+        yield
+    except Interrupted:
+        pass
+    except Exception:
+        if not was_raised():
+            raise
 
 
 def before_workers() -> None:

@@ -115,10 +115,9 @@ def studio(
             checks.append(live.check)
             _announce(page, client.namespace, browser, as_json)
             recorder = BagRecorder(stack.enter_context(TemporaryDirectory()), out, client.namespace)
-            try:
+            with interrupts.until_raised():
                 live.run(recorder, Watch(client, nodes, started=link is not None))
-            except interrupts.Interrupted:
-                note("hand studio: ended" if link is None else "hand studio: vented, nodes ended")
+            note("hand studio: ended" if link is None else "hand studio: vented, nodes ended")
 
 
 def _all(checks: Sequence[Callable[[], None]]) -> Callable[[], None]:

@@ -105,8 +105,8 @@ def test_ten_million_samples_are_one_line(tmp_path: Path) -> None:
     )
     result = hand_tool("diagnose", str(path), "--map", str(mapping), "--out", str(tmp_path / "out"))
     assert result.exit_code == 2, result.output
-    assert "10000000 samples" in result.output
-    assert "--each" in result.output
+    assert "10000000 rows" in result.output
+    assert "cut it into several recordings" in result.output
 
 
 def test_repeated_and_unsorted_stamps_change_nothing(hand: Hand, tmp_path: Path) -> None:

@@ -65,10 +65,10 @@ def test_a_joint_that_fails_does_not_cost_the_report(
     """Fails when one joint's failure ends the diagnosis, or the report is silent about it."""
     search = search_joint
 
-    def failing(problem, *rest):  # type: ignore[no-untyped-def]
+    def failing(problem, *rest, **laws):  # type: ignore[no-untyped-def]
         if problem.joint == JOINT:
             raise ValueError("no sense in it")
-        return search(problem, *rest)
+        return search(problem, *rest, **laws)
 
     monkeypatch.setattr(diagnosis, "search_joint", failing)
     joints = [JOINT, "thumb_opposition"]

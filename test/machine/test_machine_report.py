@@ -116,7 +116,7 @@ def test_a_linear_machine_speaks_of_metres_and_newtons(shaken_n: float, tmp_path
     said = [without_effect_names(text) for text in texts(report)]
     first = report["remainder"][0] if shaken_n else report["findings"][0]
     assert shaken_n or first["effect"] == "coulomb_friction"
-    assert ("(x in m, u in input, v in m/s)" if shaken_n else "N is missing") in first["statement"]
+    assert (" mm RMS of the position" if shaken_n else "N is missing") in first["statement"]
     wrong = {
         text: NOT_LINEAR.findall(text.replace("_", " ")) for text in said if NOT_LINEAR.search(text.replace("_", " "))
     }

@@ -87,9 +87,17 @@ def drawn(name: str, seed: int, **others: float) -> Iterator[tuple[float, ...]]:
         yield numbers(effect, **(values | others))
 
 
+PLACED = {
+    "unnamed_torque": {"offset": 0.1, "angle_per_rad": 0.5},
+    "unnamed_pressure": {"set_point_per_pa": 1.0 / SUPPLY_PA},
+}
+
+
 def acting(effect: Effect) -> dict[str, float]:
     """Textbook parameters at which the effect acts, SI."""
     own = {own.key: own for own in effect.parameters if not own.law}
+    if effect.name in PLACED:  # its curve stands nowhere until a state is chosen
+        return {key.partition(".")[2]: 0.0 for key in own} | PLACED[effect.name]
     return {
         key.partition(".")[2]: (parameter.typical or parameter.neutral or 0.0) * parameter.scale
         for key, parameter in own.items()
@@ -104,7 +112,7 @@ def test_every_effect_of_the_catalogue_states_its_class() -> None:
         assert f"| `{effect.name}` | {effect.constitution.acts_on} |" in table
         own = [own.key for own in law_parameters(effect)]
         assert set(own) <= set(effect.coefficients)
-    assert len(LEARNED) == 16
+    assert len(LEARNED) == 18
 
 
 @pytest.mark.parametrize(
