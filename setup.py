@@ -73,7 +73,19 @@ setup(
     python_requires=">=3.11",
     packages=PACKAGES,
     package_data={
-        package: ["*.dbc", "*.html", "*.json", "*.txt", "*.yaml", "*.toml", "*.c", "*.h", "rows/*.yaml"]
+        package: [
+            "*.dbc",
+            "*.html",
+            "*.css",
+            "*.js",
+            "*.json",
+            "*.txt",
+            "*.yaml",
+            "*.toml",
+            "*.c",
+            "*.h",
+            "rows/*.yaml",
+        ]
         for package in PACKAGES
     },
     data_files=[

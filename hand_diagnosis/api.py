@@ -63,15 +63,16 @@ class Report:
         """The experiment to record next; None where nothing is uncertain."""
         return self.content["next_experiment"]  # type: ignore[no-any-return]
 
-    def write(self, folder: str | Path, *, page: bool = True) -> dict[str, Any]:
+    def write(self, folder: str | Path, *, page: bool = True, made: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Write report.json and model.yaml into a folder, made where it is missing, and the page; what was written.
 
-        OSError: it cannot be written.
+        made: the entry `made` of report.json: date, version, command.  OSError: it cannot be written.
         """
         out = Path(folder)
-        content, _ = write_report(self.diagnosis, self.hand, self.content["recordings"], out, self.content)
+        whole = self.content if made is None else {**self.content, "made": dict(made)}
+        content, _ = write_report(self.diagnosis, self.hand, self.content["recordings"], out, whole)
         if page:
-            write_page(self.diagnosis, content, out)
+            write_page(self.diagnosis, content, out, self.hand)
         return content
 
 

@@ -14,7 +14,7 @@ from hand_diagnosis.onset import search_with_onset, with_onset
 from hand_diagnosis.remainders import Remainder, remainders, verdict
 from hand_diagnosis.search import JointSearch, rough_evidence, search_joint
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.splits import ErrorsOnTest, evaluate_test, fit_part, spared_last
+from hand_diagnosis.splits import ErrorsOnTest, evaluate_test, fit_part, spared_last, swings_freely
 from hand_diagnosis.task import (
     Task,
     effects_not_offered,
@@ -35,7 +35,6 @@ from hand_model.description import Hand
 from hand_model.effects.effect import PARTNER, Effect
 from hand_model.joint_model import JointModel
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS
-from hand_model.kernel.rows import ROW
 from hand_model.quantities import HAND, Wording
 from hand_recording.hand_signals import without_sensor_curve
 from hand_recording.signals import Signals
@@ -244,7 +243,7 @@ def _tested(
     The search is over. Findings are withdrawn only where a signal's test error gets clearly larger by them and none's
     gets smaller: the right effect in too narrow a form gains less on test data than on validation data.
     """
-    free_axis = whole.driven is False and _swings_freely(whole)
+    free_axis = swings_freely(whole)
     _confirm_laws(whole, search, free_axis=free_axis)
     test = evaluate_test(whole, [search.nominal, search.final], free_axis=free_axis)
     if test is None or not search.accepted:
@@ -273,11 +272,6 @@ def _confirm_laws(whole: JointProblem, search: JointSearch, *, free_axis: bool) 
     before, after = (np.nansum(test.rmse(k) ** 2 / whole.floor**2) for k in (0, 1))
     if after >= before:
         search.accepted[:] = textbook.accepted
-
-
-def _swings_freely(problem: JointProblem) -> bool:
-    """Whether nothing but damping ties an axis to its input: no elasticity, so an old state is never forgotten."""
-    return abs(float(problem.nominal[ROW["statics.a1_nm_per_rad"]])) <= SETTINGS.min_elasticity_nm_per_rad
 
 
 def _at_bounds(result: JointDiagnosis) -> list[str]:

@@ -75,7 +75,7 @@ def run_job(job: Job) -> list[dict[str, Any]]:
                 sensor_curve=job.sensor_curve,
             )
             content, _ = write_report(result, hand, [job.recording], out)
-            write_page(result, content, out)
+            write_page(result, content, out, hand)
             stamp.write_text(key, encoding="utf-8")
         return _rows(job.recording, json.loads(report.read_text(encoding="utf-8")))
     except Exception as error:  # the other recordings are diagnosed whatever this one contains

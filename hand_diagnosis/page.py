@@ -3,47 +3,49 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
-from hand_diagnosis.figures import joint_figure, law_figure
+from hand_diagnosis.drawing import hand_drawing
+from hand_diagnosis.figures import joint_figure
+from hand_diagnosis.headline import effect_words, heat_map, ties, tiles, title, worst_by_joint
+from hand_diagnosis.page_plots import every_nth, law_plot, leading_stage, state_plot, time_plots
 from hand_diagnosis.settings import SETTINGS
+from hand_model.description import Hand
 from hand_pages.page import png, write_html
+from hand_pages.plots import Plot
 
-VERDICTS = {
-    "agrees": "Model and recording agree.",
-    "explained": "The missing physics is found and explains the difference.",
-    "partly_explained": "A part of the difference is explained.",
-    "unknown_physics": "Physics is missing that no known effect explains.",
-}
-TIED = "Effects that these data cannot separate explain the difference."
 SPLITS = {"train": "training", "validation": "validation", "test": "test"}
 Rows = list[list[str]]
 
 
-def write_page(diagnosis: Diagnosis, report: Mapping[str, Any], out: Path) -> None:
+def write_page(diagnosis: Diagnosis, report: Mapping[str, Any], out: Path, hand: Hand | None = None) -> None:
     """Write report.html, and a PNG of every joint with a finding (of the first joint where there is none).
 
-    report: the content of report.json.
+    report: the content of report.json.  hand: the nominal hand, drawn where it has a geometry.
     """
-    joints = []
-    for joint in _shown(diagnosis):
-        picture = png(joint_figure(joint))
-        (out / f"{joint.joint}.png").write_bytes(picture)
-        joints.append(_joint(joint, picture, report) | {"laws": _laws(diagnosis, joint)})
+    shown = _shown(diagnosis)
+    nth = every_nth(shown)
+    for joint in shown:
+        (out / f"{joint.joint}.png").write_bytes(png(joint_figure(joint)))
     count, axis = len(diagnosis.joints), diagnosis.wording.axis
     write_html(
         out / "report.html",
         "hand_diagnosis",
         "report.html",
         report=report,
-        verdict=headline(report),
-        model=Path(report["model"]).name,
+        title=title(report, diagnosis.wording.whole, axis),
+        tiles=tiles(report),
+        ties=ties(report),
+        heat=heat_map(report),
+        drawing=_drawing(report, hand, [joint.joint for joint in shown]),
+        words=effect_words,
         axis=axis,
-        diagnosed=f"{count} {axis}{'' if count == 1 else 's'} diagnosed{_left_out(report)}",
-        joints=joints,
+        diagnosed=f"{count} {axis}{'' if count == 1 else 's'} diagnosed",
+        made=_made(report),
+        joints=[_joint(diagnosis, joint, report, nth) for joint in shown],
         fit=_fit(report),
         changes=_changes(report),
         located=_located(report),
@@ -53,24 +55,30 @@ def write_page(diagnosis: Diagnosis, report: Mapping[str, Any], out: Path) -> No
     )
 
 
-def headline(report: Mapping[str, Any]) -> str:
-    """The sentence over the page. Where a finding is a tie, it does not say that the physics is found."""
-    tied = any(finding["tied_with"] for finding in report["findings"])
-    return TIED if tied and report["verdict"] == "explained" else VERDICTS[report["verdict"]]
-
-
-def _left_out(report: Mapping[str, Any]) -> str:
-    missing = report["not_judged"]
-    return f", {len(missing)} not diagnosed" if missing else ""
-
-
 def _shown(diagnosis: Diagnosis) -> list[JointDiagnosis]:
     found = [finding.joint for finding in diagnosis.findings] + [left.joint for left in diagnosis.remainder]
     shown = [joint for joint in diagnosis.joints if joint.joint in found or joint.search.accepted]
     return shown or list(diagnosis.joints[:1])
 
 
-def _joint(joint: JointDiagnosis, picture: bytes, report: Mapping[str, Any]) -> dict[str, Any]:
+def _drawing(report: Mapping[str, Any], hand: Hand | None, shown: Sequence[str]) -> str:
+    """The hand as SVG; "" for another machine or a hand without geometry."""
+    if hand is None or hand.geometry is None:
+        return ""
+    return hand_drawing(hand, worst_by_joint(report), {joint: f"#{joint}" for joint in shown})
+
+
+def _made(report: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """How the report was made, by name; only the model where nothing more is known."""
+    made = report.get("made", {})
+    rows = [(name, str(made[name])) for name in ("date", "version", "command", "seed") if made.get(name, "") != ""]
+    if "duration_s" in made:
+        rows.append(("duration", f"{made['duration_s']:g} s"))
+    model = f"{report['model']} (sha256 {made['model_sha256'][:16]})" if "model_sha256" in made else report["model"]
+    return [*rows, ("model", model)]
+
+
+def _joint(diagnosis: Diagnosis, joint: JointDiagnosis, report: Mapping[str, Any], nth: int) -> dict[str, Any]:
     """What the template shows of a joint."""
     numbers = [
         (key, f"{number['value']:.4g}", f"{number['std']:.2g}", number["unit"], _remark(number, claimed=claimed))
@@ -83,17 +91,23 @@ def _joint(joint: JointDiagnosis, picture: bytes, report: Mapping[str, Any]) -> 
         errors = [f"{joint.rmse(fit, stage):.3g}" for fit in (joint.search.nominal, hypothesis.fit)]
         gain = hypothesis.log_evidence - joint.search.nominal_evidence
         fall = f"{errors[0]} → {errors[1]} {joint.wording.signal_units[stage][1]}"
-        hypotheses.append((hypothesis.effect.name, f"{gain:+.0f}", fall))
-    return {"name": joint.joint, "picture": picture, "numbers": numbers, "hypotheses": hypotheses}
+        hypotheses.append((effect_words(hypothesis.effect.name), f"{gain:+.0f}", fall))
+    stage = leading_stage(joint)
+    return {
+        "name": joint.joint,
+        "over_time": time_plots(joint, stage, nth),
+        "over_state": [plot for plot in [state_plot(joint, stage), *_laws(diagnosis, joint)] if plot is not None],
+        "remains": [left.statement for left in diagnosis.remainder if left.joint == joint.joint],
+        "numbers": numbers,
+        "hypotheses": hypotheses,
+    }
 
 
-def _laws(diagnosis: Diagnosis, joint: JointDiagnosis) -> list[tuple[str, bytes]]:
-    """The laws of a joint's findings: each in words, and its figure."""
-    return [
-        (finding.law.statement, png(law_figure(finding.effect, finding.law)))
-        for finding in diagnosis.findings
-        if finding.law is not None and finding.joint == joint.joint
-    ]
+def _laws(diagnosis: Diagnosis, joint: JointDiagnosis) -> list[Plot]:
+    """The laws of a joint's findings, and those without a name of what remains."""
+    found = [(effect_words(finding.effect), finding.law, finding.joint) for finding in diagnosis.findings]
+    found += [("what remains", left.law, left.joint) for left in diagnosis.remainder]
+    return [law_plot(name, law) for name, law, where in found if law is not None and where in {joint.joint, None}]
 
 
 def _parameters(joint: str, report: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], bool]]:

@@ -111,26 +111,53 @@ def evaluate_test(whole: JointProblem, fits: Sequence[MapFit], *, free_axis: boo
     free_axis: nothing but its inertia ties the state to its past, so it is estimated at its first test sample.
     Otherwise it is estimated a little earlier, and a stretch lets the memory of the model's effects settle.
     """
-    cuts = first_test_samples(whole)
-    lengths = [len(segment.angle_rad) for segment in whole.segments]
-    if cuts == lengths:
-        return None
-    warm_s = 0.0 if free_axis else SETTINGS.test_warm_up_s
     squares, counts = [], np.zeros((0, 0))
     for fit in fits:
-        free = [parameter for parameter in fit.free if parameter.row < len(ROW)]
-        z = np.array([z for parameter, z in zip(fit.free, fit.z, strict=True) if parameter.row < len(ROW)])
-        problem = replace(whole, segments=list(whole.segments))
-        shape_driving(problem, free, z)
-        columns, _ = problem.columns(free, z[None])
-        ratio = _creep_at_start(whole, fit)
-        parts = []
-        for segment, cut in zip(problem.segments, cuts, strict=True):
-            if cut < len(segment.angle_rad):
-                parts.append(_test_segment(segment, cut, warm_s, columns[0], ratio))
-        squares.append(_squares(replace(problem, segments=parts), columns))
-        counts = replace(problem, segments=parts).block_counts
+        problem, columns, _ = _test_problem(whole, fit, free_axis=free_axis)
+        if not problem.segments:
+            return None
+        squares.append(_squares(problem, columns))
+        counts = problem.block_counts
     return ErrorsOnTest(tuple(squares), counts)
+
+
+def residuals_on_test(whole: JointProblem, fit: MapFit, *, free_axis: bool) -> list[tuple[int, Array]]:
+    """What `evaluate_test` squares: for each segment with test data its number and residuals (OUTPUTS, T), SI.
+
+    NaN at samples that are no test data or do not count.
+    """
+    problem, columns, numbers = _test_problem(whole, fit, free_axis=free_axis)
+    found = []
+    for number, segment in zip(numbers, problem.segments, strict=True):
+        alone = replace(problem, segments=[segment])
+        residual = alone.residuals(columns, np.array([[segment.start[CREEP], segment.start[OMEGA]]]))[0][0]
+        whole_length = np.full(whole.segments[number].use.shape, np.nan)
+        whole_length[:, -residual.shape[1] :] = np.where(segment.use, residual, np.nan)
+        found.append((number, whole_length))
+    return found
+
+
+def swings_freely(problem: JointProblem) -> bool:
+    """Whether nothing but damping ties an axis to its input: no elasticity, so an old state is never forgotten."""
+    stiffness = abs(float(problem.nominal[ROW["statics.a1_nm_per_rad"]]))
+    return not problem.driven and stiffness <= SETTINGS.min_elasticity_nm_per_rad
+
+
+def _test_problem(whole: JointProblem, fit: MapFit, *, free_axis: bool) -> tuple[JointProblem, Array, list[int]]:
+    """The test data as a problem, the parameters (1, rows) of a fit, and the numbers of the segments with test data."""
+    warm_s = 0.0 if free_axis else SETTINGS.test_warm_up_s
+    free = [parameter for parameter in fit.free if parameter.row < len(ROW)]
+    z = np.array([z for parameter, z in zip(fit.free, fit.z, strict=True) if parameter.row < len(ROW)])
+    problem = replace(whole, segments=list(whole.segments))
+    cuts = first_test_samples(whole)
+    numbers = [k for k, segment in enumerate(whole.segments) if cuts[k] < len(segment.angle_rad)]
+    if not numbers:
+        return replace(problem, segments=[]), np.zeros((1, 0)), []
+    shape_driving(problem, free, z)
+    columns, _ = problem.columns(free, z[None])
+    ratio = _creep_at_start(whole, fit)
+    parts = [_test_segment(problem.segments[k], cuts[k], warm_s, columns[0], ratio) for k in numbers]
+    return replace(problem, segments=parts), columns, numbers
 
 
 def _squares(problem: JointProblem, columns: Array) -> Array:

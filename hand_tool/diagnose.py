@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from hand_tool import interrupts
-from hand_tool.chosen_model import ChosenModel, choose_model
+from hand_tool.chosen_model import choose_model
 from hand_tool.console import progress_bar, require, running
 from hand_tool.options import AsJson, Model, Quiet, Verbose
+from hand_tool.origin import Origin
 from hand_tool.paths import check_exists, check_file, check_folder
 
 if TYPE_CHECKING:
@@ -79,6 +80,7 @@ def diagnose(
         cluster = _cluster(scheduler, tls)
         check_folder(out)
         chosen = choose_model(machine or model)
+        origin = Origin(chosen, seed)
         if machine is not None:
             _refuse_with_machine(
                 {
@@ -93,9 +95,7 @@ def diagnose(
                     "--ask": ask,
                 }
             )
-            content = _machine(
-                chosen, recordings, out, tolerance=tolerance, seed=seed, without=_list(without), as_json=as_json
-            )
+            content = _machine(origin, recordings, out, tolerance=tolerance, without=_list(without), as_json=as_json)
             _print(content | {"model_file": chosen.as_json()}, out, as_json, ask=False)
             return
         from hand_model.description import load_hand
@@ -129,11 +129,11 @@ def diagnose(
             )
             progress.update(bar, completed=total)
         chosen.print(as_json)
-        content = result.write(out, page=False)
+        content = result.write(out, page=False, made=origin.document())
         outputs.complete(files[0], files[2])
         from hand_diagnosis.page import write_page
 
-        write_page(result.diagnosis, content, out)
+        write_page(result.diagnosis, content, out, hand)
     _print(content | {"model_file": chosen.as_json()}, out, as_json, ask)
 
 
@@ -176,12 +176,11 @@ def _suggest_map(recordings: list[Path]) -> None:
 
 
 def _machine(
-    chosen: ChosenModel,
+    origin: Origin,
     recordings: list[Path],
     out: Path,
     *,
     tolerance: float,
-    seed: int,
     without: list[str],
     as_json: bool,
 ) -> dict[str, Any]:
@@ -191,10 +190,14 @@ def _machine(
     from hand_diagnosis.report import document, write_json
     from hand_machine.machine import load_machine, write_machine_model
 
+    chosen = origin.model
     loaded = load_machine(chosen.path, recordings)
     chosen.print(as_json)
-    result = run(loaded.signals, loaded.model, tolerance=tolerance, seed=seed, without=without, wording=loaded.wording)
-    content = document(result, [str(path) for path in recordings], str(chosen.path))
+    result = run(
+        loaded.signals, loaded.model, tolerance=tolerance, seed=origin.seed, without=without, wording=loaded.wording
+    )
+    names = [str(path) for path in recordings]
+    content = document(result, names, str(chosen.path)) | {"made": origin.document()}
     write_json(content, out)
     numbers = [(number.key, number.value, number.unit) for finding in result.findings for number in finding.numbers]
     write_machine_model(loaded.name, numbers, out / "model.yaml")

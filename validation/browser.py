@@ -114,6 +114,12 @@ class Browser:
             for kind in ("keyDown", "keyUp"):
                 self._call("Input.dispatchKeyEvent", type=kind, key=key, code=key)
 
+    def key(self, key: str) -> None:
+        """Press a key on the element that has the focus."""
+        text = {"text": key} if len(key) == 1 else {}
+        self._call("Input.dispatchKeyEvent", type="keyDown", key=key, **text)
+        self._call("Input.dispatchKeyEvent", type="keyUp", key=key)
+
     def element(self, selector: str) -> bytes:
         """The picture of the first element that a CSS selector finds, as PNG."""
         self.until(f"document.querySelector({json.dumps(selector)})")
@@ -129,6 +135,25 @@ class Browser:
     def picture(self) -> bytes:
         """The page as PNG."""
         return base64.b64decode(self._call("Page.captureScreenshot", format="png")["data"])
+
+    def emulate(self, size: tuple[int, int], *, dark: bool = False, printed: bool = False) -> None:
+        """Show the page at another size in pixels, in light or dark colours, on a screen or as it is printed."""
+        width, height = size
+        self._call(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600
+        )
+        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        self._call("Emulation.setEmulatedMedia", media="print" if printed else "screen", features=[scheme])
+
+    def whole(self) -> bytes:
+        """The whole page as PNG, also what lies below the window."""
+        return base64.b64decode(
+            self._call("Page.captureScreenshot", format="png", captureBeyondViewport=True, clip=self._extent())["data"]
+        )
+
+    def _extent(self) -> dict[str, float]:
+        size = self._call("Page.getLayoutMetrics")["cssContentSize"]
+        return {"x": 0.0, "y": 0.0, "width": size["width"], "height": size["height"], "scale": 1.0}
 
     def close(self) -> None:
         """End the browser."""

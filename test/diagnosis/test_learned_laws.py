@@ -113,7 +113,8 @@ def test_the_law_stands_in_the_files_for_a_reader(written: Path) -> None:
     (line,) = [line for line in head if "Learned law of leak of index_distal" in line]
     assert "[Pa/s] over pressure [Pa]: 0: 0, " in line
     page = (written / "report.html").read_text(encoding="utf-8")
-    assert len(re.findall("<img", page)) == 2  # the joint, and the law
+    assert len(re.findall('<figure class="plot" tabindex', page)) == 3  # over time, over a state, and the law
+    assert '"name":"textbook form"' in page
     assert "<figcaption>the loss rises from 0 Pa/s" in page
 
 

@@ -13,7 +13,19 @@ ARCHITECTURE = ROOT / "docs" / "architecture.md"
 HEADING = "## From a recording to a sentence"
 LONGEST = 14
 PACKAGE = "hand_diagnosis"
-OTHERS = ("__init__", "api", "figures", "fit_settings", "fleet", "page", "settings", "settings_table")
+OTHERS = (
+    "__init__",
+    "api",
+    "drawing",
+    "figures",
+    "fit_settings",
+    "fleet",
+    "headline",
+    "page",
+    "page_plots",
+    "settings",
+    "settings_table",
+)
 """What shows or repeats the report, or stands next to it."""
 
 

@@ -128,7 +128,8 @@ def test_a_linear_machine_speaks_of_metres_and_newtons(shaken_n: float, tmp_path
     assert {row["unit"] for row in report["fit"]} == {"mm"}
     write_page(result, report, tmp_path)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    shown = re.sub(r"<style>.*?</style>|<summary>Settings.*?</details>|<[^>]*>", " ", page, flags=re.DOTALL)
+    hidden = r"<style>.*?</style>|<script>.*?</script>|\"int16\":\"[^\"]*\"|<summary>Settings.*?</details>|<[^>]*>"
+    shown = re.sub(hidden, " ", page, flags=re.DOTALL)
     names = without_effect_names(shown.replace("_", " ").replace("coulomb friction", ""))
     for effect in CATALOGUE:
         names = names.replace(effect.name.replace("_", " "), "")

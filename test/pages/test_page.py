@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import base64
+import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from jinja2 import UndefinedError
 from matplotlib.figure import Figure
 
 from hand_pages.page import data_uri, png, write_html
+from hand_pages.plots import Curve, Panel, Plot, packed, runs
 
 PACKAGES = {"hand_diagnosis": "report.html", "hand_tool": "demo_page.html", "validation.paper": "page.html"}
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,4 +44,40 @@ def test_every_page_extends_the_base_and_needs_no_network(package: str) -> None:
     """Fails when a page has a frame of its own, or a template loads a script, a style or a font from elsewhere."""
     text = (ROOT / package.replace(".", "/") / PACKAGES[package]).read_text(encoding="utf-8")
     assert text.startswith('{% extends "base.html" %}')
-    assert not re.search(r"(src|href)=[\"'](https?:|//)|@import|<script", text)
+    assert not re.search(r"(src|href)=[\"'](https?:|//)|@import|<script [^>]*src", text)
+
+
+def test_packed_values_come_back() -> None:
+    """Fails when the integers of a curve lose more than half a step of its range, or a gap becomes a value."""
+    values = 40.0 + np.cumsum(np.random.default_rng(3).standard_normal(500))
+    values[100:110] = np.nan
+    stored = packed(values)
+    assert isinstance(stored, dict)
+    counts = np.frombuffer(base64.b64decode(stored["int16"]), dtype="<i2")
+    back = np.where(counts == -32768, np.nan, stored["offset"] + stored["scale"] * counts)
+    assert np.array_equal(np.isnan(back), np.isnan(values))
+    assert np.nanmax(np.abs(back - values)) <= 0.51 * (np.nanmax(values) - np.nanmin(values)) / 65533
+    assert packed(np.array([1.0, np.nan])) == [1.0, None]
+    constant = packed(np.full(100, 7.0))
+    assert isinstance(constant, dict) and constant["offset"] + constant["scale"] * -32767 == pytest.approx(7.0)
+
+
+def test_runs_are_the_stretches_of_true() -> None:
+    """Fails when a stretch at either end is lost or has a wrong length."""
+    assert runs(np.array([True, False, True, True])) == [(0, 1), (2, 4)]
+    assert runs(np.zeros(3, dtype=bool)) == []
+
+
+def test_no_name_ends_the_script_of_a_plot() -> None:
+    """Fails when a name with markup, as that of a recording's joint, closes the element that holds the data."""
+    plot = Plot("</script>", [Panel("<b>", [Curve("a", "after", (0.0, 0.1), np.arange(3.0))])], "alt")
+    assert "<" not in plot.json()
+    assert json.loads(plot.json())["panels"][0]["series"][0]["x"] == {"start": 0.0, "step": 0.1}
+
+
+@pytest.mark.parametrize("name", ["style.css", "plots.js", "parts.html", "base.html"])
+def test_what_pages_are_made_of_is_installed(name: str) -> None:
+    """Fails when a part of the pages is missing in an installed package."""
+    patterns = re.search(r"package_data=\{(.*?)\}", (ROOT / "setup.py").read_text(encoding="utf-8"), re.DOTALL)
+    assert patterns is not None and f"*{Path(name).suffix}" in patterns.group(1)
+    assert (ROOT / "hand_pages" / name).is_file()

@@ -1,0 +1,160 @@
+"""What a reader sees first: the answer as a sentence, its numbers, and the errors of every joint and signal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from hand_diagnosis.drawing import tint
+
+PROPER = {"coulomb": "Coulomb", "hall": "Hall", "fsr": "FSR"}
+"""Words of effects' names that are written otherwise in a sentence."""
+NAMED = 2
+"""Findings named in the title."""
+SPLITS = ("test", "validation", "train")
+"""The data whose error counts most, first."""
+WORDS = {"train": "training", "validation": "validation", "test": "test"}
+Report = Mapping[str, Any]
+
+
+def effect_words(effect: str) -> str:
+    """The name of an effect in words."""
+    return " ".join(PROPER.get(word, word) for word in effect.split("_"))
+
+
+def title(report: Report, whole: str = "the hand", axis: str = "joint") -> str:
+    """The answer of a report in one line. whole, axis: what the machine and its joints are called."""
+    parts = [_finding(finding, whole) for finding in report["findings"][:NAMED]]
+    parts += [_remainder(left) for left in report["remainder"][: max(NAMED - len(parts), 1)]]
+    more = len(report["findings"]) + len(report["remainder"]) - len(parts)
+    if more > 0:
+        parts.append(f"and {more} more")
+    if not parts and report["fit"]:
+        parts.append("Model and recording agree: no effect of the catalogue is missing")
+    elif not parts:
+        parts.append("Nothing could be compared")
+    missing = len(report["not_judged"])
+    if missing:
+        parts.append(f"{missing} {axis}{'' if missing == 1 else 's'} not diagnosed")
+    return "; ".join(parts)
+
+
+def _finding(finding: Report, whole: str) -> str:
+    where = finding["joint"] or whole
+    shares = {row["effect"]: row["probability"] for row in finding["alternatives"]}
+    if finding["tied_with"]:
+        names = [(finding["effect"], finding["probability"])]
+        names += [(name, shares.get(name, 0.0)) for name in finding["tied_with"]]
+        text = " or ".join(f"{effect_words(name)} ({share:.0%})" for name, share in names)
+        return f"{where}: {text}, which this recording cannot distinguish"
+    number = main_number(finding)
+    return (
+        f"{where}: {effect_words(finding['effect'])}{f' of {number}' if number else ''} ({finding['probability']:.0%})"
+    )
+
+
+def _remainder(left: Report) -> str:
+    return f"{left['joint']}: {left['rms']:.2g} {left['unit']} of the {left['signal']} that no known effect explains"
+
+
+def main_number(finding: Report) -> str:
+    """The first number of a finding that the data determine, with its error and unit; "" where there is none."""
+    for number in finding["parameters"].values():
+        if number["determined"]:
+            unit = "" if number["unit"] == "1" else f" {number['unit']}"
+            return f"{number['value']:.3g} ± {number['std']:.1g}{unit}"
+    return ""
+
+
+def ties(report: Report) -> list[str]:
+    """A sentence for each tie: the names that this recording cannot distinguish."""
+    sentences = []
+    for finding in report["findings"]:
+        if finding["tied_with"]:
+            names = " or ".join(effect_words(name) for name in (finding["effect"], *finding["tied_with"]))
+            sentences.append(f"{finding['joint'] or 'everywhere'}: {names}: this recording cannot distinguish them.")
+    return sentences
+
+
+def errors(report: Report) -> dict[tuple[str, str], dict[str, Any]]:
+    """By joint and signal the row of `fit` that counts most: of test data, else of validation data."""
+    best: dict[tuple[str, str], dict[str, Any]] = {}
+    for split in reversed(SPLITS):
+        best |= {(row["joint"], row["signal"]): row for row in report["fit"] if row["split"] == split}
+    return best
+
+
+def tiles(report: Report) -> list[tuple[str, str]]:
+    """The numbers of the answer, each with the words below it."""
+    known = errors(report)
+    if report["findings"]:
+        return _finding_tiles(report["findings"][0], known)
+    if not known:
+        return []
+    joints = len({joint for joint, _ in known})
+    (joint, signal), worst = max(known.items(), key=lambda item: multiple(item[1], "rmse_before"))
+    ratio = multiple(worst, "rmse_before")
+    after = f"{worst['rmse_before']:.3g} {worst['unit']}"
+    return [
+        (str(joints), "compared with the model"),
+        (after, f"largest {WORDS[worst['split']]} error: {signal} of {joint}, {short(ratio)} times the noise"),
+        (str(len(report["not_judged"])), "not diagnosed"),
+    ]
+
+
+def _finding_tiles(finding: Report, known: Mapping[tuple[str, str], Report]) -> list[tuple[str, str]]:
+    signal = finding["where"]["signal"]
+    rows = [row for (joint, name), row in known.items() if name == signal and finding["joint"] in {None, joint}]
+    shown = []
+    if rows:
+        row = max(rows, key=lambda each: multiple(each, "rmse_before"))
+        fall = f"{row['rmse_before']:.3g} → {row['rmse_after']:.3g} {row['unit']}"
+        data = WORDS[row["split"]]
+        shown.append(
+            (fall, f"{data} error of the {signal} of {row['joint']}; noise {row['noise_floor']:.2g} {row['unit']}")
+        )
+    number = main_number(finding)
+    if number:
+        shown.append((number, effect_words(finding["effect"])))
+    shown.append((f"{finding['probability']:.0%}", f"probability of {effect_words(finding['effect'])}"))
+    shown.append((f"{finding['explains']:.0%}", f"of the mismatch of the {signal} explained"))
+    return shown
+
+
+def multiple(row: Report, key: str) -> float:
+    """An error of a row of `fit` in multiples of its noise."""
+    return float(row[key]) / max(float(row["noise_floor"]), 1e-300)
+
+
+def short(value: float) -> str:
+    """A positive number [-] with two digits, or all digits before the point."""
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
+
+
+def heat_map(report: Report) -> tuple[list[str], list[tuple[str, list[dict[str, Any] | None], str]]]:
+    """The names of the signals, and a row per joint: name, a cell per signal, and why it was not diagnosed.
+
+    A cell has the error before and after in multiples of the noise, with the opacity of its tint.
+    """
+    known = errors(report)
+    signals = list(dict.fromkeys(row["signal"] for row in report["fit"]))
+    joints = list(dict.fromkeys(row["joint"] for row in report["fit"]))
+    rows = [(joint, [_cell(known.get((joint, signal))) for signal in signals], "") for joint in joints]
+    rows += [(row["joint"], [None] * len(signals), row["reason"]) for row in report["not_judged"]]
+    return signals, rows
+
+
+def _cell(row: Report | None) -> dict[str, Any] | None:
+    if row is None:
+        return None
+    before, after = multiple(row, "rmse_before"), multiple(row, "rmse_after")
+    values = f"{row['rmse_before']:.3g} → {row['rmse_after']:.3g} {row['unit']}, noise {row['noise_floor']:.2g}"
+    return {"before": short(before), "after": short(after), "tint": round(tint(before), 2), "values": values}
+
+
+def worst_by_joint(report: Report) -> dict[str, float | None]:
+    """The largest error of each joint before, in multiples of the noise; None where it was not diagnosed."""
+    worst: dict[str, float | None] = {row["joint"]: None for row in report["not_judged"]}
+    for (joint, _), row in errors(report).items():
+        worst[joint] = max(worst.get(joint) or 0.0, multiple(row, "rmse_before"))
+    return worst

@@ -1,0 +1,41 @@
+"""How a result was made: when, by which version and command, from which model, and how long it took."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+import time
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from hand_tool.chosen_model import ChosenModel
+from hand_tool.version import version
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Of a command that runs now, from the moment at which this is made."""
+
+    model: ChosenModel
+    seed: int
+    begun_s: float = field(default_factory=time.monotonic)
+
+    def document(self) -> dict[str, Any]:
+        """The entry `made` of report.json."""
+        return {
+            "date": datetime.now(UTC).isoformat(timespec="seconds"),
+            "version": version(),
+            "command": command(),
+            "seed": self.seed,
+            "duration_s": round(time.monotonic() - self.begun_s, 1),
+            "model_sha256": self.model.sha256,
+        }
+
+
+def command() -> str:
+    """The command line of this process; "" where this is not the command `hand`."""
+    program = Path(sys.argv[0])
+    ours = program.name == "hand" or (program.parent.name, program.name) == ("hand_tool", "__main__.py")
+    return shlex.join(["hand", *sys.argv[1:]]) if ours else ""
