@@ -52,6 +52,6 @@ def _over_state(axis: Axes, joint: JointDiagnosis, stage: int) -> None:
         style = ":" if way == joint.wording.negative else "-"
         axis.plot(at, mean, style, color=ORANGE if label == "off" else BLUE, lw=1.2, label=way)
     axis.axhline(0.0, color=GREY, lw=0.5)
-    axis.set(xlabel=f"{means.state} [{means.unit}]")
+    axis.set(xlabel=means.label)
     axis.locator_params(axis="x", nbins=4)
     axis.legend(*(part[:2] for part in axis.get_legend_handles_labels()), frameon=False, fontsize="small")

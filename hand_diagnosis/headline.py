@@ -10,7 +10,9 @@ from hand_diagnosis.drawing import tint
 PROPER = {"coulomb": "Coulomb", "hall": "Hall", "fsr": "FSR"}
 """Words of effects' names that are written otherwise in a sentence."""
 NAMED = 2
-"""Findings named in the title."""
+"""Findings and remainders named in the title."""
+EVEN = 0.5
+"""Probability below which a finding follows what remains, and is called possible."""
 SPLITS = ("test", "validation", "train")
 """The data whose error counts most, first."""
 WORDS = {"train": "training", "validation": "validation", "test": "test"}
@@ -24,8 +26,12 @@ def effect_words(effect: str) -> str:
 
 def title(report: Report, whole: str = "the hand", axis: str = "joint") -> str:
     """The answer of a report in one line. whole, axis: what the machine and its joints are called."""
-    parts = [_finding(finding, whole) for finding in report["findings"][:NAMED]]
-    parts += [_remainder(left) for left in report["remainder"][: max(NAMED - len(parts), 1)]]
+    likely = [finding for finding in report["findings"] if _share(finding) >= EVEN]
+    unlikely = [finding for finding in report["findings"] if _share(finding) < EVEN]
+    parts = [_finding(finding, whole) for finding in likely]
+    parts += [_remainder(left) for left in report["remainder"]]
+    parts += [f"perhaps {_finding(finding, whole)}" for finding in unlikely]
+    parts = parts[:NAMED]
     more = len(report["findings"]) + len(report["remainder"]) - len(parts)
     if more > 0:
         parts.append(f"and {more} more")
@@ -37,6 +43,12 @@ def title(report: Report, whole: str = "the hand", axis: str = "joint") -> str:
     if missing:
         parts.append(f"{missing} {axis}{'' if missing == 1 else 's'} not diagnosed")
     return "; ".join(parts)
+
+
+def _share(finding: Report) -> float:
+    """Probability that one of the names of a finding is right."""
+    tied = [row["probability"] for row in finding["alternatives"] if row["effect"] in finding["tied_with"]]
+    return float(finding["probability"] + sum(tied))
 
 
 def _finding(finding: Report, whole: str) -> str:
@@ -87,8 +99,15 @@ def errors(report: Report) -> dict[tuple[str, str], dict[str, Any]]:
 def tiles(report: Report) -> list[tuple[str, str]]:
     """The numbers of the answer, each with the words below it."""
     known = errors(report)
+    remains = [
+        (
+            f"{left['rms']:.3g} {left['unit']}",
+            f"of the {left['signal']} of {left['joint']} that no known effect explains",
+        )
+        for left in report["remainder"][:1]
+    ]
     if report["findings"]:
-        return _finding_tiles(report["findings"][0], known)
+        return _finding_tiles(report["findings"][0], known) + remains
     if not known:
         return []
     joints = len({joint for joint, _ in known})
@@ -96,6 +115,7 @@ def tiles(report: Report) -> list[tuple[str, str]]:
     ratio = multiple(worst, "rmse_before")
     after = f"{worst['rmse_before']:.3g} {worst['unit']}"
     return [
+        *remains,
         (str(joints), "compared with the model"),
         (after, f"largest {WORDS[worst['split']]} error: {signal} of {joint}, {short(ratio)} times the noise"),
         (str(len(report["not_judged"])), "not diagnosed"),

@@ -97,7 +97,6 @@ def _joint(diagnosis: Diagnosis, joint: JointDiagnosis, report: Mapping[str, Any
         "name": joint.joint,
         "over_time": time_plots(joint, stage, nth),
         "over_state": [plot for plot in [state_plot(joint, stage), *_laws(diagnosis, joint)] if plot is not None],
-        "remains": [left.statement for left in diagnosis.remainder if left.joint == joint.joint],
         "numbers": numbers,
         "hypotheses": hypotheses,
     }

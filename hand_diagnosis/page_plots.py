@@ -84,7 +84,7 @@ def state_plot(joint: JointDiagnosis, stage: int) -> Plot | None:
     signal = joint.wording.signals[stage]
     caption = f"Mean of measured minus model over the {means.state}, by direction of motion."
     alt = f"Mean error of the {signal} of {joint.joint} over the {means.state}: {_largest(means, unit)}"
-    return Plot(f"{means.state} [{means.unit}]", [Panel(f"measured - model [{unit}]", curves, zero=True)], alt, caption)
+    return Plot(means.label, [Panel(f"measured - model [{unit}]", curves, zero=True)], alt, caption)
 
 
 def law_plot(effect: str, law: LawCurve) -> Plot:
@@ -108,6 +108,11 @@ class StateMeans:
     state: str
     unit: str
     rows: tuple[tuple[str, str, Array, Array], ...]
+
+    @property
+    def label(self) -> str:
+        """The state with its unit, where this is another word."""
+        return self.state if self.state == self.unit else f"{self.state} [{self.unit}]"
 
 
 def state_means(joint: JointDiagnosis, stage: int) -> StateMeans | None:

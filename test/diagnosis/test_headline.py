@@ -1,0 +1,108 @@
+"""The sentence over a report: the answer, what is uncertain about it, and what was not diagnosed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from hand_diagnosis.drawing import STRONGEST, tint
+from hand_diagnosis.headline import heat_map, ties, tiles, title, worst_by_joint
+
+FRICTION = {
+    "joint": "index_distal",
+    "effect": "coulomb_friction",
+    "probability": 0.96,
+    "alternatives": [{"effect": "backlash", "probability": 0.03}],
+    "tied_with": [],
+    "explains": 0.98,
+    "where": {"signal": "angle"},
+    "parameters": {"coulomb_friction.torque_nm": {"value": 0.0119, "std": 3e-4, "unit": "N m", "determined": True}},
+}
+ANSWER = "index_distal: Coulomb friction of 0.0119 ± 0.0003 N m (96%)"
+TIED = FRICTION | {
+    "effect": "leak",
+    "probability": 0.55,
+    "alternatives": [{"effect": "pressure_gain", "probability": 0.4}],
+    "tied_with": ["pressure_gain"],
+}
+REMAINDER = {"joint": "index_distal", "signal": "angle", "rms": 0.83, "unit": "deg"}
+
+
+def row(joint: str, before: float, after: float, split: str = "test") -> dict[str, Any]:
+    errors = {"rmse_before": before, "rmse_after": after, "noise_floor": 0.01}
+    return {"joint": joint, "signal": "angle", "unit": "deg", "split": split} | errors
+
+
+def report(**parts: Any) -> dict[str, Any]:
+    empty = {"findings": [], "remainder": [], "not_judged": [], "fit": [row("index_distal", 2.8, 0.03)]}
+    return empty | parts
+
+
+@pytest.mark.parametrize(
+    ("parts", "expected"),
+    [
+        ({"findings": [FRICTION]}, ANSWER),
+        (
+            {"findings": [TIED]},
+            "index_distal: leak (55%) or pressure gain (40%), which this recording cannot distinguish",
+        ),
+        (
+            {"findings": [FRICTION | {"probability": 0.01}], "remainder": [REMAINDER]},
+            "index_distal: 0.83 deg of the angle that no known effect explains; "
+            "perhaps index_distal: Coulomb friction of 0.0119 ± 0.0003 N m (1%)",
+        ),
+        ({}, "Model and recording agree: no effect of the catalogue is missing"),
+        (
+            {"fit": [], "not_judged": [{"joint": "a", "reason": "b"}]},
+            "Nothing could be compared; 1 joint not diagnosed",
+        ),
+        ({"findings": [FRICTION] * 3}, f"{ANSWER}; {ANSWER}; and 1 more"),
+    ],
+    ids=["named", "tied", "unlikely", "agrees", "nothing", "many"],
+)
+def test_the_title_is_the_answer(parts: dict[str, Any], expected: str) -> None:
+    """Fails when a tie is named as certain, an unlikely name comes first, or a joint is left out in silence."""
+    assert title(report(**parts)) == expected
+
+
+def test_ties_are_sentences() -> None:
+    """Fails when a tie is not pointed out, or a finding without one is."""
+    assert ties(report(findings=[FRICTION])) == []
+    assert ties(report(findings=[TIED])) == [
+        "index_distal: leak or pressure gain: this recording cannot distinguish them."
+    ]
+
+
+def test_the_numbers_are_those_of_the_test_data() -> None:
+    """Fails when the errors of training data are shown although test data exist."""
+    rows = [
+        row("index_distal", 1.0, 0.01, "train"),
+        row("index_distal", 2.8, 0.03),
+        row("ring_distal", 0.3, 0.3, "train"),
+    ]
+    content = report(
+        findings=[FRICTION], fit=rows, not_judged=[{"joint": "thumb_distal", "reason": "it does not move"}]
+    )
+    assert tiles(content)[0][0] == "2.8 → 0.03 deg"
+    signals, table = heat_map(content)
+    assert signals == ["angle"]
+    assert [(name, reason) for name, _, reason in table] == [
+        ("index_distal", ""),
+        ("ring_distal", ""),
+        ("thumb_distal", "it does not move"),
+    ]
+    assert table[0][1][0] is not None and table[0][1][0]["before"] == "280" and table[0][1][0]["after"] == "3"
+    assert worst_by_joint(content) == {
+        "thumb_distal": None,
+        "index_distal": pytest.approx(280.0),
+        "ring_distal": pytest.approx(30.0),
+    }
+
+
+def test_the_tint_grows_with_the_error() -> None:
+    """Fails when noise is tinted, a larger error is paler, or the tint hides its text."""
+    sizes = [tint(ratio) for ratio in (0.5, 1.0, 3.0, 30.0, 100.0, 1e6)]
+    assert sizes[0] == sizes[1] == 0.0
+    assert sizes == sorted(sizes)
+    assert sizes[-1] == STRONGEST
