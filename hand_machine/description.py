@@ -9,15 +9,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from hand_machine.wording import units_of
+from hand_model.kernel.rows import JOINT_PARAMETERS
+from hand_model.yaml_loader import load_yaml
 from hand_model.yaml_reader import Section, read_yaml
 
-KEYS = ("schema", "name", "motion", "imposed", "gain", "stiffness", "damping", "inertia", "weight", "has", "columns")
+KEYS = (
+    *("schema", "name", "motion", "imposed", "gain", "stiffness", "damping", "inertia", "weight", "has", "columns"),
+    *("effects", "sizes"),
+)
 COLUMNS = ("time", "input", "position", "force")
 PARTS = ("supply", "valve", "chamber", "soft_material", "magnetic_sensor", "input_sensor", "force_sensing_resistor")
 """What the key `has` may state (NEEDS of hand_model/effects/effect.py); the rest follows from the other keys."""
 NUMBERS = ("gain", "stiffness", "damping", "inertia")
 """Numbers that a fit may change, each within its own tolerance unless it is exact."""
 NUMBER = ("value", "exact", "tolerance")
+EFFECT = ("value", "std", "unit")
+SIZES = ("force", "position", "input")
 LARGEST, SMALLEST_GAIN = 1e12, 1e-12
 """Bounds of every number of the file, in SI."""
 SMALLEST_TOLERANCE = 1e-6
@@ -43,6 +51,8 @@ class MachineDescription:
     kg m^2] and weight [N m at 90 degrees] of the nominal model.  has: parts that effects may need, of PARTS.
     columns: those the recordings are read from.  tolerances: relative standard deviations [-] of NUMBERS that have
     their own; 0 where the number is exact.
+    effects: parameters of effects that the model has, by their keys in a report, in the machine's units.
+    sizes: force, position and input [SI] to which the fit that found them was scaled; None: as the recordings ask.
     """
 
     path: Path
@@ -57,6 +67,14 @@ class MachineDescription:
     has: frozenset[str]
     columns: Mapping[str, Column]
     tolerances: Mapping[str, float]
+    effects: Mapping[str, float]
+    sizes: tuple[float, float, float] | None
+
+
+def is_machine_file(path: Path) -> bool:
+    """Whether a YAML file describes a machine of one axis and not a hand. Raises DescriptionError for broken YAML."""
+    top = load_yaml(path)
+    return isinstance(top, dict) and "joints" not in top and ("motion" in top or "columns" in top)
 
 
 def load_description(path: Path) -> MachineDescription:
@@ -77,7 +95,33 @@ def load_description(path: Path) -> MachineDescription:
         has=_parts(top, linear=linear),
         columns=_columns(top, imposed),
         tolerances={key: tolerance for key, (_, tolerance) in read.items() if tolerance is not None},
+        effects=_effects(top, linear=linear),
+        sizes=_sizes(top),
     )
+
+
+def _effects(top: Section, *, linear: bool) -> dict[str, float]:
+    """Values by key, in the machine's units; the range of each is checked where the sizes are known."""
+    if "effects" not in top:
+        return {}
+    units = units_of(linear, per_torque=1.0, per_angle=1.0, per_input=1.0)
+    keys = [units.quantity(parameter.key).key for parameter in JOINT_PARAMETERS]
+    section = top.section("effects", keys)
+    found = {}
+    for key in (key for key in keys if key in section):
+        if isinstance(section.raw(key, "a number"), dict):
+            found[key] = section.section(key, EFFECT).number("value", -LARGEST, LARGEST)
+        else:
+            found[key] = section.number(key, -LARGEST, LARGEST)
+    return found
+
+
+def _sizes(top: Section) -> tuple[float, float, float] | None:
+    if "sizes" not in top:
+        return None
+    section = top.section("sizes", SIZES)
+    force, position, of_input = (section.number(name, SMALLEST_GAIN, LARGEST) for name in SIZES)
+    return force, position, of_input
 
 
 def _number(top: Section, key: str, low: float, default: float | None) -> tuple[float, float | None]:

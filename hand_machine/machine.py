@@ -6,7 +6,7 @@ finger, so that tolerances, floors and typical sizes of effects fit; the wording
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from hand_machine.balance import balance, check_plausible
 from hand_machine.description import MachineDescription, load_description
+from hand_machine.found_model import PARAMETER, put_effects
 from hand_machine.reading import Readings, read_machine
 from hand_machine.wording import AXIS, wording_of
 from hand_model.arrays import Array
 from hand_model.effects.effect import NEEDS
 from hand_model.kernel.rows import DEGREE, JOINT_PARAMETERS, ROW
-from hand_model.quantities import Wording
-from hand_model.yaml_document import yaml_text
+from hand_model.quantities import UnitMap, Wording
 from hand_recording.signals import Signals
 
 TORQUE, TRAVEL, INPUT, FORCE = 0.5, 1.5, 4e5, 10.0
@@ -30,13 +30,6 @@ LEVER_M = TORQUE / FORCE
 EFFECT_SHARE = 0.1
 """Share of the torque of a finger that effects may have."""
 LACKING_QUANTILE = 0.99
-PARAMETER = {
-    "gain": "statics.a2_nm_per_pa",
-    "stiffness": "statics.a1_nm_per_rad",
-    "damping": "dynamics.viscous_friction_nm_s_per_rad",
-    "inertia": "dynamics.inertia_kg_m2",
-}
-"""Parameters of the model by the numbers of the machine file."""
 WARMING_S = 600.0
 """Shortest recording in which a machine may warm up or age: the shortest short-time duty of IEC 60034-1 (S2)."""
 LEAST_DAMPING, LEAST_STIFFNESS, LEAST_INERTIA = 1e-4, 1e-6, 1e-9
@@ -91,9 +84,9 @@ class AxisModel:
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """A machine: its model, its scaled recordings, and the wording of its report."""
+    """A machine: its description, its model, its scaled recordings, and the wording of its report."""
 
-    name: str
+    description: MachineDescription
     model: AxisModel
     signals: tuple[Signals, ...]
     wording: Wording
@@ -119,10 +112,12 @@ def load_machine(path: Path, recordings: Sequence[Path]) -> Machine:
     named = zip(recordings, tables, strict=True)
     signals = tuple(_signals(recording, table, described.imposed, scales) for recording, table in named)
     longest = max(float(np.ptp(table.time_s)) for table in tables)
-    return Machine(described.name, _model(described, scales, longest), signals, wording)
+    return Machine(described, _model(described, scales, longest, wording.units), signals, wording)
 
 
 def _scales(described: MachineDescription, tables: Sequence[Readings]) -> Scales:
+    if described.sizes is not None:
+        return Scales(*described.sizes)
     travel = max(float(np.ptp(np.concatenate([table.signals["position"] for table in tables]))), 1e-12)
     # An angle stays an angle: gravity and harmonic errors are sines of it.
     per_angle = travel / TRAVEL if described.linear else 1.0
@@ -144,7 +139,7 @@ def _lacking(described: MachineDescription, table: Readings) -> float:
     return float(np.quantile(np.abs(lacking[table.known]), LACKING_QUANTILE))
 
 
-def _model(described: MachineDescription, scales: Scales, longest_s: float) -> AxisModel:
+def _model(described: MachineDescription, scales: Scales, longest_s: float, units: UnitMap) -> AxisModel:
     scale = scales.angle / scales.torque
     no_damping = 0.0 if described.tolerances.get("damping") == 0.0 else LEAST_DAMPING
     own = {
@@ -157,6 +152,7 @@ def _model(described: MachineDescription, scales: Scales, longest_s: float) -> A
     parameters = np.array([(p.neutral or 0.0) * p.scale for p in JOINT_PARAMETERS])
     for key, value in (WITHOUT_PART | own).items():
         parameters[ROW[key]] = value
+    put_effects(described, units, parameters)
     return AxisModel(
         described.path,
         described.name,
@@ -198,9 +194,3 @@ def _signals(recording: Path, table: Readings, imposed: bool, scales: Scales) ->
         driven=imposed,
         machine=True,
     )
-
-
-def write_machine_model(name: str, numbers: Iterable[tuple[str, float, str]], path: Path) -> None:
-    """Write the parameters found as a YAML file. numbers: (key, value, unit) of each, [unit] as the key names it."""
-    effects = {key: {"value": value, "unit": unit} for key, value, unit in numbers}
-    path.write_text(yaml_text({"machine": name, "effects": effects}), encoding="utf-8")

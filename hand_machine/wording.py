@@ -16,7 +16,7 @@ def wording_of(linear: bool, *, per_torque: float, per_angle: float, per_input: 
 
     per_torque, per_angle, per_input, per_force: the machine's SI units in one N m, rad, Pa and N of its model [-].
     """
-    units = _units(linear, per_torque, per_angle, per_input)
+    units = units_of(linear, per_torque=per_torque, per_angle=per_angle, per_input=per_input)
     position, force = ("position", "force") if linear else ("angle", "torque")
     shown = per_angle * units.per_shown_angle
     return Wording(
@@ -41,7 +41,8 @@ def wording_of(linear: bool, *, per_torque: float, per_angle: float, per_input: 
     )
 
 
-def _units(linear: bool, per_torque: float, per_angle: float, per_input: float) -> UnitMap:
+def units_of(linear: bool, *, per_torque: float, per_angle: float, per_input: float) -> UnitMap:
+    """Units and names of the parameters of a machine; per_torque, per_angle, per_input as in wording_of [-]."""
     if not linear:
         return UnitMap(
             pressure=INPUT,

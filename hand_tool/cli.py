@@ -17,6 +17,7 @@ from hand_tool.identify import app as identify
 from hand_tool.live import enable, grasp, move, stop, watch
 from hand_tool.magnet import magnet
 from hand_tool.new_effect import new_effect
+from hand_tool.predict import predict
 from hand_tool.record import record
 from hand_tool.reproduce import reproduce
 from hand_tool.simulate import simulate
@@ -44,7 +45,7 @@ RUNNING, RECORDINGS, BOARDS, MODELS, PROOF = (
 """Groups of subcommands in the help, in its order."""
 for group, subcommands in {
     RUNNING: (studio, up, move, grasp, watch, stop, enable),
-    RECORDINGS: (record, simulate, excite, diagnose),
+    RECORDINGS: (record, simulate, excite, diagnose, predict),
     BOARDS: (check_board, emulate_board),
     MODELS: (urdf, new_effect, magnet),
     PROOF: (demo, reproduce),

@@ -186,9 +186,10 @@ def _machine(
 ) -> dict[str, Any]:
     """Diagnose another machine; report and page in its units, model.yaml with the parameters found."""
     from hand_diagnosis.diagnosis import diagnose as run
+    from hand_diagnosis.found_machine import write_machine_model
     from hand_diagnosis.page import write_page
     from hand_diagnosis.report import document, write_json
-    from hand_machine.machine import load_machine, write_machine_model
+    from hand_machine.machine import load_machine
 
     chosen = origin.model
     loaded = load_machine(chosen.path, recordings)
@@ -199,8 +200,7 @@ def _machine(
     names = [str(path) for path in recordings]
     content = document(result, names, str(chosen.path)) | {"made": origin.document()}
     write_json(content, out)
-    numbers = [(number.key, number.value, number.unit) for finding in result.findings for number in finding.numbers]
-    write_machine_model(loaded.name, numbers, out / "model.yaml")
+    write_machine_model(result, loaded.description, names, out / "model.yaml")
     write_page(result, content, out)
     return content
 

@@ -20,9 +20,12 @@ OTHERS = (
     "figures",
     "fit_settings",
     "fleet",
+    "found_machine",
     "headline",
     "page",
     "page_plots",
+    "prediction",
+    "prediction_page",
     "settings",
     "settings_table",
 )

@@ -13,7 +13,8 @@ from scipy.integrate import solve_ivp
 from hand_diagnosis.task import Task, effects_without
 from hand_identification.free_parameters import nominal_free_parameters
 from hand_machine.description import load_description
-from hand_machine.machine import PARAMETER, Machine, load_machine
+from hand_machine.found_model import PARAMETER
+from hand_machine.machine import Machine, load_machine
 from hand_model.kernel.rows import ROW
 from hand_model.yaml_loader import DescriptionError
 

@@ -1,0 +1,100 @@
+"""prediction.html: how well a model predicts recordings, in one file with plots."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hand_diagnosis.page_plots import CURVES, MOST_SAMPLES, NOISE_BAND, in_thousands
+from hand_diagnosis.prediction import JointPrediction, Prediction, Score
+from hand_model.quantities import Wording
+from hand_pages.page import write_html
+from hand_pages.plots import Curve, Panel, Plot
+
+
+def write_page(prediction: Prediction, content: Mapping[str, Any], out: Path) -> None:
+    """Write prediction.html. content: that of prediction.json."""
+    shown = [joint for joint in prediction.joints if joint.scores]
+    total = sum(len(segment.angle_rad) for joint in shown for segment in joint.segments)
+    nth = max(1, -(-CURVES * total // MOST_SAMPLES))
+    write_html(
+        out / "prediction.html",
+        "hand_diagnosis",
+        "prediction.html",
+        content=content,
+        model=Path(content["model"]).name,
+        headline=headline(content),
+        axis=prediction.wording.axis,
+        joints=[(joint.joint, prediction_plots(joint, prediction.wording, nth)) for joint in shown],
+        rows=[_cells(row) for row in content["scores"]],
+    )
+
+
+def headline(content: Mapping[str, Any]) -> str:
+    """The result in one sentence: the largest error in noise floors."""
+    rows = [row for row in content["scores"] if row["noise_floors"] is not None]
+    if not rows:
+        return "No signal could be predicted."
+    worst = max(rows, key=lambda row: row["noise_floors"])
+    most = f"{worst['rmse']:.3g} {worst['unit']} RMS, {worst['noise_floors']:.2g} times the noise floor"
+    where = f"{worst['joint']}, {worst['recording']}"
+    return f"The largest error against the noise is that of the {worst['signal']} ({where}): {most}."
+
+
+def _cells(row: Mapping[str, Any]) -> list[str]:
+    floors, explained = row["noise_floors"], row["explained"]
+    return [
+        row["recording"],
+        row["joint"],
+        row["signal"],
+        f"{row['rmse']:.4g}",
+        f"{row['noise_floor']:.3g}",
+        row["unit"],
+        "" if floors is None else f"{floors:.3g}",
+        "" if explained is None else f"{explained:.2%}",
+    ]
+
+
+def prediction_plots(joint: JointPrediction, wording: Wording, nth: int) -> list[Plot]:
+    """Of each recording, the signal with the largest error against its noise, measured and predicted.
+
+    nth: distance of the samples to show [-].
+    """
+    stage = max(joint.scores, key=_floors).stage
+    scale, unit = in_thousands(*wording.signal_units[stage])
+    signal = wording.signals[stage]
+    plots = []
+    for k, (segment, values) in enumerate(zip(joint.segments, joint.predicted, strict=True)):
+        own = [score for score in joint.scores if (score.recording, score.stage) == (segment.name, stage)]
+        if not own:
+            continue
+        axis = (0.0, nth * segment.period_s)
+        measured, model = (
+            np.where(segment.use[stage], scale * each[stage], np.nan)[::nth] for each in (segment.measured, values)
+        )
+        panels = [
+            Panel(
+                f"{signal} [{unit}]",
+                [Curve("measured", "measured", axis, measured), Curve("predicted", "after", axis, model)],
+                height=4.0,
+            ),
+            Panel(
+                f"measured - model [{unit}]",
+                [Curve("predicted", "after", axis, measured - model)],
+                height=2.6,
+                noise=NOISE_BAND * scale * own[0].noise,
+            ),
+        ]
+        alt = f"{signal} of {joint.joint} over time: error {scale * own[0].rmse:.3g} {unit}"
+        alt += f", noise floor {scale * own[0].noise:.3g} {unit}"
+        caption = f"{segment.name}. Band: ±2 standard deviations of the noise."
+        caption += f" Every {nth}th sample is shown." if nth > 1 else ""
+        plots.append(Plot("time [s]", panels, alt, caption, group=f"time {k}"))
+    return plots
+
+
+def _floors(score: Score) -> float:
+    return score.rmse / max(score.noise, 1e-300)
