@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from hand_tool.check_board import check_board
+from hand_tool.compare import compare
 from hand_tool.demo import demo
 from hand_tool.diagnose import diagnose
 from hand_tool.emulate_board import emulate_board
@@ -45,7 +46,7 @@ RUNNING, RECORDINGS, BOARDS, MODELS, PROOF = (
 """Groups of subcommands in the help, in its order."""
 for group, subcommands in {
     RUNNING: (studio, up, move, grasp, watch, stop, enable),
-    RECORDINGS: (record, simulate, excite, diagnose, predict),
+    RECORDINGS: (record, simulate, excite, diagnose, predict, compare),
     BOARDS: (check_board, emulate_board),
     MODELS: (urdf, new_effect, magnet),
     PROOF: (demo, reproduce),

@@ -16,6 +16,7 @@ PACKAGE = "hand_diagnosis"
 OTHERS = (
     "__init__",
     "api",
+    "compare",
     "drawing",
     "figures",
     "fit_settings",
