@@ -217,6 +217,7 @@ def _fleet(
 ) -> dict[str, Any]:
     """Diagnose every recording by itself; a recording that has a report is not diagnosed again. The summary."""
     from hand_diagnosis.fleet import Job, run_fleet, write_table
+    from hand_diagnosis.fleet_page import write_index
 
     names = [f"{number:05d}_{path.stem}" for number, path in enumerate(recordings)]
     work = [
@@ -231,7 +232,10 @@ def _fleet(
         for part in run_fleet(work, jobs, cluster):
             rows += part
             progress.advance(bar)
-    return write_table(rows, out)
+    summary = write_table(rows, out)
+    errors = {row["recording"]: row["error"] for row in rows if row["error"]}
+    write_index([(path, out / name) for path, name in zip(recordings, names, strict=True)], errors, out)
+    return summary
 
 
 def _cluster(scheduler: str | None, tls: tuple[Path | None, Path | None, Path | None]) -> Cluster | None:
@@ -255,7 +259,9 @@ def _print_fleet(summary: dict[str, Any], out: Path, as_json: bool) -> None:
     print(f"{summary['recordings']} recordings: {counts}")
     for name, count in list(summary["by_joint"].items())[:10]:
         print(f"  {count:4d}  {name}")
-    print(f"written: {out / 'findings.parquet'}, {out / 'summary.json'}, one report per recording")
+    print(
+        f"written: {out / 'index.html'}, {out / 'findings.parquet'}, {out / 'summary.json'}, one report per recording"
+    )
 
 
 def _list(text: str) -> list[str]:

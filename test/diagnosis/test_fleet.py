@@ -71,4 +71,5 @@ def test_a_cluster_of_processes_gives_the_table_and_resumes(recordings: list[Pat
     table = pq.read_table(out / "findings.parquet").to_pylist()
     assert [row["verdict"] for row in table] == ["explained", "agrees", "explained", "unusable"]
     assert "hand_3.mcap" in table[3]["error"]
+    assert "2 of 4 recordings differ from the model; 1 could not be used" in (out / "index.html").read_text("utf-8")
     assert (out / "00000_hand_0" / "report.json").stat().st_mtime_ns == done

@@ -21,6 +21,7 @@ OTHERS = (
     "figures",
     "fit_settings",
     "fleet",
+    "fleet_page",
     "found_machine",
     "headline",
     "page",
