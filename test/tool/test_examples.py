@@ -1,0 +1,65 @@
+"""The samples and programs of the folder `examples`, as its README runs them."""
+
+from __future__ import annotations
+
+import json
+import runpy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from hand_tool.cli import app
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+SAMPLES = EXAMPLES / "recordings"
+
+
+def diagnosed(out: Path, *arguments: str) -> dict[str, Any]:
+    """report.json of `hand diagnose`."""
+    result = CliRunner().invoke(app, ["diagnose", *arguments, "--out", str(out), "--json"])
+    assert result.exit_code == 0, result.output
+    content: dict[str, Any] = json.loads((out / "report.json").read_text(encoding="utf-8"))
+    return content
+
+
+def test_the_samples_are_those_that_the_program_makes(tmp_path: Path) -> None:
+    """Fails when a sample does not come from make_samples.py as it is, or has another clock or unit."""
+    program = runpy.run_path(str(EXAMPLES / "make_samples.py"))
+    program["main"](tmp_path)
+    for name in ("recordings/index_plain.csv", "recordings/index_concealed.csv", "machine/slide.csv"):
+        kept, made = (np.loadtxt(folder / name, delimiter=",", skiprows=1) for folder in (EXAMPLES, tmp_path))
+        assert kept == pytest.approx(made, abs=0.05), name  # s, bar, degrees, N or mm
+        assert (EXAMPLES / name).read_text("utf-8").splitlines()[0] == (tmp_path / name).read_text("utf-8").split()[0]
+
+
+def test_python_finds_what_is_concealed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Fails when the example of the Python interface does not run, or does not find the effect in the sample."""
+    truth = runpy.run_path(str(EXAMPLES / "make_samples.py"))["CONCEALED"]
+    report = runpy.run_path(str(EXAMPLES / "diagnose.py"))["main"](tmp_path)
+    (finding,) = report.findings
+    assert (finding["joint"], finding["effect"]) == ("index_distal", "coulomb_friction")
+    number = finding["parameters"]["coulomb_friction.torque_nm"]
+    assert abs(number["value"] - truth["coulomb_friction.torque_nm"]) < 3.0 * number["std"]
+    assert capsys.readouterr().out.startswith("explained\n")
+    assert {path.name for path in tmp_path.iterdir()} >= {"report.json", "report.html", "model.yaml"}
+
+
+def test_the_plain_sample_agrees(tmp_path: Path) -> None:
+    """Fails when the sample without an effect shows one, or its map does not fit."""
+    mapping = str(SAMPLES / "map.yaml")
+    content = diagnosed(tmp_path, str(SAMPLES / "index_plain.csv"), "--map", mapping, "--joints", "index_distal")
+    assert content["verdict"] == "agrees"
+    assert content["findings"] == []
+
+
+def test_the_slide_rubs(tmp_path: Path) -> None:
+    """Fails when the machine file of the example does not fit its table, or its friction is not found in newtons."""
+    folder = EXAMPLES / "machine"
+    content = diagnosed(tmp_path, str(folder / "slide.csv"), "--machine", str(folder / "slide.yaml"))
+    truth = runpy.run_path(str(EXAMPLES / "make_samples.py"))["SLIDE_FRICTION_N"]
+    friction = content["findings"][0]["parameters"]["coulomb_friction.force_n"]
+    assert friction["unit"] == "N"
+    assert friction["value"] == pytest.approx(truth, rel=0.05)
