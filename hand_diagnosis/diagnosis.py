@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hand_diagnosis.certificate import Certificate, certify
 from hand_diagnosis.data_check import check, repeatability
 from hand_diagnosis.findings import Finding, JointResult, ranked_findings
 from hand_diagnosis.hypotheses import Isolability, isolability, log_evidence, log_likelihood
@@ -44,11 +45,18 @@ from hand_recording.signals import Signals
 class JointDiagnosis(JointResult):
     """A joint: its search, its signals on validation data, and what its data can separate where something was found.
 
-    withdrawn: effects that validation data confirm and that make the test error clearly larger.
+    withdrawn: effects that validation data confirm and that make the test error clearly larger.  certificates: of an
+    explained joint, the strongest attack on each signal.
     """
 
     isolability: Isolability | None = None
     withdrawn: tuple[str, ...] = ()
+    certificates: tuple[Certificate, ...] = ()
+
+    @property
+    def broken(self) -> list[Certificate]:
+        """Attacks that succeed on what the findings leave."""
+        return [certificate for certificate in self.certificates if certificate.broken]
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,11 +124,12 @@ def diagnose(
     done = _without_unshared(task, _beside_models(task, done))
     lines += [line for result in done for line in _at_bounds(result)]
     lines += [line for result in done for line in _withdrawals(result)]
+    lines += [each.statement(wording) for result in done for each in result.broken]
     lines += effects_not_offered(model)
     findings, left = ranked_findings(done, signals), remainders(done)
     reasons = not_judged(checked, [result.joint for result in done], joints) | failed
     return Diagnosis(
-        verdict(findings, left),
+        _certain(verdict(findings, left), done),
         tuple(findings),
         tuple(left),
         tuple(reasons.items()),
@@ -232,7 +241,22 @@ def _diagnose_joint(
     separable = [effect for effect in effects if effect.place != "force_sensor"]
     found = isolability(problem, search.nominal, separable) if search.accepted else None
     search.forget_sensitivities()
-    return JointDiagnosis(joint, search, tuple(results), wording, test, onset, whole, found, withdrawn)
+    result = JointDiagnosis(joint, search, tuple(results), wording, test, onset, whole, found, withdrawn)
+    return replace(result, certificates=_certified(result))
+
+
+def _certain(found: str, done: Sequence[JointDiagnosis]) -> str:
+    """The verdict; an explanation of which a certificate is broken is a part of one."""
+    return "partly_explained" if found == "explained" and any(result.broken for result in done) else found
+
+
+def _certified(result: JointDiagnosis) -> tuple[Certificate, ...]:
+    """The certificates of a joint whose findings leave nothing that is probably other physics."""
+    search, whole = result.search, result.whole
+    if not search.accepted or whole is None or any(stage.remains for stage in result.results):
+        return ()
+    free_axis = swings_freely(whole)
+    return certify(search.problem, whole, search.final, result.results, free_axis=free_axis)
 
 
 def _tested(

@@ -60,6 +60,7 @@ def document(diagnosis: Diagnosis, recordings: Sequence[str], model: str) -> dic
         "findings": [_finding(diagnosis, rank + 1, finding) for rank, finding in enumerate(diagnosis.findings)],
         "fit": [row for joint in joints for row in _fit(joint)],
         "remainder": [_remainder(left) for left in diagnosis.remainder],
+        "certificates": [each.document(joint.wording) for joint in joints for each in joint.certificates],
         "not_judged": [{"joint": joint, "reason": reason} for joint, reason in diagnosis.not_judged],
         "located": [row for joint in joints for row in _located(joint)],
         "correlations": [_correlations(joint) for joint in joints if joint.search.accepted],

@@ -265,6 +265,31 @@ class Settings(FitSettings):
         "Small changes are described.", "Changes of 10 % are not described.")
     law_most_share: float = setting(0.9, "-", "Share of its change that a law has made at the state that its sentence"
         " names.", CHOICE, "States too early are named.", "Not possible above 1.")
+    # Certificates
+    certificate_share: float = setting(0.1, "-", "Share of the test error that an attack must take away.", CHOICE,
+        "Differences of form make findings partial.", "Half of a second effect passes.")
+    certificate_samples: int = setting(1500, "samples", "Training samples of an attack, and validation samples.",
+        CHOICE, "Weaker attacks.", "Slower.")
+    certificate_least_samples: int = setting(200, "samples", "Fewer of either are too few for one.", CHOICE,
+        "Attacks that learn noise.", "Short recordings have no certificate.")
+    certificate_inducing: int = setting(120, "points", "Inducing points of the Gaussian process.", CHOICE,
+        "It misses narrow structure.", "Slower.")
+    certificate_lengths: tuple[float, ...] = setting((0.15, 0.5, 1.5), "standard deviations", "Lengths of its kernel.",
+        CHOICE, "It misses slow dependences.", "It misses narrow structure.")
+    certificate_jitter: float = setting(1e-6, "-", "Added to the kernel's diagonal.", CHOICE, "Unstable factors.",
+        "No other result.")
+    certificate_ridges: tuple[float, ...] = setting((1e-4, 1e-3, 1e-2, 0.1, 1.0), "-", "Regularisations that are tried,"
+        " relative to features of unit variance.", CHOICE, "Attacks that learn noise.", "Weaker attacks.")
+    certificate_lags_s: tuple[float, ...] = setting((0.03, 0.1, 0.3, 1.0, 3.0, 10.0), "s", "Time constants of the"
+        " lagged inputs.", CHOICE, "Slow memory passes.", "Fast memory passes.")
+    certificate_plays: tuple[float, ...] = setting((0.01, 0.05, 0.15), "-", "Half widths of plays among them, relative"
+        " to the range of the state.", CHOICE, "Wide plays pass.", "Narrow plays pass.")
+    certificate_ahead_pa: float = setting(2e3, "Pa", "Distance of set-point and pressure within which an attack"
+        " resolves its sign and size evenly.", CHOICE, "Noise is resolved.", "Small dead bands pass.")
+    certificate_range: tuple[float, float] = setting((-4.0, 4.0), "standard deviations", "Range of the inputs, beyond"
+        " which an attack does not extrapolate.", CHOICE, "Rare states are lost.", "Products grow outside the data.")
+    certificate_least_deviation: float = setting(1e-9, "-", "Deviation of an input, relative to its mean, up to which"
+        " it is constant.", CHOICE, "No other result.", "No other result.")
     # Laws of remainders
     remainder_least_angle_rad: float = setting(0.05, "rad", "Range of an angle over which a curve is fitted.", CHOICE,
         "Curves over noise.", "Small motions get no curve.")

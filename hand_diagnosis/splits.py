@@ -7,7 +7,7 @@ Within the fit part, validation blocks make the choices (joint_problem.held_out_
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -128,13 +128,21 @@ def residuals_on_test(whole: JointProblem, fit: MapFit, *, free_axis: bool) -> l
     """
     problem, columns, numbers = _test_problem(whole, fit, free_axis=free_axis)
     found = []
-    for number, segment in zip(numbers, problem.segments, strict=True):
-        alone = replace(problem, segments=[segment])
-        residual = alone.residuals(columns, np.array([[segment.start[CREEP], segment.start[OMEGA]]]))[0][0]
+    for number, segment, (alone, start) in zip(numbers, problem.segments, _alone(problem), strict=True):
+        residual = alone.residuals(columns, start)[0][0]
         whole_length = np.full(whole.segments[number].use.shape, np.nan)
         whole_length[:, -residual.shape[1] :] = np.where(segment.use, residual, np.nan)
         found.append((number, whole_length))
     return found
+
+
+def predict_test(whole: JointProblem, fit: MapFit, *, free_axis: bool) -> list[tuple[Segment, Array]]:
+    """Segments with test data, of which only these count, and their predictions (OUTPUTS, T) by a fit [SI].
+
+    free_axis: see `evaluate_test`. Empty where the problem has no test data.
+    """
+    problem, columns, _ = _test_problem(whole, fit, free_axis=free_axis)
+    return [(part.segments[0], part.predict(columns, start)[0][0]) for part, start in _alone(problem)]
 
 
 def swings_freely(problem: JointProblem) -> bool:
@@ -160,13 +168,17 @@ def _test_problem(whole: JointProblem, fit: MapFit, *, free_axis: bool) -> tuple
     return replace(problem, segments=parts), columns, numbers
 
 
+def _alone(problem: JointProblem) -> Iterator[tuple[JointProblem, Array]]:
+    """Each segment as a problem of its own, with its own creeping ratio and speed at its start (1, 2)."""
+    for segment in problem.segments:
+        yield replace(problem, segments=[segment]), np.array([[segment.start[CREEP], segment.start[OMEGA]]])
+
+
 def _squares(problem: JointProblem, columns: Array) -> Array:
     """Sums of squared residuals (OUTPUTS, blocks); each segment has its own creeping ratio at its start."""
     total = np.zeros(problem.block_counts.shape)
-    for segment in problem.segments:
-        alone = replace(problem, segments=[segment])
-        starts = np.array([[segment.start[CREEP], segment.start[OMEGA]]])
-        own = alone.block_squares(alone.residuals(columns, starts))[0]
+    for alone, start in _alone(problem):
+        own = alone.block_squares(alone.residuals(columns, start))[0]
         total[:, : own.shape[1]] += own
     return total
 
