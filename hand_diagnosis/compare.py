@@ -12,7 +12,7 @@ import numpy as np
 
 from hand_diagnosis.drawing import tint
 from hand_diagnosis.headline import effect_words, errors, multiple, title
-from hand_diagnosis.page_plots import in_thousands
+from hand_diagnosis.page_plots import MOST_SAMPLES, in_thousands
 from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.kernel.rows import JOINT_PARAMETERS
@@ -24,8 +24,6 @@ from hand_recording.signals import Signals
 Kind = Literal["report", "model", "recording"]
 SAME_RELATIVE = 1e-9
 """Relative difference below which two numbers of a model are equal."""
-MOST_SAMPLES = 60_000
-"""Samples of all curves of a page."""
 SAME_COMMANDS_PA = 1000.0
 """RMS difference of two set-points above which they are different motions."""
 

@@ -18,7 +18,7 @@ from hand_model.arrays import Array, Flags
 from hand_model.quantities import Wording
 from hand_pages.plots import Curve, Kind, Panel, Plot, runs
 
-MOST_SAMPLES = 100_000
+MOST_SAMPLES = 700_000
 """Samples of all curves over time of a page; a page then stays below 3 MB."""
 CURVES = 5
 MODELS: tuple[tuple[Kind, str], ...] = (("before", "nominal model"), ("after", "with the findings"))

@@ -12,6 +12,7 @@ import pytest
 from jinja2 import UndefinedError
 from matplotlib.figure import Figure
 
+from hand_diagnosis.page_plots import MOST_SAMPLES
 from hand_pages.page import data_uri, png, write_html
 from hand_pages.plots import Curve, Panel, Plot, packed, runs
 
@@ -60,6 +61,12 @@ def test_packed_values_come_back() -> None:
     assert packed(np.array([1.0, np.nan])) == [1.0, None]
     constant = packed(np.full(100, 7.0))
     assert isinstance(constant, dict) and constant["offset"] + constant["scale"] * -32767 == pytest.approx(7.0)
+
+
+def test_the_curves_of_a_page_stay_below_3_mb() -> None:
+    """Fails when the number of samples that a page may have, as stored, leaves no room for the rest of its 3 MB."""
+    stored = packed(np.linspace(0.0, 1.0, MOST_SAMPLES))
+    assert len(json.dumps(stored)) < 2_200_000
 
 
 def test_runs_are_the_stretches_of_true() -> None:
