@@ -26,7 +26,7 @@ export ROS_DOMAIN_ID ?= $(shell echo $$(( $$$$ % 90 + 10 )))
 # Only these files need another build.
 BUILD_INPUTS := $(wildcard hand_msgs/*/* hand_msgs/* config config/layouts urdf launch/* tools/nodes/* hand_*/__init__.py hand_*/*/__init__.py validation/__init__.py validation/*/__init__.py setup.py package.xml resource/*)
 
-.PHONY: help demo test lint bench faults soak proof figures mutate build wheelhouse clean
+.PHONY: help demo test lint bench faults soak proof figures mutate docs build wheelhouse clean
 
 help:
 	@echo "make demo        simulated hand, controller and recorder over ROS 2; results in out/demo"
@@ -37,6 +37,7 @@ help:
 	@echo "make figures     tables, numbers and pictures of README and docs, two minutes; TAKE=out/bench.json stores a run"
 	@echo "make proof       the blind trial of the diagnosis, about an hour; scores into out/proof and the documents"
 	@echo "make mutate      mutation tests: which changes of the code no test notices"
+	@echo "make docs        the documents as a site into out/site, in an environment of its own; a broken link is an error"
 	@echo "make build       set-up only; then: source env.bash"
 	@echo "make wheelhouse  all requirements as wheels into out/wheelhouse; offline: make demo WHEELHOUSE=out/wheelhouse"
 	@echo "make clean       remove everything that was installed and built here"
@@ -73,6 +74,15 @@ proof: $(BUILT) $(CHECKED)
 	hand trial run out/proof && (echo "$$key" | hand trial score out/proof || [ $$? = 1 ]) && \
 	$(if $(DATA),hand trial reality $(DATA) --out out/reality &&) \
 	python -m validation.figures --take out/proof $(if $(DATA),--take out/reality/reality.json)
+
+docs: out/docs_tools/.installed
+	NO_MKDOCS_2_WARNING=1 out/docs_tools/bin/mkdocs build --strict --site-dir out/site
+	@echo "written: out/site/index.html"
+
+out/docs_tools/.installed: tools/docs_requirements.txt
+	$(PYTHON) -m venv out/docs_tools
+	out/docs_tools/bin/pip install --quiet -r tools/docs_requirements.txt
+	touch $@
 
 build: $(BUILT)
 
