@@ -24,7 +24,7 @@ app = typer.Typer(
     "Example: hand trial make out/trial --cases 40",
 )
 KEY = "HAND_TRIAL_KEY"
-PLANTS = ("trial", "development", "held_back")
+PLANTS = ("trial", "development", "held_back", "mujoco")
 TOOL = [sys.executable, "-m", "hand_tool"]
 _Folder = Annotated[Path, typer.Argument(help="Folder of the trial.")]
 _Out = Annotated[Path, typer.Argument(help="New folder.")]
@@ -48,6 +48,7 @@ def make(
 
     trial: the plant of the trial, usual conditions. development: laws of many forms under many conditions, which may be
     looked at. held_back: laws and kinds of physics that are run, not looked at; note each run in docs/proof.md.
+    mujoco: the hand in MuJoCo, with MuJoCo's own friction, damping, limits, tendons, weight and contact.
 
     Prints the commitment (SHA-256 of the truth) and the key, which is not written to any file: keep it for score.
 
@@ -76,6 +77,11 @@ def make(
         with _bar("cases") as advance:
             if plant == PLANTS[0]:
                 promised = make_trial(out, chosen.path, cases, master, key, jobs=jobs, progress=advance)
+            elif plant == "mujoco":
+                require("validation", "mujoco")
+                from validation.referees.mujoco_hand import make as make_mujoco
+
+                promised = make_mujoco(out, chosen.path, cases, master, key, jobs=jobs, progress=advance)
             else:
                 promised = make_referees(out, chosen.path, cases, master, key, plant, jobs=jobs, progress=advance)
         outputs.complete(out / "recordings", out / "plan.json")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -94,9 +94,8 @@ def make(
     nominal = Nominal(model)
     nominal.write(nominal.rows, out / "model.yaml", 100.0, {})
     rng = np.random.default_rng(seed)
-    names = [name for name, share in KINDS.items() for _ in range(math.ceil(share * count))][:count]
     turns = _in_turn(len(known), rng)
-    cases = [Case(k, int(rng.integers(2**31)), str(kind), half) for k, kind in enumerate(rng.permutation(names))]
+    cases = [Case(k, int(rng.integers(2**31)), kind, half) for k, kind in enumerate(kinds_in_order(KINDS, count, rng))]
     work = [
         (case, [next(turns) for _ in range(3)], int(rng.integers(len(kinds))), str(model), str(out)) for case in cases
     ]
@@ -104,17 +103,27 @@ def make(
     for done in mapped(make_case, work, jobs):
         made.append(done)
         progress(len(made) / len(cases))
-    plan = [
+    (out / "plan.json").write_text(json.dumps(plan_of(made), indent=1), encoding="utf-8")
+    return seal({"seed": seed, "cases": [asdict(case) for case in made]}, out, key)
+
+
+def kinds_in_order(shares: dict[str, float], count: int, rng: Rng) -> list[str]:
+    """The kinds of the cases of a trial, by their shares, in a drawn order."""
+    names = [name for name, share in shares.items() for _ in range(math.ceil(share * count))][:count]
+    return [str(kind) for kind in rng.permutation(names)]
+
+
+def plan_of(cases: Sequence[Case]) -> list[dict[str, Any]]:
+    """What plan.json says about the cases."""
+    return [
         {
             "number": case.number,
             "model": case.model,
             "without": case.without,
             "tolerance": 0.0 if case.conditions["stated"] == DEFAULT_TOLERANCE else case.conditions["stated"],
         }
-        for case in made
+        for case in cases
     ]
-    (out / "plan.json").write_text(json.dumps(plan, indent=1), encoding="utf-8")
-    return seal({"seed": seed, "cases": [asdict(case) for case in made]}, out, key)
 
 
 def _in_turn(count: int, rng: Rng) -> Iterator[int]:
@@ -241,17 +250,30 @@ def _write(
         joint, kind, size = reading
         assert kind.reading is not None
         readings[:3, :, joint] = kind.reading(readings[:3, :, joint], size, rng)
+    path = out / "recordings" / f"case_{case.number:04d}.mcap"
+    write_recording(path, how, (readings, u), nominal.joints, joints, rng)
+
+
+def write_recording(
+    path: Path, how: Conditions, taken: tuple[Array, Array], names: list[str], joints: list[int], rng: Rng
+) -> None:
+    """Write what a recorder makes of a motion under the conditions.
+
+    taken: readings (4, frames, joints) [SI] and set-points (frames, joints) [Pa].  names: of all joints.  joints: those
+    that are recorded.
+    """
+    readings, u = taken
+    frames = len(u)
     noise = how.noise * np.array([rng.uniform(80.0, 250.0), math.radians(rng.uniform(0.01, 0.04)), 0.01, 0.02])
     readings = readings + noise[:, None, None] * rng.standard_normal(readings.shape)
     every = max(round(1.0 / FRAME_S / how.rate_hz), 1)
     kept = (np.arange(frames) % every == 0) & (rng.random(frames) >= how.lost)
     kept[: 5 * every : every] = True
     jitter = np.clip(how.jitter_s * rng.standard_normal(frames), -0.4 / how.rate_hz, 0.4 / how.rate_hz)
-    folder = out / "recordings"
-    folder.mkdir(exist_ok=True)
+    path.parent.mkdir(exist_ok=True)
     write_bag(
-        folder / f"case_{case.number:04d}.mcap",
-        [nominal.joints[k] for k in joints],
+        path,
+        [names[k] for k in joints],
         np.ascontiguousarray(readings[:, :, joints]),
         np.ascontiguousarray(u[:, joints]),
         FRAME_S,
