@@ -78,14 +78,22 @@ def main_number(finding: Report) -> str:
     return ""
 
 
-def ties(report: Report) -> list[str]:
-    """A sentence for each tie: the names that this recording cannot distinguish."""
-    sentences = []
+def ties(report: Report) -> list[tuple[str, str]]:
+    """For each tie a sentence with the names that this recording cannot distinguish, and what separates them.
+
+    The second is the command of the next experiment where it is about this finding, else "".
+    """
+    found = []
     for finding in report["findings"]:
-        if finding["tied_with"]:
-            names = " or ".join(effect_words(name) for name in (finding["effect"], *finding["tied_with"]))
-            sentences.append(f"{finding['joint'] or 'everywhere'}: {names}: this recording cannot distinguish them.")
-    return sentences
+        if not finding["tied_with"]:
+            continue
+        names = " or ".join(effect_words(name) for name in (finding["effect"], *finding["tied_with"]))
+        sentence = f"{finding['joint'] or 'everywhere'}: {names}: this recording cannot distinguish them."
+        following = report["next_experiment"] or {}
+        why = following.get("why", "")
+        about = finding["effect"] in why and (finding["joint"] or "") in why
+        found.append((sentence, following.get("command", "") if about else ""))
+    return found
 
 
 def errors(report: Report) -> dict[tuple[str, str], dict[str, Any]]:

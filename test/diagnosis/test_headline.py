@@ -35,7 +35,13 @@ def row(joint: str, before: float, after: float, split: str = "test") -> dict[st
 
 
 def report(**parts: Any) -> dict[str, Any]:
-    empty = {"findings": [], "remainder": [], "not_judged": [], "fit": [row("index_distal", 2.8, 0.03)]}
+    empty = {
+        "findings": [],
+        "remainder": [],
+        "not_judged": [],
+        "next_experiment": None,
+        "fit": [row("index_distal", 2.8, 0.03)],
+    }
     return empty | parts
 
 
@@ -66,12 +72,15 @@ def test_the_title_is_the_answer(parts: dict[str, Any], expected: str) -> None:
     assert title(report(**parts)) == expected
 
 
-def test_ties_are_sentences() -> None:
-    """Fails when a tie is not pointed out, or a finding without one is."""
+def test_ties_come_with_the_command_that_separates_them() -> None:
+    """Fails when a tie is not pointed out, a finding without one is, or the command is about another joint."""
+    sentence = "index_distal: leak or pressure gain: this recording cannot distinguish them."
     assert ties(report(findings=[FRICTION])) == []
-    assert ties(report(findings=[TIED])) == [
-        "index_distal: leak or pressure gain: this recording cannot distinguish them."
-    ]
+    assert ties(report(findings=[TIED])) == [(sentence, "")]
+    for joint, command in (("index_distal", "hand excite hold"), ("ring_distal", "")):
+        why = f"separates leak (55%) from pressure_gain (40%) on {joint}; in simulation the two differ by 9 sigma"
+        following = {"name": "hold", "why": why, "command": "hand excite hold"}
+        assert ties(report(findings=[TIED], next_experiment=following)) == [(sentence, command)]
 
 
 def test_the_numbers_are_those_of_the_test_data() -> None:
