@@ -11,7 +11,7 @@ from hand_diagnosis.certificate import Certificate, certify
 from hand_diagnosis.data_check import check, repeatability
 from hand_diagnosis.findings import Finding, JointResult, ranked_findings
 from hand_diagnosis.hypotheses import Isolability, isolability, log_evidence, log_likelihood
-from hand_diagnosis.onset import search_with_onset, with_onset
+from hand_diagnosis.onset import LeftOut, leave_one_out, search_with_onset, with_onset, withdrawn_rows
 from hand_diagnosis.remainders import Remainder, remainders, verdict
 from hand_diagnosis.search import JointSearch, rough_evidence, search_joint
 from hand_diagnosis.settings import SETTINGS
@@ -46,12 +46,14 @@ class JointDiagnosis(JointResult):
     """A joint: its search, its signals on validation data, and what its data can separate where something was found.
 
     withdrawn: effects that validation data confirm and that make the test error clearly larger.  certificates: of an
-    explained joint, the strongest attack on each signal.
+    explained joint, the strongest attack on each signal.  left_out: errors on recordings of a machine that
+    were left out of the fit, and effects that do not hold there.
     """
 
     isolability: Isolability | None = None
     withdrawn: tuple[str, ...] = ()
     certificates: tuple[Certificate, ...] = ()
+    left_out: LeftOut | None = None
 
     @property
     def broken(self) -> list[Certificate]:
@@ -168,10 +170,8 @@ def _tolerant(task: Task) -> tuple[Task, list[str]]:
 
 def _withdrawals(result: JointDiagnosis) -> list[str]:
     """Lines about effects that were withdrawn."""
-    return [
-        f"{result.joint}: {name} improves the validation error and makes the test error clearly larger; it is withdrawn"
-        for name in result.withdrawn
-    ]
+    rows = withdrawn_rows(result.joint, result.left_out, result.withdrawn)
+    return [f"{row['joint']}: {row['effect']} is withdrawn: {row['reason']}" for row in rows]
 
 
 def _reads_through_curve(
@@ -237,12 +237,15 @@ def _diagnose_joint(
         search, onset, rows = switched
         problem, whole = search.problem, with_onset(whole, onset, rows)
     test, withdrawn = _tested(whole, search, rng)
+    left_out = leave_one_out(whole, search) if task.signals[0].machine and onset is None else None
+    if left_out is not None and left_out.withdrawn:
+        test = evaluate_test(whole, [search.nominal, search.final], free_axis=swings_freely(whole))
     results = stage_results(problem, search.nominal, search.final, len(search.accepted))
     separable = [effect for effect in effects if effect.place != "force_sensor"]
     found = isolability(problem, search.nominal, separable) if search.accepted else None
     search.forget_sensitivities()
     result = JointDiagnosis(joint, search, tuple(results), wording, test, onset, whole, found, withdrawn)
-    return replace(result, certificates=_certified(result))
+    return replace(result, certificates=_certified(result), left_out=left_out)
 
 
 def _certain(found: str, done: Sequence[JointDiagnosis]) -> str:

@@ -19,7 +19,7 @@ from hand_diagnosis.experiments import next_experiment, simulated_experiment
 from hand_diagnosis.findings import Finding, Number
 from hand_diagnosis.hypotheses import Isolability
 from hand_diagnosis.laws import weighted_by_noise
-from hand_diagnosis.onset import Onset
+from hand_diagnosis.onset import Onset, error_rows, withdrawn_rows
 from hand_diagnosis.remainders import Remainder
 from hand_diagnosis.search import at_floor
 from hand_diagnosis.settings import SETTINGS
@@ -59,6 +59,8 @@ def document(diagnosis: Diagnosis, recordings: Sequence[str], model: str) -> dic
         "verdict": diagnosis.verdict,
         "findings": [_finding(diagnosis, rank + 1, finding) for rank, finding in enumerate(diagnosis.findings)],
         "fit": [row for joint in joints for row in _fit(joint)],
+        "left_out": [row for joint in joints for row in error_rows(joint.joint, joint.left_out, joint.wording)],
+        "withdrawn": [row for j in joints for row in withdrawn_rows(j.joint, j.left_out, j.withdrawn)],
         "remainder": [_remainder(left) for left in diagnosis.remainder],
         "certificates": [each.document(joint.wording) for joint in joints for each in joint.certificates],
         "not_judged": [{"joint": joint, "reason": reason} for joint, reason in diagnosis.not_judged],

@@ -327,7 +327,7 @@ def _from_other_starts(
 def _eliminate_backward(found: JointSearch) -> None:
     """Remove redundant effects, the least needed first."""
     while len(found.accepted) > 1:
-        trials = [_fit_without(found, index) for index in range(len(found.accepted) - 1)]
+        trials = [fit_without(found, index) for index in range(len(found.accepted) - 1)]
         index = max(range(len(trials)), key=lambda k: trials[k][0])
         evidence, fit = trials[index]
         if evidence < found.accepted[-1].log_evidence - SETTINGS.min_log_evidence / 2.0:
@@ -337,8 +337,8 @@ def _eliminate_backward(found: JointSearch) -> None:
         found.accepted = kept
 
 
-def _fit_without(found: JointSearch, index: int) -> tuple[float, MapFit]:
-    """Log evidence and fit of the best model without one of its effects."""
+def fit_without(found: JointSearch, index: int) -> tuple[float, MapFit]:
+    """Log evidence [nats] and fit of the best model without one of its effects, the index-th accepted one."""
     free = list(found.nominal.free)
     for k, hypothesis in enumerate(found.accepted):
         if k != index:

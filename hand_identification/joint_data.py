@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.polynomial.polynomial import polyfit
@@ -20,7 +20,7 @@ from hand_model.effects.effect import ACCELERATION, ANGLE, EXOGENOUS, NEIGHBOUR,
 from hand_model.joint_model import JointModel
 from hand_model.kernel.layout import OMEGA, PHI, P
 from hand_model.kernel.open_loop import OUTPUTS
-from hand_model.kernel.rows import STATES
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STATES
 from hand_recording.signals import (
     SMOOTHED_S,
     Signals,
@@ -89,7 +89,18 @@ def _segment(signals: Signals, hand: JointModel, joint: str, first_block: int) -
         start,
         signals.pressure_late_s,
         signals.jitter_s,
+        added=_added(signals.added),
     )
+
+
+def _added(numbers: Mapping[str, float]) -> Array | None:
+    """What a recording adds to the parameters (rows,), SI; None where it adds nothing."""
+    if not numbers:
+        return None
+    added = np.zeros(len(JOINT_PARAMETERS))
+    for key, value in numbers.items():
+        added[ROW[key]] = value
+    return added
 
 
 def speed_at_start(angle_rad: Array, period_s: float) -> float:

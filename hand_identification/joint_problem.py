@@ -38,7 +38,8 @@ class Segment:
     driving_pa: the measured pressure as the joint's input, its noise reduced, (finer (T - 1) + 1,) evenly over the
     samples.  span: of the smoothing, in samples.  smoothed: (T,) where there was any.  known: (T,) where readings were.
     late_s: by how much the pressures were read after the other signals.  jitter_s: standard deviation of the times at
-    which the samples were taken.  acts: (T,) samples at which JointProblem.switched act; None: at all.
+    which the samples were taken.  added: (rows,) what the load of this recording adds to the parameters; None: nothing.
+    acts: (T,) samples at which JointProblem.switched act; None: at all.
     use: (OUTPUTS, T) samples that count.  block: (T,) number of the block of each sample, over all recordings.
     """
 
@@ -60,6 +61,7 @@ class Segment:
     late_s: float = 0.0
     jitter_s: float = 0.0
     acts: Flags | None = None
+    added: Array | None = None
 
     @property
     def measured(self) -> Array:
@@ -125,9 +127,10 @@ class JointProblem:
             inputs = MeasuredInputs(
                 segment.commanded_pa, segment.driving_pa, segment.exogenous, segment.period_s, segment.late_s
             )
-            predicted = self._open_loop(columns, start, inputs)
+            own = columns if segment.added is None else columns + segment.added
+            predicted = self._open_loop(own, start, inputs)
             if segment.acts is not None and not segment.acts.all():
-                without = columns.copy()
+                without = own.copy()
                 without[:, list(self.switched)] = self.nominal[list(self.switched)]
                 predicted[:, :, ~segment.acts] = self._open_loop(without, start, inputs)[:, :, ~segment.acts]
             out.append(predicted)

@@ -6,7 +6,7 @@ Positive input drives towards positive position; a measured force is what the ax
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hand_machine.wording import units_of
@@ -16,7 +16,7 @@ from hand_model.yaml_reader import Section, read_yaml
 
 KEYS = (
     *("schema", "name", "motion", "imposed", "gain", "stiffness", "damping", "inertia", "weight", "has", "columns"),
-    *("effects", "sizes"),
+    *("recordings", "effects", "sizes"),
 )
 COLUMNS = ("time", "input", "position", "force")
 PARTS = ("supply", "valve", "chamber", "soft_material", "magnetic_sensor", "input_sensor", "force_sensing_resistor")
@@ -24,6 +24,9 @@ PARTS = ("supply", "valve", "chamber", "soft_material", "magnetic_sensor", "inpu
 NUMBERS = ("gain", "stiffness", "damping", "inertia")
 """Numbers that a fit may change, each within its own tolerance unless it is exact."""
 NUMBER = ("value", "exact", "tolerance")
+OWN_NUMBERS = ("added_inertia", "added_weight", "supply")
+"""What a recording may have of its own: a load that it moves in addition, and the supply relative to the usual one."""
+MAX_SUPPLY_RATIO = 1e3
 EFFECT = ("value", "std", "unit")
 SIZES = ("force", "position", "input")
 LARGEST, SMALLEST_GAIN = 1e12, 1e-12
@@ -52,6 +55,7 @@ class MachineDescription:
     columns: those the recordings are read from.  tolerances: relative standard deviations [-] of NUMBERS that have
     their own; 0 where the number is exact.
     effects: parameters of effects that the model has, by their keys in a report, in the machine's units.
+    recordings: numbers of OWN_NUMBERS by the name of a recording's file, those that it has.
     sizes: force, position and input [SI] to which the fit that found them was scaled; None: as the recordings ask.
     """
 
@@ -68,7 +72,18 @@ class MachineDescription:
     columns: Mapping[str, Column]
     tolerances: Mapping[str, float]
     effects: Mapping[str, float]
+    recordings: Mapping[str, Mapping[str, float]]
     sizes: tuple[float, float, float] | None
+
+    def with_load_of(self, recording: Path) -> MachineDescription:
+        """The machine while it moves the load of a recording, at the supply of that recording."""
+        own = self.recordings.get(recording.name, {})
+        return replace(
+            self,
+            inertia=self.inertia + own.get("added_inertia", 0.0),
+            weight=self.weight + own.get("added_weight", 0.0),
+            gain=self.gain * own.get("supply", 1.0),
+        )
 
 
 def is_machine_file(path: Path) -> bool:
@@ -96,8 +111,27 @@ def load_description(path: Path) -> MachineDescription:
         columns=_columns(top, imposed),
         tolerances={key: tolerance for key, (_, tolerance) in read.items() if tolerance is not None},
         effects=_effects(top, linear=linear),
+        recordings=_recordings(top, linear=linear),
         sizes=_sizes(top),
     )
+
+
+def _recordings(top: Section, *, linear: bool) -> dict[str, dict[str, float]]:
+    """Numbers of single recordings, by the name of the file."""
+    entries = top.raw("recordings", "a mapping of file names", {})
+    if not isinstance(entries, dict):
+        raise top.error("recordings", "must be a mapping of file names, each with " + ", ".join(OWN_NUMBERS))
+    section = top.section("recordings", [str(name) for name in entries], required=False)
+    bounds = {
+        "added_inertia": (0.0, LARGEST),
+        "added_weight": (0.0, 0.0) if linear else (-LARGEST, LARGEST),
+        "supply": (1.0 / MAX_SUPPLY_RATIO, MAX_SUPPLY_RATIO),
+    }
+    found = {}
+    for name in entries:
+        part = section.section(name, OWN_NUMBERS)
+        found[str(name)] = {key: part.number(key, *bounds[key]) for key in OWN_NUMBERS if key in part}
+    return found
 
 
 def _effects(top: Section, *, linear: bool) -> dict[str, float]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hand_machine.balance import balance, check_plausible
 from hand_machine.description import MachineDescription, load_description
-from hand_machine.found_model import PARAMETER, put_effects
+from hand_machine.found_model import PARAMETER, WEIGHT, put_effects
 from hand_machine.reading import Readings, read_machine
 from hand_machine.wording import AXIS, wording_of
 from hand_model.arrays import Array
@@ -100,8 +100,8 @@ def load_machine(path: Path, recordings: Sequence[Path]) -> Machine:
     described = load_description(path)
     tables = [read_machine(described, recording) for recording in recordings]
     for recording, table in zip(recordings, tables, strict=True):
-        check_plausible(described, recording, table)
-    scales = _scales(described, tables)
+        check_plausible(described.with_load_of(recording), recording, table)
+    scales = _scales(described, recordings, tables)
     wording = wording_of(
         described.linear,
         per_torque=scales.torque,
@@ -110,19 +110,23 @@ def load_machine(path: Path, recordings: Sequence[Path]) -> Machine:
         per_force=scales.torque * LEVER_M,
     )
     named = zip(recordings, tables, strict=True)
-    signals = tuple(_signals(recording, table, described.imposed, scales) for recording, table in named)
+    signals = tuple(_signals(recording, table, described, scales) for recording, table in named)
     longest = max(float(np.ptp(table.time_s)) for table in tables)
     return Machine(described, _model(described, scales, longest, wording.units), signals, wording)
 
 
-def _scales(described: MachineDescription, tables: Sequence[Readings]) -> Scales:
+def _scales(described: MachineDescription, recordings: Sequence[Path], tables: Sequence[Readings]) -> Scales:
     if described.sizes is not None:
         return Scales(*described.sizes)
     travel = max(float(np.ptp(np.concatenate([table.signals["position"] for table in tables]))), 1e-12)
     # An angle stays an angle: gravity and harmonic errors are sines of it.
     per_angle = travel / TRAVEL if described.linear else 1.0
-    largest = float(np.abs(np.concatenate([table.signals["input"] for table in tables])).max())
-    lacking = max(_lacking(described, table) for table in tables)
+    loaded = [described.with_load_of(recording) for recording in recordings]
+    largest = max(
+        each.gain / described.gain * float(np.abs(table.signals["input"]).max())
+        for each, table in zip(loaded, tables, strict=True)
+    )
+    lacking = max(_lacking(each, table) for each, table in zip(loaded, tables, strict=True))
     per_torque = max(described.gain * largest / TORQUE, lacking / (EFFECT_SHARE * TORQUE), 1e-12)
     # An input at rest still has a usual gain.
     per_input = (largest or TORQUE * per_torque / described.gain) / INPUT
@@ -173,10 +177,15 @@ def _lacks(described: MachineDescription, longest_s: float) -> frozenset[str]:
     return frozenset(NEEDS) - has
 
 
-def _signals(recording: Path, table: Readings, imposed: bool, scales: Scales) -> Signals:
-    drive = table.signals["input"][:, None] / scales.input
+def _signals(recording: Path, table: Readings, described: MachineDescription, scales: Scales) -> Signals:
+    own = described.recordings.get(recording.name, {})
+    drive = own.get("supply", 1.0) * table.signals["input"][:, None] / scales.input
     force = np.full_like(drive, np.nan)
-    if imposed:
+    added = {
+        PARAMETER["inertia"]: own.get("added_inertia", 0.0) * scales.angle / scales.torque,
+        WEIGHT: own.get("added_weight", 0.0) / scales.torque,
+    }
+    if described.imposed:
         force = table.signals["force"][:, None] / scales.torque / LEVER_M
     yes = np.ones(1, dtype=bool)
     return Signals(
@@ -191,6 +200,7 @@ def _signals(recording: Path, table: Readings, imposed: bool, scales: Scales) ->
         ~yes,
         yes,
         notes=table.notes,
-        driven=imposed,
+        driven=described.imposed,
         machine=True,
+        added={key: value for key, value in added.items() if value != 0.0},
     )

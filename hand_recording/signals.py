@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -40,6 +41,7 @@ class Signals:
     pressure_late_s: time from the reading of the angles of a sample to that of its pressures, by their stamps.
     between_pa: (parts (T - 1) + 1, J) set-points in force, `parts` evenly over each sample; None where they change at
     samples only.  jitter_s: standard deviation of the error of the samples' times that is left.
+    added: what the load of this recording adds to parameters of the model, by key, SI.
     """
 
     name: str
@@ -59,6 +61,7 @@ class Signals:
     pressure_late_s: float = 0.0
     between_pa: Array | None = None
     jitter_s: float = 0.0
+    added: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def commanded_pa(self) -> Array:
