@@ -72,7 +72,7 @@ class Certificate:
             "signal": wording.signals[self.stage],
             "unit": unit,
             "model": self.model,
-            "over": list(self.over),
+            "over": [wording.state(name) for name in self.over],
             "rmse_before": factor * self.before,
             "rmse_after": factor * self.after,
             "share": self.share,
@@ -84,7 +84,7 @@ class Certificate:
         factor, unit = wording.signal_units[self.stage]
         words = " and ".join(wording.state(name) for name in self.over)
         return (
-            f"{self.joint}: a model without physics ({self.model.replace('_', ' ')}) over {words} reduces the test"
+            f"{self.joint}: a model without physics ({' '.join(self.model.split('_'))}) over {words} reduces the test"
             f" error of the {wording.signals[self.stage]} by {self.share:.0%}, from {factor * self.before:.3g} to"
             f" {factor * self.after:.3g} {unit}: the findings explain a part"
         )

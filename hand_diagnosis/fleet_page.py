@@ -12,7 +12,7 @@ import numpy as np
 
 from hand_diagnosis.headline import title, worst_by_joint
 from hand_pages.page import write_html
-from hand_pages.plots import Curve, Kind, Panel, Plot
+from hand_pages.plots import Curve, Kind, Panel, Plot, script_json
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 DAY_S = 86400.0
@@ -40,7 +40,7 @@ def write_index(entries: Sequence[tuple[Path, Path]], errors: Mapping[str, str],
         title=f"{answer}; {bad} could not be used" if bad else answer,
         verdicts=sorted({row["verdict"] for row in rows}),
         joints=joints,
-        content=json.dumps({"joints": joints, "rows": table}, separators=(",", ":")).replace("<", "\\u003c"),
+        content=script_json({"joints": joints, "rows": table}),
         trend=_trend(rows, joints),
     )
 
@@ -68,7 +68,7 @@ def _trend(rows: Sequence[Mapping[str, Any]], joints: Sequence[str]) -> Plot | N
     dated = sorted((row for row in rows if row["date"] and row["errors"]), key=lambda row: str(row["date"]))
     if len({row["date"] for row in dated}) < 2:
         return None
-    seconds = [datetime.strptime(row["date"], "%Y-%m-%d %H:%M:%S").replace(tzinfo=UTC).timestamp() for row in dated]
+    seconds = [datetime.strptime(f"{row['date']} +0000", "%Y-%m-%d %H:%M:%S %z").timestamp() for row in dated]
     days = (np.array(seconds) - seconds[0]) / DAY_S
     errors = {
         joint: np.array([np.nan if row["errors"].get(joint) is None else row["errors"][joint] for row in dated])

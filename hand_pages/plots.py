@@ -86,7 +86,12 @@ class Plot:
         ]
         spans = [[round(begin, 4), round(end, 4), kind] for begin, end, kind in self.spans]
         content = {"label": self.label, "group": self.group, "spans": spans, "panels": panels}
-        return json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+        return script_json(content)
+
+
+def script_json(content: Any) -> str:
+    """JSON that cannot end the script element that contains it. ValueError for NaN and infinite numbers."""
+    return json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
 def packed(values: Values) -> list[float | None] | dict[str, Any]:
