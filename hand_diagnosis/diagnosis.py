@@ -12,7 +12,7 @@ from hand_diagnosis.data_check import check, repeatability
 from hand_diagnosis.findings import Finding, JointResult, ranked_findings
 from hand_diagnosis.hypotheses import Isolability, isolability, log_evidence, log_likelihood
 from hand_diagnosis.onset import LeftOut, leave_one_out, search_with_onset, with_onset, withdrawn_rows
-from hand_diagnosis.remainders import Remainder, remainders, verdict
+from hand_diagnosis.remainders import Remainder, RemainderLaw, remainders, verdict
 from hand_diagnosis.search import JointSearch, rough_evidence, search_joint
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.splits import ErrorsOnTest, evaluate_test, fit_part, spared_last, swings_freely
@@ -59,6 +59,21 @@ class JointDiagnosis(JointResult):
     def broken(self) -> list[Certificate]:
         """Attacks that succeed on what the findings leave."""
         return [certificate for certificate in self.certificates if certificate.broken]
+
+
+def errors_by_split(joint: JointDiagnosis, stage: int, law: RemainderLaw | None) -> dict[str, tuple[float, float]]:
+    """RMS errors [SI] of a signal by split, of the nominal model and of model.yaml."""
+    problem, counts = joint.search.problem, joint.search.problem.block_counts
+    fits = (joint.search.nominal, joint.search.final if law is None else law.fit)
+    errors = {}
+    for split, blocks in (("train", ~problem.held_out), ("validation", problem.held_out)):
+        total = max(float(counts[stage, blocks].sum()), 1.0)
+        before, after = (float(np.sqrt(fit.squares[stage, blocks].sum() / total)) for fit in fits)
+        errors[split] = (before, after)
+    if joint.test is not None and np.isfinite(joint.test.rmse(0)[stage]):
+        before, after = (float(joint.test.rmse(k)[stage]) for k in (0, 1))
+        errors["test"] = (before, after if law is None or law.test is None else law.test[1])
+    return errors
 
 
 @dataclass(frozen=True, slots=True)

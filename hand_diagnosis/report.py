@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis import settings_table
-from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
+from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis, errors_by_split
 from hand_diagnosis.experiments import next_experiment, simulated_experiment
 from hand_diagnosis.findings import Finding, Number
 from hand_diagnosis.hypotheses import Isolability
@@ -58,7 +58,7 @@ def document(diagnosis: Diagnosis, recordings: Sequence[str], model: str) -> dic
         "model": model,
         "verdict": diagnosis.verdict,
         "findings": [_finding(diagnosis, rank + 1, finding) for rank, finding in enumerate(diagnosis.findings)],
-        "fit": [row for joint in joints for row in _fit(joint)],
+        "fit": fit_rows(diagnosis),
         "left_out": [row for joint in joints for row in error_rows(joint.joint, joint.left_out, joint.wording)],
         "withdrawn": [row for j in joints for row in withdrawn_rows(j.joint, j.left_out, j.withdrawn)],
         "remainder": [_remainder(left) for left in diagnosis.remainder],
@@ -162,31 +162,20 @@ def _separating(diagnosis: Diagnosis, finding: Finding, rival: str, otherwise: s
     return simulated[0] if simulated else otherwise
 
 
-def _fit(joint: JointDiagnosis) -> list[dict[str, Any]]:
-    """Errors before and after, on training, validation and test data, per signal in its unit."""
+def fit_rows(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Errors before and after, on training, validation and test data, per joint and signal in its unit.
+
+    `after` is the error of model.yaml: with the law of a remainder where one is kept.
+    """
+    laws = {(left.joint, left.learned.stage): left.learned for left in diagnosis.remainder if left.learned}
     rows = []
-    problem = joint.search.problem
-    counts, fits = problem.block_counts, (joint.search.nominal, joint.search.final)
-    for result in joint.results:
-        stage, (scale, unit) = result.stage, joint.wording.signal_units[result.stage]
-        errors = {}
-        for split, blocks in (("train", ~problem.held_out), ("validation", problem.held_out)):
-            total = max(float(counts[stage, blocks].sum()), 1.0)
-            errors[split] = [float(np.sqrt(fit.squares[stage, blocks].sum() / total)) for fit in fits]
-        if joint.test is not None and np.isfinite(joint.test.rmse(0)[stage]):
-            errors["test"] = [float(joint.test.rmse(k)[stage]) for k in (0, 1)]
-        rows += [
-            {
-                "joint": joint.joint,
-                "signal": joint.wording.signals[stage],
-                "unit": unit,
-                "split": split,
-                "rmse_before": scale * before,
-                "rmse_after": scale * after,
-                "noise_floor": scale * result.noise,
-            }
-            for split, (before, after) in errors.items()
-        ]
+    for joint, result in ((joint, result) for joint in diagnosis.joints for result in joint.results):
+        scale, unit = joint.wording.signal_units[result.stage]
+        where = {"joint": joint.joint, "signal": joint.wording.signals[result.stage], "unit": unit}
+        floor = {"noise_floor": scale * result.noise}
+        for split, errors in errors_by_split(joint, result.stage, laws.get((joint.joint, result.stage))).items():
+            before, after = (scale * error for error in errors)
+            rows.append(where | {"split": split, "rmse_before": before, "rmse_after": after} | floor)
     return rows
 
 

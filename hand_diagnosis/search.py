@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from hand_diagnosis.completion import completed
 from hand_diagnosis.hypotheses import (
     Hypothesis,
     amounts,
@@ -261,13 +262,8 @@ def _with_best_law(
 def _leaves_much(problem: JointProblem, current: MapFit, fit: MapFit) -> bool:
     """Whether a fit leaves an error clearly above the noise, the white part of the current residuals, of any signal."""
     rmse = validation_rmse(problem, fit.squares)
-    for stage in np.flatnonzero(np.isfinite(rmse)):
-        if (
-            rmse[stage] ** 2 - white_part(problem, current, int(stage)) ** 2
-            > (SETTINGS.law_min_excess * problem.floor[stage]) ** 2
-        ):
-            return True
-    return False
+    left = {k: rmse[k] ** 2 - white_part(problem, current, int(k)) ** 2 for k in np.flatnonzero(np.isfinite(rmse))}
+    return any(excess > (SETTINGS.law_min_excess * problem.floor[k]) ** 2 for k, excess in left.items())
 
 
 def _ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
@@ -362,6 +358,7 @@ def _refit_below_floor(found: JointSearch, rng: np.random.Generator) -> None:
         found.accepted[-1] = replace(last, fit=refit_below_floor(found.problem, last.fit))
         if found.laws:
             _learn_below_floor(found, rng)
+            found.accepted = completed(found.problem, found.accepted, rng)
     found.nominal = refit_below_floor(found.problem, found.nominal)
 
 

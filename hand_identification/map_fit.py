@@ -69,13 +69,23 @@ class MapFit:
 
 
 def map_fit(
-    problem: JointProblem, free: Sequence[FreeParameter], start: Array, iterations: int = 12, tolerance: float = 0.02
+    problem: JointProblem,
+    free: Sequence[FreeParameter],
+    start: Array,
+    iterations: int = 12,
+    tolerance: float = 0.02,
+    *,
+    difference: float = DIFFERENCE,
 ) -> MapFit:
-    """Fit from start (free,). Stops when the cost [-] falls by less than `tolerance` (or 1e-4 of itself)."""
+    """Fit from start (free,). Stops when the cost [-] falls by less than `tolerance` (or 1e-4 of itself).
+
+    difference: step of the finite differences, in prior standard deviations; a wide one sees past the small steps that
+    sticking and stops make in the cost.
+    """
     bounds = _bounds(free)
     here = _usable(problem, free, np.clip(start, *bounds))
     for done in range(1, iterations + 1):
-        sensitivity = _slopes(problem, free, here, bounds[1])
+        sensitivity = _slopes(problem, free, here, bounds[1], difference)
         normal, slope = _normal_equations(problem, here.residuals, sensitivity)
         if done == iterations:
             break
@@ -131,9 +141,11 @@ def _reachable(parameter: FreeParameter, value: float) -> bool:
     return not parameter.log or value > 0.0
 
 
-def _slopes(problem: JointProblem, free: Sequence[FreeParameter], here: _Point, high: Array) -> list[Array]:
+def _slopes(
+    problem: JointProblem, free: Sequence[FreeParameter], here: _Point, high: Array, difference: float
+) -> list[Array]:
     """Slopes of the residuals (free, OUTPUTS, T) by segment, from forward differences."""
-    steps = np.where(here.z + DIFFERENCE > high, -DIFFERENCE, DIFFERENCE)
+    steps = np.where(here.z + difference > high, -difference, difference)
     sensitivity = problem.residuals(*problem.columns(free, here.z[None] + np.diag(steps)))
     for slopes, residual in zip(sensitivity, here.residuals, strict=True):
         slopes -= residual  # in place: of ten minutes these arrays are large

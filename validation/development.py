@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis.diagnosis import Diagnosis, diagnose
+from hand_diagnosis.report import fit_rows
 from hand_diagnosis.splits import ErrorsOnTest
 from hand_diagnosis.verdict import StageResult
 from hand_model.description import Hand, load_hand
@@ -72,7 +73,9 @@ def row_of(case: Case, found: Diagnosis, deleted: bool, seconds: float) -> dict[
     if not found.joints:
         raise RuntimeError(f"{case.name}: {found.not_judged}")
     joint = found.joints[0]
-    errors = {} if joint.test is None else {r.name: joint.test.rmse(1)[r.stage] / r.noise for r in joint.results}
+    errors = {
+        row["signal"]: row["rmse_after"] / row["noise_floor"] for row in fit_rows(found) if row["split"] == "test"
+    }
     names = [(f.effect, f.probability, f.law.form if f.law else "", list(f.tied_with)) for f in found.findings]
     left = max((entry.probability for entry in found.remainder), default=0.0)
     right = set() if deleted else case.right

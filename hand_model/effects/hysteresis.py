@@ -35,25 +35,27 @@ def _growth(q, a):  # type: ignore[no-untyped-def]
 def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     """Dahl's loop, or Bouc's and Wen's: a torque against the motion that needs an angle to build up.
 
-    The law adds four elements in parallel that stick, then slip (Jenkin), at an eighth of the scale and so on.
+    The law adds elements in parallel that stick, then slip (Jenkin), each after its share of the scale.
     """
-    height, a, b, c, d, per_scale = q[0], q[7], q[8], q[9], q[10], q[11]
-    loop, z_1, z_2, z_3, z_4 = m
+    height, a, b, c, d, e_, f, per_scale = q[0], q[7], q[8], q[9], q[10], q[11], q[12], q[13]
+    loop, z_1, z_2, z_3, z_4, z_5, z_6 = m
     toward = direction(omega)
-    stops = a * z_1 + b * z_2 + c * z_3 + d * z_4
+    stops = a * z_1 + b * z_2 + c * z_3 + d * z_4 + e_ * z_5 + f * z_6
     held = 8.0 * a if z_1 * toward < 1.0 else 0.0
     held += 4.0 * b if z_2 * toward < 1.0 else 0.0
-    held += 2.0 * c if z_3 * toward < 1.0 else 0.0
-    held += d if z_4 * toward < 1.0 else 0.0
+    held += (8.0 / 3.0) * c if z_3 * toward < 1.0 else 0.0
+    held += 2.0 * d if z_4 * toward < 1.0 else 0.0
+    held += (4.0 / 3.0) * e_ if z_5 * toward < 1.0 else 0.0
+    held += f if z_6 * toward < 1.0 else 0.0
     return height * -loop - stops, height * (_growth(q, loop * toward)[0] * per_scale) + held * per_scale
 
 
 @inline
 def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
     """The loop follows the motion, by the step of `loop_moved` (operators.py)."""
-    loop, z_1, z_2, z_3, z_4 = m
-    on = (after - before) * q[11]
-    way = abs(after - before) * q[11]
+    loop, z_1, z_2, z_3, z_4, z_5, z_6 = m
+    on = (after - before) * q[13]
+    way = abs(after - before) * q[13]
     toward = 1.0 if after > before else -1.0
     a = loop * toward
     growth, falls = _growth(q, a)
@@ -63,14 +65,16 @@ def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
         toward * min(a + way * growth * half / (1.0 + x * half), 1.0),
         min(max(z_1 + 8.0 * on, -1.0), 1.0),
         min(max(z_2 + 4.0 * on, -1.0), 1.0),
-        min(max(z_3 + 2.0 * on, -1.0), 1.0),
-        min(max(z_4 + on, -1.0), 1.0),
+        min(max(z_3 + (8.0 / 3.0) * on, -1.0), 1.0),
+        min(max(z_4 + 2.0 * on, -1.0), 1.0),
+        min(max(z_5 + (4.0 / 3.0) * on, -1.0), 1.0),
+        min(max(z_6 + on, -1.0), 1.0),
     )
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
     """Stiffness of the loop [N m/rad] at the state x, -1 after a reversal and 1 where it is closed; without stops."""
-    return float(q[0] * _growth(q, x)[0] * q[11])
+    return float(q[0] * _growth(q, x)[0] * q[13])
 
 
 _SHAPES = tuple(
@@ -87,13 +91,13 @@ _STOPS = tuple(
         f"hysteresis.stop_{k}_nm",
         0.0,
         1.0,
-        f"law: element that slips after 1/{r} of the scale",
+        f"law: element that slips after {share} of the scale",
         1.0,
         0.0,
         0.003,
         law=True,
     )
-    for k, r in enumerate((8, 4, 2, 1), 1)
+    for k, share in enumerate(("1/8", "1/4", "3/8", "1/2", "3/4", "all"), 1)
 )
 EFFECT = Effect(
     name="hysteresis",
@@ -106,7 +110,7 @@ EFFECT = Effect(
         *_STOPS,
     ),
     prepared=("per_scale",),
-    memory=("loop", "stop_1", "stop_2", "stop_3", "stop_4"),
+    memory=("loop", "stop_1", "stop_2", "stop_3", "stop_4", "stop_5", "stop_6"),
     hooks={"prepare": prepare, "torque": torque, "moved": moved},
     keys=("hysteresis.torque_nm", "hysteresis.scale_deg", "hysteresis.sharpness"),
     probes=((0.01, 4.0, 0.0), (0.01, 12.0, 0.0), (0.01, 30.0, 0.0), (0.01, 8.0, 1.0)),

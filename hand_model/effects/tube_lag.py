@@ -10,7 +10,7 @@ from hand_model.effects.operators import lag_constants, lagged, two_lag_constant
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
 
-EDGES_PA = (0.0, 1e3, 3e3, 1e4, 3e4, 1e5)
+EDGES_PA = (0.0, 1e3, 3e3, 1e4, 3e4, 1e5, 3e5)
 """Pressure differences between which each coefficient of the law raises the time constant linearly."""
 
 
@@ -19,7 +19,7 @@ def prepare(q, h):  # type: ignore[no-untyped-def]
     """Constants of the second volume, and the reciprocal of the supply pressure."""
     tau, second = q[0], q[1]
     _, _, kept, slowness = two_lag_constants(tau, second, h)
-    return kept, slowness, 1.0 / q[8]
+    return kept, slowness, 1.0 / q[9]
 
 
 @inline
@@ -29,12 +29,13 @@ def _time_constant(q, gap, p):  # type: ignore[no-untyped-def]
     By the law it rises with the difference, from laminar to turbulent flow, and falls with the mean pressure p of the
     tube: the conductance of a gas rises linearly with its density.
     """
-    tau, second, a, b, c, d, e, denser, _, _, _, per_supply = q
+    tau, second, a, b, c, d, e, f, denser, _, _, _, per_supply = q
     added = a * min(gap * 1e-3, 1.0)
     added += b * min(max(gap * 5e-4 - 0.5, 0.0), 1.0)
     added += c * min(max(gap * (1 / 7e3) - 3 / 7, 0.0), 1.0)
     added += d * min(max(gap * 5e-5 - 0.5, 0.0), 1.0)
     added += e * min(max(gap * (1 / 7e4) - 3 / 7, 0.0), 1.0)
+    added += f * min(max(gap * 5e-6 - 0.5, 0.0), 1.0)
     own = tau - second * tau
     return (own + added) / (1.0 + denser * min(max(p * per_supply, 0.0), 1.0))
 
@@ -46,7 +47,7 @@ def actuator_pressure(q, m, p, h):  # type: ignore[no-untyped-def]
     entry = 0.5 * (before + p)
     kept, slowness = lag_constants(_time_constant(q, abs(entry - first), 0.5 * (entry + first)), h)
     between = lagged(first, before, p, kept, slowness)
-    output = lagged(output, first, between, q[9], q[10])
+    output = lagged(output, first, between, q[10], q[11])
     return output, (p, between, output)
 
 

@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 ARCHITECTURE = ROOT / "docs" / "architecture.md"
 HEADING = "## From a recording to a sentence"
-LONGEST = 14
+LONGEST = 16
 PACKAGE = "hand_diagnosis"
 OTHERS = (
     "__init__",
@@ -59,7 +59,7 @@ def imports(module: str) -> set[str]:
 
 
 def test_the_way_is_short() -> None:
-    """Fails when the way gets longer than fourteen modules, or the page and the code differ about it."""
+    """Fails when the way gets longer than LONGEST modules, or the page and the code differ about it."""
     way = documented()
     assert 1 < len(way) <= LONGEST
     assert all((ROOT / module).is_file() for module in way), way

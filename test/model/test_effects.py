@@ -361,11 +361,9 @@ def hysteresis(_: Any) -> None:
     unloading = -friction_along("hysteresis", sharp, back)[5000:]  # with exponent 2 it unloads along a straight line
     np.testing.assert_allclose(unloading, height * (np.tanh(5.0) - np.linspace(0.0, 0.8, 801)), atol=5e-4 * height)
     for values, slope in ((q, 1.0 - 0.3), (sharp, 1.0 - 0.3**2)):
-        assert torque("hysteresis", values, 0.0, (0.3, 0.0, 0.0, 0.0, 0.0), omega=1.0)[1] == approx(
-            height / scale * slope
-        )
-    assert torque("hysteresis", q, 0.0, (0.3, 0.0, 0.0, 0.0, 0.0), omega=-1.0)[1] == approx(height / scale * 1.3)
-    assert torque("hysteresis", sharp, 0.0, (0.3, 0.0, 0.0, 0.0, 0.0), omega=-1.0)[1] == approx(height / scale)
+        assert torque("hysteresis", values, 0.0, (0.3, *6 * (0.0,)), omega=1.0)[1] == approx(height / scale * slope)
+    assert torque("hysteresis", q, 0.0, (0.3, *6 * (0.0,)), omega=-1.0)[1] == approx(height / scale * 1.3)
+    assert torque("hysteresis", sharp, 0.0, (0.3, *6 * (0.0,)), omega=-1.0)[1] == approx(height / scale)
 
 
 def stiffening(_: Any) -> None:

@@ -440,8 +440,8 @@ def test_a_loop_takes_energy_over_any_motion(name: str) -> None:
 def test_elements_of_a_loop_stick_and_then_slip() -> None:
     """Fails when an element yields at another angle or torque, or its stiffness is not that of its branch."""
     effect = EFFECTS["hysteresis"]
-    for k, share in enumerate((8.0, 4.0, 2.0, 1.0), 1):
-        q, m, phi, z = numbers(effect, scale_deg=0.2, **{f"stop_{k}_nm": 0.01}), (0.0,) * 5, 0.0, 0.0
+    for k, share in enumerate((8.0, 4.0, 8.0 / 3.0, 2.0, 4.0 / 3.0, 1.0), 1):
+        q, m, phi, z = numbers(effect, scale_deg=0.2, **{f"stop_{k}_nm": 0.01}), (0.0,) * 7, 0.0, 0.0
         for after in (0.01, 0.3, 0.28, -0.4, -0.399):
             m = call(effect, "moved", q, m, phi, after, H)
             z = float(np.clip(z + (after - phi) / (0.2 / share), -1.0, 1.0))

@@ -35,7 +35,17 @@ def test_names_end_in_their_unit() -> None:
     shares += (".second", ".softness", ".turbulent", ".sharpness")  # of nothing but numbers
     shares += (".resonance", ".slope_left", ".with_pressure", ".denser", ".knee", ".early", ".later", ".by_use")
     shares += (".inner_share", ".inner_gap", *(f".{side}_{third}" for side in ("fill", "vent") for third in (1, 2, 3)))
-    shares += (".clearing", ".gradual", ".faster", ".unload_2", ".unload_4", ".knee_4", ".knee_8", ".offset")
+    shares += (
+        ".clearing",
+        ".gradual",
+        ".critical",
+        ".faster",
+        ".unload_2",
+        ".unload_4",
+        ".knee_4",
+        ".knee_8",
+        ".offset",
+    )
     units += ("_per_rad",)
     for parameter in JOINT_PARAMETERS:
         assert parameter.key.endswith(units + shares), parameter.key

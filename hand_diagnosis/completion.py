@@ -1,0 +1,118 @@
+"""The last fit of the laws found: all their coefficients at once, from several starts, where more than noise is left.
+
+A search frees a law class by class and stops as soon as the cost hardly falls, which is enough to tell classes apart.
+What is then left on data that were not fitted may be a minimum that is not the best one. The training data fit, the
+validation data choose among the fits, and one is taken only where these data confirm it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hand_diagnosis.hypotheses import Hypothesis, block_bootstrap, validation_rmse
+from hand_diagnosis.laws import weighted_by_noise, white_part
+from hand_diagnosis.settings import SETTINGS
+from hand_identification.free_parameters import FreeParameter, law_free_parameters
+from hand_identification.joint_problem import JointProblem
+from hand_identification.map_fit import MapFit, map_fit
+from hand_model.arrays import Array
+
+
+def completed(problem: JointProblem, accepted: Sequence[Hypothesis], rng: np.random.Generator) -> list[Hypothesis]:
+    """The effects found with the best fit of all their laws, or as they are where no other fit is confirmed.
+
+    accepted: in the order in which they were found; the last one holds the fit of all.
+    """
+    fit = accepted[-1].fit
+    have = {p.row for p in fit.free}
+    added = [
+        p
+        for hypothesis in accepted
+        for p in law_free_parameters(hypothesis.effect, problem.nominal)
+        if p.row not in have
+    ]
+    own = {key for h in accepted for key in (*h.keys, *h.effect.coefficients)}
+    stage = _stage_left(problem, fit)
+    if stage is None or not any(h.effect.coefficients for h in accepted):
+        return list(accepted)
+    sharp = weighted_by_noise(problem, fit)
+    free = [*fit.free, *added]
+    fits = [_fitted(sharp, free, start) for start in _starts(fit, free, own, rng)]
+    best = min(fits, key=lambda each: _validation_score(problem, each))
+    if not _confirmed(problem, fit, best, stage):
+        return list(accepted)
+    return _with_fit(problem, accepted, best)
+
+
+def _fitted(problem: JointProblem, free: Sequence[FreeParameter], start: Array) -> MapFit:
+    """A fit with ever smaller finite differences."""
+    for difference in SETTINGS.completion_differences:
+        fit = map_fit(
+            problem,
+            free,
+            start,
+            SETTINGS.completion_iterations,
+            SETTINGS.completion_tolerance,
+            difference=difference,
+        )
+        start = fit.z
+    return fit
+
+
+def _stage_left(problem: JointProblem, fit: MapFit) -> int | None:
+    """The signal whose validation error exceeds its white noise most, in repeatability floors; None where none does."""
+    rmse = validation_rmse(problem, fit.squares)
+    left = [
+        (rmse[k] ** 2 - white_part(problem, fit, k) ** 2) / problem.floor[k] ** 2 if np.isfinite(rmse[k]) else 0.0
+        for k in range(len(rmse))
+    ]
+    worst = int(np.argmax(left))
+    return worst if left[worst] > SETTINGS.completion_min_excess**2 else None
+
+
+def _starts(fit: MapFit, free: Sequence[FreeParameter], own: set[str], rng: np.random.Generator) -> list[Array]:
+    """Points (free,): the fit itself, and ones around a part of it; half of them with the nominal numbers released."""
+    here = np.concatenate([fit.z, np.zeros(len(free) - len(fit.z))])
+    ours = np.array([p.key in own for p in free])
+    starts = [here]
+    for k in range(SETTINGS.completion_starts):
+        size = SETTINGS.completion_jitter[k % len(SETTINGS.completion_jitter)]
+        moved = here * rng.uniform(0.0, 1.0) + size * rng.standard_normal(len(here))
+        starts.append(np.where(ours, moved, here if k % 2 else 0.0))
+    return starts
+
+
+def _validation_score(problem: JointProblem, fit: MapFit) -> float:
+    """Sum over the signals of the validation mean squares, in squared repeatability floors."""
+    return float(np.nansum(validation_rmse(problem, fit.squares) ** 2 / problem.floor**2))
+
+
+def _confirmed(problem: JointProblem, before: MapFit, after: MapFit, stage: int) -> bool:
+    """Whether a fit reduces the validation error of a signal significantly, and makes none larger.
+
+    Evidence does not decide: below the repeatability it favours the fewest coefficients, whatever they explain.
+    """
+    old, new = (validation_rmse(problem, fit.squares) for fit in (before, after))
+    with np.errstate(invalid="ignore"):
+        if np.any(new > (1.0 + SETTINGS.min_relative_improvement) * np.hypot(old, 0.2 * problem.floor)):
+            return False
+    rng = np.random.default_rng(SETTINGS.noise_seed)
+    fall = block_bootstrap(problem, before.squares, after.squares, stage, rng)
+    return bool(fall[0] > 0.0 and new[stage] < (1.0 - SETTINGS.min_relative_improvement) * old[stage])
+
+
+def _with_fit(problem: JointProblem, accepted: Sequence[Hypothesis], fit: MapFit) -> list[Hypothesis]:
+    """The effects with another fit of all; each keeps the fit of its textbook form."""
+    have = {p.key for p in fit.free}
+    done = []
+    for hypothesis in accepted:
+        freed = tuple(
+            key for key in hypothesis.effect.coefficients if key in have and key not in hypothesis.effect.keys
+        )
+        textbook = hypothesis.textbook or accepted[-1].fit.without_arrays()
+        done.append(replace(hypothesis, freed=freed, textbook=textbook if freed else hypothesis.textbook))
+    done[-1] = replace(done[-1], fit=map_fit(problem, fit.free, fit.z, 1))
+    return done
