@@ -261,6 +261,8 @@ class Settings(FitSettings):
         "Fits of dry friction end early.", "Slower.")
     completion_min_excess: float = setting(0.25, "floors", "Validation error beyond the noise, in repeatability"
         " floors, from which the laws found are fitted once more.", CHOICE, "Slower.", "Worse minima are kept.")
+    completion_unnoticed: float = setting(0.2, "floors", "Error of another signal, in repeatability floors, next to"
+        " which a rise does not matter.", CHOICE, "Fits are refused for noise.", "Other signals may get worse.")
     law_surplus_errors: float = setting(1.0, "standard errors", "A coefficient this close to neutral is tried"
         " without.", CHOICE, "More coefficients than needed.", "Slower; the evidence decides in any case.")
     law_points: int = setting(25, "points", "Points of a law's curve.", CHOICE, "Coarser curves.", "Longer files.")
