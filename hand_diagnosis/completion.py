@@ -97,7 +97,10 @@ def _confirmed(problem: JointProblem, before: MapFit, after: MapFit, stage: int)
     """
     old, new = (validation_rmse(problem, fit.squares) for fit in (before, after))
     with np.errstate(invalid="ignore"):
-        if np.any(new > (1.0 + SETTINGS.min_relative_improvement) * np.hypot(old, SETTINGS.completion_unnoticed * problem.floor)):
+        if np.any(
+            new
+            > (1.0 + SETTINGS.min_relative_improvement) * np.hypot(old, SETTINGS.completion_unnoticed * problem.floor)
+        ):
             return False
     rng = np.random.default_rng(SETTINGS.noise_seed)
     fall = block_bootstrap(problem, before.squares, after.squares, stage, rng)
