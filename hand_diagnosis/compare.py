@@ -12,7 +12,8 @@ import numpy as np
 
 from hand_diagnosis.drawing import tint
 from hand_diagnosis.headline import effect_words, errors, multiple, title
-from hand_diagnosis.page_plots import MOST_SAMPLES, in_thousands
+from hand_diagnosis.page_plots import in_thousands, nth_shown
+from hand_diagnosis.settings import SETTINGS
 from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.kernel.rows import JOINT_PARAMETERS
@@ -24,8 +25,6 @@ from hand_recording.signals import Signals
 Kind = Literal["report", "model", "recording"]
 SAME_RELATIVE = 1e-9
 """Relative difference below which two numbers of a model are equal."""
-SAME_COMMANDS_PA = 1000.0
-"""RMS difference of two set-points above which they are different motions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +112,7 @@ def compare_models(first: Hand, second: Hand) -> Comparison:
                 factor = quantity.factor / parameter.scale
                 change = float((b - a) / a) if a else None
                 found.append((joint, quantity.key, factor * float(a), factor * float(b), quantity.unit, change))
-    found.sort(key=lambda row: -abs(row[5]) if row[5] is not None else -np.inf)
+    found.sort(key=lambda row: -abs(row[-1]) if row[-1] is not None else -np.inf)
     rows = tuple(
         (Cell(joint), Cell(key), Cell(f"{a:.5g}"), Cell(f"{b:.5g}"), Cell(unit), Cell(_change(change)))
         for joint, key, a, b, unit, change in found
@@ -148,7 +147,7 @@ def compare_recordings(first: Signals, second: Signals) -> Comparison:
     count = min(first.samples, int((second.samples - 1) * second.period_s / first.period_s) + 1)
     if not joints:
         raise ValueError(f"{first.name} and {second.name} have no joint in common")
-    nth = max(1, -(-4 * count * len(joints) // MOST_SAMPLES))
+    nth = nth_shown(count * len(joints))
     pairs = sorted(
         (_pair(first, second, joint, count, nth) for joint in joints), key=lambda pair: -pair[0]["angle_rms"]
     )
@@ -201,7 +200,7 @@ def _pair(first: Signals, second: Signals, joint: str, count: int, nth: int) -> 
         "angle_unit": units[0][1],
         "pressure_rms": pressure,
         "pressure_unit": units[1][1],
-        "same_commands": commanded <= SAME_COMMANDS_PA,
+        "same_commands": commanded <= SETTINGS.same_commands_pa,
     }
     alt = f"{joint}: angles differ by {angle:.3g} {units[0][1]} RMS, pressures by {pressure:.3g} {units[1][1]}"
     return numbers, Plot("time [s]", panels, alt, f"{alt}.", group="time")

@@ -1,6 +1,6 @@
 """The last fit of the laws found: all their coefficients at once, from several starts, where more than noise is left.
 
-A search frees a law class by class and stops as soon as the cost hardly falls, which is enough to tell classes apart.
+A search frees a law class by class and stops as soon as the cost hardly falls, which is enough to separate classes.
 What is then left on data that were not fitted may be a minimum that is not the best one. The training data fit, the
 validation data choose among the fits, and one is taken only where these data confirm it.
 """

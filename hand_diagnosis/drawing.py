@@ -8,25 +8,19 @@ from html import escape
 
 import numpy as np
 
+from hand_diagnosis.settings import SETTINGS
 from hand_model.description import Hand
 from hand_model.geometry import geometry_of, link_poses
 
-MM = 1e3
-MARGIN_MM = 12.0
-FULL_TINT = 100.0
-"""Error in multiples of the noise from which the tint is full."""
-STRONGEST = 0.55
-"""Opacity of the full tint: text on it stays readable in light and dark."""
-
 
 def tint(ratio: float) -> float:
-    """Opacity of the tint, 0 to STRONGEST, of an error; logarithmic from 1 to FULL_TINT.
+    """Opacity of the tint, 0 to SETTINGS.strongest_tint, of an error; logarithmic from 1 to full_tint.
 
     ratio: the error in multiples of the noise [-].
     """
     if not ratio > 1.0:
         return 0.0
-    return STRONGEST * min(math.log(ratio) / math.log(FULL_TINT), 1.0)
+    return SETTINGS.strongest_tint * min(math.log(ratio) / math.log(SETTINGS.full_tint), 1.0)
 
 
 def hand_drawing(hand: Hand, ratios: Mapping[str, float | None], links: Mapping[str, str]) -> str:
@@ -40,8 +34,8 @@ def hand_drawing(hand: Hand, ratios: Mapping[str, float | None], links: Mapping[
     for link in geometry.links:
         start = poses[link.name] @ np.array([0.0, 0.0, 0.0, 1.0])
         end = poses[link.name] @ np.array([link.size_m[0], 0.0, 0.0, 1.0])
-        (x1, y1), (x2, y2) = ((-MM * point[1], -MM * point[0]) for point in (start, end))
-        width = MM * link.size_m[1]
+        (x1, y1), (x2, y2) = ((-1e3 * point[1], -1e3 * point[0]) for point in (start, end))
+        width = 1e3 * link.size_m[1]
         points += [(x + side * width / 2, y) for x, y in ((x1, y1), (x2, y2)) for side in (-1, 1)]
         if link.joint < 0:
             box = f'x="{x1 - width / 2:.1f}" y="{y2:.1f}" width="{width:.1f}" height="{y1 - y2:.1f}" rx="12"'
@@ -50,8 +44,8 @@ def hand_drawing(hand: Hand, ratios: Mapping[str, float | None], links: Mapping[
         joint = hand.joints[link.joint]
         line = f'x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"'
         shapes.append(_joint(joint, line, width, ratios.get(joint), links.get(joint)))
-    left, top = (min(point[k] for point in points) - MARGIN_MM for k in (0, 1))
-    right, bottom = (max(point[k] for point in points) + MARGIN_MM for k in (0, 1))
+    left, top = (min(point[k] for point in points) - SETTINGS.drawing_margin_mm for k in (0, 1))
+    right, bottom = (max(point[k] for point in points) + SETTINGS.drawing_margin_mm for k in (0, 1))
     box = f"{left:.1f} {top:.1f} {right - left:.1f} {bottom - top:.1f}"
     return f'<svg viewBox="{box}" role="img" aria-label="{escape(_alt(ratios))}">{"".join(shapes)}</svg>'
 

@@ -15,7 +15,6 @@ from hand_pages.page import write_html
 from hand_pages.plots import Curve, Kind, Panel, Plot, script_json
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
-DAY_S = 86400.0
 UNUSABLE = "unusable"
 
 
@@ -69,7 +68,7 @@ def _trend(rows: Sequence[Mapping[str, Any]], joints: Sequence[str]) -> Plot | N
     if len({row["date"] for row in dated}) < 2:
         return None
     seconds = [datetime.strptime(f"{row['date']} +0000", "%Y-%m-%d %H:%M:%S %z").timestamp() for row in dated]
-    days = (np.array(seconds) - seconds[0]) / DAY_S
+    days = (np.array(seconds) - seconds[0]) / 86400.0
     errors = {
         joint: np.array([np.nan if row["errors"].get(joint) is None else row["errors"][joint] for row in dated])
         for joint in joints

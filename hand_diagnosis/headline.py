@@ -156,7 +156,7 @@ def multiple(row: Report, key: str) -> float:
 
 def short(value: float) -> str:
     """A positive number [-] with two digits, or all digits before the point."""
-    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
+    return f"{value:.0f}" if len(f"{value:.0f}") > 1 else f"{value:.2g}"
 
 
 def heat_map(report: Report) -> tuple[list[str], list[tuple[str, list[dict[str, Any] | None], str]]]:

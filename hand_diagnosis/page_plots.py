@@ -18,9 +18,6 @@ from hand_model.arrays import Array, Flags
 from hand_model.quantities import Wording
 from hand_pages.plots import Curve, Kind, Panel, Plot, runs
 
-MOST_SAMPLES = 700_000
-"""Samples of all curves over time of a page; a page then stays below 3 MB."""
-CURVES = 5
 MODELS: tuple[tuple[Kind, str], ...] = (("before", "nominal model"), ("after", "with the findings"))
 NOISE_BAND = 2.0
 """Half the height of the noise band, in standard deviations."""
@@ -31,10 +28,15 @@ def leading_stage(joint: JointDiagnosis) -> int:
     return max(joint.results, key=lambda r: r.excess_before / (r.noise + 1e-12)).stage if joint.results else 1
 
 
+def nth_shown(total: int) -> int:
+    """Distance of the samples to show of `total` ones in each of SETTINGS.page_curves curves: 1 for all."""
+    return max(1, -(-SETTINGS.page_curves * total // SETTINGS.page_samples))
+
+
 def every_nth(joints: Sequence[JointDiagnosis]) -> int:
     """Distance of the samples to show, so that the page stays small: 1 for all."""
     total = sum(len(s.angle_rad) for joint in joints for s in (joint.whole or joint.search.problem).segments)
-    return max(1, -(-CURVES * total // MOST_SAMPLES))
+    return nth_shown(total)
 
 
 def time_plots(joint: JointDiagnosis, stage: int, nth: int) -> list[Plot]:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis.data_check import check
+from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.task import Task, moving_joints, not_judged
 from hand_diagnosis.verdict import noise_of_inputs, noise_of_reading
 from hand_identification.free_parameters import START_CREEP
@@ -28,8 +29,6 @@ from hand_recording.signals import Signals
 SCHEMA = 1
 STATE_ONLY = 1e-6
 """Relative tolerance [-] of the model's numbers while the state at the start is estimated: they do not move."""
-MIN_SAMPLES = 20
-"""Fewest samples of a signal that give an error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +125,7 @@ def _joint(task: Task, joint: str) -> JointPrediction:
         _score(problem, segment, residual, stage, float(inputs[stage]))
         for segment, residual in zip(problem.segments, residuals, strict=True)
         for stage in range(len(STAGES))
-        if segment.use[stage].sum() >= MIN_SAMPLES
+        if segment.use[stage].sum() >= SETTINGS.min_stage_samples
     ]
     return JointPrediction(joint, tuple(problem.segments), tuple(predicted), tuple(scores))
 

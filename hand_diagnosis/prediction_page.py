@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hand_diagnosis.page_plots import CURVES, MOST_SAMPLES, NOISE_BAND, in_thousands
+from hand_diagnosis.page_plots import NOISE_BAND, in_thousands, nth_shown
 from hand_diagnosis.prediction import JointPrediction, Prediction, Score
 from hand_model.quantities import Wording
 from hand_pages.page import write_html
@@ -19,7 +19,7 @@ def write_page(prediction: Prediction, content: Mapping[str, Any], out: Path) ->
     """Write prediction.html. content: that of prediction.json."""
     shown = [joint for joint in prediction.joints if joint.scores]
     total = sum(len(segment.angle_rad) for joint in shown for segment in joint.segments)
-    nth = max(1, -(-CURVES * total // MOST_SAMPLES))
+    nth = nth_shown(total)
     write_html(
         out / "prediction.html",
         "hand_diagnosis",

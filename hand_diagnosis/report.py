@@ -169,7 +169,7 @@ def fit_rows(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """
     laws = {(left.joint, left.learned.stage): left.learned for left in diagnosis.remainder if left.learned}
     rows = []
-    for joint, result in ((each, one) for each in diagnosis.joints for one in each.results):
+    for joint, result in ((each, stage) for each in diagnosis.joints for stage in each.results):
         scale, unit = joint.wording.signal_units[result.stage]
         where = {"joint": joint.joint, "signal": joint.wording.signals[result.stage], "unit": unit}
         floor = {"noise_floor": scale * result.noise}

@@ -233,6 +233,19 @@ class Settings(FitSettings):
     min_experiment_pressure_pa: float = setting(
         5e4, "Pa", "Least amplitude of a simulated experiment.", CHOICE,
         "Weak experiments are simulated.", "Stronger than some recordings.")
+    # Pages
+    same_commands_pa: float = setting(1000.0, "Pa", "RMS difference of two set-points above which recordings are of"
+        " different motions.", CHOICE, "Delays of commands count as another motion.", "Other motions are compared.")
+    page_samples: int = setting(700_000, "samples", "Samples of all curves over time of a page.", CHOICE,
+        "Coarser curves.", "Pages above 3 MB.")
+    page_curves: int = setting(5, "curves", "Curves over time of a signal that are counted for it.", CHOICE,
+        "Larger pages.", "Coarser curves.")
+    full_tint: float = setting(100.0, "-", "Error in multiples of the noise from which the tint of a joint is full.",
+        CHOICE, "Stronger tints.", "Weaker tints.")
+    strongest_tint: float = setting(0.55, "-", "Opacity of the full tint.", CHOICE, "Tints are hardly seen.",
+        "Text on it is not readable.")
+    drawing_margin_mm: float = setting(12.0, "mm", "Margin of the drawing of the hand.", CHOICE, "No visible change.",
+        "A smaller hand.")
     # Learned laws
     law_leaders: int = setting(8, "hypotheses", "Hypotheses of a round whose laws are fitted coarsely; those near"
         " the best one (max_evidence_gap) are fitted on.", CHOICE, "The right class may lose by its form.", "Slower.")

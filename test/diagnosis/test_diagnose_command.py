@@ -197,7 +197,7 @@ def test_a_table_gives_the_same_finding(rubbing: Path, tmp_path: Path) -> None:
     assert any(a["effect"] == "coulomb_friction" for f in content["findings"] for a in [f, *f["alternatives"]])
 
 
-def test_one_joint_alone_tells_its_sensors_curve_from_friction(tmp_path: Path) -> None:
+def test_one_joint_alone_separates_its_sensors_curve_from_friction(tmp_path: Path) -> None:
     """Fails when friction hides the sensor's curve, which then passes for a stiffening and an obstacle."""
     hand = load_hand(CONFIG)
     truth = changed(hand, "index_proximal", coulomb_friction__torque_nm=0.012)

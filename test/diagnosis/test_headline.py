@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
-from hand_diagnosis.drawing import STRONGEST, tint
+from hand_diagnosis.drawing import tint
 from hand_diagnosis.headline import heat_map, ties, tiles, title, worst_by_joint
+from hand_diagnosis.settings import SETTINGS
 
 FRICTION = {
     "joint": "index_distal",
@@ -114,4 +115,4 @@ def test_the_tint_grows_with_the_error() -> None:
     sizes = [tint(ratio) for ratio in (0.5, 1.0, 3.0, 30.0, 100.0, 1e6)]
     assert sizes[0] == sizes[1] == 0.0
     assert sizes == sorted(sizes)
-    assert sizes[-1] == STRONGEST
+    assert sizes[-1] == SETTINGS.strongest_tint

@@ -12,7 +12,7 @@ import pytest
 from jinja2 import UndefinedError
 from matplotlib.figure import Figure
 
-from hand_diagnosis.page_plots import MOST_SAMPLES
+from hand_diagnosis.settings import SETTINGS
 from hand_pages.page import data_uri, png, write_html
 from hand_pages.plots import Curve, Panel, Plot, packed, runs
 
@@ -65,7 +65,7 @@ def test_packed_values_come_back() -> None:
 
 def test_the_curves_of_a_page_stay_below_3_mb() -> None:
     """Fails when the number of samples that a page may have, as stored, leaves no room for the rest of its 3 MB."""
-    stored = packed(np.linspace(0.0, 1.0, MOST_SAMPLES))
+    stored = packed(np.linspace(0.0, 1.0, SETTINGS.page_samples))
     assert len(json.dumps(stored)) < 2_200_000
 
 
