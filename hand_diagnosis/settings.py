@@ -261,18 +261,18 @@ class Settings(FitSettings):
         " coarsely, in a whole fit, and best of them, continued.", CHOICE, "The wrong fit is continued.", "Slower.")
     law_iterations: tuple[int, int] = setting((8, 25), "iterations", "Iterations of these fits, at most.", CHOICE,
         "Fits end early.", "Slower.")
-    completion_starts: int = setting(5, "starts", "Starts of the last fit of all laws next to the fit found.", CHOICE,
+    completion_starts: int = setting(2, "starts", "Starts of the last fit of all laws next to the fit found.", CHOICE,
         "Worse minima are kept.", "Slower.")
     completion_jitter: tuple[float, ...] = setting((0.3, 1.0, 2.0), "prior sd", "How far these starts are off.", CHOICE,
         "They end in the same minimum.", "They end in others more often.")
-    completion_iterations: int = setting(40, "iterations", "Iterations of these fits, at most.", CHOICE,
+    completion_iterations: int = setting(25, "iterations", "Iterations of these fits, at most.", CHOICE,
         "Fits end early.", "Slower.")
     completion_tolerance: float = setting(1e-3, "-", "Fall of the cost that ends them.", CHOICE, "Slower.",
         "Fits end early.")
-    completion_differences: tuple[float, ...] = setting((0.1, 0.03, 0.01, 0.002), "prior sd", "Finite differences of"
+    completion_differences: tuple[float, ...] = setting((0.1, 0.01, 0.002), "prior sd", "Finite differences of"
         " these fits, one after the other: wide ones see past the steps that sticking makes in the cost.", CHOICE,
         "Fits of dry friction end early.", "Slower.")
-    completion_min_excess: float = setting(0.25, "floors", "Validation error beyond the noise, in repeatability"
+    completion_min_excess: float = setting(0.5, "floors", "Validation error beyond the noise, in repeatability"
         " floors, from which the laws found are fitted once more.", CHOICE, "Slower.", "Worse minima are kept.")
     completion_unnoticed: float = setting(0.2, "floors", "Error of another signal, in repeatability floors, next to"
         " which a rise does not matter.", CHOICE, "Fits are refused for noise.", "Other signals may get worse.")

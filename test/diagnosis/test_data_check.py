@@ -11,6 +11,7 @@ import pytest
 from hand_diagnosis.data_check import check
 from hand_diagnosis.diagnosis import diagnose
 from hand_model.description import Hand
+from hand_model.effects import EFFECTS
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_recording.hand_signals import hand_signals
 from hand_recording.loader import load_recording
@@ -187,9 +188,12 @@ def test_a_rerun_is_checked_like_any_recording(signals: Signals, hand: Hand) -> 
 def test_a_number_far_off_asks_for_a_larger_tolerance(hand: Hand) -> None:
     """Fails when a nominal number that reaches its bound is not reported."""
     strong = changed(hand, hand.joints[JOINT], statics__a2_nm_per_pa=1.15 * nominal(hand, "statics.a2_nm_per_pa"))
-    far = record(strong, np.random.default_rng(73), 20.0)
+    far = record(strong, np.random.default_rng(73), 12.0)
+    others = sorted(EFFECTS.keys() - {"coulomb_friction", "leak"})  # rivals cost time and change nothing here
     lines = [
-        diagnose([far], hand, tolerance=share, seed=0, joints=[hand.joints[JOINT]], sensor_curve=False).check
+        diagnose(
+            [far], hand, tolerance=share, seed=0, joints=[hand.joints[JOINT]], without=others, sensor_curve=False
+        ).check
         for share in (0.01, 0.1)
     ]
     assert any("statics.a2_nm_per_pa" in line and "--tolerance" in line for line in lines[0]), lines[0]
