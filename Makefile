@@ -13,6 +13,10 @@ WHEELHOUSE ?=
 OFFLINE := $(if $(WHEELHOUSE),--wheelhouse $(WHEELHOUSE))
 # Test processes. Tests in real time run one at a time and alone whatever this is.
 WORKERS ?= 2
+# Files or folders of tests to run alone: make test TESTS=test/model
+TESTS ?=
+# LONG=1: also the tests marked long
+LONG ?=
 # colcon does not look below the first package it finds, so the interface package is named next to it.
 BASE_PATHS := . hand_msgs
 # Where control_msgs is not installed, the tests use the package of the same name in test/interfaces.
@@ -45,11 +49,16 @@ help:
 demo: $(BUILT)
 	$(RUN) hand demo --out out/demo
 
-test: lint $(ACTIONS)
-	$(RUN) python -m pytest -n $(WORKERS) --dist loadfile
+# Lint and types run next to the first tests, which need no deadlines, and are shown at the end.
+LINT := ruff format --check . && ruff check . && mypy && hadolint Dockerfile
+test: $(BUILT) $(CHECKED) $(ACTIONS)
+	mkdir -p out
+	$(RUN) { (nice -n 19 bash -c '$(LINT)' > out/lint.log 2>&1) & lint=$$!; \
+	tests=0; python -m pytest -n $(WORKERS) --dist loadfile $(if $(LONG),-m '') $(TESTS) || tests=$$?; \
+	checks=0; wait $$lint || checks=$$?; cat out/lint.log; exit $$((tests > checks ? tests : checks)); }
 
 lint: $(BUILT) $(CHECKED)
-	$(RUN) ruff format --check . && ruff check . && mypy && hadolint Dockerfile
+	$(RUN) $(LINT)
 
 bench: $(BUILT) $(CHECKED)
 	$(RUN) python -m validation.bench --out out/bench.json

@@ -261,7 +261,7 @@ class Settings(FitSettings):
         " coarsely, in a whole fit, and best of them, continued.", CHOICE, "The wrong fit is continued.", "Slower.")
     law_iterations: tuple[int, int] = setting((8, 25), "iterations", "Iterations of these fits, at most.", CHOICE,
         "Fits end early.", "Slower.")
-    completion_starts: int = setting(2, "starts", "Starts of the last fit of all laws next to the fit found.", CHOICE,
+    completion_starts: int = setting(1, "starts", "Starts of the last fit of all laws next to the fit found.", CHOICE,
         "Worse minima are kept.", "Slower.")
     completion_jitter: tuple[float, ...] = setting((0.3, 1.0, 2.0), "prior sd", "How far these starts are off.", CHOICE,
         "They end in the same minimum.", "They end in others more often.")
@@ -269,7 +269,7 @@ class Settings(FitSettings):
         "Fits end early.", "Slower.")
     completion_tolerance: float = setting(1e-3, "-", "Fall of the cost that ends them.", CHOICE, "Slower.",
         "Fits end early.")
-    completion_differences: tuple[float, ...] = setting((0.1, 0.01, 0.002), "prior sd", "Finite differences of"
+    completion_differences: tuple[float, ...] = setting((0.1, 0.002), "prior sd", "Finite differences of"
         " these fits, one after the other: wide ones see past the steps that sticking makes in the cost.", CHOICE,
         "Fits of dry friction end early.", "Slower.")
     completion_min_excess: float = setting(0.5, "floors", "Validation error beyond the noise, in repeatability"

@@ -185,6 +185,7 @@ def test_a_rerun_is_checked_like_any_recording(signals: Signals, hand: Hand) -> 
     assert result.joints[0].search.problem.floor[1] < np.radians(0.06)
 
 
+@pytest.mark.long
 def test_a_number_far_off_asks_for_a_larger_tolerance(hand: Hand) -> None:
     """Fails when a nominal number that reaches its bound is not reported."""
     strong = changed(hand, hand.joints[JOINT], statics__a2_nm_per_pa=1.15 * nominal(hand, "statics.a2_nm_per_pa"))

@@ -178,7 +178,7 @@ PRESSURE_RIVALS = ("valve_lag", "valve_deadband", "pressure_offset")
 @pytest.mark.parametrize(
     ("effect", "values"),
     [
-        ("joint_coupling", {"joint_coupling__stiffness_nm_per_rad": 0.01}),
+        pytest.param("joint_coupling", {"joint_coupling__stiffness_nm_per_rad": 0.01}, marks=pytest.mark.long),
         ("hysteresis", {"hysteresis__torque_nm": 0.01, "hysteresis__scale_deg": 25 * DEGREE}),
         ("pressure_gain", {"pressure_gain__error": 0.05}),
     ],
@@ -213,6 +213,7 @@ def test_fig_13_creep_comes_first(hand: Hand) -> None:
     assert values["recovery_time_s"] == pytest.approx(40.0, rel=0.1)
 
 
+@pytest.mark.long
 def test_late_stamps_of_a_topic_concern_the_whole_hand(hand: Hand) -> None:
     """Fails when a clock offset is put on single joints, or is not found."""
     rng = np.random.default_rng(50)

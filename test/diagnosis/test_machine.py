@@ -164,6 +164,7 @@ def test_a_part_that_is_known_stands_beside_the_unknown(tmp_path: Path) -> None:
     assert f"to {test['rmse_after']:.3g} deg" in left["statement"]
 
 
+@pytest.mark.long
 def test_two_effects_on_one_joint(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> None:
     """Fails when a second effect hides behind the first, or its probability is that of the first round."""
     rng = np.random.default_rng(70)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -115,9 +116,20 @@ def test_during_imports(
     assert "incomplete" not in lines[0] or "trial" in lines[0]
 
 
+@pytest.fixture(scope="module")
+def trial(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A trial that was made and not run."""
+    folder = tmp_path_factory.mktemp("made") / "trial"
+    make = [sys.executable, "-m", "hand_tool", "trial", "make", str(folder), "--cases", "10"]
+    subprocess.run(make, cwd=ROOT, capture_output=True, check=True)
+    return folder
+
+
 @pytest.mark.parametrize("whole_group", [False, True], ids=["kill", "terminal"])
 @pytest.mark.parametrize("command", ["simulate", "diagnose", "trial make", "trial run", "reproduce"])
-def test_during_the_work(command: str, whole_group: bool, recording: Path, tmp_path: Path) -> None:
+def test_during_the_work(
+    command: str, whole_group: bool, recording: Path, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
     """Fails when a worker process is left, or the line does not say what was written and what was not."""
     if command == "simulate":
         running = Running(tmp_path, "simulate", str(recording), "--out", "sim.mcap", "--seed", "1")
@@ -132,8 +144,7 @@ def test_during_the_work(command: str, whole_group: bool, recording: Path, tmp_p
         running.until((tmp_path / "trial" / "recordings").exists)
         wanted = "incomplete: trial/recordings; not written: trial/plan.json"
     elif command == "trial run":
-        make = [sys.executable, "-m", "hand_tool", "trial", "make", str(tmp_path / "trial"), "--cases", "10"]
-        subprocess.run(make, cwd=ROOT, capture_output=True, check=True)
+        shutil.copytree(request.getfixturevalue("trial"), tmp_path / "trial")
         running = Running(tmp_path, "trial", "run", "trial")
         running.until((tmp_path / "trial" / "reports").exists)
         wanted = "incomplete: trial/reports; not written: trial/timing.json"
