@@ -14,6 +14,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
+from hand_ros.streams import MOST_HZ
+
 HOLD_S = 0.5
 """Time for which the pressures are held before the hand vents."""
 QUIET_S = 0.1
@@ -94,7 +96,8 @@ class SolePublishers:
         parts = [f"{', '.join(names)} from {node} {self._place(node, gid)}" for (node, gid), names in topics.items()]
         hidden = [topic for topic in disturbed if not self.rivals.get(topic)]
         if hidden:
-            parts.append(f"{', '.join(hidden)} from a node that DDS has not shown yet")
+            fast = f"or from one that publishes faster than {MOST_HZ:.0f} Hz"
+            parts.append(f"{', '.join(hidden)} from a node that DDS has not shown yet, {fast}")
         return f"second publisher: {'; '.join(parts)}; stop it" if parts else ""
 
     def _place(self, node: str, gid: bytes) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import os
 import shutil
 import signal
@@ -141,6 +142,23 @@ class Client:
         while not condition():
             self.executor.spin_once(timeout_sec=0.05)
             assert time.monotonic() < end, f"condition not met in {timeout_s} s; diagnostics: {self.statuses}"
+
+    def sending(self, send: Callable[[], Any], condition: Callable[[], Any]) -> None:
+        """Send again and again until the condition holds, at 100 Hz at most.
+
+        This node receives its own valve commands. A send after each message would be as fast as the machine allows,
+        and the driver takes more than 2000 Hz for two publishers.
+        """
+        last_s = -math.inf
+
+        def sent_and_met() -> bool:
+            nonlocal last_s
+            if time.monotonic() - last_s >= 0.01:
+                last_s = time.monotonic()
+                send()
+            return bool(condition())
+
+        self.until(sent_and_met)
 
     def spin(self, seconds: float) -> None:
         """Receive messages for some time [s]."""

@@ -121,13 +121,12 @@ def test_the_driver_alone_obeys_the_stop(stack: Stack, client: Client) -> None:
     client.until(lambda: client.joints and client.valve_publisher.get_subscription_count() > 0)
     names = list(client.joints[-1].name)
 
-    def send() -> bool:
+    def send() -> None:
         message = ValveCommand(name=names, pressure=[FULL_PA] * len(names), lifetime=Duration(sec=1))
         message.header.stamp = client.node.get_clock().now().to_msg()
         client.valve_publisher.publish(message)
-        return True
 
-    client.until(lambda: send() and max(client.joints[-1].position) > 0.2)
+    client.sending(send, lambda: max(client.joints[-1].position) > 0.2)
     send()
     press(client, 1)
     client.until_said("simulation", "safety", "emergency stop")
@@ -144,7 +143,7 @@ def test_the_driver_alone_obeys_the_stop(stack: Stack, client: Client) -> None:
     assert not again.success and again.message == "no fault of the driver is latched"
     client.joints.clear()
     client.until(lambda: client.joints)
-    client.until(lambda: send() and max(client.joints[-1].position) > 0.2)
+    client.sending(send, lambda: max(client.joints[-1].position) > 0.2)
 
 
 def test_a_retained_stop_reaches_nodes_that_start_later(stack: Stack, client: Client) -> None:

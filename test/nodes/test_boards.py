@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import pytest
@@ -80,24 +79,17 @@ def test_a_board_that_restarts_is_vented_until_a_reset(stack: Stack, client: Cli
     stack.node("driver", serial_port=path)
     client.until(lambda: client.joints and states and states[-1].protocol == 2)
 
-    def drive(pressure_pa: float) -> None:
-        command = ValveCommand(name=client.joints[-1].name, pressure=[pressure_pa] * len(client.joints[-1].name))
+    def drive() -> None:
+        command = ValveCommand(name=client.joints[-1].name, pressure=[5e4] * len(client.joints[-1].name))
         command.header.stamp = client.node.get_clock().now().to_msg()
         command.lifetime.nanosec = 200_000_000
         client.valve_publisher.publish(command)
 
-    def driven(condition: Callable[[], bool]) -> Callable[[], bool]:
-        def check() -> bool:
-            drive(5e4)
-            return condition()
-
-        return check
-
-    client.until(driven(lambda: states[-1].fault == "" and max(states[-1].set_point, default=0.0) == 5e4))
+    client.sending(drive, lambda: states[-1].fault == "" and max(states[-1].set_point, default=0.0) == 5e4)
     board.send_signal(signal.SIGUSR2)
-    client.until(driven(lambda: "the board was restarted" in states[-1].fault))
+    client.sending(drive, lambda: "the board was restarted" in states[-1].fault)
     client.until_said("driver", "safety", "call reset_driver")
-    client.until(driven(lambda: states[-1].protocol == 2 and max(states[-1].set_point, default=1.0) == 0.0))
+    client.sending(drive, lambda: states[-1].protocol == 2 and max(states[-1].set_point, default=1.0) == 0.0)
     assert client.trigger("reset_driver").success
     before = len(states)
-    client.until(driven(lambda: len(states) > before + 3 and max(states[-1].set_point, default=0.0) == 5e4))
+    client.sending(drive, lambda: len(states) > before + 3 and max(states[-1].set_point, default=0.0) == 5e4)
