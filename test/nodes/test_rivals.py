@@ -72,7 +72,8 @@ def test_a_second_commander_is_named_never_obeyed_and_vents_the_hand(stack: Stac
     driving(client)
     other = stranger(stack, client)
     where = f"valve_command from /stranger on this machine (process {other.pid}: "
-    client.until(lambda: named(client, "simulation", where) or named(client, "controller", where))
+    # Its first message begins the hold; DDS may name it later.
+    client.until(lambda: 2 in (client.level("simulation", "authority"), client.level("controller", "authority")))
     noticed_s = client.node.get_clock().now().nanoseconds * 1e-9
     client.until(lambda: named(client, "simulation", where) and named(client, "controller", where))
     # The one that DDS shows the stranger first vents; for the other, a vented hand is no reason to latch.
@@ -84,8 +85,9 @@ def test_a_second_commander_is_named_never_obeyed_and_vents_the_hand(stack: Stac
     index = list(client.joints[-1].name).index("index_proximal")
     vented_s = next(_stamp_s(m) for m in client.joints if m.position[index] < 0.7)
     assert HOLD_S - 0.2 < vented_s - noticed_s < HOLD_S + 0.5  # diagnostics are up to 0.1 s late
-    assert any(min(valve.pressure) == STRANGE_PA for valve in client.valves)
     assert not client.enable(True).success
+    # It did publish; DDS may show it to this node later than to the others.
+    client.until(lambda: any(min(valve.pressure) == STRANGE_PA for valve in client.valves))
     other.send_signal(signal.SIGKILL)  # DDS lists its publisher for 20 s more
     other.wait()
     client.until(lambda: client.level("simulation", "authority") == 0, timeout_s=5.0)
