@@ -76,6 +76,8 @@ PARTS: dict[str, Part] = {
     "make proof # failures": Part("trial", _trial(document.failures_table)),
     "make proof # confusion": Part("trial", picture="proof_confusion.png"),
     "make proof # reliability": Part("trial", picture="proof_reliability.png"),
+    "hand trial make OUT --plant PLANT # runs": Part("referees", _trial(document.runs_table)),
+    "hand trial make OUT --plant PLANT # families": Part("referees", _trial(document.families_table)),
     "make proof DATA=folder # machines": Part("reality", _trial(document.reality_table)),
     "make proof DATA=folder # seal": Part("reality", tables.machine_sentence),
     "python -m hand_model.tables # catalogue": Part("", _code("hand_model.effects", "markdown_table")),

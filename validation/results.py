@@ -1,7 +1,7 @@
 """Results of long runs, kept in docs/figures/results.json: what README and docs print comes from there.
 
-The file maps a source ("bench/control", "faults", "trial", "reality", "paper") to its results, with the command that
-gave them, the date, the commit and the machine.
+The file maps a source ("bench/control", "faults", "trial", "referees", "reality", "paper") to its results, with the
+command that gave them, the date, the commit and the machine.
 """
 
 from __future__ import annotations
@@ -63,6 +63,15 @@ def store(new: dict[str, Any]) -> None:
     STORE.write_text(text + "\n", encoding="utf-8")
 
 
+def _with_run(scores: dict[str, Any]) -> list[dict[str, Any]]:
+    """The runs against plants of others in the order in which they were made, with this one; none is ever replaced."""
+    kept: list[dict[str, Any]] = load().get("referees", {}).get("results", [])
+    if any(run["commitment"] == scores["commitment"] for run in kept):
+        raise ValueError(f"the run with the commitment {scores['commitment']} is stored already")
+    left_out = {"reliability", "timing", "at_the_limit", "unplaced"}
+    return [*kept, {key: value for key, value in scores.items() if key not in left_out}]
+
+
 def read_run(path: Path) -> dict[str, Any]:
     """Sources of a run's output: a bench file, faults.json, soak.json, a trial's folder, reality.json, or results.json.
 
@@ -91,6 +100,8 @@ def read_run(path: Path) -> dict[str, Any]:
     if isinstance(data, dict) and "soak" in data:
         about = {key: data[key] for key in ("date", "commit", "machine")}
         return {"soak": {**about, "command": f"make soak HOURS={data['soak']['hours']:g}", "results": data["soak"]}}
+    if isinstance(data, dict) and "scores" in data and data.get("plant", "trial") != "trial":
+        return {"referees": {**provenance("hand trial make OUT --plant PLANT"), "results": _with_run(data)}}
     if isinstance(data, dict) and "scores" in data:
         return {"trial": {**provenance("make proof"), "results": data}}
     if isinstance(data, list) and data and "baselines" in data[0]:

@@ -43,6 +43,59 @@ def scores_table(result: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
+REFEREE_GOALS = {
+    "place": (">=", 0.95), "joint": (">=", 0.98), "first": (">=", 0.88), "both": (">=", 0.75),
+    "false_alarm": ("<=", 0.02), "unknown_found": (">=", 0.85), "unknown_wrong": ("<=", 0.08), "clean": (">=", 0.80),
+    "ece": ("<=", 0.06), "log_score": None,
+}  # fmt: skip
+"""Goals on plants, forms and conditions that were not looked at."""
+
+
+def runs_table(runs: list[dict[str, Any]]) -> str:
+    """Every run against plants of others, in the order in which they were made: a row a score, a column a run."""
+    heads = [f"{run['plant']}, {run['made']['date']}" for run in runs]
+    lines = ["| score | goal | " + " | ".join(heads) + " |", "|---" * (2 + len(runs)) + "|"]
+    for name, goal in REFEREE_GOALS.items():
+        cells = [_cell(name, run["scores"][name]) for run in runs]
+        wanted = f"{goal[0]} {_percent(goal[1], 0)}" if goal else ""
+        lines.append(f"| {LABELS[name]} | {wanted} | " + " | ".join(cells) + " |")
+    lines.append("")
+    for head, run in zip(heads, runs, strict=True):
+        kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(run["kinds"].items()))
+        lines.append(
+            f"- {head}: commit {run['made']['commit']}, master seed {run['seed']}, commitment `{run['commitment']}`,"
+            f" {run['recordings']} recordings ({kinds})."
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _cell(name: str, score: dict[str, Any]) -> str:
+    """A score with its 95 % interval, or how many it is of."""
+    if score["value"] is None:
+        return ""
+    if "low" not in score:
+        return f"{shown(name, score['value'])} of {score['count']}"
+    low, high = 100.0 * score["low"], 100.0 * score["high"]
+    return f"{_percent(score['value'], 0)} ({low:.0f} to {high:.0f}) of {score['count']}"
+
+
+def families_table(runs: list[dict[str, Any]]) -> str:
+    """How often the effect was named first, for each family of laws of the newest run of each plant."""
+    newest = {run["plant"]: run for run in runs}
+    rows = ["| plant | family | cases | joint | first | clean |", "|---|---|---|---|---|---|"]
+    for plant, run in newest.items():
+        for name, group in run["by_group"].items():
+            if name.startswith("family: ") and group["joint"]["count"]:
+                cells = (_hits(group[score]) for score in ("joint", "first", "clean"))
+                count = group["joint"]["count"]
+                rows.append(f"| {plant} | {name.removeprefix('family: ')} | {count} | " + " | ".join(cells) + " |")
+    return "\n".join(rows) + "\n"
+
+
+def _hits(score: dict[str, Any]) -> str:
+    return "" if score["value"] is None else f"{round(score['value'] * score['count'])} of {score['count']}"
+
+
 def effects_table(result: dict[str, Any]) -> str:
     """How often the first finding was correct, for each effect that was hidden alone."""
     rows = ["| effect hidden alone | cases | first |", "|---|---|---|"]

@@ -13,6 +13,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
+from validation.results import provenance
 from validation.trial.calibration import brier, calibration_error, log_score, reliability
 from validation.trial.grade import WITHIN, Grade, grade
 from validation.trial.seal import unseal
@@ -65,6 +66,8 @@ def score(folder: Path, key: bytes, answers: dict[int, dict[str, Any]] | None = 
         scores[name] = {"value": of(claims), "count": len(claims)}
     result = {
         "commitment": commitment,
+        "plant": plant_of(truth["cases"]),
+        "made": provenance(f"hand trial score {folder}"),
         "seed": truth["seed"],
         "recordings": len(grades),
         "graded": len(graded),
@@ -86,6 +89,12 @@ def score(folder: Path, key: bytes, answers: dict[int, dict[str, Any]] | None = 
     draw_confusion(graded, folder / "confusion.png")
     draw_reliability(result["reliability"], folder / "reliability.png")
     return result
+
+
+def plant_of(cases: list[dict[str, Any]]) -> str:
+    """Who concealed the effects: trial, development, held_back or mujoco."""
+    referee = str(cases[0].get("referee", "trial"))
+    return str(cases[0]["half"]) if referee == "families" else referee
 
 
 def _grade(folder: Path, case: dict[str, Any], answers: dict[int, dict[str, Any]] | None) -> Grade:

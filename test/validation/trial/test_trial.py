@@ -15,10 +15,17 @@ import pytest
 
 from hand_model.description import load_hand
 from hand_sim.plant import PHI, HandPlant, P
-from validation.results import read_run
+from validation.results import load, read_run
 from validation.trial.calibration import brier, calibration_error, log_score
 from validation.trial.catalogue import BY_NAME, FOREIGN, KNOWN
-from validation.trial.document import effects_table, failures_table, scores_table
+from validation.trial.document import (
+    REFEREE_GOALS,
+    effects_table,
+    failures_table,
+    families_table,
+    runs_table,
+    scores_table,
+)
 from validation.trial.grade import grade
 from validation.trial.limits import REPEATABILITY, Projector, limit_size, rms, scene
 from validation.trial.make import draw_cases
@@ -26,6 +33,7 @@ from validation.trial.motions import EXPERIMENTS, set_points
 from validation.trial.nominal import Nominal
 from validation.trial.plant import record
 from validation.trial.run import read_plan
+from validation.trial.score import LABELS
 from validation.trial.seal import SEALED, new_key, seal, unseal
 
 ROOT = Path(__file__).parents[3]
@@ -172,6 +180,33 @@ def test_the_tables_say_what_the_scores_say() -> None:
     }  # fmt: skip
     assert "**not reached**" in scores_table(result)
     assert "case 3, steps" in failures_table(result)
+
+
+def test_runs_against_plants_of_others_are_added_and_never_replaced(tmp_path: Path) -> None:
+    """Fails when a run replaces an earlier one, is stored twice or as one of the own plant, or loses a score."""
+    share = {"value": 0.25, "low": 0.1, "high": 0.6, "count": 4}
+    scores = {name: dict(share) for name in LABELS} | {"ece": {"value": 0.1, "count": 4}}
+    run = {
+        "plant": "held_back", "commitment": "c0ffee", "seed": 5, "recordings": 4, "kinds": {"single": 4},
+        "made": {"date": "2026-01-02", "commit": "abcdef0"}, "scores": scores, "timing": None, "reliability": [],
+        "by_group": {"family: a stack": {"joint": share, "first": share, "clean": share}},
+    }  # fmt: skip
+    (tmp_path / "scores.json").write_text(json.dumps(run), encoding="utf-8")
+    before = load().get("referees", {}).get("results", [])
+    found = read_run(tmp_path)["referees"]["results"]
+    assert found[:-1] == before and found[-1]["scores"] == scores and "timing" not in found[-1]
+    table = runs_table(found)
+    assert (
+        "held_back, 2026-01-02: commit abcdef0, master seed 5, commitment `c0ffee`, 4 recordings (4 single)." in table
+    )
+    assert all(f"| {LABELS[name]} |" in table for name in REFEREE_GOALS)
+    assert "| held_back | a stack | 4 | 1 of 4 | 1 of 4 | 1 of 4 |" in families_table(found)
+    if before:
+        (tmp_path / "scores.json").write_text(
+            json.dumps(run | {"commitment": before[0]["commitment"]}), encoding="utf-8"
+        )
+        with pytest.raises(ValueError, match="is stored already"):
+            read_run(tmp_path)
 
 
 def test_a_small_trial_from_end_to_end(tmp_path: Path) -> None:
