@@ -125,13 +125,8 @@ def _description(
     return base | {"stiffness": 0.0, "damping": 0.0, **numbers, "columns": columns}
 
 
-def examine(machine: Machine, out: Path, command: list[str]) -> dict[str, Any]:
-    """Diagnose one machine and fit the baselines; the entry of reality.json.
-
-    command: how to call the tool.  Errors are those of the force (N, N m) or of the position (deg).  RuntimeError: the
-    diagnosis failed.
-    """
-    folder = out / machine.name.replace(",", "").replace(" ", "_")
+def write_recordings(machine: Machine, folder: Path) -> list[Path]:
+    """Write the machine file and the recordings of a machine into a folder; the paths of the recordings."""
     folder.mkdir(parents=True, exist_ok=True)
     description = folder / "machine.yaml"
     description.write_text(yaml.safe_dump(machine.description, sort_keys=False), encoding="utf-8")
@@ -139,6 +134,17 @@ def examine(machine: Machine, out: Path, command: list[str]) -> dict[str, Any]:
     for name, columns in machine.recordings.items():
         paths.append(folder / f"{name}.npz")
         np.savez(paths[-1], **columns)  # type: ignore[arg-type]
+    return paths
+
+
+def examine(machine: Machine, out: Path, command: list[str]) -> dict[str, Any]:
+    """Diagnose one machine and fit the baselines; the entry of reality.json.
+
+    command: how to call the tool.  Errors are those of the force (N, N m) or of the position (deg).  RuntimeError: the
+    diagnosis failed.
+    """
+    folder = out / machine.name.replace(",", "").replace(" ", "_")
+    paths, description = write_recordings(machine, folder), folder / "machine.yaml"
     options = ["--machine", str(description), "--out", str(folder), "--tolerance", str(machine.tolerance), "--json"]
     done = subprocess.run(
         [*command, "diagnose", *map(str, paths), *options], capture_output=True, text=True, check=False

@@ -1,0 +1,1 @@
+"""Real machines: recordings that others published, diagnosed, predicted, and compared with rivals."""
