@@ -30,7 +30,7 @@ export ROS_DOMAIN_ID ?= $(shell echo $$(( $$$$ % 90 + 10 )))
 # Only these files need another build.
 BUILD_INPUTS := $(wildcard hand_msgs/*/* hand_msgs/* config config/layouts urdf launch/* tools/nodes/* hand_*/__init__.py hand_*/*/__init__.py validation/__init__.py validation/*/__init__.py setup.py package.xml resource/*)
 
-.PHONY: help demo test lint bench faults soak proof figures mutate docs build wheelhouse clean
+.PHONY: help demo test lint bench faults soak proof machines figures mutate docs build wheelhouse clean
 
 help:
 	@echo "make demo        simulated hand, controller and recorder over ROS 2; results in out/demo"
@@ -40,6 +40,7 @@ help:
 	@echo "make soak        HOURS=1: the simulated hand in motion as processes; memory, missed periods, latches"
 	@echo "make figures     tables, numbers and pictures of README and docs, two minutes; TAKE=out/bench.json stores a run"
 	@echo "make proof       the blind trial of the diagnosis, about an hour; scores into out/proof and the documents"
+	@echo "make machines    recordings of real machines in DATA=folder into out/machines.json; CLONES=folder: reads them first"
 	@echo "make mutate      mutation tests: which changes of the code no test notices"
 	@echo "make docs        the documents as a site into out/site, in an environment of its own; a broken link is an error"
 	@echo "make build       set-up only; then: source env.bash"
@@ -83,6 +84,12 @@ proof: $(BUILT) $(CHECKED)
 	hand trial run out/proof && (echo "$$key" | hand trial score out/proof || [ $$? = 1 ]) && \
 	$(if $(DATA),hand trial reality $(DATA) --out out/reality &&) \
 	python -m validation.figures --take out/proof $(if $(DATA),--take out/reality/reality.json)
+
+# DATA=folder: recordings of real machines, as `python -m validation.machines collect` writes them from CLONES=folder.
+machines: $(BUILT) $(CHECKED)
+	@test -n "$(DATA)" || { echo "make machines needs DATA=folder; docs/proof.md, section Real machines, tells how" >&2; exit 2; }
+	$(if $(CLONES),$(RUN) python -m validation.machines collect --clones $(CLONES) --data $(DATA))
+	$(RUN) python -m validation.machines --data $(DATA) $(if $(ONLY),--only $(ONLY)) --out out/machines.json
 
 docs: out/docs_tools/.installed
 	NO_MKDOCS_2_WARNING=1 out/docs_tools/bin/mkdocs build --strict --site-dir out/site

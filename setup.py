@@ -33,6 +33,7 @@ PACKAGES = [
     "validation",
     "validation.bench",
     "validation.faults",
+    "validation.machines",
     "validation.magnet",
     "validation.mutation",
     "validation.paper",
@@ -85,6 +86,8 @@ setup(
             "*.c",
             "*.h",
             "rows/*.yaml",
+            "*/machine.yaml",
+            "*/published.yaml",
         ]
         for package in PACKAGES
     },

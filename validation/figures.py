@@ -21,6 +21,7 @@ from typing import Any
 from validation import tables
 from validation.bench.__main__ import BENCHES, missing_tools, quick_results
 from validation.faults import page as faults_page
+from validation.machines import tables as machine_tables
 from validation.results import ROOT, STORE, load, provenance, read_run, store
 from validation.trial import document
 
@@ -80,6 +81,9 @@ PARTS: dict[str, Part] = {
     "hand trial make OUT --plant PLANT # families": Part("referees", _trial(document.families_table)),
     "make proof DATA=folder # machines": Part("reality", _trial(document.reality_table)),
     "make proof DATA=folder # seal": Part("reality", tables.machine_sentence),
+    "make machines DATA=folder # results": Part("machines", machine_tables.machines_table),
+    "make machines DATA=folder # first runs": Part("machines/first", machine_tables.first_runs_table),
+    "make machines DATA=folder # sources": Part("machines", machine_tables.sources_table),
     "python -m hand_model.tables # catalogue": Part("", _code("hand_model.effects", "markdown_table")),
     "python -m hand_model.tables # classes": Part("", _code("hand_model.effects", "class_table")),
     "python -m hand_model.tables # parameters": Part("", _code("hand_model.kernel.rows", "markdown_table")),
@@ -102,7 +106,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         "--take", type=Path, action="append", default=[], metavar="RUN",
         help="store a long run's results first: out/bench.json, out/faults.json, out/soak.json, a trial's folder,"
-        " reality.json; may be repeated",
+        " machines.json, reality.json; may be repeated",
     )  # fmt: skip
     options = parser.parse_args(arguments)
     if options.check:

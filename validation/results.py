@@ -73,7 +73,7 @@ def _with_run(scores: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def read_run(path: Path) -> dict[str, Any]:
-    """Sources of a run's output: a bench file, faults.json, soak.json, a trial's folder, reality.json, or results.json.
+    """Sources of a run's output: a bench file, faults.json, soak.json, a trial's folder, machines.json or reality.json.
 
     Raises ValueError for anything else, and for a quick bench or campaign, whose numbers are no measurement.
     """
@@ -104,6 +104,10 @@ def read_run(path: Path) -> dict[str, Any]:
         return {"referees": {**provenance("hand trial make OUT --plant PLANT"), "results": _with_run(data)}}
     if isinstance(data, dict) and "scores" in data:
         return {"trial": {**provenance("make proof"), "results": data}}
+    if isinstance(data, dict) and "machines" in data:
+        about = {key: data[key] for key in ("command", "date", "commit", "machine")}
+        results = {key: data[key] for key in ("machines", "failed")}
+        return {"machines": {**about, "results": results}, "machines/first": _first_runs(data)}
     if isinstance(data, list) and data and "baselines" in data[0]:
         return {"reality": {**provenance("make proof DATA=folder"), "results": data}}
     if isinstance(data, list) and data and "quantity" in data[0]:
@@ -111,3 +115,12 @@ def read_run(path: Path) -> dict[str, Any]:
     raise ValueError(
         f"{path}: neither results of benches, of faults, of a trial, of real machines nor of hand reproduce"
     )
+
+
+def _first_runs(data: dict[str, Any]) -> dict[str, Any]:
+    """The first stored run of each machine: the stored ones, and the new machines of a run with its date and commit."""
+    stored = load().get("machines/first", {"results": []})
+    known = {each["machine"] for each in stored["results"]}
+    about = {key: data[key] for key in ("date", "commit")}
+    new = [{**each, "first_run": about} for each in data["machines"] if each["machine"] not in known]
+    return {"results": [*stored["results"], *new]}

@@ -52,7 +52,9 @@ def find_clone(clones: Path, repository: str) -> Path | None:
 
 
 def _show(clone: Path, commit: str, path: str) -> bytes:
-    done = subprocess.run(["git", "--git-dir", str(clone), "show", f"{commit}:{path}"], capture_output=True, check=False)
+    done = subprocess.run(
+        ["git", "--git-dir", str(clone), "show", f"{commit}:{path}"], capture_output=True, check=False
+    )
     if done.returncode != 0:
         raise ValueError(f"{clone}: {done.stderr.decode(errors='replace').strip()}")
     return done.stdout

@@ -25,6 +25,8 @@ SIGMAS = 2.0
 """Standard errors within which a number agrees with the published one."""
 ACCEPTED = 0.5
 """Probability above which a decoy counts as accepted."""
+IN_THE_STAMPS = frozenset({"dropped_frames"})
+"""Findings that are read off the time stamps; they explain no mismatch and are not ranked."""
 
 
 def examine(case: Case, data: Path, out: Path, command: Sequence[str]) -> dict[str, Any]:
@@ -94,7 +96,8 @@ def judged(case: Case, report: Mapping[str, Any]) -> dict[str, Any]:
 
     right: the first named effect is a known one.  partly: it is only a part of an unknown remainder.
     """
-    named = {finding["effect"]: float(finding["probability"]) for finding in report["findings"]}
+    ranked = [finding for finding in report["findings"] if finding["effect"] not in IN_THE_STAMPS]
+    named = {finding["effect"]: float(finding["probability"]) for finding in ranked}
     parts = {
         each["effect"]: float(each.get("probability") or 0.0)
         for left in report["remainder"]

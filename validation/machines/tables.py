@@ -1,0 +1,125 @@
+"""The results of the machines as Markdown for docs/proof.md."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from validation.tables import Entry, markdown, number, source_line
+
+GOAL_RATIO = 1.1
+"""Largest test error, relative to the best rival's, that counts as reached."""
+RIVALS = ("re-identified", "best of six", "SINDy", "Gaussian process", "NARX")
+Machine = Mapping[str, Any]
+
+
+def machines_table(entry: Entry) -> str:
+    """What was found, the test errors, published numbers, and the totals."""
+    machines: Sequence[Machine] = entry["results"]["machines"]
+    failed = [f"- {row['title']}: {row['error']}" for row in entry["results"]["failed"]]
+    lines = [found_table(machines), error_table(machines), number_table(machines), totals(machines)]
+    if failed:
+        lines.append("\n".join(["Not examined:", "", *failed]))
+    return "\n\n".join([*lines, source_line(entry)])
+
+
+def found_table(machines: Sequence[Machine]) -> str:
+    """The answers: known effects, what is named, decoys."""
+    header = (
+        "machine",
+        "verdict",
+        "known by its source",
+        "effects named (probability)",
+        "first right",
+        "decoys accepted",
+    )
+    return markdown(header, [_found_row(each) for each in machines])
+
+
+def _found_row(each: Machine) -> tuple[str, ...]:
+    named = ", ".join(f"`{name}` ({chance:.2f})" for name, chance in each["effects"].items())
+    if not named and each["first"]:
+        named = f"`{each['first']}` as a part of what is unknown"
+    right = "in part" if each["right"] and each["partly"] else "yes" if each["right"] else "no"
+    known = ", ".join(f"`{name}`" for name in each["known"]).replace(" | ", "` or `")
+    decoys = ", ".join(f"`{name}`" for name in each["decoys_taken"])
+    return each["title"], each["verdict"], known, named or "none", right, decoys or "none"
+
+
+def error_table(machines: Sequence[Machine]) -> str:
+    """RMS errors on the test recordings."""
+    header = ("machine", "nominal", "diagnosis", *RIVALS, "unit", "noise floor", "diagnosis / best rival", "CPU")
+    return markdown(header, [_error_row(each) for each in machines])
+
+
+def _error_row(each: Machine) -> tuple[str, ...]:
+    errors = [number(each["rivals"][name]) for name in RIVALS]
+    shown = (number(each["nominal"]), number(each["ours"]), *errors, each["unit"], number(each["noise_floor"]))
+    return each["title"], *shown, f"{ratio(each):.2f}", f"{each['cpu_s']:.0f} s"
+
+
+def number_table(machines: Sequence[Machine]) -> str:
+    """Published numbers beside ours."""
+    rows = []
+    for each in machines:
+        for row in each["published"]:
+            ours = row["ours"]
+            own = "not found" if ours is None else f"{number(ours['value'])} ± {ours['std']:.1g} {ours['unit']}"
+            agrees = {True: "yes", False: "no", None: ""}[row["agrees"]]
+            rows.append((each["title"], f"`{row['key']}`", own, number(row["published"]), agrees, row["source"]))
+    return markdown(("machine", "number", "diagnosis", "published", "within 2 standard errors", "source"), rows)
+
+
+def ratio(each: Machine) -> float:
+    """The test error relative to the best rival's."""
+    return float(each["ours"] / min(each["rivals"].values()))
+
+
+def totals(machines: Sequence[Machine]) -> str:
+    """Counts over all machines, each with its goal."""
+    count = len(machines)
+    right = sum(each["right"] and not each["partly"] for each in machines)
+    lowest = sum(ratio(each) <= GOAL_RATIO for each in machines)
+    decoys = sum(bool(each["decoys_taken"]) for each in machines)
+    rows = [row for each in machines for row in each["published"]]
+    agree = sum(row["agrees"] is True for row in rows)
+    slow = sum(each["cpu_s"] > 60.0 for each in machines)
+    return markdown(
+        ("result", "reached", "goal"),
+        [
+            ("the first effect named is a known one", f"{right} of {count}", "80 %"),
+            ("machines with a decoy above 0.5", f"{decoys} of {count}", "0"),
+            ("published numbers within 2 standard errors", f"{agree} of {len(rows)}", "70 %"),
+            (f"test error at most {GOAL_RATIO} times the best rival's", f"{lowest} of {count}", "75 %"),
+            ("diagnoses of more than 60 s of CPU", f"{slow} of {count}", "0"),
+        ],
+    )
+
+
+def first_runs_table(entry: Entry) -> str:
+    """The first run of each machine, which is the one that counts: no part of the tool had seen it."""
+    rows = [
+        (
+            each["title"],
+            each["first_run"]["date"],
+            each["first_run"]["commit"],
+            each["verdict"],
+            ", ".join(f"`{name}`" for name in each["effects"]) or "none",
+            "yes" if each["right"] and not each["partly"] else "in part" if each["right"] else "no",
+            f"{number(each['ours'])} {each['unit']}",
+            f"{ratio(each):.2f}",
+        )
+        for each in entry["results"]
+    ]
+    header = ("machine", "first run", "commit", "verdict", "effects named", "first right", "test error")
+    return markdown((*header, "diagnosis / best rival"), rows)
+
+
+def sources_table(entry: Entry) -> str:
+    """Where the recordings come from."""
+    rows = [
+        (each["title"], f"{source['repository']}, {source['commit'][:8]}", source["licence"], source["about"])
+        for each in entry["results"]["machines"]
+        if "repository" in (source := each["source"])
+    ]
+    return markdown(("machine", "source, commit", "licence", "what it is"), rows)
