@@ -31,6 +31,8 @@ PARAMETER = {
 NEGATIVE = "stiffness"
 """Number of the machine file whose parameter has the opposite sign (Eq. 6: a1 < 0 pulls back)."""
 WEIGHT = "gravity.sine_nm"
+ROUNDING = 1e-6
+"""Relative distance from its range at which a value still counts as within: that of six digits."""
 UNUSED = ("valve", "supply", "end_stop")
 """Groups that have no part in a machine unless an effect of theirs was found."""
 
@@ -56,13 +58,23 @@ def put_effects(described: MachineDescription, units: UnitMap, parameters: Array
     known = {units.quantity(key).key: key for key in ROW}
     for name, value in described.effects.items():
         key = known[name]
-        bound, factor = JOINT_PARAMETERS[ROW[key]], _shown(units, key) * JOINT_PARAMETERS[ROW[key]].scale
-        low, high = bound.low * factor, bound.high * factor
-        if not low - abs(low) * 1e-6 <= value <= high + abs(high) * 1e-6:
+        low, high = _range(units, key)
+        if not _is_within(value, low, high):
             raise DescriptionError(
                 f"{described.path}: effects.{name} is {value:g}; the allowed range is {low:.4g} to {high:.4g}"
             )
         parameters[ROW[key]] = value / _shown(units, key)
+
+
+def _range(units: UnitMap, key: str) -> tuple[float, float]:
+    """The allowed range of a parameter in the units of the machine."""
+    bound = JOINT_PARAMETERS[ROW[key]]
+    factor = _shown(units, key) * bound.scale
+    return bound.low * factor, bound.high * factor
+
+
+def _is_within(value: float, low: float, high: float) -> bool:
+    return low - abs(low) * ROUNDING <= value <= high + abs(high) * ROUNDING
 
 
 def _shown(units: UnitMap, key: str) -> float:
@@ -103,7 +115,10 @@ def _is_stated(described: MachineDescription, name: str, key: str, found: Found)
 
 def _text(units: UnitMap, key: str, value: float, found: Found) -> str:
     factor = _shown(units, key)
-    return number_text(factor * value, factor * found.resolutions.get(key, math.nan))
+    text = number_text(factor * value, factor * found.resolutions.get(key, math.nan))
+    if _is_within(float(text), *_range(units, key)):
+        return text
+    return number_text(factor * value, abs(factor * value) * ROUNDING)  # rounded, it would leave its range
 
 
 def _set_number(document: YamlDocument, name: str, text: str) -> None:

@@ -7,7 +7,7 @@ finger, so that tolerances, floors and typical sizes of effects fit; the wording
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from hand_machine.found_model import PARAMETER, WEIGHT, put_effects
 from hand_machine.reading import Readings, read_machine
 from hand_machine.wording import AXIS, wording_of
 from hand_model.arrays import Array
+from hand_model.effects import EFFECTS
 from hand_model.effects.effect import NEEDS
 from hand_model.kernel.rows import DEGREE, JOINT_PARAMETERS, ROW
 from hand_model.quantities import UnitMap, Wording
@@ -112,7 +113,27 @@ def load_machine(path: Path, recordings: Sequence[Path]) -> Machine:
     named = zip(recordings, tables, strict=True)
     signals = tuple(_signals(recording, table, described, scales) for recording, table in named)
     longest = max(float(np.ptp(table.time_s)) for table in tables)
-    return Machine(described, _model(described, scales, longest, wording.units), signals, wording)
+    model = _model(described, scales, longest, wording.units)
+    if not _is_between_stops(signals):
+        model = _without_stops(described, model)
+    return Machine(described, model, signals, wording)
+
+
+def _is_between_stops(signals: Sequence[Signals]) -> bool:
+    """Whether all positions are between the stops that are out of a finger's reach; a wheel turns further."""
+    low, high = WITHOUT_PART["end_stop.low_deg"], WITHOUT_PART["end_stop.high_deg"]
+    return all(low < each.angle_rad.min() and each.angle_rad.max() < high for each in signals)
+
+
+def _without_stops(described: MachineDescription, model: AxisModel) -> AxisModel:
+    """The model without stops, unless the file has them; `end_stop` is not offered then."""
+    if any(key.startswith("end_stop") for key in described.effects):
+        return model
+    parameters = model.parameters.copy()
+    for key in ("end_stop.stiffness_nm_per_rad", "end_stop.damping_nm_s_per_rad"):
+        parameters[ROW[key]] = 0.0
+    exact = dict.fromkeys(EFFECTS["end_stop"].keys, 0.0)
+    return replace(model, parameters=parameters, tolerances={**model.tolerances, **exact})
 
 
 def _scales(described: MachineDescription, recordings: Sequence[Path], tables: Sequence[Readings]) -> Scales:

@@ -118,9 +118,16 @@ def read_run(path: Path) -> dict[str, Any]:
 
 
 def _first_runs(data: dict[str, Any]) -> dict[str, Any]:
-    """The first stored run of each machine: the stored ones, and the new machines of a run with its date and commit."""
+    """The first stored run of each machine: the stored ones, and the new machines of a run with its date and commit.
+
+    Only machines with a source of their own; the others accompanied the development of the tool.
+    """
     stored = load().get("machines/first", {"results": []})
     known = {each["machine"] for each in stored["results"]}
     about = {key: data[key] for key in ("date", "commit")}
-    new = [{**each, "first_run": about} for each in data["machines"] if each["machine"] not in known]
+    new = [{**each, "first_run": about} for each in data["machines"] if _is_new(each, known)]
     return {"results": [*stored["results"], *new]}
+
+
+def _is_new(machine: dict[str, Any], known: set[str]) -> bool:
+    return "repository" in machine["source"] and machine["machine"] not in known

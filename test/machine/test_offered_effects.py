@@ -15,6 +15,7 @@ from hand_machine.machine import AxisModel, load_machine
 from hand_model.description import load_hand
 from hand_model.effects import CATALOGUE, EFFECTS
 from hand_model.effects.effect import NEEDS
+from hand_model.kernel.rows import ROW
 from hand_model.yaml_loader import DescriptionError
 from hand_recording.installed import default_model
 
@@ -34,6 +35,18 @@ def model(folder: Path, seconds: float, **keys: object) -> AxisModel:
 
 def offered(axis: AxisModel) -> set[str]:
     return {effect.name for effect in effects_without([], axis)}
+
+
+def test_a_wheel_that_turns_further_than_a_finger_has_no_stops(tmp_path: Path) -> None:
+    """Fails when the stops of a finger hold a wheel back, or are offered to explain where it turns."""
+    time = np.arange(0.0, 30.0, 0.1)
+    np.savez(tmp_path / "run.npz", t=time, u=np.ones_like(time), x=2.0 * time)
+    keys = {"motion": "rotary", "columns": COLUMNS}
+    (tmp_path / "machine.yaml").write_text(json.dumps(SLIDE | keys), encoding="utf-8")
+    wheel = load_machine(tmp_path / "machine.yaml", [tmp_path / "run.npz"]).model
+    assert wheel.parameters[ROW["end_stop.stiffness_nm_per_rad"], 0] == 0.0
+    assert "end_stop" not in offered(wheel)
+    assert "coulomb_friction" in offered(wheel)
 
 
 def test_a_plain_axis_is_offered_no_impossible_effect(tmp_path: Path) -> None:

@@ -141,6 +141,21 @@ def test_every_parameter_survives_the_file(tmp_path: Path, linear: bool) -> None
     assert again.sizes == (units.per_torque, units.per_angle, units.per_pressure)
 
 
+def test_a_number_at_its_bound_is_not_rounded_out_of_its_range(tmp_path: Path) -> None:
+    """Fails when a coarse number near a bound is written beyond it, and the file that was written is refused."""
+    (tmp_path / "machine.yaml").write_text(MACHINE, encoding="utf-8")
+    described = load_description(tmp_path / "machine.yaml")
+    units = units_of(True, per_torque=7.0, per_angle=0.0313, per_input=2e-5)
+    key = "hysteresis.scale_deg"
+    parameter = JOINT_PARAMETERS[ROW[key]]
+    low = parameter.low * parameter.scale
+    found = Found({key: low}, {}, {key: 0.5 * low}, frozenset({key}))
+    write_found_model(described, units, found, tmp_path / "model.yaml", "")
+    parameters = np.zeros(len(JOINT_PARAMETERS))
+    put_effects(load_description(tmp_path / "model.yaml"), units, parameters)
+    assert parameters[ROW[key]] == pytest.approx(low, rel=1e-4)
+
+
 @pytest.mark.parametrize(
     ("section", "line"),
     [

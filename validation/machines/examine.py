@@ -112,7 +112,7 @@ def judged(case: Case, report: Mapping[str, Any]) -> dict[str, Any]:
         "first": first,
         "right": first in every,
         "partly": first is not None and not named,
-        "effects": named,
+        "effects": [{"effect": name, "probability": chance} for name, chance in named.items()],
         "decoys_taken": [name for name in case.decoys if max(named.get(name, 0.0), parts.get(name, 0.0)) > ACCEPTED],
     }
 

@@ -37,7 +37,7 @@ def found_table(machines: Sequence[Machine]) -> str:
 
 
 def _found_row(each: Machine) -> tuple[str, ...]:
-    named = ", ".join(f"`{name}` ({chance:.2f})" for name, chance in each["effects"].items())
+    named = ", ".join(f"`{row['effect']}` ({row['probability']:.2f})" for row in each["effects"])
     if not named and each["first"]:
         named = f"`{each['first']}` as a part of what is unknown"
     right = "in part" if each["right"] and each["partly"] else "yes" if each["right"] else "no"
@@ -104,7 +104,7 @@ def first_runs_table(entry: Entry) -> str:
             each["first_run"]["date"],
             each["first_run"]["commit"],
             each["verdict"],
-            ", ".join(f"`{name}`" for name in each["effects"]) or "none",
+            ", ".join(f"`{row['effect']}`" for row in each["effects"]) or "none",
             "yes" if each["right"] and not each["partly"] else "in part" if each["right"] else "no",
             f"{number(each['ours'])} {each['unit']}",
             f"{ratio(each):.2f}",
