@@ -87,7 +87,7 @@ proof: $(BUILT) $(CHECKED)
 
 # DATA=folder: recordings of real machines, as `python -m validation.machines collect` writes them from CLONES=folder.
 machines: $(BUILT) $(CHECKED)
-	@test -n "$(DATA)" || { echo "make machines needs DATA=folder; docs/proof.md, section Real machines, tells how" >&2; exit 2; }
+	@test -n "$(DATA)" || { echo "make machines needs DATA=folder; see docs/proof.md, section Real machines" >&2; exit 2; }
 	$(if $(CLONES),$(RUN) python -m validation.machines collect --clones $(CLONES) --data $(DATA))
 	$(RUN) python -m validation.machines --data $(DATA) $(if $(ONLY),--only $(ONLY)) --out out/machines.json
 

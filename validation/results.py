@@ -126,7 +126,10 @@ def _first_runs(data: dict[str, Any]) -> dict[str, Any]:
     known = {each["machine"] for each in stored["results"]}
     about = {key: data[key] for key in ("date", "commit")}
     new = [{**each, "first_run": about} for each in data["machines"] if _is_new(each, known)]
-    return {"results": [*stored["results"], *new]}
+    return {
+        **{key: data[key] for key in ("command", "date", "commit", "machine")},
+        "results": [*stored["results"], *new],
+    }
 
 
 def _is_new(machine: dict[str, Any], known: set[str]) -> bool:

@@ -1,6 +1,6 @@
 """The machines whose recordings are examined: what is described here, and where the recordings come from.
 
-Each folder beside this module has a machine file (docs/machines.md), which leaves the known effects out, and
+Each folder next to this module has a machine file (docs/machines.md), which leaves the known effects out, and
 `published.yaml`: the source with its licence, the recordings, which of them are test data, and what is published. The
 recordings themselves are not part of this repository; `collect` reads them from clones of their sources.
 """

@@ -118,7 +118,7 @@ def judged(case: Case, report: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def published(case: Case, report: Mapping[str, Any], model: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Each published number beside ours, of a finding or of the fitted machine; agrees: within SIGMAS of our errors."""
+    """Each published number and ours, of a finding or of the fitted machine; agrees: within SIGMAS of our errors."""
     ours = {key: number for finding in report["findings"] for key, number in finding["parameters"].items()}
     ours |= {key: value for key, value in model.get("effects", {}).items() if key not in ours}
     rows = []

@@ -105,7 +105,7 @@ def _part(described: MachineDescription, table: Readings, motion: tuple[Array, A
 
 
 def split(parts: Sequence[Part], share: float) -> tuple[list[Part], list[Part]]:
-    """The first stretch of each recording to fit, and the rest (a share of it) to choose."""
+    """The first stretch of each recording to fit, and the rest to choose. share: of the rest [-]."""
     ends = [round((1.0 - share) * len(part.target)) for part in parts]
     first = [part.cut(0, end) for part, end in zip(parts, ends, strict=True)]
     rest = [part.cut(end, len(part.target)) for part, end in zip(parts, ends, strict=True)]
@@ -113,7 +113,10 @@ def split(parts: Sequence[Part], share: float) -> tuple[list[Part], list[Part]]:
 
 
 def simulate(described: MachineDescription, part: Part, still: float, law: Law) -> Array:
-    """Positions (n,) of the nominal model with the force of a law added, from the first state of a part."""
+    """Positions (n,) of the nominal model with the force of a law added, from the first state of a part.
+
+    still: speed around which the sign of the speed is smoothed [m/s or rad/s].
+    """
     x, v = float(part.states[0, 0]), float(part.states[0, 1])
     bound = LARGEST * float(np.std(part.target)) + 1.0
     given, h, out = part.states[:, 2], part.period_s, np.empty(len(part.target))

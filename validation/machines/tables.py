@@ -59,7 +59,7 @@ def _error_row(each: Machine) -> tuple[str, ...]:
 
 
 def number_table(machines: Sequence[Machine]) -> str:
-    """Published numbers beside ours."""
+    """Published numbers compared with ours."""
     rows = []
     for each in machines:
         for row in each["published"]:
