@@ -19,6 +19,7 @@ from typing import Any
 from hand_diagnosis.diagnosis import Diagnosis
 from hand_diagnosis.diagnosis import diagnose as run_diagnosis
 from hand_diagnosis.page import write_page
+from hand_diagnosis.patch import write_patch
 from hand_diagnosis.report import document, write_report
 from hand_diagnosis.settings import SETTINGS
 from hand_model.description import Hand, load_hand
@@ -64,13 +65,14 @@ class Report:
         return self.content["next_experiment"]  # type: ignore[no-any-return]
 
     def write(self, folder: str | Path, *, page: bool = True, made: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Write report.json and model.yaml into a folder, made where it is missing, and the page; what was written.
+        """Write report.json, model.yaml and its patch into a folder, made where it is missing, and the page.
 
-        made: the entry `made` of report.json: date, version, command.  OSError: it cannot be written.
+        Returns the content of report.json.  made: its entry `made`: date, version, command.  OSError: not writable.
         """
         out = Path(folder)
         whole = self.content if made is None else {**self.content, "made": dict(made)}
         content, _ = write_report(self.diagnosis, self.hand, self.content["recordings"], out, whole)
+        write_patch(content, self.hand.path, out)
         if page:
             write_page(self.diagnosis, content, out, self.hand)
         return content

@@ -18,6 +18,7 @@ import numba
 
 from hand_diagnosis.diagnosis import diagnose
 from hand_diagnosis.page import write_page
+from hand_diagnosis.patch import write_patch
 from hand_diagnosis.report import write_report
 from hand_model.description import load_hand
 from hand_model.kernel.hooks import equations_key
@@ -75,6 +76,7 @@ def run_job(job: Job) -> list[dict[str, Any]]:
                 sensor_curve=job.sensor_curve,
             )
             content, _ = write_report(result, hand, [job.recording], out)
+            write_patch(content, hand.path, out)
             write_page(result, content, out, hand)
             stamp.write_text(key, encoding="utf-8")
         return _rows(job.recording, json.loads(report.read_text(encoding="utf-8")))

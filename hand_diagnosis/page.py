@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hand_diagnosis import patch
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
 from hand_diagnosis.drawing import hand_drawing
 from hand_diagnosis.figures import joint_figure
@@ -45,6 +46,7 @@ def write_page(diagnosis: Diagnosis, report: Mapping[str, Any], out: Path, hand:
         axis=axis,
         diagnosed=f"{count} {axis}{'' if count == 1 else 's'} diagnosed",
         made=_made(report),
+        patch=patch.shown(report, out),
         joints=[_joint(diagnosis, joint, report, nth) for joint in shown],
         fit=_fit(report),
         changes=_changes(report),

@@ -18,6 +18,7 @@ from hand_tool.identify import app as identify
 from hand_tool.live import enable, grasp, move, stop, watch
 from hand_tool.magnet import magnet
 from hand_tool.new_effect import new_effect
+from hand_tool.patch import patch
 from hand_tool.predict import predict
 from hand_tool.record import record
 from hand_tool.reproduce import reproduce
@@ -48,7 +49,7 @@ for group, subcommands in {
     RUNNING: (studio, up, move, grasp, watch, stop, enable),
     RECORDINGS: (record, simulate, excite, diagnose, predict, compare),
     BOARDS: (check_board, emulate_board),
-    MODELS: (urdf, new_effect, magnet),
+    MODELS: (patch, urdf, new_effect, magnet),
     PROOF: (demo, reproduce),
 }.items():
     for subcommand in subcommands:

@@ -19,13 +19,16 @@ if TYPE_CHECKING:
     from hand_diagnosis.fleet import Cluster
 
 LINES = 15
+WRITTEN = ("report.html", "report.json", "model.yaml", "patch.yaml")
+"""What the last line names; patch.diff and PNGs are next to them."""
 
 
 def diagnose(
     *,
     recordings: Annotated[list[Path], typer.Argument(help="rosbag2 folders or .mcap/.db3 files, or CSV with --map.")],
     out: Annotated[
-        Path | None, typer.Option(help="Folder for report.json, report.html, model.yaml and PNGs. Required.")
+        Path | None,
+        typer.Option(help="Folder for report.json, report.html, model.yaml, patch.yaml and PNGs. Required."),
     ] = None,
     model: Model = None,
     mapping: Annotated[
@@ -71,7 +74,7 @@ def diagnose(
         return
     if out is None:
         raise typer.BadParameter("a folder for the results is needed", param_hint="--out")
-    files = (out / "report.json", out / "report.html", out / "model.yaml")
+    files = tuple(out / name for name in ("report.json", "report.html", "model.yaml", "patch.yaml", "patch.diff"))
     fleet = each or jobs > 1 or scheduler is not None
     tls = (tls_ca, tls_cert, tls_key)
     table = (out / "findings.parquet", out / "summary.json")
@@ -130,7 +133,7 @@ def diagnose(
             progress.update(bar, completed=total)
         chosen.print(as_json)
         content = result.write(out, page=False, made=origin.document())
-        outputs.complete(files[0], files[2])
+        outputs.complete(files[0], *files[2:])
         from hand_diagnosis.page import write_page
 
         write_page(result.diagnosis, content, out, hand)
@@ -188,6 +191,7 @@ def _machine(
     from hand_diagnosis.diagnosis import diagnose as run
     from hand_diagnosis.found_machine import write_machine_model
     from hand_diagnosis.page import write_page
+    from hand_diagnosis.patch import write_patch
     from hand_diagnosis.report import document, write_json
     from hand_machine.machine import load_machine
 
@@ -201,6 +205,7 @@ def _machine(
     content = document(result, names, str(chosen.path)) | {"made": origin.document()}
     write_json(content, out)
     write_machine_model(result, loaded.description, names, out / "model.yaml")
+    write_patch(content, loaded.description.path, out)
     write_page(result, content, out)
     return content
 
@@ -290,7 +295,7 @@ def _summary(content: dict[str, Any], out: Path, ask: bool) -> list[str]:
         last.append(f"not diagnosed: {'; '.join(reasons)}")
     last += [f"not claimable: {row['statement']}" for row in content["not_claimable"][:2]]
     last += [f"note: {line}" for line in content["data_check"][:3]]
-    last.append(f"written: {out / 'report.html'}, {out / 'report.json'}, {out / 'model.yaml'}")
+    last.append(f"written: {', '.join(str(out / name) for name in WRITTEN)}")
     room = LINES - len(last)
     if len(lines) > room:
         lines = [*lines[: room - 1], f"and {len(lines) - room + 1} more in the report"]

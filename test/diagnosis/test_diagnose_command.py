@@ -88,6 +88,26 @@ def test_the_patched_model_runs_and_has_the_friction(report: Path) -> None:
     assert np.all(np.delete(patched.parameters[ROW["coulomb_friction.torque_nm"]], j) == 0.0)
 
 
+def test_the_patch_gives_the_model_that_was_found(report: Path, tmp_path: Path) -> None:
+    """Fails when the patch changes more or less than model.yaml does, loses a comment, or hides a standard error."""
+    model = tmp_path / "hand.yaml"
+    model.write_text(CONFIG.read_text(encoding="utf-8"), encoding="utf-8")
+    shown = hand_tool("patch", str(model), str(report / "patch.yaml"))
+    assert shown.exit_code == 0, shown.output
+    assert shown.stdout.startswith((report / "patch.diff").read_text(encoding="utf-8"))
+    assert model.read_text(encoding="utf-8") == CONFIG.read_text(encoding="utf-8")  # only shown
+    assert hand_tool("patch", str(model), str(report / "patch.yaml"), "--write").exit_code == 0
+    found = load_hand(report / "model.yaml").parameters
+    assert load_hand(model).parameters == pytest.approx(found, rel=1e-12, abs=0.0)
+    assert not np.array_equal(found, load_hand(CONFIG).parameters)
+    comments = [line for line in CONFIG.read_text(encoding="utf-8").splitlines() if "#" in line]
+    assert [line for line in model.read_text(encoding="utf-8").splitlines() if "#" in line] == comments
+    (number,) = [
+        line for line in (report / "patch.yaml").read_text(encoding="utf-8").splitlines() if " torque_nm:" in line
+    ]
+    assert "new; ± " in number and "N m, coulomb_friction (" in number
+
+
 @pytest.fixture(scope="module")
 def page(report: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     """The page in a browser, as wide as a telephone."""
@@ -125,6 +145,9 @@ def test_the_title_is_the_answer(report: Path, page: Browser) -> None:
     made = page.run("document.querySelector('.made').innerText")
     assert content["made"]["model_sha256"][:16] in made and content["made"]["date"] in made
     heat = page.run("document.querySelector('.heat').innerText")
+    patch = page.run("document.querySelector('#patch').innerText")
+    assert (report / "patch.diff").read_text(encoding="utf-8").splitlines()[-1].strip() in patch
+    assert f"hand patch {CONFIG} {report / 'patch.yaml'} --write" in patch
     before = test["rmse_before"] / test["noise_floor"]
     assert "index_distal" in heat and f"{before:.0f} → " in heat
 

@@ -26,6 +26,7 @@ OTHERS = (
     "headline",
     "page",
     "page_plots",
+    "patch",
     "prediction",
     "prediction_page",
     "settings",

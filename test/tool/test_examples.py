@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from typer.testing import CliRunner
 
+from hand_model.yaml_patch import patched_text, read_patch
 from hand_tool.cli import app
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -56,10 +58,12 @@ def test_the_plain_sample_agrees(tmp_path: Path) -> None:
 
 
 def test_the_slide_rubs(tmp_path: Path) -> None:
-    """Fails when the machine file of the example does not fit its table, or its friction is not found in newtons."""
+    """Fails when the machine file does not fit its table, the friction is not found, or the patch is incomplete."""
     folder = EXAMPLES / "machine"
     content = diagnosed(tmp_path, str(folder / "slide.csv"), "--machine", str(folder / "slide.yaml"))
     truth = runpy.run_path(str(EXAMPLES / "make_samples.py"))["SLIDE_FRICTION_N"]
     friction = content["findings"][0]["parameters"]["coulomb_friction.force_n"]
     assert friction["unit"] == "N"
     assert friction["value"] == pytest.approx(truth, rel=0.05)
+    text = patched_text(folder / "slide.yaml", read_patch(tmp_path / "patch.yaml"))
+    assert yaml.safe_load(text) == yaml.safe_load((tmp_path / "model.yaml").read_text(encoding="utf-8"))
