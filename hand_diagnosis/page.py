@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hand_diagnosis import patch
+from hand_diagnosis.detection import limit_table
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
 from hand_diagnosis.drawing import hand_drawing
 from hand_diagnosis.figures import joint_figure
@@ -47,6 +48,7 @@ def write_page(diagnosis: Diagnosis, report: Mapping[str, Any], out: Path, hand:
         diagnosed=f"{count} {axis}{'' if count == 1 else 's'} diagnosed",
         made=_made(report),
         patch=patch.shown(report, out),
+        limits=limit_table(report.get("detection_limits", [])),
         joints=[_joint(diagnosis, joint, report, nth) for joint in shown],
         fit=_fit(report),
         changes=_changes(report),

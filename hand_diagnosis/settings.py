@@ -233,6 +233,14 @@ class Settings(FitSettings):
     min_experiment_pressure_pa: float = setting(
         5e4, "Pa", "Least amplitude of a simulated experiment.", CHOICE,
         "Weak experiments are simulated.", "Stronger than some recordings.")
+    # Detection limits
+    limit_shares: tuple[float, ...] = setting((1.0 / 1024.0, 1.0 / 256.0, 1.0 / 64.0, 1.0 / 16.0, 0.25, 1.0), "-",
+        "Shares of an effect's usual size that are tried for its detection limit.", CHOICE,
+        "Smaller limits are found.", "Effects that show only beyond their usual size get a limit.")
+    limit_halvings: int = setting(3, "-", "Halvings, of the logarithm, of the interval that holds a detection limit.",
+        CHOICE, "Coarser limits, up to a factor 1.4 too large.", "Finer limits, slower pages.")
+    limit_min_coordinate: float = setting(0.01, "-", "Least prior coordinate of an amount in Occam's factor.", CHOICE,
+        "Smaller guard.", "Larger guard.")
     # Pages
     same_commands_pa: float = setting(1000.0, "Pa", "RMS difference of two set-points above which recordings are of"
         " different motions.", CHOICE, "Delays of commands count as another motion.", "Other motions are compared.")

@@ -188,11 +188,13 @@ def _machine(
     as_json: bool,
 ) -> dict[str, Any]:
     """Diagnose another machine; report and page in its units, model.yaml with the parameters found."""
+    from hand_diagnosis.detection import detection_limits
     from hand_diagnosis.diagnosis import diagnose as run
     from hand_diagnosis.found_machine import write_machine_model
     from hand_diagnosis.page import write_page
     from hand_diagnosis.patch import write_patch
     from hand_diagnosis.report import document, write_json
+    from hand_diagnosis.task import effects_without
     from hand_machine.machine import load_machine
 
     chosen = origin.model
@@ -203,6 +205,7 @@ def _machine(
     )
     names = [str(path) for path in recordings]
     content = document(result, names, str(chosen.path)) | {"made": origin.document()}
+    content["detection_limits"] = detection_limits(result, effects_without(without, loaded.model))
     write_json(content, out)
     write_machine_model(result, loaded.description, names, out / "model.yaml")
     write_patch(content, loaded.description.path, out)

@@ -17,6 +17,7 @@ OTHERS = (
     "__init__",
     "api",
     "compare",
+    "detection",
     "drawing",
     "figures",
     "fit_settings",
