@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hand_diagnosis.diagnosis import JointDiagnosis
+from hand_diagnosis.headline import effect_words
 from hand_diagnosis.laws import LawCurve
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.splits import first_test_samples, residuals_on_test, swings_freely
@@ -35,8 +36,12 @@ def nth_shown(total: int) -> int:
 
 def every_nth(joints: Sequence[JointDiagnosis]) -> int:
     """Distance of the samples to show, so that the page stays small: 1 for all."""
-    total = sum(len(s.angle_rad) for joint in joints for s in (joint.whole or joint.search.problem).segments)
-    return nth_shown(total)
+    curves = [
+        len(segment.angle_rad) * (SETTINGS.page_curves + 2 ** len(joint.search.accepted) - 1)
+        for joint in joints
+        for segment in (joint.whole or joint.search.problem).segments
+    ]
+    return nth_shown(-(-sum(curves) // SETTINGS.page_curves))
 
 
 def time_plots(joint: JointDiagnosis, stage: int, nth: int) -> list[Plot]:
@@ -49,6 +54,8 @@ def time_plots(joint: JointDiagnosis, stage: int, nth: int) -> list[Plot]:
     signal = joint.wording.signals[stage]
     noise = NOISE_BAND * scale * joint.result(stage).noise if joint.results else 0.0
     residuals = [_residuals(joint, fit, stage) for fit in (joint.search.nominal, joint.search.final)]
+    switched = [_residuals(joint, fit, stage) for fit in _with_some_off(joint)]
+    names = [effect_words(found.effect.name) for found in joint.search.accepted]
     plots = []
     for k, segment in enumerate(whole.segments):
         axis = (0.0, nth * segment.period_s)
@@ -58,7 +65,9 @@ def time_plots(joint: JointDiagnosis, stage: int, nth: int) -> list[Plot]:
         for (kind, name), each in zip(MODELS, residuals, strict=True):
             residual = scale * each[k]
             above.append(Curve(name, kind, axis, (measured - residual)[::nth]))
-            below.append(Curve(name, kind, axis, residual[::nth]))
+            variants = [scale * other[k][::nth] for other in switched] if kind == "after" else ()
+            below.append(Curve(name, kind, axis, residual[::nth], variants=variants))
+        errors = [scale * _rms(each[k]) for each in (residuals[1], *switched)]
         panels = [
             Panel(f"{signal} [{unit}]", above, height=4.0),
             Panel(f"measured - model [{unit}]", below, height=2.6, noise=noise),
@@ -68,8 +77,41 @@ def time_plots(joint: JointDiagnosis, stage: int, nth: int) -> list[Plot]:
             f"{segment.name}. Shaded: validation data; yellow: test data; band: ±2 standard deviations of the noise."
         )
         caption += f" Every {nth}th sample is shown." if nth > 1 else ""
-        plots.append(Plot("time [s]", panels, alt, caption, _spans(joint, k), f"time {k}"))
+        notes = _notes(names, errors, unit)
+        plots.append(Plot("time [s]", panels, alt, caption, _spans(joint, k), f"time {k}", names, notes))
     return plots
+
+
+def _with_some_off(joint: JointDiagnosis) -> list[MapFit]:
+    """The final model without some of its effects: entry m - 1 lacks effect k where bit k of m is set.
+
+    The other numbers stay as they were found with all effects, so that each curve shows what an effect does.
+    """
+    search = joint.search
+    found = []
+    for mask in range(1, 2 ** len(search.accepted)):
+        off = [hypothesis for k, hypothesis in enumerate(search.accepted) if mask >> k & 1]
+        fit, keys = search.with_effects_off(*(h.effect.name for h in off)), {key for h in off for key in h.keys}
+        kept = np.array([parameter.key not in keys for parameter in fit.free])
+        free = tuple(parameter for parameter, stays in zip(fit.free, kept, strict=True) if stays)
+        found.append(replace(fit, free=free, z=fit.z[kept]))
+    return found
+
+
+def _notes(names: Sequence[str], errors: Sequence[float], unit: str) -> list[str]:
+    """For each set of effects that is off, the RMS error of the recording in a sentence."""
+    notes = []
+    for mask, error in enumerate(errors):
+        off = [name for k, name in enumerate(names) if mask >> k & 1]
+        without = f"Without {' and '.join(off)}" if off else "With all effects found"
+        notes.append(f"{without}: RMS of measured - model {error:.3g} {unit}.")
+    return notes
+
+
+def _rms(residual: Array) -> float:
+    """Over the samples that count."""
+    known = residual[np.isfinite(residual)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else 0.0
 
 
 def state_plot(joint: JointDiagnosis, stage: int) -> Plot | None:

@@ -67,13 +67,16 @@ class Plot {
       one.y = values(one.y);
       one.x = Array.isArray(one.x) ? one.x : one.y.map((_, k) => one.x.start + one.x.step * k);
       for (const end of ["low", "high"]) if (one[end]) one[end] = values(one[end]);
+      one.all = [one.y, ...(one.variants || []).map(values)];
       one.shown = true;
     }
     const all = this.series.flatMap((one) => [one.x[0], one.x[one.x.length - 1]]);
     this.whole = [Math.min(...all), Math.max(...all)];
     const linked = plots.find((other) => this.data.group && other.data.group === this.data.group);
     this.view = [...(linked ? linked.view : this.whole)];
+    this.off = 0;
     this.keys();
+    this.switches();
     this.svg = element(figure, "svg", {"aria-hidden": "true"});
     figure.insertBefore(this.svg, figure.querySelector("figcaption"));
     this.readout = document.createElement("output");
@@ -103,6 +106,38 @@ class Plot {
     all.onclick = () => this.zoom(this.whole);
     row.append(all);
     this.figure.prepend(row);
+  }
+  /* Switches of effects: each changes the curves that have variants, and those that follow from them. */
+  switches() {
+    if (!this.data.switches.length) return;
+    const row = document.createElement("div"), note = document.createElement("output");
+    row.className = "keys switches";
+    row.setAttribute("role", "group");
+    row.setAttribute("aria-label", "effects in the model");
+    row.append("In the model:");
+    this.data.switches.forEach((name, k) => {
+      const button = document.createElement("button");
+      button.append(name);
+      button.setAttribute("aria-pressed", "true");
+      button.onclick = () => {
+        this.off ^= 1 << k;
+        button.setAttribute("aria-pressed", String(!(this.off >> k & 1)));
+        note.textContent = this.data.notes[this.off];
+        this.switched();
+      };
+      row.append(button);
+    });
+    note.textContent = this.data.notes[0];
+    this.figure.querySelector(".keys").after(row, note);
+  }
+  switched() {
+    const measured = this.series[0].all[0];
+    for (const one of this.series.filter((each) => each.all.length > 1)) {
+      one.y = one.all[this.off];
+      for (const other of this.series.filter((each) => each.name === one.name && each.all.length === 1))
+        other.y = this.off ? one.y.map((left, k) => left === null || measured[k] === null ? null : measured[k] - left) : other.all[0];
+    }
+    this.draw();
   }
   zoom(view) {
     const least = (this.whole[1] - this.whole[0]) * 1e-4, width = Math.max(view[1] - view[0], least);

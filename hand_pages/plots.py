@@ -24,6 +24,7 @@ class Curve:
     """A curve. x: (n,) rising, or (start, step) of a uniform axis.  y: (n,), NaN where there is none.
 
     low, high: (n,) ends of a band around it.  name: the same name in several panels is one switch.
+    variants: (n,) each, in place of y where switches of the plot are off, see Plot.
     """
 
     name: str
@@ -33,13 +34,16 @@ class Curve:
     low: Values | None = None
     high: Values | None = None
     dots: bool = False
+    variants: Sequence[Values] = ()
 
     def document(self) -> dict[str, Any]:
         """For plots.js."""
         along = dict(zip(("start", "step"), self.x, strict=True)) if isinstance(self.x, tuple) else _rounded(self.x)
         ends = {"low": self.low, "high": self.high}
         kind = f"{self.kind} dots" if self.dots else self.kind
-        content = {"name": self.name, "kind": kind, "x": along, "y": packed(self.y)}
+        content: dict[str, Any] = {"name": self.name, "kind": kind, "x": along, "y": packed(self.y)}
+        if self.variants:
+            content["variants"] = [packed(variant) for variant in self.variants]
         return content | {name: _rounded(end) for name, end in ends.items() if end is not None}
 
 
@@ -62,7 +66,9 @@ class Plot:
     """Panels over one axis. label: of this axis, with its unit.  alt: the result in a sentence, for who sees no plot.
 
     spans: (from, to, kind) shaded parts of the axis, kind "validation" or "test".  group: plots of one group are zoomed
-    together.
+    together.  switches: what can be switched off; variant m - 1 of a curve is shown for m, the sum of 2^k over the
+    switches k that are off. A curve of the same name without variants is the first curve of all minus the one with
+    them.  notes: a sentence for each m.
     """
 
     label: str
@@ -71,6 +77,8 @@ class Plot:
     caption: str = ""
     spans: Sequence[tuple[float, float, str]] = ()
     group: str = ""
+    switches: Sequence[str] = ()
+    notes: Sequence[str] = ()
 
     def json(self) -> str:
         """The content for plots.js; it cannot end the script element that contains it."""
@@ -86,6 +94,7 @@ class Plot:
         ]
         spans = [[round(begin, 4), round(end, 4), kind] for begin, end, kind in self.spans]
         content = {"label": self.label, "group": self.group, "spans": spans, "panels": panels}
+        content |= {"switches": list(self.switches), "notes": list(self.notes)}
         return script_json(content)
 
 

@@ -176,6 +176,31 @@ def test_the_plots_answer_and_say_their_result(page: Browser) -> None:
     assert page.run(shown) == whole
 
 
+def test_an_effect_can_be_switched_off(report: Path, page: Browser) -> None:
+    """Fails when a switch is not reached by the keyboard, or the residual without its effect is not drawn or stated."""
+    first = "document.querySelector('figure.plot')"
+    button, note = (
+        f"{first}.querySelector('.switches button')",
+        f"{first}.querySelector('.switches + output').innerText",
+    )
+    curves = f"[...{first}.querySelectorAll('path.curve.after')].map(c => c.getAttribute('d')).join()"
+    assert page.run(f"{button}.innerText") == "Coulomb friction"
+    having, said = page.run(curves), page.run(note)
+    page.run(f"{button}.focus()")
+    page.key(" ")
+    assert page.run(f"{button}.getAttribute('aria-pressed')") == "false"
+    lacking, says = page.run(curves), page.run(note)
+    assert lacking != having
+    assert said.startswith("With all effects found: ") and says.startswith("Without Coulomb friction: ")
+    with_it, without = (float(re.search(r"model (\S+) deg", text)[1]) for text in (said, says))  # type: ignore[index]
+    content = json.loads((report / "report.json").read_text(encoding="utf-8"))
+    rows = [r for r in content["fit"] if (r["joint"], r["signal"]) == ("index_proximal", "angle")]
+    assert min(r["rmse_after"] for r in rows) <= 1.01 * with_it <= 1.03 * max(r["rmse_after"] for r in rows)
+    assert without > 5.0 * with_it
+    page.key(" ")
+    assert page.run(curves) == having
+
+
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 def test_the_page_can_be_read_on_a_telephone_and_in_the_dark(page: Browser, dark: bool) -> None:
     """Fails when the page scrolls sideways at 360 px, or its text has too little contrast."""

@@ -12,6 +12,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+from hand_diagnosis.page_plots import time_plots
 from hand_model.yaml_patch import patched_text, read_patch
 from hand_tool.cli import app
 
@@ -38,7 +39,10 @@ def test_the_samples_are_those_that_the_program_makes(tmp_path: Path) -> None:
 
 
 def test_python_finds_what_is_concealed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Fails when the example of the Python interface does not run, or does not find the effect in the sample."""
+    """Fails when the example of the Python interface does not run, or does not find the effect in the sample.
+
+    Also when the page shows another residual without the effect than the simulation without it gives.
+    """
     truth = runpy.run_path(str(EXAMPLES / "make_samples.py"))["CONCEALED"]
     report = runpy.run_path(str(EXAMPLES / "diagnose.py"))["main"](tmp_path)
     (finding,) = report.findings
@@ -46,6 +50,15 @@ def test_python_finds_what_is_concealed(tmp_path: Path, capsys: pytest.CaptureFi
     number = finding["parameters"]["coulomb_friction.torque_nm"]
     assert abs(number["value"] - truth["coulomb_friction.torque_nm"]) < 3.0 * number["std"]
     assert capsys.readouterr().out.startswith("explained\n")
+    joint = report.diagnosis.joints[0]
+    (plot,) = time_plots(joint, 1, 1)
+    assert plot.switches == ["Coulomb friction"] and len(plot.notes) == 2
+    (variant,) = plot.panels[1].curves[1].variants
+    plain = joint.search.with_effects_off("coulomb_friction").residuals[0][1]
+    use = joint.search.problem.segments[0].use[1]
+    assert variant[: len(plain)][use] == pytest.approx(np.degrees(plain[use]))
+    test = variant[len(plain) :][np.isfinite(variant[len(plain) :])]
+    assert np.sqrt(np.mean(test**2)) > 10.0 * report.content["fit"][-1]["rmse_after"]  # test data lack it as well
     assert {path.name for path in tmp_path.iterdir()} >= {"report.json", "report.html", "model.yaml"}
 
 
