@@ -99,18 +99,21 @@ class JointResult:
 
 
 def ranked_findings(joints: Sequence[JointResult], signals: Sequence[Signals]) -> list[Finding]:
-    """Dropped frames first, then the findings of every joint by how much they explain; one of the hand only once."""
+    """The findings of every joint by how much they explain, one of the hand only once; missing frames last.
+
+    Frames that are missing are bridged and explain nothing of what the others show.
+    """
     scored: list[tuple[float, Finding]] = []
     for result in joints:
         gain = result.search.nominal.cost - result.search.final.cost
         scored += [(gain / (order + 1.0), finding) for order, finding in enumerate(joint_findings(result))]
     scored.sort(key=lambda pair: -pair[0])
-    unique = _dropped_frames(signals)
+    unique: list[Finding] = []
     for _, finding in scored:
         if finding.joint is None and any(f.joint is None and f.effect == finding.effect for f in unique):
             continue
         unique.append(finding)
-    return unique
+    return unique + _dropped_frames(signals)
 
 
 def _dropped_frames(signals: Sequence[Signals]) -> list[Finding]:

@@ -16,7 +16,8 @@ from hand_recording.loader import Recording, RecordingError
 from hand_recording.sample_clock import on_steady_clock
 from hand_recording.signals import Signals, samples_on_grid
 from hand_recording.time_base import FOREIGN_CLOCK_NS, TimeBase, nearest, published_on_stamp_clock
-from hand_sim.offline import Commands, Ticks, rebuild_ticks, set_points_in_force
+from hand_sim.offline import Commands, set_points_in_force
+from hand_sim.sample_ticks import Ticks, rebuild_ticks, usual_period
 
 SHORTEST_S = 2.0
 LATE_S = 0.02
@@ -98,7 +99,7 @@ def _pressures(recording: Recording, base: TimeBase, joints: tuple[str, ...]) ->
 
 def _rate_hz(stamps: NDArray[np.int64], nominal_hz: float) -> float:
     """The nominal rate, unless the stamps clearly have another one."""
-    seen = 1e9 / float(np.median(np.diff(stamps)))
+    seen = 1e9 / usual_period((stamps - stamps[0]).astype(float))
     return nominal_hz if 0.8 < seen / nominal_hz < 1.25 else seen
 
 

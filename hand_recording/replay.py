@@ -19,8 +19,9 @@ from hand_model.description import Hand
 from hand_recording.bag_writer import Topic, open_bag
 from hand_recording.loader import Recording, RecordingError
 from hand_recording.time_base import published_on_stamp_clock
-from hand_sim.offline import Commands, Measured, Ticks, replay, without_noise
+from hand_sim.offline import Commands, Measured, replay, without_noise
 from hand_sim.plant import HandPlant, SimulatedPlant
+from hand_sim.sample_ticks import Ticks
 
 VELOCITY_TIME_CONSTANT_S = 0.01
 """The driver's default, so that the replayed velocities are comparable."""

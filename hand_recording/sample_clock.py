@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from hand_model.arrays import Array, Flags
 from hand_recording.interpolation import interpolate, longest_gap_s
 from hand_recording.loader import Recording, TopicData
-from hand_sim.offline import Ticks, rebuild_ticks
+from hand_sim.sample_ticks import Ticks, rebuild_ticks
 
 MIN_SCATTER = 0.02
 """Scatter of stamps, in periods, below which readings stay at their stamps."""

@@ -30,6 +30,7 @@ from hand_recording.recording_files import RecordingError
 from hand_recording.sample_clock import has_reading, steady_times
 from hand_recording.signals import Signals, samples_on_grid
 from hand_recording.table_file import TABLES, UNITS, read_table
+from hand_sim.sample_ticks import usual_period
 
 PERIOD_S = (1e-6, 1.0)
 """Least and largest median distance of the samples of a table; no motion of a machine is seen at a lower rate."""
@@ -74,7 +75,7 @@ def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
 
 
 def uniform_clock(path: Path, time_s: Array) -> tuple[NDArray[np.intp], Array]:
-    """Indices (n,) of the rows with increasing times among all, and the uniform grid (T,) [s] of their median period.
+    """Indices (n,) of the rows with increasing times among all, and the uniform grid (T,) [s] of their usual period.
 
     Raises RecordingError where too few different times are left, one is not finite, or their distance is absurd.
     """
@@ -86,7 +87,7 @@ def uniform_clock(path: Path, time_s: Array) -> tuple[NDArray[np.intp], Array]:
         raise RecordingError(f"{path}: a time is {worst:g} s; the allowed range is {-LATEST_S:g} to {LATEST_S:g} s")
     if len(times) < 3 or not np.isfinite(times).all() or times[-1] - times[0] < SHORTEST_S:
         raise RecordingError(f"{path} has {len(times)} different times; {SHORTEST_S:g} s of samples are needed")
-    period_s = float(np.median(np.diff(times)))
+    period_s = usual_period(times)
     if not PERIOD_S[0] <= period_s <= PERIOD_S[1]:
         raise RecordingError(
             f"{path}: its times are {period_s:.4g} s apart; the allowed range is {PERIOD_S[0]:g} to {PERIOD_S[1]:g} s;"

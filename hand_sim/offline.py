@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_driver.board import lifetime_ticks
 from hand_model.arrays import Array
@@ -13,8 +12,7 @@ from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
 from hand_model.statics import torque
 from hand_sim.plant import CREEP, OMEGA, PHI, STATES, HandPlant, HandPlants, P, resting_state
-
-Stamps = NDArray[np.int64]
+from hand_sim.sample_ticks import Stamps, Ticks, rebuild_ticks
 
 REST_S = 0.25
 """The beginning of a recording over which its initial state is averaged."""
@@ -26,12 +24,6 @@ CREEP_TRIAL = 0.02
 """Change of the creeping ratio by which its effect is found."""
 CREEP_GAIN_RAD = 0.2
 """A joint whose angle answers the creeping ratio by less (RMS, rad for a ratio of 1) has no information on it."""
-FIRST_FRAMES = 20
-"""Frames from which the phase of the clock that numbers frames is taken at its start."""
-MAX_DRIFT, MAX_WRONG_RATE = 0.03, 0.4
-"""Relative deviation of a board's clock from its rate; largest one of that rate from the nominal one."""
-CLOCK_GAIN = 0.05
-"""Share of a frame's deviation from the expected tick by which the clock that numbers frames is corrected."""
 VENTED_PA = 200.0
 """Mean pressures below this are those of a vented hand: sensor noise and offset."""
 
@@ -59,66 +51,6 @@ class Measured:
         return Measured(
             self.stamp_ns[index:], self.position_rad[index:], self.velocity_rad_s[index:], self.pressure_pa[index:]
         )
-
-
-@dataclass(frozen=True, slots=True)
-class Ticks:
-    """The board's sample clock rebuilt from stamps: number (N,) of each recorded frame from 0, period_s [s]."""
-
-    number: Stamps
-    period_s: float
-    start_ns: int
-
-    @property
-    def stamp_ns(self) -> Stamps:
-        """Stamps of every tick from the first recorded frame to the last, lost frames included."""
-        return self.start_ns + np.rint(np.arange(self.number[-1] + 1) * self.period_s * 1e9).astype(np.int64)
-
-
-def rebuild_ticks(stamp_ns: Stamps, rate_hz: float) -> Ticks:
-    """Number the frames by the sample clock they came from.
-
-    rate_hz is nominal; the true period is fitted, so that a board clock that drifts loses no tick. Each frame gets the
-    tick nearest to it on a clock that follows the frames before it, so that stamps may scatter by nearly half a period.
-    Raises ValueError for fewer than two frames or stamps that do not ascend.
-    """
-    if len(stamp_ns) < 2 or np.any(np.diff(stamp_ns) <= 0):
-        raise ValueError("the recording's frames must be two or more, with ascending stamps")
-    since = (stamp_ns - stamp_ns[0]).astype(float)
-    number = _tick_numbers(since * (1e-9 * rate_hz))
-    slope, intercept = np.polyfit(number, since, 1)
-    nearest = np.rint((since - intercept) / slope).astype(np.int64)
-    nearest -= nearest[0]
-    if np.any(nearest != number) and np.all(np.diff(nearest) > 0):  # a clock of constant rate, known as a whole
-        fits = [np.polyfit(numbers, since, 1, full=True) for numbers in (number, nearest)]
-        if float(fits[1][1].sum()) < float(fits[0][1].sum()):
-            number, (slope, intercept) = nearest, fits[1][0]
-    return Ticks(number, float(slope) * 1e-9, int(stamp_ns[0] + round(float(intercept))))
-
-
-def _tick_numbers(at: Array) -> Stamps:
-    """Ticks (N,) of frames at ascending times (N,) in nominal periods, by a clock that tracks phase and rate.
-
-    A second-order loop (Gardner, Phaselock Techniques, 2005) of gains CLOCK_GAIN and, for the rate, its square / 4,
-    which is critically damped.
-    """
-    usual = float(np.median(np.diff(at)))
-    usual = usual if MAX_DRIFT < abs(usual - 1.0) < MAX_WRONG_RATE else 1.0
-    first = np.mean(np.exp(2j * np.pi * at[:FIRST_FRAMES] / usual))  # the phase of the first stamp alone scatters
-    expected = float(np.angle(first)) / (2.0 * np.pi) * usual
-    numbers, rate, number = np.zeros(len(at), np.int64), usual, 0
-    for k, now in enumerate(at[1:].tolist()):
-        ticks = max(round((now - expected) / rate), 1)
-        error = now - expected - ticks * rate
-        number += ticks
-        if abs(error) < rate:  # a clock that was set does not change the rate
-            expected += ticks * rate + CLOCK_GAIN * error
-            rate += 0.25 * CLOCK_GAIN**2 * error
-            rate = min(max(rate, (1.0 - MAX_DRIFT) * usual), (1.0 + MAX_DRIFT) * usual)
-        else:
-            expected = now
-        numbers[k + 1] = number
-    return numbers
 
 
 def set_points_in_force(commands: Commands, ticks: Ticks) -> Array:

@@ -69,7 +69,8 @@ def _with_run(scores: dict[str, Any]) -> list[dict[str, Any]]:
     if any(run["commitment"] == scores["commitment"] for run in kept):
         raise ValueError(f"the run with the commitment {scores['commitment']} is stored already")
     left_out = {"reliability", "timing", "at_the_limit", "unplaced"}
-    return [*kept, {key: value for key, value in scores.items() if key not in left_out}]
+    made = provenance(f"hand trial make OUT --plant {scores['plant']}")
+    return [*kept, {"made": made} | {key: value for key, value in scores.items() if key not in left_out}]
 
 
 def read_run(path: Path) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hand_recording.sample_clock import has_reading, stamp_scatter_s, steadier, steady_times
-from hand_sim.offline import rebuild_ticks
+from hand_sim.sample_ticks import rebuild_ticks, usual_period
 
 RATE_HZ, COUNT = 100.0, 3000
 PERIOD_NS = round(1e9 / RATE_HZ)
@@ -30,6 +30,40 @@ def test_frames_get_their_ticks_although_stamps_scatter(scatter_ms: float, lost:
     np.testing.assert_array_equal(ticks.number, tick - tick[0])
     assert ticks.period_s == pytest.approx((1.0 + drift) / RATE_HZ, rel=1e-4)
     assert stamp_scatter_s(stamps, ticks) == pytest.approx(scatter_ms * 1e-3 / np.sqrt(3.0), rel=0.05, abs=1e-8)
+
+
+@pytest.mark.parametrize(("rate_hz", "scatter_ms", "lost"), [(100.0, 3.0, 0.03), (100.0, 3.0, 0.0), (200.0, 2.0, 0.0)])
+def test_wide_scatter_loses_no_frame_and_invents_none(rate_hz: float, scatter_ms: float, lost: float) -> None:
+    """Fails when normal scatter of up to 0.4 periods shifts frames by whole ticks, or gives a wrong rate."""
+    print("seed 83")
+    rng = np.random.default_rng(83)
+    tick = np.flatnonzero(rng.random(COUNT) >= lost)
+    away = np.clip(scatter_ms * 1e-3 * rng.standard_normal(len(tick)), -0.4 / rate_hz, 0.4 / rate_hz)
+    stamps = np.unique(np.rint((tick / rate_hz + away) * 1e9).astype(np.int64))
+    assert 1e9 / usual_period((stamps - stamps[0]).astype(float)) == pytest.approx(rate_hz, rel=0.02)
+    ticks = rebuild_ticks(stamps, rate_hz)
+    # Between two frames that scatter, the place of a lost one is known to a few frames only.
+    assert np.abs(ticks.number - (tick - tick[0])).max() <= 1
+    assert np.mean(ticks.number != tick - tick[0]) < 0.02
+    assert ticks.number[-1] == tick[-1] - tick[0]
+
+
+def test_a_stall_of_the_host_loses_no_frame() -> None:
+    """Fails when frames that a busy host stamps late, one right after the other, count as later frames."""
+    stamps = np.arange(COUNT) * PERIOD_NS
+    stamps[1000:1008] = stamps[1008] - np.arange(8, 0, -1) * PERIOD_NS // 20
+    np.testing.assert_array_equal(rebuild_ticks(stamps, RATE_HZ).number, np.arange(COUNT))
+
+
+@pytest.mark.parametrize("period", [0.004, 0.01, 0.013])
+def test_a_clock_whose_rate_changes_is_followed(period: float) -> None:
+    """Fails when a rate that drifts by 1 % within the recording, with lost frames, loses or invents a tick."""
+    print("seed 84")
+    rng = np.random.default_rng(84)
+    tick = np.flatnonzero(rng.random(COUNT) >= 0.02)
+    at_s = period * (tick + 0.005 * tick**2 / COUNT)
+    stamps = np.rint((at_s + 0.02 * period * rng.standard_normal(len(tick))) * 1e9).astype(np.int64)
+    np.testing.assert_array_equal(rebuild_ticks(stamps, 1.0 / period).number, tick - tick[0])
 
 
 @pytest.mark.parametrize(("true_at_ticks", "expected"), [(True, True), (False, False)])

@@ -13,8 +13,9 @@ from hand_model.description import load_hand
 from hand_sim.board import SimulatedBoard
 from hand_sim.emulator import BoardEndpoint, Emulator
 from hand_sim.faults import FaultError, Faults, FaultState, parse_disconnect, parse_stuck
-from hand_sim.offline import Commands, Measured, rebuild_ticks, replay, set_points_in_force
+from hand_sim.offline import Commands, Measured, replay, set_points_in_force
 from hand_sim.plant import CREEP, OMEGA, PHI, HandPlant, P, SimulatedPlant, resting_state
+from hand_sim.sample_ticks import rebuild_ticks
 
 HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
 COUNT = len(HAND.joints)

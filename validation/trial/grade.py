@@ -40,7 +40,7 @@ class Grade:
 
 def grade(case: dict[str, Any], report: dict[str, Any]) -> Grade:
     """Grade a case. Any effect of the truth's isolability class counts as right: the data cannot separate them."""
-    truths, findings = case["truth"], report["findings"]
+    truths, findings = case["truth"], _beyond_conditions(report["findings"], case)
     kind = case["kind"] if truths else "null"
     lead: dict[str, Any] = truths[0] if truths else {"effect": "nothing", "multiple": 0.0}
     remainder = report["remainder"]
@@ -51,7 +51,7 @@ def grade(case: dict[str, Any], report: dict[str, Any]) -> Grade:
         done.false_alarm = bool(findings or remainder)
         return done
     if kind in {"outside", "deleted"}:
-        return _grade_unknown(done, truths[0], report, case["without"])
+        return _grade_unknown(done, truths[0], report | {"findings": findings}, case["without"])
     done.place = all(any(_place(f, t) for f in findings[: len(truths)]) for t in truths)
     done.joint = all(any(_joint(f, t) for f in findings[: len(truths)]) for t in truths)
     right = [any(_names(f, t) for f in findings[: len(truths)]) for t in truths]
@@ -70,6 +70,12 @@ def grade(case: dict[str, Any], report: dict[str, Any]) -> Grade:
         done.onset = all(any(_begins(f, t, begun_s) for f in findings if _joint(f, t)) for t in truths)
     done.parameters = [error for t in truths for error in _parameter(findings, t)]
     return done
+
+
+def _beyond_conditions(findings: list[dict[str, Any]], case: dict[str, Any]) -> list[dict[str, Any]]:
+    """The findings without missing frames where the recorder did lose frames: a right statement about no effect."""
+    lost = case.get("conditions", {}).get("lost", 0.0) > 0.0
+    return [finding for finding in findings if not (lost and finding["effect"] == "dropped_frames")]
 
 
 def _grade_unknown(done: Grade, truth: dict[str, Any], report: dict[str, Any], without: str) -> Grade:

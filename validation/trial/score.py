@@ -13,7 +13,6 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
-from validation.results import provenance
 from validation.trial.calibration import brier, calibration_error, log_score, reliability
 from validation.trial.grade import WITHIN, Grade, grade
 from validation.trial.seal import unseal
@@ -67,7 +66,6 @@ def score(folder: Path, key: bytes, answers: dict[int, dict[str, Any]] | None = 
     result = {
         "commitment": commitment,
         "plant": plant_of(truth["cases"]),
-        "made": provenance(f"hand trial score {folder}"),
         "seed": truth["seed"],
         "recordings": len(grades),
         "graded": len(graded),

@@ -168,6 +168,16 @@ def test_the_scores_of_probabilities_are_those_of_the_literature() -> None:
     assert brier([]) is None and log_score([]) is None
 
 
+def test_missing_frames_are_graded_by_what_the_recorder_lost() -> None:
+    """Fails when a right statement on lost frames is a false alarm, or a wrong one, on a whole recording, is none."""
+    case = {"number": 1, "kind": "null", "truth": [], "without": "", "motion": "steps", "conditions": {"lost": 0.03}}
+    finding = {"joint": None, "place": "timing", "effect": "dropped_frames", "probability": 0.99}
+    report = {"findings": [finding], "remainder": []}
+    assert grade(case, report).false_alarm is False
+    assert grade(case | {"conditions": {"lost": 0.0}}, report).false_alarm is True
+    assert grade({key: case[key] for key in case if key != "conditions"}, report).false_alarm is True
+
+
 def test_the_tables_say_what_the_scores_say() -> None:
     """Fails when a goal that is not reached, or an example of a failure, is missing in the tables of the page."""
     share = {"value": 0.5, "low": 0.2, "high": 0.8, "count": 4}
@@ -195,6 +205,8 @@ def test_runs_against_plants_of_others_are_added_and_never_replaced(tmp_path: Pa
     before = load().get("referees", {}).get("results", [])
     found = read_run(tmp_path)["referees"]["results"]
     assert found[:-1] == before and found[-1]["scores"] == scores and "timing" not in found[-1]
+    (tmp_path / "scores.json").write_text(json.dumps({k: v for k, v in run.items() if k != "made"}), encoding="utf-8")
+    assert set(read_run(tmp_path)["referees"]["results"][-1]["made"]) == {"command", "date", "commit", "machine"}
     table = runs_table(found)
     assert (
         "held_back, 2026-01-02: commit abcdef0, master seed 5, commitment `c0ffee`, 4 recordings (4 single)." in table
