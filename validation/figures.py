@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from validation import tables
+from validation import hand_picture, tables
 from validation.bench.__main__ import BENCHES, missing_tools, quick_results
 from validation.faults import page as faults_page
 from validation.machines import tables as machine_tables
@@ -88,6 +88,8 @@ PARTS: dict[str, Part] = {
     "python -m hand_model.tables # classes": Part("", _code("hand_model.effects", "class_table")),
     "python -m hand_model.tables # parameters": Part("", _code("hand_model.kernel.rows", "markdown_table")),
     "python -m validation.figures # settings": Part("", _code("hand_diagnosis.settings_table", "markdown_table")),
+    "python -m validation.figures # python": Part("", _code("validation.api_page", "markdown")),
+    "python -m validation.figures # hand": Part("", picture=hand_picture.PICTURE),
     "hand reproduce --out out/paper": Part("paper", tables.paper_table),
     "hand reproduce --only fig14 --out out/paper": Part("", picture="fig14.png"),
 }
@@ -136,6 +138,7 @@ def take(run: Path) -> None:
 
 def regenerate() -> None:
     """Run what takes about a minute (the paper's figures, the step response) and fill every page."""
+    hand_picture.write()
     quantities = draw_paper()
     fresh = {"paper": {**provenance("hand reproduce --out out/paper"), "results": quantities}}
     fresh["bench/steps"] = {**provenance(_bench("steps")), "results": list(quick_results("steps"))}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import runpy
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,11 @@ import yaml
 from typer.testing import CliRunner
 
 from hand_diagnosis.page_plots import time_plots
+from hand_model.kernel.rows import ROW
 from hand_model.yaml_patch import patched_text, read_patch
 from hand_tool.cli import app
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-SAMPLES = EXAMPLES / "recordings"
 
 
 def diagnosed(out: Path, *arguments: str) -> dict[str, Any]:
@@ -62,12 +63,25 @@ def test_python_finds_what_is_concealed(tmp_path: Path, capsys: pytest.CaptureFi
     assert {path.name for path in tmp_path.iterdir()} >= {"report.json", "report.html", "model.yaml"}
 
 
-def test_the_plain_sample_agrees(tmp_path: Path) -> None:
-    """Fails when the sample without an effect shows one, or its map does not fit."""
-    mapping = str(SAMPLES / "map.yaml")
-    content = diagnosed(tmp_path, str(SAMPLES / "index_plain.csv"), "--map", mapping, "--joints", "index_distal")
-    assert content["verdict"] == "agrees"
-    assert content["findings"] == []
+def test_the_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when a cell raises or keeps outputs of a run, or another effect is found, or one in the plain sample."""
+    notebook = json.loads((EXAMPLES / "diagnosis.ipynb").read_text(encoding="utf-8"))
+    assert (notebook["nbformat"], len({cell["id"] for cell in notebook["cells"]})) == (4, len(notebook["cells"]))
+    shutil.copytree(EXAMPLES / "recordings", tmp_path / "examples" / "recordings")
+    (tmp_path / "config").mkdir()
+    shutil.copy(EXAMPLES.parent / "config" / "hand.yaml", tmp_path / "config")
+    monkeypatch.chdir(tmp_path / "examples")
+    names: dict[str, Any] = {}
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            assert cell["outputs"] == []
+            exec(compile("".join(cell["source"]), cell["id"], "exec"), names)
+    assert [finding["effect"] for finding in names["report"].findings] == ["coulomb_friction"]
+    assert (names["agreeing"].verdict, names["agreeing"].findings) == ("agrees", [])
+    found = names["report"].findings[0]["parameters"]["coulomb_friction.torque_nm"]["value"]
+    assert 0.0 < names["friction"]["value"] < found
+    j = names["patched"].joints.index("index_distal")
+    assert names["patched"].parameters[ROW["coulomb_friction.torque_nm"], j] == pytest.approx(found, rel=0.1)
 
 
 def test_the_slide_rubs(tmp_path: Path) -> None:

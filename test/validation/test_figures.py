@@ -5,9 +5,14 @@ from __future__ import annotations
 import re
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
+from hand_model.description import load_hand
+from hand_model.geometry import link_poses
+from validation import hand_picture
 from validation.figures import PARTS, Part, check, fill, layout, main, pages, quick_fault, sections
 from validation.results import ROOT, STORE, load
 
@@ -41,6 +46,22 @@ def test_every_picture_is_generated() -> None:
         inside = sum(picture.name in content for content in contents.values())
         anywhere = sum(page.read_text(encoding="utf-8").count(picture.name) for page in pages())
         assert inside == anywhere > 0, picture.name
+
+
+def test_the_drawing_of_the_hand_is_current() -> None:
+    """Fails when config/hand.yaml or the drawing changes and the picture in the documents does not."""
+    drawn = hand_picture.draw(load_hand(ROOT / "config" / "hand.yaml"))
+    assert (STORE.parent / hand_picture.PICTURE).read_text(encoding="utf-8") == drawn
+    assert all(f">{joint}</text>" in drawn for joint in load_hand(ROOT / "config" / "hand.yaml").joints)
+    root = ElementTree.fromstring(drawn)
+    assert "positive angles flex" in root.attrib["aria-label"]
+    hand = load_hand(ROOT / "config" / "hand.yaml")
+    for joint in range(len(hand.joints)):  # the palm's z axis points out of its back
+        angles = np.zeros(len(hand.joints))
+        angles[joint] = 0.7
+        link = hand.joints[joint].rpartition("_")[0] + "_distal_link"
+        straight, bent = (link_poses(hand, each)[link] @ [0.03, 0.0, 0.0, 1.0] for each in (0.0 * angles, angles))
+        assert bent[2] < straight[2], hand.joints[joint]
 
 
 def test_a_changed_number_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
