@@ -17,6 +17,9 @@ WEAK = 0.05
 """A term counts as not excited where the other regressors explain its own one except for this share of its norm."""
 MIN_PRESSURE_SPAN_PA = 2e4
 MIN_ANGLE_SPAN_DEG = 10.0
+PRESSURE_UNITS = ((0.2, 10.0, "bar"), (20.0, 1000.0, "kPa"))
+ANGLE_UNITS = ((0.17, 2.0, "radians"),)
+"""Spans [Pa, degrees] that a rig has whose numbers are in another unit: least, most, unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,12 +155,20 @@ def _check(pressure_pa: Array, angle_rad: Array, torque_nm: Array) -> None:
     if np.ptp(pressure_pa) < MIN_PRESSURE_SPAN_PA:
         raise ValueError(
             f"the pressure spans {np.ptp(pressure_pa):.3g} Pa; {MIN_PRESSURE_SPAN_PA:g} or more are needed to"
-            " determine a2 and a3"
+            f" determine a2 and a3{_unit_question(np.ptp(pressure_pa), PRESSURE_UNITS)}"
         )
     if np.degrees(np.ptp(angle_rad)) < MIN_ANGLE_SPAN_DEG:
         raise ValueError(
             f"the angle spans {np.degrees(np.ptp(angle_rad)):.3g} degrees; {MIN_ANGLE_SPAN_DEG:g} or more are needed"
-            " to determine a1 and a3"
+            f" to determine a1 and a3{_unit_question(np.degrees(np.ptp(angle_rad)), ANGLE_UNITS)}"
         )
     if np.ptp(torque_nm) == 0.0:
         raise ValueError(f"the torque is constant at {torque_nm[0]:g} N m; is the torque sensor connected?")
+
+
+def _unit_question(span: float, units: tuple[tuple[float, float, str], ...]) -> str:
+    """The question whether a span is in another unit; empty where it is in the range of none."""
+    for least, most, unit in units:
+        if least <= span <= most:
+            return f"; are the numbers in {unit}?"
+    return ""

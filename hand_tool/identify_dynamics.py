@@ -10,8 +10,9 @@ import typer
 
 from hand_tool.chosen_model import choose_model
 from hand_tool.console import progress_bar, running
+from hand_tool.identify_write import print_written, write_into
 from hand_tool.options import AsJson, Model, Quiet, Verbose
-from hand_tool.paths import check_exists, check_folder
+from hand_tool.paths import check_exists, check_file, check_folder
 
 if TYPE_CHECKING:
     from hand_identification.dynamics import JointDynamics
@@ -29,6 +30,9 @@ def dynamics(
     sensor_curve: Annotated[
         bool, typer.Option(help="Remove the described Hall characteristic from the angles.")
     ] = True,
+    write: Annotated[
+        Path | None, typer.Option(help="Write the numbers into this hand.yaml, too, and show the difference.")
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the random starts.")] = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -45,6 +49,8 @@ def dynamics(
         for path in recordings:
             check_exists(path)
         check_folder(out)
+        if write is not None:
+            check_file(write)
         chosen = choose_model(model)
         from hand_identification.dynamics import DYNAMIC_KEYS, MATERIAL_KEYS, STATIC_KEYS, identify
         from hand_identification.model_file import write_model
@@ -67,10 +73,14 @@ def dynamics(
         files[1].write_text(json.dumps(_document(found), indent=2) + "\n", encoding="utf-8")
         outputs.complete(files[1])
         _draw(found, out)
+        diff = write_into(write, values, comment, resolutions) if write is not None else ""
     if as_json:
-        print(json.dumps(_document(found) | {"model_file": chosen.as_json()}))
-    else:
-        _print(found, out)
+        written = {} if write is None else {"written": str(write), "diff": diff}
+        print(json.dumps(_document(found) | {"model_file": chosen.as_json()} | written))
+        return
+    _print(found, out)
+    if write is not None:
+        print_written(write, diff)
 
 
 def _signals(recordings: list[Path], hand: Hand, sensor_curve: bool) -> list[Signals]:

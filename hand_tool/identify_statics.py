@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hand_tool.console import running
+from hand_tool.identify_write import print_written, write_into
 from hand_tool.options import AsJson, Quiet, Verbose
-from hand_tool.paths import check_exists, check_folder
+from hand_tool.paths import check_exists, check_file, check_folder
 
 if TYPE_CHECKING:
     from hand_identification.static_map import StaticMap, VolumeMap
@@ -20,16 +21,29 @@ BAGS = {".mcap", ".db3"}
 
 
 def statics(
+    *,
     rig: Annotated[
         Path, typer.Argument(help="CSV (pressure_pa, angle_deg, torque_nm, volume_m3) or a rosbag2 recording.")
     ],
-    joint: Annotated[str, typer.Option(help="Joint to take from a rosbag2 recording; its effort is the torque.")] = "",
+    joint: Annotated[
+        str,
+        typer.Option(
+            help="Joint to take from a rosbag2 recording (its effort is the torque), or to change by --write."
+        ),
+    ] = "",
     out: Annotated[Path | None, typer.Option(help="Folder for statics.json and the residual map.")] = None,
+    write: Annotated[
+        Path | None,
+        typer.Option(help="Write a0 to a3 of --joint into this hand.yaml, show the difference; comments stay."),
+    ] = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
     """Regress a0 to a3 of Eq. 6 with standard errors, and the volume map where volume_m3 was measured.
+
+    A verdict follows where the data show an absolute pressure, a wrong sign or unit, or fail virtual work; such
+    numbers are not written.
 
     Example: hand identify statics rig.csv --out out/statics
 
@@ -40,24 +54,44 @@ def statics(
         check_exists(rig)
         if out is not None:
             check_folder(out)
+        if write is not None:
+            check_file(write)
+            if not joint:
+                raise ValueError("--write needs --joint: the joint of the description whose numbers change")
         import numpy as np
 
-        from hand_identification.static_map import identify_statics, identify_volume
+        from hand_identification.static_map import TERMS, identify_statics, identify_volume
+        from hand_identification.statics_verdict import verdicts
 
         columns = _columns(rig, joint)
         pressure, angle, torque = columns["pressure_pa"], np.radians(columns["angle_deg"]), columns["torque_nm"]
         found = identify_statics(pressure, angle, torque)
         volume = identify_volume(pressure, angle, columns["volume_m3"], found) if "volume_m3" in columns else None
-        document = _document(found, volume)
+        verdict = verdicts(found, volume, pressure, angle, torque)
+        document = _document(found, volume) | {"verdict": list(verdict)}
         if out is not None:
             out.mkdir(parents=True, exist_ok=True)
             files[0].write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
             outputs.complete(files[0])
             _figure(found, pressure, angle, torque, files[1])
+        diff = ""
+        if write is not None:
+            if verdict:
+                raise ValueError(f"nothing is written to {write}: {verdict[0]}")
+            values, errors = (
+                {joint: {f"statics.{term}": float(x) for term, x in zip(TERMS, numbers, strict=True)}}
+                for numbers in (found.values, found.errors)
+            )
+            diff = write_into(write, values, f"Eq. 6 of {joint} identified from {rig.name}.", errors)
+            document["written"], document["diff"] = str(write), diff
     if as_json:
         print(json.dumps(document))
-    else:
-        _print(found, volume)
+        return
+    _print(found, volume)
+    for line in verdict or ("plausible: signs, units and pressure reference fit an actuator",):
+        print(f"verdict: {line}")
+    if write is not None:
+        print_written(write, diff)
 
 
 def _columns(rig: Path, joint: str) -> dict[str, Array]:

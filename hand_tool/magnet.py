@@ -16,14 +16,14 @@ from hand_tool.paths import check_folder
 if TYPE_CHECKING:
     from validation.magnet.contour import Optimum
 
-METHODS = ("ga", "cmaes")
+METHODS = ("ga", "cmaes", "lsq")
 
 
 def magnet(
     *,
     out: Annotated[Path, typer.Option(help="Folder for contours, figure and results.json.")],
-    method: Annotated[str, typer.Option(help="ga, cmaes or both.")] = "both",
-    budget: Annotated[int, typer.Option(help="Field evaluations per method, 30 to 100000.")] = 1000,
+    method: Annotated[str, typer.Option(help="ga (genetic algorithm), cmaes, lsq (least squares) or all.")] = "all",
+    budget: Annotated[int, typer.Option(help="Field evaluations per method at most, 30 to 100000.")] = 1000,
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -35,11 +35,11 @@ def magnet(
 
     Exit codes: 0 done, 2 bad usage or bad input.
     """
-    methods = METHODS if method == "both" else (method,)
+    methods = METHODS if method == "all" else (method,)
     numbers, figure = out / "results.json", out / "magnet.png"
     with running("magnet", numbers, figure) as outputs:
-        if method not in (*METHODS, "both"):
-            raise ValueError(f"--method is {method!r}; it must be one of {', '.join((*METHODS, 'both'))}")
+        if method not in (*METHODS, "all"):
+            raise ValueError(f"--method is {method!r}; it must be one of {', '.join((*METHODS, 'all'))}")
         if not 30 <= budget <= 100_000:
             raise ValueError(f"--budget is {budget}; the allowed range is 30 to 100000")
         check_folder(out)

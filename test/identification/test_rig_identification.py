@@ -13,6 +13,7 @@ from hand_identification.angle_calibration import calibrate_angle
 from hand_identification.force_calibration import calibrate_force, resistance_ohm
 from hand_identification.static_map import correlation_time, identify_statics, identify_volume, residual_map
 from hand_model.compliance import Actuator
+from hand_model.description import load_hand
 from hand_tool.cli import app
 
 TRUTH = Actuator(-0.012, -0.05, 1.0e-6, -4.0e-7)
@@ -192,3 +193,80 @@ def test_wrong_rig_files_get_one_line(case: str, tmp_path: Path) -> None:
     assert len(said) == 1, said
     assert line in said[0]
     assert "rig.csv" in said[0]
+
+
+def rig_file(path: Path, pressure: np.ndarray, phi: np.ndarray, torque: np.ndarray, volume: np.ndarray) -> Path:
+    table = np.array([pressure, np.degrees(phi), torque, volume]).T
+    np.savetxt(path, table, delimiter=",", header="pressure_pa,angle_deg,torque_nm,volume_m3", comments="", fmt="%.9g")
+    return path
+
+
+def measured(seed: int) -> list[np.ndarray]:
+    """Pressure, angle, torque and a volume that agrees with the torque by virtual work."""
+    pressure, phi, torque = rig(seed)
+    noise = 2e-9 * np.random.default_rng(seed).standard_normal(phi.size)
+    return [pressure, phi, torque, TRUTH.volume_m3(pressure, phi) + noise]
+
+
+FAULTS = {
+    "": (0.0, 1.0, 1.0, 1.0),
+    "absolute pressure": (101325.0, 1.0, 1.0, 1.0),
+    "torque falls with the pressure": (0.0, 1.0, -1.0, 1.0),
+    "torque rises with the angle": (0.0, -1.0, 1.0, 1.0),
+    "torque reaches": (0.0, 1.0, 1e3, 1e3),
+    "cm^3 to m^3": (0.0, 1.0, 1.0, 1e6),
+    "virtual work fails": (0.0, 1.0, 1.0, 1.2),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_faulty_rig_gets_one_verdict(fault: str, tmp_path: Path) -> None:
+    """Fails when a fault of the rig is not named, or a sound rig gets a verdict. Seed 5."""
+    pressure, phi, torque, volume = measured(5)
+    shift, turn, unit, litres = FAULTS[fault]
+    path = rig_file(tmp_path / "rig.csv", pressure + shift, turn * phi, unit * torque, litres * turn * volume)
+    if turn < 0.0:  # the volume's own sign does not change with the angle's
+        path = rig_file(path, pressure, -phi, torque, -(TRUTH.volume_m3(pressure, phi)))
+    result = CliRunner().invoke(app, ["identify", "statics", str(path)])
+    assert result.exit_code == 0, result.output
+    lines = [line for line in result.output.splitlines() if line.startswith("verdict: ")]
+    assert (fault or "plausible") in lines[0], lines
+    document = json.loads(CliRunner().invoke(app, ["identify", "statics", str(path), "--json"]).output)
+    assert bool(document["verdict"]) == bool(fault)
+
+
+@pytest.mark.parametrize(
+    ("scale", "turn", "question"), [(1e-5, 1.0, "in bar"), (1e-3, 1.0, "kPa"), (1.0, 0.0175, "radians")]
+)
+def test_a_span_in_another_unit_is_asked_for(scale: float, turn: float, question: str) -> None:
+    """Fails when a pressure in bar or kPa or an angle in radians is refused without naming the likely unit."""
+    pressure, phi, torque = rig(6)
+    with pytest.raises(ValueError, match=question):
+        identify_statics(scale * pressure, turn * phi, torque)
+
+
+def test_statics_are_written_with_comments_kept(tmp_path: Path) -> None:
+    """Fails when --write loses a comment, changes another joint, hides the difference, or writes a faulty rig."""
+    model = tmp_path / "hand.yaml"
+    text = (Path(__file__).parents[2] / "config" / "hand.yaml").read_text(encoding="utf-8")
+    model.write_text(text, encoding="utf-8")
+    pressure, phi, torque, volume = measured(7)
+    bad = rig_file(tmp_path / "bad.csv", pressure + 101325.0, phi, torque, volume)
+    good = rig_file(tmp_path / "rig.csv", pressure, phi, torque, volume)
+    options = ["--write", str(model), "--joint", "index_distal"]
+    refused = CliRunner().invoke(app, ["identify", "statics", str(bad), *options])
+    assert refused.exit_code == 2
+    assert "nothing is written" in refused.output and "absolute pressure" in refused.output
+    assert model.read_text(encoding="utf-8") == text
+    assert CliRunner().invoke(app, ["identify", "statics", str(good), *options[:2]]).exit_code == 2
+    assert CliRunner().invoke(app, ["identify", "statics", str(good), *options[:3], "toe"]).exit_code == 2
+    done = CliRunner().invoke(app, ["identify", "statics", str(good), *options])
+    assert done.exit_code == 0, done.output
+    written = model.read_text(encoding="utf-8")
+    assert [x for x in text.splitlines() if "#" in x and x not in written.splitlines()] == []
+    assert any(line.startswith("+") and "a1_nm_per_rad" in line for line in done.output.splitlines())
+    before, after = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml"), load_hand(model)
+    found = after.row("statics.a1_nm_per_rad")
+    changed = np.flatnonzero(found != before.row("statics.a1_nm_per_rad"))
+    assert [after.joints[k] for k in changed] == ["index_distal"]
+    assert found[changed[0]] == pytest.approx(TRUTH.a1, rel=0.05)

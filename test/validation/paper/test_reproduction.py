@@ -109,7 +109,7 @@ def test_a_typo_lists_the_names(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "line"), [(("--method", "annealing"), "ga, cmaes, both"), (("--budget", "3"), "30 to 100000")]
+    ("arguments", "line"), [(("--method", "annealing"), "ga, cmaes, lsq, all"), (("--budget", "3"), "30 to 100000")]
 )
 def test_bad_magnet_input_is_one_line(arguments: tuple[str, ...], line: str, tmp_path: Path) -> None:
     """Fails when `hand magnet` takes a method or budget it cannot use."""

@@ -1,0 +1,44 @@
+"""Identified numbers written into a description: its comments stay, and the difference is shown."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from hand_identification.model_file import Changes
+
+
+def write_into(model: Path, changes: Changes, comment: str, resolutions: Changes) -> str:
+    """Replace numbers of the description `model` and return the difference as a diff; empty where nothing changes.
+
+    changes, resolutions: by joint and key, SI (hand_identification/model_file.py).  ValueError, and nothing written,
+    where a joint is not in the description or the result would not load.
+    """
+    from hand_identification.model_file import write_model
+    from hand_model.description import load_hand
+    from hand_model.yaml_patch import unified_diff
+
+    hand = load_hand(model)
+    for joint in changes:
+        if joint not in hand.joints:
+            raise ValueError(f"{model}: --joint is {joint!r}; the description has: {', '.join(hand.joints)}")
+    before = model.read_text(encoding="utf-8")
+    trial = model.with_name(f".{model.name}.identified")
+    try:
+        write_model(hand, changes, trial, comment, resolutions=resolutions)
+        after = trial.read_text(encoding="utf-8")
+        trial.replace(model)
+    except ValueError as error:
+        raise ValueError(
+            f"{model} with the identified numbers is no valid description: {str(error).replace(str(trial), model.name)}"
+        ) from None
+    finally:
+        trial.unlink(missing_ok=True)
+    return unified_diff(model.name, before, after)
+
+
+def print_written(model: Path, diff: str) -> None:
+    """Print the difference and where it is written."""
+    print(diff, end="")
+    print(f"written: {model}" if diff else f"nothing changes in {model}")
