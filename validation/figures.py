@@ -77,8 +77,12 @@ PARTS: dict[str, Part] = {
     "make proof # failures": Part("trial", _trial(document.failures_table)),
     "make proof # confusion": Part("trial", picture="proof_confusion.png"),
     "make proof # reliability": Part("trial", picture="proof_reliability.png"),
-    "hand trial make OUT --plant PLANT # runs": Part("referees", _trial(document.runs_table)),
-    "hand trial make OUT --plant PLANT # families": Part("referees", _trial(document.families_table)),
+    "hand trial make OUT --plant PLANT # runs": Part(
+        "referees", lambda entry: document.runs_table(entry["results"]).strip()
+    ),
+    "hand trial make OUT --plant PLANT # families": Part(
+        "referees", lambda entry: document.families_table(entry["results"]).strip()
+    ),
     "make proof DATA=folder # machines": Part("reality", _trial(document.reality_table)),
     "make proof DATA=folder # seal": Part("reality", tables.machine_sentence),
     "make machines DATA=folder # results": Part("machines", machine_tables.machines_table),

@@ -68,9 +68,11 @@ def _with_run(scores: dict[str, Any]) -> list[dict[str, Any]]:
     kept: list[dict[str, Any]] = load().get("referees", {}).get("results", [])
     if any(run["commitment"] == scores["commitment"] for run in kept):
         raise ValueError(f"the run with the commitment {scores['commitment']} is stored already")
-    left_out = {"reliability", "timing", "at_the_limit", "unplaced"}
-    made = provenance(f"hand trial make OUT --plant {scores['plant']}")
-    return [*kept, {"made": made} | {key: value for key, value in scores.items() if key not in left_out}]
+    made = scores.get("made") or provenance(f"hand trial make OUT --plant {scores['plant']}")
+    kept_keys = ("commitment", "plant", "seed", "recordings", "kinds", "scores")
+    groups = {name: group for name, group in scores["by_group"].items() if name.startswith("family: ")}
+    by_family = {name: {score: group[score] for score in ("joint", "first", "clean")} for name, group in groups.items()}
+    return [*kept, {"made": made, "by_group": by_family} | {key: scores[key] for key in kept_keys}]
 
 
 def read_run(path: Path) -> dict[str, Any]:
