@@ -24,6 +24,8 @@ EFFECT_SPREAD = 3.0
 """Standard deviation of the prior of an effect's parameter, in typical sizes of that parameter."""
 LOG_SPREAD = 0.7
 """Standard deviation of the prior of the logarithm of a number of the plain plant that an effect sets free."""
+ABSENT_SHARE = 0.1
+"""Share of its typical size below which a model lacks a number."""
 
 NOMINAL_KEYS = (
     "valve.dead_time_s",
@@ -98,7 +100,8 @@ def nominal_free_parameters(
 ) -> list[FreeParameter]:
     """Free parameters of the plain plant around its nominal parameters (rows,), each by a relative tolerance [-].
 
-    own: tolerances of single parameters, by key; one with the tolerance 0 is exact and not free.
+    own: tolerances of single parameters, by key; one with the tolerance 0 is exact and not free. The tolerance of a
+    parameter of 0 is absolute [SI].
 
     The bounds are FARTHEST tolerances away: a larger difference indicates missing physics, not a wrong number.
     rested: whether the joint was at rest without pressure before the recording, so that its creep has decayed.
@@ -106,7 +109,7 @@ def nominal_free_parameters(
     free, own = [], own or {}
     for key in NOMINAL_KEYS:
         row = ROW[key]
-        size = max(abs(nominal[row]), _FLOOR.get(key, 0.0))
+        size = max(abs(nominal[row]), _FLOOR.get(key, 0.0)) or float(key in own)
         creepless = key.startswith("material.") and nominal[ROW["material.phi_max_deg"]] == 0.0
         if size == 0.0 or creepless or own.get(key) == 0.0:
             continue
@@ -150,7 +153,10 @@ def _free_parameters(effect: Effect, keys: Sequence[str], nominal: Array) -> lis
         centre = (bound.neutral or 0.0) * bound.scale if own else nominal[row]
         if key in effect.expected and bound.neutral is not None and nominal[row] == bound.neutral * bound.scale:
             centre = effect.expected[key] * bound.scale
-        if bound.typical > 0.0 and key not in effect.spread:
+        missing = _size_if_absent(effect, key, nominal)
+        if missing:
+            free.append(FreeParameter(row, nominal[row], missing, False, low, high))
+        elif bound.typical > 0.0 and key not in effect.spread:
             scale = bound.typical * bound.scale * (EFFECT_SPREAD if own else 1.0)
             free.append(FreeParameter(row, centre, scale, False, low, high))
         else:
@@ -161,6 +167,12 @@ def _free_parameters(effect: Effect, keys: Sequence[str], nominal: Array) -> lis
     return free
 
 
+def _size_if_absent(effect: Effect, key: str, nominal: Array) -> float:
+    """Typical size [SI] of a number that the nominal numbers (rows,) lack; 0 where they have it."""
+    size = effect.absent.get(key, 0.0) * JOINT_PARAMETERS[ROW[key]].scale
+    return size if nominal[ROW[key]] < ABSENT_SHARE * size else 0.0
+
+
 def probe_values(effect: Effect, nominal: Array) -> list[dict[int, float]]:
     """Starting points of an effect: values by row, SI; those that equal the nominal values (rows,) are left out."""
     probes = []
@@ -169,7 +181,10 @@ def probe_values(effect: Effect, nominal: Array) -> list[dict[int, float]]:
         for key, number in zip(effect.keys, probe, strict=True):
             row = ROW[key]
             bound = JOINT_PARAMETERS[row]
-            value = nominal[row] * float(number) if isinstance(number, Times) else number * bound.scale
+            value = number * bound.scale
+            if isinstance(number, Times):
+                missing = 0.0 if number == 1.0 else _size_if_absent(effect, key, nominal)
+                value = (missing or nominal[row]) * float(number)
             values[row] = float(np.clip(value, bound.low * bound.scale, bound.high * bound.scale))
         if any(values[row] != nominal[row] for row in values):
             probes.append(values)

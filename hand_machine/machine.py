@@ -31,6 +31,8 @@ LEVER_M = TORQUE / FORCE
 EFFECT_SHARE = 0.1
 """Share of the torque of a finger that effects may have."""
 LACKING_QUANTILE = 0.99
+GAIN_OVER_TRAVEL = 0.05
+"""Relative standard deviation of the gain at one end of the travel from that at the other (area, lever, winding)."""
 WARMING_S = 600.0
 """Shortest recording in which a machine may warm up or age: the shortest short-time duty of IEC 60034-1 (S2)."""
 LEAST_DAMPING, LEAST_STIFFNESS, LEAST_INERTIA = 1e-4, 1e-6, 1e-9
@@ -185,8 +187,15 @@ def _model(described: MachineDescription, scales: Scales, longest_s: float, unit
         parameters[:, None],
         np.array([-1]),
         _lacks(described, longest_s),
-        {PARAMETER[name]: tolerance for name, tolerance in described.tolerances.items()},
+        {PARAMETER[name]: tolerance for name, tolerance in described.tolerances.items()} | _over_travel(described),
     )
+
+
+def _over_travel(described: MachineDescription) -> dict[str, float]:
+    """Tolerance [SI of the model] of the gain's change over the travel, where an input has a gain that is not exact."""
+    if "input" not in described.columns or described.tolerances.get("gain") == 0.0:
+        return {}
+    return {"statics.a3_nm_per_pa_rad": GAIN_OVER_TRAVEL * TORQUE / (INPUT * TRAVEL)}
 
 
 def _lacks(described: MachineDescription, longest_s: float) -> frozenset[str]:

@@ -148,6 +148,8 @@ class Effect:
     spread: prior standard deviation of the logarithm of a key; where none is given, 0.7 for a number of the plain
     plant, and the typical size for a parameter that has one.
     expected: prior mean, in the key's unit, of a key whose neutral value is out of reach.
+    absent: typical size, in the key's unit, of a number of the plain plant that a machine may lack: far below it, the
+    prior is linear, and factors of probes act on it.
     shape: keys that set where, when or in which form the effect acts and not its size.
     says: a sentence in whose braces stand the last parts of keys, which a report replaces by number and unit, or WORDS.
     experiments: excitations that show it, the best first.  doc: what it is.  source: where the equations come from.
@@ -173,6 +175,7 @@ class Effect:
     probes: tuple[tuple[float, ...], ...] = ()
     spread: Mapping[str, float] = field(default_factory=dict)
     expected: Mapping[str, float] = field(default_factory=dict)
+    absent: Mapping[str, float] = field(default_factory=dict)
     shape: tuple[str, ...] = ()
     experiments: tuple[str, ...] = ()
     everywhere: bool = False
@@ -232,7 +235,8 @@ class Effect:
         for key in self.keys:
             if key not in known:
                 raise self._error("key", key, sorted(known))
-        for what, keys in (("spread", self.spread), ("expected", self.expected), ("shape", self.shape)):
+        own = {"spread": self.spread, "expected": self.expected, "absent": self.absent, "shape": self.shape}
+        for what, keys in own.items():
             for key in keys:
                 if key not in (*self.keys, *self.coefficients):
                     raise self._error(f"key of {what}", key, self.keys)

@@ -53,6 +53,7 @@ EFFECT = Effect(
     hooks={"damping": damping},
     keys=("dynamics.viscous_friction_nm_s_per_rad", "viscous_friction.quadratic_nm_s2_per_rad2"),
     probes=((Times(1.5), 0.0), (Times(0.6), 0.0), (Times(3.0), 0.0), (Times(1.0), 1e-3)),
+    absent={"dynamics.viscous_friction_nm_s_per_rad": 0.01},
     says="viscous friction is {viscous_friction_nm_s_per_rad}, with {quadratic_nm_s2_per_rad2} more at speed",
     experiments=("steps", "multisine"),
     doc="Linear damping that differs from the nominal one, and drag.",

@@ -11,10 +11,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hand_diagnosis.task import Task, effects_without
-from hand_identification.free_parameters import nominal_free_parameters
+from hand_identification.free_parameters import effect_free_parameters, nominal_free_parameters, probe_values
 from hand_machine.description import load_description
 from hand_machine.found_model import PARAMETER
 from hand_machine.machine import Machine, load_machine
+from hand_model.effects import EFFECTS
 from hand_model.kernel.rows import ROW
 from hand_model.yaml_loader import DescriptionError
 
@@ -110,3 +111,30 @@ def test_contradictory_numbers_are_refused(tmp_path: Path, number: dict[str, obj
     (tmp_path / "machine.yaml").write_text(json.dumps(SLIDE | {"stiffness": number}), encoding="utf-8")
     with pytest.raises(DescriptionError, match=line):
         load_description(tmp_path / "machine.yaml")
+
+
+def test_a_damping_that_is_absent_has_a_linear_prior(tmp_path: Path, recording: Path) -> None:
+    """Fails when viscous friction of a machine without damping can only be reached over many powers of ten.
+
+    A logarithmic prior around a number that stands for none leaves a common damping seven standard deviations away.
+    """
+    key, effect = "dynamics.viscous_friction_nm_s_per_rad", EFFECTS["viscous_friction"]
+    nominal = machine(tmp_path, recording, damping=0.0).model.parameters[:, 0]
+    absent = next(p for p in effect_free_parameters(effect, nominal) if p.key == key)
+    assert not absent.log
+    assert abs(absent.coordinate(0.02)) < 3.0
+    assert max(values[ROW[key]] for values in probe_values(effect, nominal)) > 0.01
+    stated = machine(tmp_path, recording).model.parameters[:, 0]
+    assert next(p for p in effect_free_parameters(effect, stated) if p.key == key).log
+
+
+def test_a_gain_that_is_not_exact_may_change_over_the_travel(tmp_path: Path, recording: Path) -> None:
+    """Fails when the gain is taken as constant over the travel, or an exact one as variable."""
+    key = "statics.a3_nm_per_pa_rad"
+
+    def free(**keys: object) -> set[str]:
+        model = machine(tmp_path, recording, **keys).model
+        return {p.key for p in nominal_free_parameters(model.parameters[:, 0], 0.1, True, model.tolerances)}
+
+    assert key in free()
+    assert key not in free(gain={"value": GAIN, "exact": True})
