@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from hand_diagnosis.settings import SETTINGS
 from hand_pages.page import data_uri, png, write_html
 from hand_pages.plots import Curve, Panel, Plot, packed, runs
+from validation.browser import Browser
 
 PACKAGES = {"hand_diagnosis": "report.html", "hand_tool": "demo_page.html", "validation.paper": "page.html"}
 ROOT = Path(__file__).resolve().parents[2]
@@ -80,6 +81,35 @@ def test_no_name_ends_the_script_of_a_plot() -> None:
     plot = Plot("</script>", [Panel("<b>", [Curve("a", "after", (0.0, 0.1), np.arange(3.0))])], "alt")
     assert "<" not in plot.json()
     assert json.loads(plot.json())["panels"][0]["series"][0]["x"] == {"start": 0.0, "step": 0.1}
+
+
+def test_switches_show_the_curve_of_every_combination(tmp_path: Path) -> None:
+    """Fails when two switches show another variant than that of both, or the model's curve does not follow."""
+    axis, level = (0.0, 1.0), np.ones(4)
+    below = Curve("model", "after", axis, 0.0 * level, variants=[k * level for k in (1.0, 2.0, 3.0)])
+    above = [Curve("measured", "measured", axis, 10.0 * level), Curve("model", "after", axis, 10.0 * level)]
+    panels, notes = [Panel("signal", above), Panel("error", [below])], ["none off", "a off", "b off", "both off"]
+    plot = Plot("time", panels, "alt", switches=["a", "b"], notes=notes)
+    script = (ROOT / "hand_pages" / "plots.js").read_text(encoding="utf-8")
+    data = f'<script type="application/json">{plot.json()}</script>'
+    figure = f'<figure class="plot" tabindex="0">{data}<figcaption></figcaption></figure>'
+    (tmp_path / "page.html").write_text(f"<!doctype html>{figure}<script>{script}</script>", encoding="utf-8")
+    browser = Browser(tmp_path, (tmp_path / "page.html").as_uri())
+    try:
+        browser.until("document.querySelector('.switches')")
+        shown = []
+        for name in ("a", "b", "a"):
+            browser.run(
+                f"[...document.querySelectorAll('.switches button')].find(b => b.innerText === '{name}').click()"
+            )
+            note = browser.run("document.querySelector('.switches + output').innerText")
+            browser.run("document.querySelector('figure > svg').onpointermove({clientX: 150})")
+            shown.append((note, browser.run("document.querySelector('svg + output').innerText")))
+    finally:
+        browser.close()
+    assert [note for note, _ in shown] == ["a off", "both off", "b off"]
+    for (_, values), error in zip(shown, (1, 3, 2), strict=True):
+        assert values.endswith(f"signal, measured 10; signal, model {10 - error}; error, model {error}"), values
 
 
 @pytest.mark.parametrize("name", ["style.css", "plots.js", "parts.html", "base.html"])
