@@ -11,6 +11,8 @@ MAP response to s); the rest s' would be seen. The effect counts as shown at the
 
 These are the conditions of the search for an effect, in expectation over the noise, for one amount at a time: further
 numbers of an effect and rival effects cost evidence, too, so a limit holds for the effect alone.
+
+Of a long recording only the beginning is used (SETTINGS.limit_samples); the whole shows no less.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ import numpy as np
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
 from hand_diagnosis.hypotheses import Probes, log_likelihood, probes_at, validation_rmse
 from hand_diagnosis.settings import SETTINGS
+from hand_diagnosis.splits import beginning
 from hand_identification.free_parameters import effect_free_parameters
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, map_fit
@@ -81,7 +84,7 @@ def detection_limits(diagnosis: Diagnosis, effects: Sequence[Effect]) -> list[di
 
 def limits_of(joint: JointDiagnosis, effects: Sequence[Effect]) -> list[Limit]:
     """The limit of every effect that can change a signal of a joint, in the order of the catalogue."""
-    problem, final = joint.search.problem, joint.search.final
+    problem, final = beginning(joint.search.problem, SETTINGS.limit_samples), joint.search.final
     fit = map_fit(problem, final.free, final.z, 1)  # its sensitivities were not kept
     probes = probes_at(problem, fit, effects)
     if not probes.probes:

@@ -237,6 +237,8 @@ class Settings(FitSettings):
     limit_shares: tuple[float, ...] = setting((1.0 / 1024.0, 1.0 / 256.0, 1.0 / 64.0, 1.0 / 16.0, 0.25, 1.0), "-",
         "Shares of an effect's usual size that are tried for its detection limit.", CHOICE,
         "Smaller limits are found.", "Effects that show only beyond their usual size get a limit.")
+    limit_samples: int = setting(10_000, "samples", "Samples of a joint's recordings that its detection limits use.",
+        CHOICE, "Larger limits of long recordings.", "Slower pages of long recordings.")
     limit_halvings: int = setting(3, "-", "Halvings, of the logarithm, of the interval that holds a detection limit.",
         CHOICE, "Coarser limits, up to a factor 1.4 too large.", "Finer limits, slower pages.")
     limit_min_coordinate: float = setting(0.01, "-", "Least prior coordinate of an amount in Occam's factor.", CHOICE,

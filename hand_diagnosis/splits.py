@@ -61,6 +61,16 @@ def fit_part(problem: JointProblem) -> JointProblem:
     return replace(problem, segments=kept)
 
 
+def beginning(problem: JointProblem, samples: int) -> JointProblem:
+    """The problem with at most about so many samples in all, the same share of each segment from its beginning."""
+    total = sum(len(segment.angle_rad) for segment in problem.segments)
+    if total <= samples:
+        return problem
+    return replace(
+        problem, segments=[_slice(s, 0, max(len(s.angle_rad) * samples // total, 2)) for s in problem.segments]
+    )
+
+
 def _slice(segment: Segment, begin: int, end: int) -> Segment:
     """Samples begin ... end - 1 of a segment."""
     samples = len(segment.angle_rad)

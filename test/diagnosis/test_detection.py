@@ -15,6 +15,8 @@ from hand_diagnosis.detection import detection_limits, limit_table, limits_of
 from hand_diagnosis.diagnosis import JointDiagnosis
 from hand_diagnosis.hypotheses import validation_rmse
 from hand_diagnosis.report import schema
+from hand_diagnosis.settings import SETTINGS
+from hand_diagnosis.splits import beginning
 from hand_identification.map_fit import map_fit
 from hand_model.effects import EFFECTS
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
@@ -96,6 +98,21 @@ def test_worse_repeatability_gives_larger_limits(joint: JointDiagnosis) -> None:
     for fine, coarse in pairs:
         assert fine.value is not None
         assert coarse.value is None or coarse.value > 2.0 * fine.value, fine.effect
+
+
+def test_a_long_recording_is_cut(joint: JointDiagnosis, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when the time for limits grows with a recording's length, or a part of it shows more than the whole."""
+    problem = joint.search.problem
+    half = sum(len(segment.angle_rad) for segment in problem.segments) // 2
+    part = beginning(problem, half)
+    assert sum(len(segment.angle_rad) for segment in part.segments) == half
+    assert part.segments[0].use.shape[1] == half
+    effects = [EFFECTS["coulomb_friction"]]
+    (whole,) = limits_of(joint, effects)
+    monkeypatch.setattr("hand_diagnosis.detection.SETTINGS", replace(SETTINGS, limit_samples=half))
+    (fewer,) = limits_of(joint, effects)
+    assert whole.value is not None
+    assert fewer.value is None or fewer.value >= 0.8 * whole.value
 
 
 def test_only_agreement_has_limits(agreeing: Report) -> None:
