@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import secrets
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from hand_control.grasps import Grasp
     from hand_model.description import Hand
+    from hand_tool.demo_diagnosis import Outcome
     from hand_tool.demo_summary import Summary
 
 PATTERNS = ("cylindrical", "tripod", "lateral")
@@ -55,6 +57,11 @@ class Files:
         return self.folder / "replay.mcap"
 
     @property
+    def concealed(self) -> Path:
+        """The folder of the recording with a concealed effect, and of its diagnosis."""
+        return self.folder / "concealed"
+
+    @property
     def page(self) -> Path:
         """The result for people."""
         return self.folder / "index.html"
@@ -70,11 +77,16 @@ def demo(
         "out/demo"
     ),
     model: Model = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of the concealed effect. Default: a new one each time.")
+    ] = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
     """Eleven simulated joints follow three grasps over ROS 2; recorded, replayed offline and shown on a page.
+
+    At the end an effect is drawn, concealed in a recording of one finger, and looked for by `hand diagnose`.
 
     Example: hand demo --out out/demo
 
@@ -95,11 +107,12 @@ def demo(
         with progress_bar(as_json) as progress:
             _play(files, hand, grasps, progress)
             outputs.complete(files.recording)
-            summary = _evaluate(files, hand, progress)
+            outcome = _conceal(files, chosen.path, seed, progress)
+            summary = _evaluate(files, hand, outcome, progress)
     except (ProcessError, ValueError, OSError) as error:
         fail("demo", f"{error}; logs are in {files.folder / 'logs'}", 1)
-    content = summary.as_json() | {"model_file": chosen.as_json()}
-    print(json.dumps(content, indent=2) if as_json else _text(files, summary))
+    content = summary.as_json() | {"concealed": outcome.as_json(), "model_file": chosen.as_json()}
+    print(json.dumps(content, indent=2) if as_json else _text(files, summary, outcome))
     if summary.not_followed:
         raise typer.Exit(1)
 
@@ -116,6 +129,7 @@ def _prepare(files: Files, model: Path) -> tuple[Hand, dict[str, Grasp]]:
     grasps = load_grasps(model.with_name("grasps.yaml"), hand)
     files.folder.mkdir(parents=True, exist_ok=True)
     shutil.rmtree(files.folder / "logs", ignore_errors=True)
+    shutil.rmtree(files.concealed, ignore_errors=True)
     for path in (files.model, files.recording, files.replay, files.page, files.summary):
         path.unlink(missing_ok=True)
     description = YamlDocument(model)
@@ -165,7 +179,20 @@ def _play(files: Files, hand: Hand, grasps: dict[str, Grasp], progress: Progress
                 raise ProcessError(f"{name} ended with code {code}")
 
 
-def _evaluate(files: Files, hand: Hand, progress: Progress) -> Summary:
+def _conceal(files: Files, model: Path, seed: int | None, progress: Progress) -> Outcome:
+    """Conceal an effect in a recording of the hand without an object, and diagnose it."""
+    from hand_model.description import load_hand
+    from hand_tool.demo_diagnosis import conceal_and_diagnose
+
+    bar = progress.add_task("diagnosing a concealed effect", total=None)
+    outcome = conceal_and_diagnose(
+        load_hand(model), model, files.concealed, secrets.randbelow(2**31) if seed is None else seed
+    )
+    progress.update(bar, total=1.0, completed=1.0)
+    return outcome
+
+
+def _evaluate(files: Files, hand: Hand, outcome: Outcome, progress: Progress) -> Summary:
     """Replay offline, compare, write page and summary."""
     from hand_recording.loader import load_recording
     from hand_recording.replay import replay_recording, write_replay
@@ -179,13 +206,14 @@ def _evaluate(files: Files, hand: Hand, progress: Progress) -> Summary:
         progress.update(bar, completed=share)
     bar = progress.add_task("drawing the page", total=None)
     summary = summarise(recording, result)
-    files.summary.write_text(json.dumps(summary.as_json(), indent=2) + "\n", encoding="utf-8")
-    write_page(files.page, recording, result, summary)
+    content = summary.as_json() | {"concealed": outcome.as_json()}
+    files.summary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    write_page(files.page, recording, result, summary, outcome)
     progress.update(bar, total=1.0, completed=1.0)
     return summary
 
 
-def _text(files: Files, summary: Summary) -> str:
+def _text(files: Files, summary: Summary, outcome: Outcome) -> str:
     worst = max(summary.joints.values(), key=lambda joint: joint.tracking_rms_deg)
     loop, replay_deg = summary.loop, max(joint.replay_rms_deg for joint in summary.joints.values())
     lines = [
@@ -194,6 +222,13 @@ def _text(files: Files, summary: Summary) -> str:
         f"loop {loop.rate_hz:.0f} Hz, missed {100 * loop.missed_fraction:.2f} %, "
         f"latency p50 {loop.latency_p50_ms:.2f} ms, p99 {loop.latency_p99_ms:.2f} ms",
         f"offline replay of the same commands: within {replay_deg:.3f} degree RMS",
+        f"concealed:  {outcome.concealed} (seed {outcome.seed}), drawn at random, unknown to hand diagnose",
+        f"found:      {outcome.answer}",
+        *(
+            f"            test error of the {row['signal']}: {row['rmse_before']:.3g} -> {row['rmse_after']:.3g}"
+            f" {row['unit']}, noise {row['noise_floor']:.3g}"
+            for row in outcome.errors
+        ),
         f"page:       {files.page}",
         f"recording:  {files.recording}   replay: {files.replay}",
         "next:       source env.bash, then",

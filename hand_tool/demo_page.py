@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from hand_pages.page import png, write_html
 from hand_recording.loader import Recording
 from hand_recording.replay import Replay
+from hand_tool.demo_diagnosis import Outcome
 from hand_tool.demo_summary import Summary
 from hand_tool.replay_difference import replayed_angle_rad
 
@@ -20,7 +21,7 @@ REFERENCE, MEASURED, REPLAYED = "#b0b0b0", "#0b5394", "#cc4125"
 mpl.use("Agg")
 
 
-def write_page(path: Path, recording: Recording, result: Replay, summary: Summary) -> None:
+def write_page(path: Path, recording: Recording, result: Replay, summary: Summary, outcome: Outcome) -> None:
     """Write the page, and angles.png, pressures.png and forces.png next to it."""
     figures = {
         "angles": _angles(recording, result),
@@ -30,7 +31,13 @@ def write_page(path: Path, recording: Recording, result: Replay, summary: Summar
     pictures = {name: png(figure) for name, figure in figures.items()}
     for name, picture in pictures.items():
         path.with_name(f"{name}.png").write_bytes(picture)
-    values = {"headline": _headline(summary), "loop": summary.loop, "joints": summary.joints, "pictures": pictures}
+    values = {
+        "headline": _headline(summary),
+        "loop": summary.loop,
+        "joints": summary.joints,
+        "pictures": pictures,
+        "outcome": outcome,
+    }
     write_html(path, "hand_tool", "demo_page.html", **values)
 
 

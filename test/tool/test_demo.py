@@ -24,7 +24,7 @@ QUIET = ("--disable-background-networking", "--disable-component-update", "--dis
 def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a demo that has run."""
     folder = tmp_path_factory.mktemp("demo")
-    command = [sys.executable, "-m", "hand_tool", "demo", "--out", str(folder / "out"), "--json"]
+    command = [sys.executable, "-m", "hand_tool", "demo", "--out", str(folder / "out"), "--json", "--seed", "5"]
     ran = subprocess.run(command, capture_output=True, text=True, timeout=240, check=False)
     assert ran.returncode == 0, ran.stderr
     summary = json.loads(ran.stdout)
@@ -73,6 +73,15 @@ def test_contact_forces_were_felt(result: Path) -> None:
     assert load_recording(result / "recording.mcap")["contact_forces"]["force"].max() > 0.3
 
 
+def test_the_concealed_effect_is_found(result: Path) -> None:
+    """Fails when the diagnosis at the end does not name what was concealed, or had no effect to find."""
+    summary = json.loads((result / "summary.json").read_text(encoding="utf-8"))["concealed"]
+    assert (summary["found"][0]["effect"], summary["found"][0]["joint"]) == (summary["effect"], summary["joint"])
+    assert summary["right"] is True
+    assert max(row["rmse_before"] / row["noise_floor"] for row in summary["errors"]) > 2.0
+    assert max(row["rmse_after"] / row["noise_floor"] for row in summary["errors"]) < 1.5
+
+
 @pytest.mark.skipif(BROWSER is None and "CI" not in os.environ, reason="no chromium on this machine")
 def test_the_page_shows_the_result_without_a_network(result: Path, tmp_path: Path) -> None:
     """Fails when the page does not render: headline, 11 rows, pictures."""
@@ -85,4 +94,4 @@ def test_the_page_shows_the_result_without_a_network(result: Path, tmp_path: Pat
     assert dom.count('<th scope="row">') == 11
     assert dom.count("data:image/png;base64,") == 3
     links = re.findall(r"""(?:src|href|url)\s*[=(]\s*["']?(?!["'\s]|data:|#)[^"'\s>)]*""", dom.split("</style>")[1])
-    assert links == []
+    assert links == ["concealed/report.html"] and (result / links[0]).is_file()
