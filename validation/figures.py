@@ -95,6 +95,7 @@ PARTS: dict[str, Part] = {
     "python -m validation.figures # python": Part("", _code("validation.api_page", "markdown")),
     "python -m validation.figures # hand": Part("", picture=hand_picture.PICTURE),
     "hand reproduce --out out/paper": Part("paper", tables.paper_table),
+    "hand reproduce --out out/paper # overview": Part("paper", tables.paper_overview),
     "hand reproduce --only fig14 --out out/paper": Part("", picture="fig14.png"),
 }
 PICTURES = {"confusion.png": "proof_confusion.png", "reliability.png": "proof_reliability.png"}

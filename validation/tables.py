@@ -139,6 +139,13 @@ def paper_table(entry: Entry) -> str:
     return f"{table}\n\n{source_line(entry)}"
 
 
+def paper_overview(entry: Entry) -> str:
+    """A row for everything that the paper shows or recommends."""
+    from validation.paper.overview import HEADER, rows  # noqa: PLC0415 - imports nothing heavy, but belongs to the paper
+
+    return f"{markdown(HEADER, rows({row['id']: row['ours'] for row in entry['results']}))}\n\n{source_line(entry)}"
+
+
 def machine_sentence(entry: Entry) -> str:
     """What the diagnosis finds on the first machine: friction under pressure, and both validation errors."""
     first = entry["results"][0]

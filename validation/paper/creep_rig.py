@@ -1,4 +1,4 @@
-"""The recording of Fig. 13: a pressure staircase and steps over 200 s on one joint with the material law."""
+"""A pressure staircase and steps over 200 s on one joint with the three-zone material law, as in Fig. 13."""
 
 from __future__ import annotations
 

@@ -74,5 +74,10 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
             Quantity("fig07_c0", "c0 of Eq. 5, log10 of ohm", "1", C0, found.c0, "the line between the ends"),
             Quantity("fig07_c1", "c1 of Eq. 5", "1", C1, found.c1, "the line between the ends"),
             Quantity("fig07_cubic", "relative error of the cubic calibration", "%", None, 100 * found.relative_rms),
+            Quantity("fig07_line", "relative error of the line", "%", None, 100 * _rms(line_force / force - 1.0)),
         ),
     )
+
+
+def _rms(error: Array) -> float:
+    return float(np.sqrt(np.mean(error**2)))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hand_pages import page
+from validation.paper.overview import HEADER, rows
 from validation.paper.result import Reproduction
 
 DPI = 130
@@ -16,6 +17,12 @@ def png(result: Reproduction) -> bytes:
     return page.png(result.figure, DPI)
 
 
-def write_page(results: Sequence[tuple[Reproduction, bytes]], path: Path) -> None:
-    """Write the page: per figure a heading, the picture (PNG), three sentences and its numbers."""
-    page.write_html(path, "validation.paper", "page.html", results=results)
+def write_page(results: Sequence[tuple[Reproduction, bytes]], path: Path, made: str = "") -> None:
+    """Write the page: the overview, then per figure a heading, the picture (PNG), three sentences and its numbers.
+
+    made: a sentence with command, seed and date.
+    """
+    values = {quantity.id: quantity.ours for result, _ in results for quantity in result.quantities}
+    page.write_html(
+        path, "validation.paper", "page.html", results=results, made=made, header=HEADER, overview=rows(values)
+    )

@@ -152,21 +152,27 @@ def run_pid(hand: Hand, parameters: Array, settings: Settings, pid: Array, seed:
     return closed_loop(hand, parameters, reference(settings), control, seed)
 
 
-def tune_pid(hand: Hand, settings: Settings, seed: int, rounds: int = 30) -> Array:
-    """The fixed gains (4,) with the least RMS error on the nominal plant, overshoot at most 5 %, all joints alike."""
-    joints = len(hand.joints)
+def tune_pid(
+    hand: Hand, settings: Settings, seed: int, rounds: int = 30, plants: Array | None = None, crowd: int = 10
+) -> Array:
+    """The fixed gains (4,) with the least RMS error, overshoot at most 5 %, all joints alike.
+
+    plants: (hands, rows, joints) to tune on; the nominal one where None.  crowd: members of the search per gain.
+    """
+    tuned_on = hand.parameters[None] if plants is None else plants
+    joints = tuned_on.shape[0] * tuned_on.shape[2]
 
     def cost(logs: Array) -> Array:
         trials = np.atleast_2d(logs.T)
         each = np.repeat(10.0**trials, joints, axis=0).T
-        run = run_pid(hand, np.repeat(hand.parameters[None], len(trials), axis=0), settings, each, seed)
+        run = run_pid(hand, np.tile(tuned_on, (len(trials), 1, 1)), settings, each, seed)
         over = run.overshoot.reshape(-1, joints).max(axis=1)
         price: Array = run.rms_deg.reshape(-1, joints).mean(axis=1) + 200.0 * np.maximum(over - 0.05, 0.0)
         return price
 
     bounds = [(4.0, 6.5), (4.0, 7.7), (2.0, 5.0), (-3.0, -1.0)]
     found = differential_evolution(
-        cost, bounds, vectorized=True, updating="deferred", popsize=10, maxiter=rounds, polish=False, rng=seed
+        cost, bounds, vectorized=True, updating="deferred", popsize=crowd, maxiter=rounds, polish=False, rng=seed
     )
     best: Array = 10.0**found.x
     return best
