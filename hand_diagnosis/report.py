@@ -72,9 +72,13 @@ def document(diagnosis: Diagnosis, recordings: Sequence[str], model: str) -> dic
         "sensor_curve": diagnosis.sensor_curve,
         "isolability": [_isolability(joint, joint.isolability) for joint in joints if joint.isolability],
         "next_experiment": next_experiment(diagnosis),
-        "settings": settings_table.document(),
-        "fit_settings": _fit_settings(),
+        **numbers_in_force(),
     }
+
+
+def numbers_in_force() -> dict[str, Any]:
+    """All numbers on which a diagnosis depends, splits of the data included: `settings` and `fit_settings`."""
+    return {"settings": settings_table.document(), "fit_settings": _fit_settings()}
 
 
 def _fit_settings() -> dict[str, Any]:

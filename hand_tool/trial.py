@@ -17,6 +17,7 @@ from hand_tool.chosen_model import choose_model
 from hand_tool.console import fail, note, progress_bar, require, running
 from hand_tool.options import AsJson, Model, Quiet, Verbose
 from hand_tool.paths import check_exists, check_folder
+from hand_tool.version import version
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -50,7 +51,8 @@ def make(
     looked at. held_back: laws and kinds of physics that are run, not looked at; note each run in docs/proof.md.
     mujoco: the hand in MuJoCo, with MuJoCo's own friction, damping, limits, tendons, weight and contact.
 
-    Prints the commitment (SHA-256 of the truth) and the key, which is not written to any file: keep it for score.
+    Prints the commitment (SHA-256 of the truth, of the tool's version and of all its settings, splits included) and the
+    key, which is not written to any file: keep it for score.
 
     Example: hand trial make out/trial --cases 40
 
@@ -67,23 +69,27 @@ def make(
             raise ValueError(f"{out} is not empty; give a new folder")
         chosen = choose_model(model)
         require("validation", "cryptography")
+        from hand_diagnosis.report import numbers_in_force
         from validation.referees.make import make as make_referees
         from validation.trial.make import make as make_trial
-        from validation.trial.seal import new_key
+        from validation.trial.seal import new_key, tool_numbers
 
         chosen.print()
         key = new_key()
         master = secrets.randbits(31) if seed is None else seed
+        tool = tool_numbers(version(), numbers_in_force())
         with _bar("cases") as advance:
             if plant == PLANTS[0]:
-                promised = make_trial(out, chosen.path, cases, master, key, jobs=jobs, progress=advance)
+                promised = make_trial(out, chosen.path, cases, master, key, jobs=jobs, progress=advance, tool=tool)
             elif plant == "mujoco":
                 require("validation", "mujoco")
                 from validation.referees.mujoco_hand import make as make_mujoco
 
-                promised = make_mujoco(out, chosen.path, cases, master, key, jobs=jobs, progress=advance)
+                promised = make_mujoco(out, chosen.path, cases, master, key, jobs=jobs, progress=advance, tool=tool)
             else:
-                promised = make_referees(out, chosen.path, cases, master, key, plant, jobs=jobs, progress=advance)
+                promised = make_referees(
+                    out, chosen.path, cases, master, key, plant, jobs=jobs, progress=advance, tool=tool
+                )
         outputs.complete(out / "recordings", out / "plan.json")
     print(f"commitment {promised}")
     print(f"key {key.decode()}")

@@ -83,11 +83,12 @@ def make(
     *,
     jobs: int,
     progress: Callable[[float], None],
+    tool: dict[str, Any] | None = None,
 ) -> str:
     """Write the folder of a trial of a half; returns the commitment, the SHA-256 of the truth.
 
     model: the nominal hand.yaml.  count: number of cases.  jobs: number of processes.  progress: called with the share
-    done, 0 to 1.  Raises ValueError: see `of_half`.
+    done, 0 to 1.  tool: see validation.trial.seal.tool_numbers.  Raises ValueError: see `of_half`.
     """
     known, kinds = of_half(half)
     out.mkdir(parents=True, exist_ok=True)
@@ -104,7 +105,7 @@ def make(
         made.append(done)
         progress(len(made) / len(cases))
     (out / "plan.json").write_text(json.dumps(plan_of(made), indent=1), encoding="utf-8")
-    return seal({"seed": seed, "cases": [asdict(case) for case in made]}, out, key)
+    return seal({"seed": seed, "tool": tool, "cases": [asdict(case) for case in made]}, out, key)
 
 
 def kinds_in_order(shares: dict[str, float], count: int, rng: Rng) -> list[str]:

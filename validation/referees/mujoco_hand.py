@@ -393,7 +393,15 @@ def _truth(means: Means, joint: str, floors: float, size: float) -> dict[str, An
 
 
 def make(
-    out: Path, model: Path, count: int, seed: int, key: bytes, *, jobs: int, progress: Callable[[float], None]
+    out: Path,
+    model: Path,
+    count: int,
+    seed: int,
+    key: bytes,
+    *,
+    jobs: int,
+    progress: Callable[[float], None],
+    tool: dict[str, Any] | None = None,
 ) -> str:
     """Write the folder of a trial on this plant; returns the commitment. Arguments: validation/referees/make.make."""
     out.mkdir(parents=True, exist_ok=True)
@@ -408,4 +416,4 @@ def make(
         made.append(done)
         progress(len(made) / len(cases))
     (out / "plan.json").write_text(json.dumps(plan_of(made), indent=1), encoding="utf-8")
-    return seal({"seed": seed, "cases": [asdict(case) for case in made]}, out, key)
+    return seal({"seed": seed, "tool": tool, "cases": [asdict(case) for case in made]}, out, key)

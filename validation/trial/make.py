@@ -93,11 +93,20 @@ def _dealt(grid: list[tuple[str, float]], count: int, rng: np.random.Generator) 
 
 
 def make(
-    out: Path, model: Path, count: int, seed: int, key: bytes, *, jobs: int, progress: Callable[[float], None]
+    out: Path,
+    model: Path,
+    count: int,
+    seed: int,
+    key: bytes,
+    *,
+    jobs: int,
+    progress: Callable[[float], None],
+    tool: dict[str, Any] | None = None,
 ) -> str:
     """Write the folder of a trial; returns the commitment, the SHA-256 of the truth.
 
     model: the nominal hand.yaml.  count: number of recordings.  progress: called with the share done, 0 to 1.
+    tool: see validation.trial.seal.tool_numbers.
     """
     out.mkdir(parents=True, exist_ok=True)
     nominal = Nominal(model)
@@ -110,8 +119,7 @@ def make(
         progress(len(made) / len(cases))
     plan = [{"number": c.number, "model": c.model, "without": c.without, "tolerance": 0.0} for c in made]
     (out / "plan.json").write_text(json.dumps(plan, indent=1), encoding="utf-8")
-    truth = {"seed": seed, "cases": [asdict(case) for case in made]}
-    return seal(truth, out, key)
+    return seal({"seed": seed, "tool": tool, "cases": [asdict(case) for case in made]}, out, key)
 
 
 def mapped(do: Callable[[W], R], work: list[W], jobs: int) -> Iterator[R]:

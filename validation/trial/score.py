@@ -15,7 +15,7 @@ import numpy as np
 
 from validation.trial.calibration import brier, calibration_error, log_score, reliability
 from validation.trial.grade import WITHIN, Grade, grade
-from validation.trial.seal import unseal
+from validation.trial.seal import tool_numbers, unseal
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
@@ -52,10 +52,10 @@ def score(folder: Path, key: bytes, answers: dict[int, dict[str, Any]] | None = 
     """Open the seal, grade every case, write scores.json and the pictures; returns the scores.
 
     answers: reports by the number of their case; None: those of the trial's folder, with the time that they took.
-    ValueError: a wrong key, a broken seal, or a missing report.
+    ValueError: a wrong key, a broken seal, a missing report, or one of another version or other settings than sealed.
     """
     truth, commitment = unseal(folder, key)
-    grades = [_grade(folder, case, answers) for case in truth["cases"]]
+    grades = [_grade(folder, case, answers, truth.get("tool")) for case in truth["cases"]]
     graded = [g for g in grades if g.kind == "null" or g.multiple >= GRADED_FROM]
     scores = {name: _share(name, graded) for name in LABELS if name not in OF_ALL}
     numbers = [error <= WITHIN for g in graded for _, error in g.parameters]
@@ -65,6 +65,7 @@ def score(folder: Path, key: bytes, answers: dict[int, dict[str, Any]] | None = 
         scores[name] = {"value": of(claims), "count": len(claims)}
     result = {
         "commitment": commitment,
+        "tool": truth.get("tool"),
         "plant": plant_of(truth["cases"]),
         "seed": truth["seed"],
         "recordings": len(grades),
@@ -95,7 +96,9 @@ def plant_of(cases: list[dict[str, Any]]) -> str:
     return str(cases[0]["half"]) if referee == "families" else referee
 
 
-def _grade(folder: Path, case: dict[str, Any], answers: dict[int, dict[str, Any]] | None) -> Grade:
+def _grade(
+    folder: Path, case: dict[str, Any], answers: dict[int, dict[str, Any]] | None, tool: dict[str, Any] | None
+) -> Grade:
     if answers is not None:
         if case["number"] not in answers:
             raise ValueError(f"case {case['number']} has no answer")
@@ -103,7 +106,10 @@ def _grade(folder: Path, case: dict[str, Any], answers: dict[int, dict[str, Any]
     found = sorted(folder.glob(f"reports/*/*_case_{case['number']:04d}/report.json"))
     if not found:
         raise ValueError(f"{folder}: case {case['number']} has no report; run the trial first")
-    return grade(case, json.loads(found[0].read_text(encoding="utf-8")))
+    report = json.loads(found[0].read_text(encoding="utf-8"))
+    if tool is not None and tool_numbers(report["made"]["version"], report) != tool:
+        raise ValueError(f"{found[0]}: made by another version or other settings than those that were sealed before")
+    return grade(case, report)
 
 
 def _share(name: str, grades: Iterable[Grade]) -> dict[str, Any]:

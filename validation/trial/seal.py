@@ -18,6 +18,15 @@ def new_key() -> bytes:
     return Fernet.generate_key()
 
 
+def tool_numbers(version: str, numbers: dict[str, Any]) -> dict[str, Any]:
+    """What a commitment contains of the tool that will diagnose: its version, and the SHA-256 of its numbers.
+
+    numbers: `settings` and `fit_settings` as report.json has them; they fix the splits of the data and every choice.
+    """
+    text = json.dumps({name: numbers[name] for name in ("settings", "fit_settings")}, sort_keys=True)
+    return {"version": version, "settings_sha256": hashlib.sha256(text.encode()).hexdigest()}
+
+
 def seal(truth: dict[str, Any], out: Path, key: bytes) -> str:
     """Write the encrypted truth and its commitment; returns the commitment, a SHA-256 in hexadecimal digits."""
     plain = json.dumps({"salt": secrets.token_hex(16), **truth}, sort_keys=True).encode()

@@ -33,8 +33,8 @@ from validation.trial.motions import EXPERIMENTS, set_points
 from validation.trial.nominal import Nominal
 from validation.trial.plant import record
 from validation.trial.run import read_plan
-from validation.trial.score import LABELS
-from validation.trial.seal import SEALED, new_key, seal, unseal
+from validation.trial.score import LABELS, score
+from validation.trial.seal import SEALED, new_key, seal, tool_numbers, unseal
 
 ROOT = Path(__file__).parents[3]
 CONFIG = ROOT / "config" / "hand.yaml"
@@ -166,6 +166,28 @@ def test_the_scores_of_probabilities_are_those_of_the_literature() -> None:
     expected = (math.log(0.8) + math.log(0.4) + math.log(0.999) + math.log(0.001)) / 4.0
     assert log_score(claims) == pytest.approx(expected)
     assert brier([]) is None and log_score([]) is None
+
+
+def test_reports_of_other_settings_than_sealed_are_refused(tmp_path: Path) -> None:
+    """Fails when the tool's version or a number of it may change between the seal and the diagnosis."""
+    numbers = {"settings": {"test_share": 0.2}, "fit_settings": {"block_s": 1.0}}
+    case = {"number": 0, "kind": "null", "truth": [], "without": "", "motion": "steps", "unplaced": []}
+    key = new_key()
+    seal({"seed": 1, "tool": tool_numbers("1.0", numbers), "cases": [case]}, tmp_path, key)
+    (tmp_path / "timing.json").write_text('{"seconds": 1.0, "jobs": 1}', encoding="utf-8")
+    place = tmp_path / "reports" / "0" / "00000_case_0000" / "report.json"
+    place.parent.mkdir(parents=True)
+    report = {**numbers, "made": {"version": "1.0"}, "findings": [], "remainder": []}
+    for changed in (
+        {"made": {"version": "1.1"}},
+        {"settings": {"test_share": 0.1}},
+        {"fit_settings": {"block_s": 2.0}},
+    ):
+        place.write_text(json.dumps(report | changed), encoding="utf-8")
+        with pytest.raises(ValueError, match="another version or other settings"):
+            score(tmp_path, key)
+    place.write_text(json.dumps(report), encoding="utf-8")
+    assert score(tmp_path, key)["tool"] == tool_numbers("1.0", numbers)
 
 
 def test_missing_frames_are_graded_by_what_the_recorder_lost() -> None:
