@@ -34,6 +34,7 @@ BENCHES = (
     "control",
     "firmware",
     "motion",
+    "liquid",
 )
 PROGRAMS = {"plant": ("cc",), "firmware": ("arm-none-eabi-gcc", "qemu-system-arm")}
 """Programs that a bench starts and that this package does not install."""
