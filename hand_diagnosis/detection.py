@@ -2,7 +2,7 @@
 
 For every effect of the catalogue, its probes are simulated on the recording's own inputs at several shares of their
 size. Of the change s of the prediction, the fitted numbers of the model take what they can within their tolerance (the
-MAP response to s); the rest s' would be seen. The effect counts as shown at the smallest share at which
+MAP response to s); the rest s' would be seen. The effect counts as shown down to the smallest share at which
 
 - the root mean square of s' on validation data exceeds the error that an effect must remove (JointProblem.claimable),
 - the validation error would fall by more than SETTINGS.min_relative_improvement, and
@@ -108,36 +108,46 @@ def _smallest_shares(problem: JointProblem, fit: MapFit, probes: Probes, keeps: 
     """Smallest share of each probe that is shown (probes,) [-], infinite for none, and the signal that shows it."""
     count = len(probes.probes)
     high, low, stage = np.full(count, np.inf), np.zeros(count), np.zeros(count)
+    still = np.ones(count, dtype=bool)  # shown at every larger share
     for share in sorted(SETTINGS.limit_shares, reverse=True):
-        tried = _tried(problem, fit, probes, np.full(count, share), keeps)
-        smaller = tried.passes & (high > share)
-        high[smaller], stage[smaller] = share, tried.stage[smaller]
-        low[~tried.passes & (high > share) & (low == 0.0)] = share
-    low = np.where(low < high, low, 0.0)
+        tried = _tried(problem, fit, probes, np.full(count, share), keeps, still)
+        low[still & ~tried.passes & np.isfinite(high)] = share
+        still &= tried.passes
+        high[still], stage[still] = share, tried.stage[still]
+    best = _smallest_of_effect(probes, high)
     for _ in range(SETTINGS.limit_halvings):
-        open_ = np.isfinite(high) & (low > 0.0)
-        if not open_.any():
-            break
-        middle = np.sqrt(np.where(open_, low * high, 1.0))
-        tried = _tried(problem, fit, probes, middle, keeps)
+        open_ = best & np.isfinite(high) & (low > 0.0)
+        middle = np.sqrt(np.where(open_, low, 1.0) * np.where(open_, high, 1.0))
+        tried = _tried(problem, fit, probes, middle, keeps, open_)
         down, up = open_ & tried.passes, open_ & ~tried.passes
         high[down], stage[down] = middle[down], tried.stage[down]
         low[up] = middle[up]
     return high, stage
 
 
-def _tried(problem: JointProblem, fit: MapFit, probes: Probes, shares: Array, keeps: Flags) -> Tried:
-    """Which probes at a share (probes,) of their size are shown."""
-    scaled = _scaled(problem, fit, probes, shares, keeps)
+def _smallest_of_effect(probes: Probes, high: Array) -> Flags:
+    """Which probes (probes,) have the smallest value of their effect; no other can have its limit."""
+    least: dict[str, float] = {}
+    for (effect, _), value in zip(probes.probes, high, strict=True):
+        least[effect.name] = min(least.get(effect.name, np.inf), float(value))
+    return np.array([value <= least[effect.name] for (effect, _), value in zip(probes.probes, high, strict=True)])
+
+
+def _tried(problem: JointProblem, fit: MapFit, probes: Probes, shares: Array, keeps: Flags, only: Flags) -> Tried:
+    """Which probes at a share (probes,) of their size are shown; only: (probes,) those that are tried."""
+    where = np.flatnonzero(only)
+    own = replace(probes, probes=[probes.probes[k] for k in where], columns=probes.columns[where])
+    scaled = _scaled(problem, fit, own, shares[where], keeps[where])
     passes, stage = np.zeros(len(shares), dtype=bool), np.zeros(len(shares))
     prior = fit.covariance
     for part, changed in scaled.changed_residuals(problem, SETTINGS.probes_at_once):
         seen, response = _unabsorbed(problem, fit, prior, changed)
         squares = problem.block_squares(seen)
-        for k, (index, own) in enumerate(zip(range(len(shares))[part], squares, strict=True)):
+        for k, (index, its_squares) in enumerate(zip(range(len(where))[part], squares, strict=True)):
             effect, values = scaled.probes[index]
-            if np.isfinite(own).all():
-                passes[index], stage[index] = _is_shown(problem, fit, effect, values, own, response[k])
+            if np.isfinite(its_squares).all():
+                shown = _is_shown(problem, fit, effect, values, its_squares, response[k])
+                passes[where[index]], stage[where[index]] = shown
     return Tried(passes, stage)
 
 
@@ -157,7 +167,7 @@ def _scaled(problem: JointProblem, fit: MapFit, probes: Probes, shares: Array, k
 def _keeps_shape(problem: JointProblem, fit: MapFit, probes: Probes) -> Flags:
     """Whether the shape of each probe (probes,) shows nothing without its amount; that of end stops does."""
     every = np.ones(len(probes.probes), dtype=bool)
-    return ~_tried(problem, fit, probes, np.zeros(len(every)), every).passes
+    return ~_tried(problem, fit, probes, np.zeros(len(every)), every, every).passes
 
 
 def _shapes(effect: Effect) -> frozenset[int]:

@@ -80,6 +80,7 @@ PARTS: dict[str, Part] = {
     "hand trial make OUT --plant PLANT # runs": Part(
         "referees", lambda entry: document.runs_table(entry["results"]).strip()
     ),
+    "hand trial make OUT --plant PLANT # summary": Part("referees", tables.referee_summary),
     "hand trial make OUT --plant PLANT # families": Part(
         "referees", lambda entry: document.families_table(entry["results"]).strip()
     ),

@@ -122,6 +122,22 @@ def trial_summary(entry: Entry) -> str:
     )
 
 
+def referee_summary(entry: Entry) -> str:
+    """One sentence on each plant of others: the newest run."""
+    newest = {run["plant"]: run for run in entry["results"]}
+    return "\n".join(_run_sentence(plant, run) for plant, run in newest.items())
+
+
+def _run_sentence(plant: str, run: Mapping[str, Any]) -> str:
+    scores = run["scores"]
+    place, first, alarm = (scores[name] for name in ("place", "first", "false_alarm"))
+    return (
+        f"- {plant}: place correct in {100 * place['value']:.0f} % of {place['count']}, effect named first in"
+        f" {100 * first['value']:.0f} % of {first['count']}, false alarms in {100 * alarm['value']:.0f} % of"
+        f" {alarm['count']} ({run['made']['date']}, commit {run['made']['commit']})."
+    )
+
+
 def paper_table(entry: Entry) -> str:
     """Every quantity of `hand reproduce`, with the paper's value where the paper prints one."""
     rows = [
