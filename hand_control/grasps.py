@@ -142,7 +142,9 @@ class Grasping:
         at_shape = np.abs(position - self._shape) < SETTLED_RAD
         held = self.contact & (self._since_s > 2.0 * RISE_S)
         settled = self.progress >= 1.0 or bool(self.contact[self._closes].all())
-        self._settled_s = self._settled_s + dt if settled and bool(np.all(at_shape | held)) else 0.0
+        # A joint that met something near its shape has to hold its torque, too, before the grasp is done.
+        resting = np.where(self.contact, held, at_shape)
+        self._settled_s = self._settled_s + dt if settled and bool(np.all(resting)) else 0.0
         if self._settled_s > SETTLED_S:
             self.outcome = Outcome.DONE
         elif self._elapsed_s > self._duration_s + PATIENCE_S:

@@ -8,7 +8,7 @@ import secrets
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -108,11 +108,12 @@ def demo(
             _play(files, hand, grasps, progress)
             outputs.complete(files.recording)
             outcome = _conceal(files, chosen.path, seed, progress)
-            summary = _evaluate(files, hand, outcome, progress)
+            content, summary = _evaluate(files, hand, outcome, progress)
     except (ProcessError, ValueError, OSError) as error:
         fail("demo", f"{error}; logs are in {files.folder / 'logs'}", 1)
-    content = summary.as_json() | {"concealed": outcome.as_json(), "model_file": chosen.as_json()}
-    print(json.dumps(content, indent=2) if as_json else _text(files, summary, outcome))
+    print(
+        json.dumps(content | {"model_file": chosen.as_json()}, indent=2) if as_json else _text(files, summary, outcome)
+    )
     if summary.not_followed:
         raise typer.Exit(1)
 
@@ -192,8 +193,8 @@ def _conceal(files: Files, model: Path, seed: int | None, progress: Progress) ->
     return outcome
 
 
-def _evaluate(files: Files, hand: Hand, outcome: Outcome, progress: Progress) -> Summary:
-    """Replay offline, compare, write page and summary."""
+def _evaluate(files: Files, hand: Hand, outcome: Outcome, progress: Progress) -> tuple[dict[str, Any], Summary]:
+    """Replay offline, compare, write page and summary; returns what is in summary.json, and the figures."""
     from hand_recording.loader import load_recording
     from hand_recording.replay import replay_recording, write_replay
     from hand_tool.demo_page import write_page
@@ -210,7 +211,7 @@ def _evaluate(files: Files, hand: Hand, outcome: Outcome, progress: Progress) ->
     files.summary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     write_page(files.page, recording, result, summary, outcome)
     progress.update(bar, total=1.0, completed=1.0)
-    return summary
+    return content, summary
 
 
 def _text(files: Files, summary: Summary, outcome: Outcome) -> str:

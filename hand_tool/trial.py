@@ -145,9 +145,10 @@ def score(
     with running("trial score", folder / "scores.json"):
         check_exists(folder)
         require("validation", "cryptography")
+        from validation.results import provenance
         from validation.trial.score import score as score_trial
 
-        result = score_trial(folder, _given_key(key))
+        result = score_trial(folder, _given_key(key), made=provenance("hand trial score OUT"))
     _print_scores(result, as_json)
 
 

@@ -68,7 +68,7 @@ def _with_run(scores: dict[str, Any]) -> list[dict[str, Any]]:
     kept: list[dict[str, Any]] = load().get("referees", {}).get("results", [])
     if any(run["commitment"] == scores["commitment"] for run in kept):
         raise ValueError(f"the run with the commitment {scores['commitment']} is stored already")
-    made = scores.get("made") or provenance(f"hand trial make OUT --plant {scores['plant']}")
+    made = scores["made"] | {"command": f"hand trial make OUT --plant {scores['plant']}"}
     kept_keys = ("commitment", "plant", "seed", "recordings", "kinds", "scores")
     groups = {name: group for name, group in scores["by_group"].items() if name.startswith("family: ")}
     by_family = {name: {score: group[score] for score in ("joint", "first", "clean")} for name, group in groups.items()}
@@ -106,7 +106,7 @@ def read_run(path: Path) -> dict[str, Any]:
     if isinstance(data, dict) and "scores" in data and data.get("plant", "trial") != "trial":
         return {"referees": {**provenance("hand trial make OUT --plant PLANT"), "results": _with_run(data)}}
     if isinstance(data, dict) and "scores" in data:
-        return {"trial": {**provenance("make proof"), "results": data}}
+        return {"trial": {**data["made"], "command": "make proof", "results": data}}
     if isinstance(data, dict) and "machines" in data:
         about = {key: data[key] for key in ("command", "date", "commit", "machine")}
         results = {key: data[key] for key in ("machines", "failed")}

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hand_control.grasps import Grasp, load_grasps
+from hand_control.grasps import Approach, Grasp, Grasping, Outcome, load_grasps
 from hand_model.description import Hand, load_hand
 from hand_model.yaml_reader import DescriptionError
 
@@ -133,3 +133,23 @@ def test_missing_file(tmp_path: Path) -> None:
     """Fails with a traceback where a file is missing."""
     with pytest.raises(DescriptionError, match=r"none\.yaml: cannot be read"):
         load_grasps(tmp_path / "none.yaml", HAND)
+
+
+def test_a_contact_near_the_shape_is_held_before_the_grasp_is_done() -> None:
+    """Fails when a grasp ends while the torque limit of a joint that met something late is still rising."""
+    start = np.zeros(len(HAND.joints))
+    shape = GRASPS["cylindrical"].shape(1.0)
+    grasping = Grasping(HAND, shape, 0.1, start, Approach(1.0, 0.05))
+    contact = np.zeros(len(HAND.joints), dtype=np.bool_)
+    joint, dt = index("thumb_proximal"), 0.005
+    while grasping.progress < 1.0:
+        grasping.step(dt, shape, contact)
+    for _ in range(30):
+        grasping.step(dt, shape, contact)
+    assert grasping.outcome is Outcome.RUNNING
+    contact[joint] = True
+    limits = []
+    while grasping.outcome is Outcome.RUNNING:
+        limits.append(grasping.step(dt, shape, contact)[1][joint])
+    assert grasping.outcome is Outcome.DONE
+    assert limits[0] < 0.06 and limits[-1] == 0.1

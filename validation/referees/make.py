@@ -22,7 +22,7 @@ from validation.referees.unknown_kinds import Kind
 from validation.trial.arrays import Array
 from validation.trial.bag import write_bag
 from validation.trial.limits import Projector
-from validation.trial.make import mapped
+from validation.trial.make import all_made
 from validation.trial.motions import EXPERIMENTS, set_points
 from validation.trial.nominal import UNCERTAIN, Nominal
 from validation.trial.plant import ROW
@@ -100,10 +100,7 @@ def make(
     work = [
         (case, [next(turns) for _ in range(3)], int(rng.integers(len(kinds))), str(model), str(out)) for case in cases
     ]
-    made: list[Case] = []
-    for done in mapped(make_case, work, jobs):
-        made.append(done)
-        progress(len(made) / len(cases))
+    made = all_made(make_case, work, jobs, progress)
     (out / "plan.json").write_text(json.dumps(plan_of(made), indent=1), encoding="utf-8")
     return seal({"seed": seed, "tool": tool, "cases": [asdict(case) for case in made]}, out, key)
 

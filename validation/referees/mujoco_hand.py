@@ -32,7 +32,7 @@ from validation.referees.make import COMMAND_FRAMES, USUAL, Case, kinds_in_order
 from validation.referees.plant import FRAME_S
 from validation.referees.shapes import Rng
 from validation.trial.arrays import Array
-from validation.trial.make import mapped
+from validation.trial.make import all_made
 from validation.trial.motions import EXPERIMENTS, set_points
 from validation.trial.nominal import UNCERTAIN, Nominal
 from validation.trial.plant import ROW
@@ -411,9 +411,6 @@ def make(
         Case(k, int(rng.integers(2**31)), kind, "development", referee="mujoco")
         for k, kind in enumerate(kinds_in_order(KINDS, count, rng))
     ]
-    made: list[Case] = []
-    for done in mapped(make_case, [(case, str(model), str(out)) for case in cases], jobs):
-        made.append(done)
-        progress(len(made) / len(cases))
+    made = all_made(make_case, [(case, str(model), str(out)) for case in cases], jobs, progress)
     (out / "plan.json").write_text(json.dumps(plan_of(made), indent=1), encoding="utf-8")
     return seal({"seed": seed, "tool": tool, "cases": [asdict(case) for case in made]}, out, key)

@@ -113,16 +113,22 @@ def make(
     write_models(nominal, out)
     cases = draw_cases(count, seed)
     work = [(case, str(model), str(out)) for case in cases]
-    made: list[Case] = []
-    for done in mapped(make_case, work, jobs):
-        made.append(done)
-        progress(len(made) / len(cases))
+    made = all_made(make_case, work, jobs, progress)
     plan = [{"number": c.number, "model": c.model, "without": c.without, "tolerance": 0.0} for c in made]
     (out / "plan.json").write_text(json.dumps(plan, indent=1), encoding="utf-8")
     return seal({"seed": seed, "tool": tool, "cases": [asdict(case) for case in made]}, out, key)
 
 
-def mapped(do: Callable[[W], R], work: list[W], jobs: int) -> Iterator[R]:
+def all_made(do: Callable[[W], R], work: list[W], jobs: int, progress: Callable[[float], None]) -> list[R]:
+    """The results of `do` for each piece of work, in order, by `jobs` processes; progress: the share done, 0 to 1."""
+    made: list[R] = []
+    for done in _mapped(do, work, jobs):
+        made.append(done)
+        progress(len(made) / len(work))
+    return made
+
+
+def _mapped(do: Callable[[W], R], work: list[W], jobs: int) -> Iterator[R]:
     """The results of `do` for each piece of work, in order, by `jobs` processes."""
     if jobs <= 1:
         yield from map(do, work)

@@ -48,10 +48,13 @@ OF_ALL = {"parameters", "ece", "brier", "log_score"}
 """Scores over all numbers or claims, not one a case."""
 
 
-def score(folder: Path, key: bytes, answers: dict[int, dict[str, Any]] | None = None) -> dict[str, Any]:
+def score(
+    folder: Path, key: bytes, answers: dict[int, dict[str, Any]] | None = None, made: dict[str, str] | None = None
+) -> dict[str, Any]:
     """Open the seal, grade every case, write scores.json and the pictures; returns the scores.
 
     answers: reports by the number of their case; None: those of the trial's folder, with the time that they took.
+    made: command, date, commit and machine of the run, kept with the scores.
     ValueError: a wrong key, a broken seal, a missing report, or one of another version or other settings than sealed.
     """
     truth, commitment = unseal(folder, key)
@@ -65,6 +68,7 @@ def score(folder: Path, key: bytes, answers: dict[int, dict[str, Any]] | None = 
         scores[name] = {"value": of(claims), "count": len(claims)}
     result = {
         "commitment": commitment,
+        "made": made,
         "tool": truth.get("tool"),
         "plant": plant_of(truth["cases"]),
         "seed": truth["seed"],

@@ -218,17 +218,17 @@ def test_runs_against_plants_of_others_are_added_and_never_replaced(tmp_path: Pa
     """Fails when a run replaces an earlier one, is stored twice or as one of the own plant, or loses a score."""
     share = {"value": 0.25, "low": 0.1, "high": 0.6, "count": 4}
     scores = {name: dict(share) for name in LABELS} | {"ece": {"value": 0.1, "count": 4}}
+    made = {"command": "hand trial score OUT", "date": "2026-01-02", "commit": "abcdef0"}
     run = {
         "plant": "held_back", "commitment": "c0ffee", "seed": 5, "recordings": 4, "kinds": {"single": 4},
-        "made": {"date": "2026-01-02", "commit": "abcdef0"}, "scores": scores, "timing": None, "reliability": [],
+        "made": made, "scores": scores, "timing": None, "reliability": [],
         "by_group": {"family: a stack": {"joint": share, "first": share, "clean": share}},
     }  # fmt: skip
     (tmp_path / "scores.json").write_text(json.dumps(run), encoding="utf-8")
     before = load().get("referees", {}).get("results", [])
     found = read_run(tmp_path)["referees"]["results"]
     assert found[:-1] == before and found[-1]["scores"] == scores and "timing" not in found[-1]
-    (tmp_path / "scores.json").write_text(json.dumps({k: v for k, v in run.items() if k != "made"}), encoding="utf-8")
-    assert set(read_run(tmp_path)["referees"]["results"][-1]["made"]) == {"command", "date", "commit", "machine"}
+    assert found[-1]["made"] == made | {"command": "hand trial make OUT --plant held_back"}
     table = runs_table(found)
     assert (
         "held_back, 2026-01-02: commit abcdef0, master seed 5, commitment `c0ffee`, 4 recordings (4 single)." in table
