@@ -391,13 +391,15 @@ class Controller:
 
     def _check_pressure(self, pressure: Array, position: Array, elapsed_s: float) -> None:
         verdict, worst = self._pressure_watch.check(self._law.out[OUT.pressure], pressure, elapsed_s, position)
-        joint, bar = self.hand.joints[worst], pressure[worst] * 1e-5
         self._starved = ""
+        if verdict == FOLLOWING:
+            return
+        joint, bar = self.hand.joints[worst], pressure[worst] * 1e-5
         if verdict == OVER_PRESSURE:
             self.safety.trip(f"{joint}: over-pressure, {bar:.2f} bar")
         elif verdict == STUCK_HIGH:
             self.safety.trip(f"{joint}: the valve does not follow, the pressure stays at {bar:.2f} bar")
-        elif verdict != FOLLOWING:
+        else:
             self._starved = (
                 f"{joint}: the valve does not follow, the pressure is only {bar:.2f} bar;"
                 " check for a leak, the supply and a closed valve"

@@ -91,7 +91,7 @@ def allowed_jump(max_jump: float, elapsed_s: float, period_s: float) -> float:
     return max_jump + FASTEST_RAD_PER_S * max(elapsed_s - 1.5 * period_s, 0.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def implausible(position, velocity, pressure, last_position, max_jump):  # type: ignore[no-untyped-def]
     """Verdict and the joint it concerns: the first that is not finite, else the one with the largest jump.
 
@@ -107,7 +107,7 @@ def implausible(position, velocity, pressure, last_position, max_jump):  # type:
     return (JUMPED if largest > max_jump else FINE), worst
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _displaced(v, i, p, angle, speed):  # type: ignore[no-untyped-def]
     """Pressure rate [Pa/s] of joint i by displaced fluid, and by how much it may be wrong [Pa/s]; Eq. 7."""
     around = (0.0, 0.0, 0.0, 0.0, angle, speed, 0.0)
@@ -120,7 +120,7 @@ def _displaced(v, i, p, angle, speed):  # type: ignore[no-untyped-def]
     return gas, abs(full)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _expect(s, v, i, u, angle, dt):  # type: ignore[no-untyped-def]
     """Advance the expected pressure of joint i by dt [s]; returns the half width of its band [Pa]."""
     tau = v[_TAU, i]
@@ -136,7 +136,7 @@ def _expect(s, v, i, u, angle, dt):  # type: ignore[no-untyped-def]
     return BAND_PA + BAND * s[_EXPECTED, i] + s[_WIDER, i]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _watch(s, valve, limit, command, pressure, position, dt):  # type: ignore[no-untyped-def]
     verdict, worst = FOLLOWING, 0
     for i in range(len(command)):
@@ -158,7 +158,7 @@ def _watch(s, valve, limit, command, pressure, position, dt):  # type: ignore[no
     return verdict, worst
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _cap(s, command):  # type: ignore[no-untyped-def]
     for i in range(len(command)):
         most = max(TRUSTED * s[_PRESSURE, i], 0.0) + TRUSTED_PA
@@ -167,7 +167,11 @@ def _cap(s, command):  # type: ignore[no-untyped-def]
 
 
 class PressureWatch:
-    """Compares the pressures of one hand with its set-points, frame by frame."""
+    """Compares the pressures of one hand with its set-points, frame by frame.
+
+    expected: pressure of set-points and motion now, (n,) [Pa].  driven: what the set-points alone give, (n,) [Pa]. Each
+    check overwrites both.
+    """
 
     def __init__(self, hand: Hand) -> None:
         """Expect no pressure; `start` sets the first expectation."""
@@ -176,19 +180,9 @@ class PressureWatch:
         self._valve = np.array([*valve, *(hand.row(key) for key in _FLUID)])
         self._limit = np.asarray(hand.limits.max_pressure_pa, dtype=np.float64)
         self._state = np.zeros((10, len(hand.joints)))
+        self.expected: Array = self._state[_EXPECTED]
+        self.driven: Array = self._state[_DRIVEN]
         self._still = np.zeros(len(hand.joints))
-
-    @property
-    def expected(self) -> Array:
-        """Expected pressure now, (n,) [Pa]; the next check overwrites it."""
-        expected: Array = self._state[_EXPECTED]
-        return expected
-
-    @property
-    def driven(self) -> Array:
-        """Pressure that the set-points alone give, (n,) [Pa]; the next check overwrites it."""
-        driven: Array = self._state[_DRIVEN]
-        return driven
 
     def start(self, pressure: Array, position: Array | None = None) -> None:
         """Expect the measured pressure (n,) [Pa] of joints that stand still at position (n,) [rad]."""

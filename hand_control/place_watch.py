@@ -48,13 +48,13 @@ _ROWS = 16
 _FREE, _ANSWERS, _WAITS = range(3)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _is_like(u, w):  # type: ignore[no-untyped-def]
     """Whether a measured motion u is the one asked for, w [rad]."""
     return abs(w) > LEAST_RAD and ALIKE[0] < u / w < ALIKE[1]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _careful(s, i, w, u, dt):  # type: ignore[no-untyped-def]
     """End the care with joint i when it has moved as its pressure asks."""
     s[_MOVED_S, i] = s[_MOVED_S, i] + dt if _is_like(u, w) else 0.0
@@ -62,7 +62,7 @@ def _careful(s, i, w, u, dt):  # type: ignore[no-untyped-def]
         s[_CAREFUL, i] = 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _which(u_i, u_k, w_i, w_k):  # type: ignore[no-untyped-def]
     """1: motions u [rad] are those asked for, w, of the other joint; -1: of the joint itself; 0: neither."""
     same, swapped = (u_i - w_i) ** 2 + (u_k - w_k) ** 2, (u_i - w_k) ** 2 + (u_k - w_i) ** 2
@@ -71,19 +71,19 @@ def _which(u_i, u_k, w_i, w_k):  # type: ignore[no-untyped-def]
     return -1.0 if CLEAR * same < swapped else 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _lasts(now, sign, dt):  # type: ignore[no-untyped-def]
     """For how long [s] a sign has been seen without a break, with that sign."""
     return max(now, 0.0) + dt if sign > 0.0 else min(now, 0.0) - dt if sign < 0.0 else 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _note(s, pair, i, k, position, model):  # type: ignore[no-untyped-def]
     s[_MODEL_I, pair], s[_MODEL_K, pair] = model[i], model[k]
     s[_OF_I, pair], s[_OF_K, pair] = position[i], position[k]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _is_answered(s, pair, i, k, position, model, dt):  # type: ignore[no-untyped-def]
     """Whether joint k has answered the question to joint i; the question ends after ASKED_S, or when i answers."""
     s[_ASKED_S, pair] -= dt
@@ -104,7 +104,7 @@ def _is_answered(s, pair, i, k, position, model, dt):  # type: ignore[no-untyped
     return s[_CONFIRMED, pair] >= QUESTIONS
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _watch(s, pair, other, w, u, position, model, dt):  # type: ignore[no-untyped-def]
     """Whether the joints of a pair are exchanged; asks one of them where they look so."""
     if s[_ASKED_S, pair] > 0.0:
@@ -129,7 +129,7 @@ def _watch(s, pair, other, w, u, position, model, dt):  # type: ignore[no-untype
     return False
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def check_places(s, after, w, u, position, model, dt):  # type: ignore[no-untyped-def]
     """The first joint of an exchanged pair, or NONE, dt [s] after the last call; updates the state s in place.
 
@@ -156,7 +156,7 @@ def check_places(s, after, w, u, position, model, dt):  # type: ignore[no-untype
     return found
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def hold_places(s, command, pressure, dt):  # type: ignore[no-untyped-def]
     """Limit set-points [Pa] in place, never below 0: a question, or a slow rise.  Whether one is lower now."""
     limits = False

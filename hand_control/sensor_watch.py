@@ -74,6 +74,8 @@ any rate, so that many in a row are seen less often than once in a million hours
 STOP_NM, BEYOND_RAD, BEYOND_S = 0.2, math.radians(1.5), 0.01
 """A joint is beyond its lower stop by more than this torque presses it and this angle, or by twice that beyond the
 upper one, for longer than a glitch."""
+LONGEST_LAG_S = 10.0
+"""Drag is at least what stops a joint in this time: dry friction may be all that a described joint has."""
 SPEED_S, SLOW_S, ACTIVE_RAD_PER_S, ACTIVE_S = 0.01, 0.1, 0.3, 0.04
 POSE_NM = 0.012
 """Torque that pose and speed may leave unexplained by the pressure at arming: an error of the model, friction."""
@@ -113,7 +115,7 @@ class Contradiction(NamedTuple):
     size: float
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _sample(s, spacing, position, dt):  # type: ignore[no-untyped-def]
     """Shift the samples of all joints (dt [s] after the last): speed, prediction, deviation and travel of each."""
     za, ab, bc, cx = spacing[0], spacing[1], spacing[2], spacing[3]
@@ -133,12 +135,12 @@ def _sample(s, spacing, position, dt):  # type: ignore[no-untyped-def]
     return bc, (cx + dt if max(za, ab, bc, cx, dt) <= LONGEST_S else 0.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _least(s, i):  # type: ignore[no-untyped-def]
     return max(NOISES * s[_NOISE, i], LEAST_RAD)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _reach(s, c, partner, i, dt):  # type: ignore[no-untyped-def]
     """Largest deviation [rad] within dt [s] that the largest outside torque and the neighbour's inertia give."""
     d, lag = (1.0 - WRONG) * c[_D, i], c[_J, i] / c[_D, i]
@@ -151,20 +153,20 @@ def _reach(s, c, partner, i, dt):  # type: ignore[no-untyped-def]
     return STEP_RAD + reach + (1.0 + RESTITUTION) * abs(s[_V, i]) * dt
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _misses(s, i, speed, age):  # type: ignore[no-untyped-def]
     """Whether joint i has not travelled at a speed [rad/s] for age [s] since the break."""
     slack = SLACK * (abs(s[_DEV, i]) + abs(speed) * age) + 0.5 * NOISES * s[_NOISE, i]
     return abs(s[_TRAVEL, i] - speed * age) > slack
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _turn(s, i, age):  # type: ignore[no-untyped-def]
     """By how much [rad] joint i has left its speed: at the break, or for age [s] since."""
     return max(abs(s[_DEV, i]), abs(s[_TRAVEL, i] - s[_V, i] * age))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _is_mirrored(s, c, partner, i, dt, age):  # type: ignore[no-untyped-def]
     """Whether joint i has stepped to its mirrored motion: deviation after dt [s], travel for age [s] since."""
     v, dev, least, turn = s[_V, i], abs(s[_DEV, i]), _least(s, i), _turn(s, i, age)
@@ -189,7 +191,7 @@ def _is_mirrored(s, c, partner, i, dt, age):  # type: ignore[no-untyped-def]
     return REVERSED < -s[_TRAVEL, i] / (v * age) < 1.0 / REVERSED
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _stepped(s, c, partner, i, dt, age):  # type: ignore[no-untyped-def]
     """Verdict on the angle of joint i alone."""
     if _turn(s, i, age) < _least(s, i):
@@ -200,7 +202,7 @@ def _stepped(s, c, partner, i, dt, age):  # type: ignore[no-untyped-def]
     return JUMPED if dev > _reach(s, c, partner, i, dt) and abs(s[_TRAVEL, i]) < 0.5 * dev else FINE
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _exchanged(s, partner, i, k, dt, age):  # type: ignore[no-untyped-def]
     """Whether joints i and k have stepped to the predictions of each other."""
     dev, least = min(abs(s[_DEV, i]), abs(s[_DEV, k])), max(_least(s, i) + _least(s, k), STEP_RAD)
@@ -214,7 +216,7 @@ def _exchanged(s, partner, i, k, dt, age):  # type: ignore[no-untyped-def]
     return not _misses(s, i, s[_V, k], age) and not _misses(s, k, s[_V, i], age)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _steps(s, c, partner, dt, age):  # type: ignore[no-untyped-def]
     """Verdict, joint and other joint of the step test."""
     n = s.shape[1]
@@ -231,7 +233,7 @@ def _steps(s, c, partner, dt, age):  # type: ignore[no-untyped-def]
     return FINE, 0, -1
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _channel(s, c, i, phi, dt):  # type: ignore[no-untyped-def]
     """Verdict on bit-identical angles and on the end stops."""
     if phi != s[_LAST, i]:
@@ -250,7 +252,7 @@ def _channel(s, c, i, phi, dt):  # type: ignore[no-untyped-def]
     return BEYOND if s[_OUT_S, i] > BEYOND_S else FINE
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _is_active(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
     """Whether joint i has moved for long enough with an outside torque beyond the largest one.
 
@@ -271,7 +273,7 @@ def _is_active(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
     return s[_ACTIVE_S, i] > ACTIVE_S
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _first_motion(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
     """Advance the motion that the pressure asks of joint i, and what is known of its sign; whether it is wrong."""
     at = s[_MODEL, i]
@@ -293,7 +295,7 @@ def _first_motion(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
     return s[_SIGN_S, i] > ENOUGH_S
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _pressures(s, i, k, expected, pressure, dt):  # type: ignore[no-untyped-def]
     """Whether the pressures of joints i and k are those that the set-points of the other one give."""
     share, least = dt / (dt + PRESSURE_S), 2.0 * LEAST_PA * LEAST_PA
@@ -312,7 +314,7 @@ def _pressures(s, i, k, expected, pressure, dt):  # type: ignore[no-untyped-def]
     return s[_PSWAP_S, i] > ENOUGH_S
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _check(s, c, spacing, partner, above, places, after, liquid, position, pressure, expected, drive, dt):  # type: ignore[no-untyped-def]
     """Verdict, joint and other joint of a frame."""
     n, verdict, joint, other = len(position), FINE, 0, -1
@@ -341,7 +343,7 @@ def _check(s, c, spacing, partner, above, places, after, liquid, position, press
     return _steps(s, c, partner, before, age) if age > 0.0 else (FINE, 0, -1)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _hold(s, places, command, dt):  # type: ignore[no-untyped-def]
     """Limit the set-points of suspected joints in place to the last ones from before; whether one is lower now."""
     limits = False
@@ -367,6 +369,7 @@ class SensorWatch:
         pressed = STOP_NM / hand.row("end_stop.stiffness_nm_per_rad") + hand.row("end_stop.engagement_deg")
         rows = [*(hand.row(key) for key in _KEYS), 2.0 * sensors.hall.zero_rad, pressed + BEYOND_RAD]
         self._constants = np.array(rows)
+        self._constants[_D] = np.maximum(self._constants[_D], self._constants[_J] / LONGEST_LAG_S)
         self._channels = (sensors.angle_channel, sensors.pressure_channel)
         self._places = PlaceWatch(_next(sensors.angle_channel))
         self._state = np.zeros((_ROWS, len(hand.joints)))

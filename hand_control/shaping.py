@@ -31,7 +31,7 @@ SUBSTEP = 0.1
 """Largest share of the filter's time constant 1/w that one explicit step takes: well inside stability."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _below(r, v, u, high, most, h):  # type: ignore[no-untyped-def]
     """Angle and speed after a step of h [s] from (r, v) towards speed u, from which a stop below `high` is possible."""
     root = most * h * most * h + 4.0 * most * (2.0 * (high - r) - v * h)
@@ -49,7 +49,7 @@ def _below(r, v, u, high, most, h):  # type: ignore[no-untyped-def]
     return r + (v - 0.5 * brake * time) * time, max(v - brake * time, 0.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _shape(rows, target, target_speed, low, high, bandwidth, max_speed, flexing, most, dt):  # type: ignore[no-untyped-def]
     if dt <= 0.0:
         rows[U.acceleration] = 0.0

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from hand_control.sensor_watch import ACTIVE, SIGN, SensorWatch
+from hand_control.sensor_watch import ACTIVE, JUMPED, SIGN, SensorWatch
 from hand_model.arrays import Array
-from hand_model.description import load_hand
+from hand_model.description import Hand, load_hand
 from validation.faults.operation import World
 from validation.faults.sensors import CONFIG, Case, Outcome, study
 
@@ -68,9 +71,9 @@ def test_the_set_points_do_not_rise_under_suspicion() -> None:
     assert np.isfinite(outcome.error_deg)
 
 
-def verdict(rate_hz: float, angle: Array, pressure: Array) -> int | None:
+def verdict(rate_hz: float, angle: Array, pressure: Array, hand: Hand = HAND) -> int | None:
     """Verdict on joint 4 with its angle [rad] and pressure [Pa] (samples,); the others stand still at 0.1 rad."""
-    watch, count, rng = SensorWatch(HAND), len(HAND.joints), np.random.default_rng(5)
+    watch, count, rng = SensorWatch(hand), len(HAND.joints), np.random.default_rng(5)
     rest = np.full(count, 0.1)
     first, speed, filled = rest.copy(), np.zeros(count), np.full(count, 1.5e4)
     first[4], speed[4], filled[4] = angle[0], (angle[1] - angle[0]) * rate_hz, pressure[0]
@@ -103,6 +106,20 @@ def test_a_step_of_the_sensor_differs_from_a_blow(rate_hz: float, speed: float) 
         back = -(1.0 + bounce) * speed * np.maximum(t - at_s, 0.0)
         assert verdict(rate_hz, moving + back, pressure) is None
     assert verdict(rate_hz, moving + blow, pressure) is None
+
+
+def test_a_joint_that_only_dry_friction_damps_is_watched(tmp_path: Path) -> None:
+    """Fails when the watch divides by a drag of zero, which dry friction allows, and then believes every step."""
+    text = (CONFIG / "hand.yaml").read_text(encoding="utf-8")
+    text = re.sub(r"viscous_friction_nm_s_per_rad: [0-9.e-]+", "viscous_friction_nm_s_per_rad: 0.0", text)
+    text = text.replace("joint_defaults:\n", "joint_defaults:\n  coulomb_friction: {torque_nm: 0.004}\n")
+    (tmp_path / "hand.yaml").write_text(text, encoding="utf-8")
+    hand = load_hand(tmp_path / "hand.yaml")
+    assert not hand.row("dynamics.viscous_friction_nm_s_per_rad").any()
+    t = np.arange(60) * 0.005
+    still, pressure = np.full(60, 0.4), np.full(60, 3.0e4)
+    assert verdict(200.0, still, pressure, hand) is None
+    assert verdict(200.0, still + 1.2 * (t > 0.15), pressure, hand) == JUMPED
 
 
 def test_a_joint_that_moves_against_its_pressure_is_found() -> None:
