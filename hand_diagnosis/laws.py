@@ -348,6 +348,7 @@ def _grid(problem: JointProblem, state: str, effect: Effect, fit: MapFit) -> Arr
         return np.linspace(0.0, SETTINGS.law_settled * _time_constant(problem, fit), SETTINGS.law_points)
     top = {
         "speed": lambda: largest(segment.exogenous[:, SPEED] for segment in segments),
+        "set-point": lambda: max(float(np.ptp(segment.set_point_pa)) for segment in segments),
         "pressure": lambda: largest(segment.pressure_pa for segment in segments),
         "pressure error": lambda: largest(segment.set_point_pa - segment.pressure_pa for segment in segments),
         "pressure difference": lambda: (

@@ -11,7 +11,7 @@ from hand_model.kernel.plant_rows import Parameter
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
     """Share of a change of the sag that happens within a step, and the ratio per set-point [1/Pa]."""
-    tau, ratio, recovery, supply = q[2], q[4], q[6], q[7]
+    tau, ratio, recovery, supply = q[2], q[4], q[6], q[8]
     return h / (tau + 0.5 * h), ratio / supply, h / (tau * recovery + 0.5 * h), 1.0 / supply
 
 
@@ -19,20 +19,24 @@ def prepare(q, h):  # type: ignore[no-untyped-def]
 def set_point(q, m, u, p, e, h):  # type: ignore[no-untyped-def]
     """No valve delivers more than the supply has; a regulator passes a part of the sag on, a throttle its ratio.
 
-    By the law the resistance grows with the flow, and the reservoir recovers at another rate than it sags.
+    By the law the resistance grows with the flow, the reservoir recovers at another rate than it sags, and the flow
+    that refills it does not exceed what the source gives.
     """
-    deficit, resistance, share, supply, approach, ratio_per_pa = q[0], q[1], q[3], q[7], q[8], q[9]
+    deficit, resistance, share, supply, approach, ratio_per_pa = q[0], q[1], q[3], q[8], q[9], q[10]
     (before,) = m
-    change = resistance * e[INFLOW] * (1.0 + q[5] * (e[INFLOW] * q[11])) - before
-    growth = max(change, 0.0) * approach + min(change, 0.0) * q[10]
+    refill = before / (1.0 + q[7] * (before * q[12]))
+    change = resistance * e[INFLOW] * (1.0 + q[5] * (e[INFLOW] * q[12])) - refill
+    growth = max(change, 0.0) * approach + min(change, 0.0) * q[11]
     sag = before + 0.5 * growth  # in the middle of the step, for which the set-point holds
     passed = (share + ratio_per_pa * u) * sag
     return max(min(u - passed, supply - deficit - sag), 0.0), (before + growth,)
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
-    """Sag [Pa] at the lasting inflow x [Pa/s] of the hand."""
-    return float(q[0] + q[1] * x * (1.0 + q[5] * x * q[11]))
+    """Sag [Pa] at the lasting inflow x [Pa/s] of the hand, at most the whole supply."""
+    refill = q[1] * x * (1.0 + q[5] * x * q[12])
+    left = 1.0 - q[7] * (refill * q[12])
+    return float(min(q[0] + (refill / left if left > 0.0 else q[8]), q[8]))
 
 
 EFFECT = Effect(
@@ -50,6 +54,9 @@ EFFECT = Effect(
         ),
         Parameter(
             "supply_droop.recovery_ratio", 0.1, 10.0, "law: time of recovery over that of sag", 1.0, 1.0, 0.5, law=True
+        ),
+        Parameter(
+            "supply_droop.limited", 0.0, 50.0, "law: supply over the sag of half the refill", 1.0, 0.0, 3.0, law=True
         ),
     ),
     reads=("supply.pressure_pa",),
@@ -85,7 +92,7 @@ EFFECT = Effect(
         monotone="the sag rises with the flow drawn, at least in proportion",
         memory="one reservoir",
         over=("inflow",),
-        coefficients=("supply_droop.turbulent", "supply_droop.recovery_ratio"),
+        coefficients=("supply_droop.turbulent", "supply_droop.recovery_ratio", "supply_droop.limited"),
         quantity="the sag of the supply",
         unit="pa",
         curve=curve,

@@ -18,27 +18,41 @@ def prepare(q, h):  # type: ignore[no-untyped-def]
 
 
 @inline
+def heat(speed, by_use, by_square):  # type: ignore[no-untyped-def]
+    """Heat at a speed over 1 rad/s: a constant, a part in proportion to it and one to its square; 1 at 1 rad/s."""
+    constant = 1.0 + by_use * (speed - 1.0)
+    return constant + by_square * (speed * speed - constant)
+
+
+@inline
+def bent(warmth, bend):  # type: ignore[no-untyped-def]
+    """What a warmth changes: in proportion, or ever less (bend -1) or more (1); it never falls, and 1 stays 1."""
+    return warmth * (1.0 + bend * ((warmth - 1.0) / (warmth + 1.0)))
+
+
+@inline
 def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
-    """A rest torque and a loss of elasticity in proportion to the warmth; by the law, of two capacities."""
-    shift, softening, second, a1 = q[0], q[1], q[4], q[6]
+    """A rest torque and a loss of elasticity in proportion to the warmth; by the law, of two capacities, and bent."""
+    shift, softening, second, a1 = q[0], q[1], q[4], q[8]
     slow, fast = m
-    warmth = slow + second * (fast - slow)
+    warmth = bent(slow + second * (fast - slow), q[7])
     elastic = softening * warmth * a1
     return shift * warmth - elastic * (phi - creep_angle), elastic
 
 
 @inline
 def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
-    """Warmth goes from 0 to 1 as a first-order lag; by the law it follows the mean speed over 1 rad/s in part."""
+    """Warmth goes from 0 to 1 as a first-order lag; by the law it follows speed or its square in part."""
     slow, fast = m
-    heated = 1.0 + q[3] * (abs(after - before) * q[9] - 1.0)
-    return slow + (heated - slow) * q[7], fast + (heated - fast) * q[8]
+    speed = abs(after - before) * q[11]
+    heated = heat(speed, q[3], q[6])
+    return slow + (heated - slow) * q[9], fast + (heated - fast) * q[10]
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
-    """Torque gained [N m] after the time x [s] at the mean speed y [rad/s]."""
+    """Torque gained [N m] after the time x [s] at the speed y [rad/s]."""
     slow, fast = -math.expm1(-x / q[2]), -math.expm1(-x / (q[2] * q[5]))
-    return float(q[0] * (1.0 + q[3] * (y - 1.0)) * (slow + q[4] * (fast - slow)))
+    return float(q[0] * bent(heat(y, q[3], q[6]) * (slow + q[4] * (fast - slow)), q[7]))
 
 
 EFFECT = Effect(
@@ -54,6 +68,10 @@ EFFECT = Effect(
         ),
         Parameter("thermal_drift.second", 0.0, 1.0, "law: share of a faster capacity", 1.0, 0.0, 0.2, law=True),
         Parameter("thermal_drift.faster", 0.01, 1.0, "its time constant over the other one", 1.0, 0.15),
+        Parameter(
+            "thermal_drift.by_square", 0.0, 1.0, "law: share of the square of the speed", 1.0, 0.0, 0.3, law=True
+        ),
+        Parameter("thermal_drift.bend", -1.0, 1.0, "law: growth beyond proportion", 1.0, 0.0, 0.3, law=True),
     ),
     reads=("statics.a1_nm_per_rad",),
     prepared=("approach", "fast_approach", "per_h"),
@@ -71,10 +89,16 @@ EFFECT = Effect(
     constitution=Constitution(
         acts_on="rest torque and elasticity",
         sign="either",
-        monotone="in proportion to the warmth, which follows the heat without overshoot",
+        monotone="rises with the warmth, which follows the heat without overshoot",
         memory="the warmth of one or two capacities",
         over=("time", "speed"),
-        coefficients=("thermal_drift.by_use", "thermal_drift.second", "thermal_drift.faster"),
+        coefficients=(
+            "thermal_drift.by_use",
+            "thermal_drift.second",
+            "thermal_drift.faster",
+            "thermal_drift.by_square",
+            "thermal_drift.bend",
+        ),
         quantity="the {torque} gained by warming",
         unit="nm",
         curve=curve,

@@ -11,6 +11,8 @@ from hand_model.kernel.plant_rows import Parameter
 
 LEAST_PA = 1e-3
 """Keeps the reciprocal of the width finite."""
+SECOND = 1.0 / 3.0
+"""Width of each further play of the law over that of the one before."""
 
 
 @inline
@@ -21,15 +23,41 @@ def prepare(q, h):  # type: ignore[no-untyped-def]
 
 @inline
 def set_point(q, m, u, p, e, h):  # type: ignore[no-untyped-def]
-    """The valve lags by `behind`, which grows with the motion of u up to the width: at once, or gradually (Dahl)."""
-    width, soft, per_width = q
-    behind, last = m
+    """The valve lags by `behind`, which grows with the motion of u up to the width: at once, or gradually (Dahl).
+
+    By the law, it follows a share of a reversal at once, and plays of a third and a ninth of the width take their
+    shares of the loop (Prandtl and Ishlinskii).
+    """
+    width, soft, follows, inner, innermost, per_width = q
+    behind, last, second, third = m
     way = u - last
     slower = soft * min(max(math.copysign(1.0, way) * behind * per_width, 0.0), 1.0)
     behind = min(max(behind + way * (1.0 - slower), -width), width)
-    return u - behind, (behind, u)
+    second = min(max(second + way, -width * SECOND), width * SECOND)
+    third = min(max(third + way, -width * SECOND * SECOND), width * SECOND * SECOND)
+    plays = (1.0 - innermost) * ((1.0 - inner) * behind + inner * second) + innermost * third
+    return u - (1.0 - follows) * plays, (behind, u, second, third)
 
 
+def curve(q, x, y):  # type: ignore[no-untyped-def]
+    """How far the valve is behind [Pa] after the motion x [Pa] since a reversal of a wide loop; 0 at its middle."""
+    width, soft, follows, inner, innermost = q[:5]
+    part = min(x, width)
+    rounded = width * -math.expm1(-(x - width) / max(width, LEAST_PA)) if x > width else 0.0
+    outer = part - width + soft * rounded + (1.0 - soft) * min(max(x - width, 0.0), width)
+    second, third = (min(x, 2.0 * r) - r for r in (width * SECOND, width * SECOND * SECOND))
+    wider = (1.0 - inner) * outer + inner * second
+    return float((1.0 - follows) * ((1.0 - innermost) * wider + innermost * third))
+
+
+_LAW = tuple(
+    Parameter(f"valve_hysteresis.{name}", 0.0, most, f"law: {doc}", 1.0, 0.0, 0.3, law=True)
+    for name, most, doc in (
+        ("follows", 0.95, "share of a reversal that the valve follows at once"),
+        ("inner", 1.0, "share of the play of a third of the width in the two wider ones"),
+        ("innermost", 1.0, "share of the play of a ninth of the width"),
+    )
+)
 EFFECT = Effect(
     name="valve_hysteresis",
     place="valve",
@@ -37,9 +65,10 @@ EFFECT = Effect(
     parameters=(
         Parameter("valve_hysteresis.width_pa", 0.0, 2e5, "half the width of the loop", 1.0, 0.0, 5e3),
         Parameter("valve_hysteresis.softness", 0.0, 1.0, "0 a play, 1 a rounded loop", 1.0, 0.0, 0.17),
+        *_LAW,
     ),
     prepared=("per_width",),
-    memory={"behind": 0.0, "last": "pressure"},
+    memory={"behind": 0.0, "last": "pressure", "second": 0.0, "third": 0.0},
     hooks={"prepare": prepare, "set_point": set_point},
     keys=("valve_hysteresis.width_pa", "valve_hysteresis.softness"),
     probes=((3e3, 0.0), (1.5e4, 0.0), (3e3, 1.0), (1.5e4, 1.0)),
@@ -54,8 +83,13 @@ EFFECT = Effect(
         sign="behind the motion of the set-point",
         passive=True,
         monotone="does not go back while the set-point goes on",
-        memory="one state that changes with the set-point only",
+        memory="states that change with the set-point only",
         over=("set-point",),
-        source="Visintin, Differential Models of Hysteresis, 1994, ch. III: play operator",
+        coefficients=tuple(parameter.key for parameter in _LAW),
+        quantity="the way that the valve stays behind",
+        unit="pa",
+        curve=curve,
+        source="Visintin, Differential Models of Hysteresis, 1994, ch. III: play operator, and sums of plays with"
+        " weights that are not negative (Prandtl and Ishlinskii)",
     ),
 )

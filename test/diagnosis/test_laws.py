@@ -53,6 +53,7 @@ TRUTHS: Mapping[str, Mapping[str, float]] = {
     "viscous_friction": {"beyond_3_nm_s_per_rad": 2e-3, "thinning_nm_s_per_rad": 3e-3},
     "backlash": {"gap_deg": 0.05, "inner_share": 0.5, "inner_gap": 0.3},
     "gravity": {"sine_nm": 0.03, "turning_rad_per_s": 0.03},
+    "valve_hysteresis": {"width_pa": 1.2e4, "follows": 0.4, "inner": 0.5},
 }
 """Own parameters of the plant by effect, SI; their names without the effect."""
 

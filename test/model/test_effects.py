@@ -164,7 +164,7 @@ def valve_hysteresis(_: Any) -> None:
     width, centre, amplitude = 5e3, 3e5, 4e4
     for soft in (0.0, 1.0):
         q, u = numbers("valve_hysteresis", width_pa=width, softness=soft), centre + triangle(amplitude, 2)
-        m, out = (0.0, u[0]), []
+        m, out = (0.0, u[0], 0.0, 0.0), []
         for value in u:
             y, m = call("valve_hysteresis", "set_point", q, m, value, 0.0, REST, H)
             out.append(y)
@@ -176,7 +176,7 @@ def valve_hysteresis(_: Any) -> None:
         back = np.array(out)[12000:16001]
         np.testing.assert_allclose(u[12000:16001] - back, -behind, atol=30.0)
     half = numbers("valve_hysteresis", width_pa=width, softness=0.5)
-    (_, (behind_half, _)) = call("valve_hysteresis", "set_point", half, (2.5e3, 0.0), 100.0, 0.0, REST, H)
+    (_, (behind_half, *_)) = call("valve_hysteresis", "set_point", half, (2.5e3, 0.0, 0.0, 0.0), 100.0, 0.0, REST, H)
     assert behind_half == approx(2.5e3 + 100.0 * (1.0 - 0.5 * 0.5), rel=1e-6)
 
 

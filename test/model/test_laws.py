@@ -112,7 +112,7 @@ def test_every_effect_of_the_catalogue_states_its_class() -> None:
         assert f"| `{effect.name}` | {effect.constitution.acts_on} |" in table
         own = [own.key for own in law_parameters(effect)]
         assert set(own) <= set(effect.coefficients)
-    assert len(LEARNED) == 18
+    assert len(LEARNED) == 19
 
 
 @pytest.mark.parametrize(
@@ -498,7 +498,9 @@ def test_a_supply_sags_more_than_in_proportion_and_recovers_at_its_own_rate() ->
     for q in drawn("supply_droop", 12, resistance_s=0.05):
         curve = effect.constitution.curve  # type: ignore[union-attr]
         assert curve is not None
-        assert np.diff([curve(q, x, 0.0) for x in np.linspace(0.0, 5e6, 30)], 2).min() >= -1e-6
+        sags = np.array([curve(q, x, 0.0) for x in np.linspace(0.0, 5e6, 60)])
+        assert np.diff(sags).min() >= 0.0
+        assert np.diff(sags[sags < SUPPLY_PA], 2).min(initial=0.0) >= -1e-6  # no more than the whole supply
 
 
 def test_backlash_is_a_sum_of_two_plays() -> None:
@@ -538,6 +540,80 @@ def test_slow_changes_follow_use_and_attitude() -> None:
     q = numbers(gravity, sine_nm=0.02, turning_rad_per_s=0.01)
     later = tuple(30.0 if column == TIME else 0.0 for column in range(EXOGENOUS))
     assert call(gravity, "torque", q, 0.5, 0.0, 0.0, 0.0, later)[0] == approx(-0.02 * np.sin(0.8), rel=1e-5)
+
+
+def test_heat_of_friction_bends_and_a_hand_sways() -> None:
+    """Fails when the square of the speed does not heat, a bent law falls, or the attitude sways by another angle."""
+    warming, gravity = EFFECTS["thermal_drift"], EFFECTS["gravity"]
+    q = numbers(warming, torque_nm=0.01, time_constant_s=5.0, by_use=0.4, by_square=0.5, bend=-1.0)
+    warm: tuple[float, ...] = (0.0, 0.0)
+    for _ in range(60_000):
+        warm = call(warming, "moved", q, warm, 0.0, 3.0 * H, H)
+    heat = 0.5 * (0.6 + 0.4 * 3.0) + 0.5 * 9.0
+    assert warm[0] == approx(heat, rel=1e-4)
+    expected = 0.01 * 2.0 * heat / (heat + 1.0)
+    assert call(warming, "torque", q, warm, 0.4, 0.0, 1e5, 0.1, REST)[0] == approx(expected, rel=1e-4)
+    for bend in (-1.0, -0.3, 0.6, 1.0):
+        torques = [
+            call(warming, "torque", numbers(warming, torque_nm=1.0, bend=bend), (w, 0.0), 0.0, 0.0, 0.0, 0.0, REST)[0]
+            for w in np.linspace(0.0, 4.0, 60)
+        ]
+        assert np.diff(torques).min() > 0.0
+    q = numbers(gravity, cosine_nm=0.02, sway_deg=0.3, nod_deg=0.2, sway_2_deg=0.1, nod_2_deg=-0.1, period_s=50.0)
+    for t in (0.0, 7.0, 30.0, 130.0):
+        w = 2.0 * np.pi * t / 50.0
+        lean = 0.3 * np.sin(w) + 0.2 * (1.0 - np.cos(w)) + 0.1 * np.sin(2.0 * w) - 0.1 * (1.0 - np.cos(2.0 * w))
+        at = tuple(t if column == TIME else 0.0 for column in range(EXOGENOUS))
+        found = call(gravity, "torque", q, 0.5, 0.0, 0.0, 0.0, at)[0]
+        assert found == approx(-0.02 * np.cos(0.5 + lean), abs=2e-7)
+
+
+def test_a_reservoir_with_a_limited_refill_empties_and_fills_at_a_constant_rate() -> None:
+    """Fails when the refill grows with the sag beyond its limit, or the textbook form is not left at zero."""
+    effect, tau, limited = EFFECTS["supply_droop"], 0.5, 40.0
+    q = numbers(effect, resistance_s=0.2, time_constant_s=tau, limited=limited)
+    m: tuple[float, ...] = (3e5,)
+    level = SUPPLY_PA / limited  # the refill tends to this sag over the time constant
+    fallen = []
+    for _ in range(400):
+        before = m[0]
+        _, m = call(effect, "set_point", q, m, 1e5, 0.0, REST, H)
+        fallen.append((before - m[0]) / H)
+    assert fallen[0] == approx(level / tau / (1.0 + level / 3e5), rel=2e-3)
+    assert fallen[-1] == approx(fallen[0], rel=0.01)
+    low: tuple[float, ...] = (1.0,)
+    _, low = call(effect, "set_point", q, low, 1e5, 0.0, REST, H)
+    assert (1.0 - low[0]) / H == approx(1.0 / tau, rel=2e-3)
+
+
+@pytest.mark.parametrize(("follows", "inner", "innermost"), [(0.4, 0.0, 0.0), (0.0, 0.7, 0.5), (0.3, 0.5, 1.0)])
+def test_a_valve_of_several_plays_stays_behind_by_their_sum(follows: float, inner: float, innermost: float) -> None:
+    """Fails when a play has another width or share, the valve goes back, or the plotted loop is another one."""
+    effect, width = EFFECTS["valve_hysteresis"], 9e3
+    q = numbers(effect, width_pa=width, follows=follows, inner=inner, innermost=innermost)
+    rng = np.random.default_rng(11)
+    turns = np.concatenate([[3e5], 3e5 + rng.uniform(-3e4, 3e4, 20)])
+    u = np.concatenate([np.linspace(a, b, 300) for a, b in pairwise(turns)])
+    m: tuple[float, ...] = (0.0, u[0], 0.0, 0.0)
+    shares = ((1.0 - inner) * (1.0 - innermost), inner * (1.0 - innermost), innermost)
+    radii, plays = (width, width / 3.0, width / 9.0), np.full(3, u[0])
+    out = []
+    for value in u:
+        y, m = call(effect, "set_point", q, m, value, 0.0, REST, H)
+        plays = np.array([np.clip(play, value - r, value + r) for play, r in zip(plays, radii, strict=True)])
+        assert y == approx(value - (1.0 - follows) * float(np.dot(shares, value - plays)), abs=1e-6)
+        out.append(y)
+    assert (np.diff(out) * np.diff(u)).min() >= -1e-9
+    wide = np.concatenate([np.linspace(3e5, 3.5e5, 500), np.linspace(3.5e5, 2.5e5, 500), np.linspace(2.5e5, 3e5, 501)])
+    m = (0.0, wide[0], 0.0, 0.0)
+    behind = []
+    for value in wide:
+        y, m = call(effect, "set_point", q, m, value, 0.0, REST, H)
+        behind.append(value - y)
+    curve = effect.constitution.curve  # type: ignore[union-attr]
+    assert curve is not None
+    for k in range(1000, 1501, 50):
+        assert behind[k] == approx(curve(q, wide[k] - 2.5e5, 0.0), abs=1e-6)
 
 
 # Laws run where the kernel runs, and are stored.

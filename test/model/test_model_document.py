@@ -45,6 +45,12 @@ def test_names_end_in_their_unit() -> None:
         ".knee_4",
         ".knee_8",
         ".offset",
+        ".limited",
+        ".follows",
+        ".inner",
+        ".innermost",
+        ".by_square",
+        ".bend",
     )
     units += ("_per_rad",)
     for parameter in JOINT_PARAMETERS:
