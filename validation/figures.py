@@ -84,6 +84,7 @@ PARTS: dict[str, Part] = {
     "hand trial make OUT --plant PLANT # families": Part(
         "referees", lambda entry: document.families_table(entry["results"]).strip()
     ),
+    "python -m validation.trial_rivals FOLDER --train FOLDER": Part("trial_rivals", tables.rivals_table),
     "make proof DATA=folder # machines": Part("reality", _trial(document.reality_table)),
     "make proof DATA=folder # seal": Part("reality", tables.machine_sentence),
     "make machines DATA=folder # results": Part("machines", machine_tables.machines_table),
@@ -114,7 +115,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         "--take", type=Path, action="append", default=[], metavar="RUN",
         help="store a long run's results first: out/bench.json, out/faults.json, out/soak.json, a trial's folder,"
-        " machines.json, reality.json; may be repeated",
+        " machines.json, trial_rivals.json, reality.json; may be repeated",
     )  # fmt: skip
     options = parser.parse_args(arguments)
     if options.check:

@@ -111,6 +111,9 @@ def read_run(path: Path) -> dict[str, Any]:
         about = {key: data[key] for key in ("command", "date", "commit", "machine")}
         results = {key: data[key] for key in ("machines", "failed")}
         return {"machines": {**about, "results": results}, "machines/first": _first_runs(data)}
+    if isinstance(data, dict) and "trial_rivals" in data:
+        about = {key: data[key] for key in ("command", "date", "commit", "machine")}
+        return {"trial_rivals": {**about, "results": data["trial_rivals"]}}
     if isinstance(data, list) and data and "baselines" in data[0]:
         return {"reality": {**provenance("make proof DATA=folder"), "results": data}}
     if isinstance(data, list) and data and "quantity" in data[0]:

@@ -178,3 +178,20 @@ def machine_sentence(entry: Entry) -> str:
         f" motion. The validation error falls from {first['before']:.3g} to {first['after']:.3g} {first['unit']}"
         f" (`{entry['command']}`)."
     )
+
+
+def rivals_table(entry: Entry) -> str:
+    """Rivals on the recordings of a trial: their errors on test data, and the names of those that give any."""
+    results = entry["results"]
+    rows = []
+    for name in dict.fromkeys((*results["fits"], *results["names"])):
+        fit, given = results["fits"].get(name), results["names"].get(name)
+        errors = (number(fit["median"]), f"{fit['clean']:.0%} of {fit['joints']}") if fit else ("predicts nothing", "")
+        shares = ["gives no names", "", "", ""]
+        if given:
+            shares = ["" if given[key] is None else f"{given[key]:.0%}" for key in ("first", "place", "joint")]
+            shares.append("" if given["log_score"] is None else f"{given['log_score']:.2f}")
+        rows.append((name, *errors, *shares))
+    header = ("method", "median error / noise", "joints at most 1.25", "effect first", "place", "joint", "log score")
+    count = f"{results['recordings']} recordings, forest trained on {results['trained_on']} others."
+    return f"{markdown(header, rows)}\n\n{count} {source_line(entry)}"

@@ -41,7 +41,9 @@ def sparse_laws(parts: Sequence[Part]) -> list[Law]:
 
 def _sparse(pysindy, features, lacking, powers, scale, size, threshold) -> Law:  # type: ignore[no-untyped-def]
     optimizer = pysindy.STLSQ(threshold=threshold, alpha=1e-3, normalize_columns=False)
-    optimizer.fit(features, lacking[:, None])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a threshold above every coefficient is the law that nothing lacks
+        optimizer.fit(features, lacking[:, None])
     weights = np.asarray(optimizer.coef_, dtype=np.float64)[0]
     kept = weights != 0.0
     powers, weights = powers[kept], size * weights[kept]
