@@ -132,7 +132,7 @@ def search_joint(
     base: free parameters of its nominal numbers.  start: (base,) coordinates at which their fit begins.
     laws: whether laws are learned; without, only textbook forms are fitted, which is several times as fast.
     """
-    nominal = map_fit(problem, base, start, SETTINGS.nominal_iterations)
+    nominal = _driven_by_own_valve(problem, map_fit(problem, base, start, SETTINGS.nominal_iterations))
     found = JointSearch(problem, nominal, log_evidence(problem, nominal), laws=laws)
     current, evidence = nominal, found.nominal_evidence
     left = list(effects)
@@ -197,11 +197,16 @@ def _driven_anew(found: JointSearch, current: MapFit) -> tuple[MapFit, float]:
     The residual of the first valve model had steps and could only be smoothed over short windows.
     """
     problem = found.problem
-    shape_driving(problem, current.free, current.z)
+    current = _driven_by_own_valve(problem, current)
     found.nominal = map_fit(problem, found.nominal.free, found.nominal.z, SETTINGS.nominal_iterations)
-    current = map_fit(problem, current.free, current.z, SETTINGS.nominal_iterations)
     found.accepted[-1] = replace(found.accepted[-1], fit=current)
     return current, log_evidence(problem, current, amounts(current))
+
+
+def _driven_by_own_valve(problem: JointProblem, fit: MapFit) -> MapFit:
+    """The fit continued after the joint's driving pressure is shaped by its valve's model."""
+    shape_driving(problem, fit.free, fit.z)
+    return map_fit(problem, fit.free, fit.z, SETTINGS.nominal_iterations)
 
 
 def _round(

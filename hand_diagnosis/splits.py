@@ -82,7 +82,7 @@ def _slice(segment: Segment, begin: int, end: int) -> Segment:
         commanded_pa=segment.commanded_pa[parts * begin : parts * (end - 1) + 1],
         pressure_pa=segment.pressure_pa[part],
         driving_pa=segment.driving_pa[finer * begin : finer * (end - 1) + 1],
-        smoothed=segment.smoothed[part],
+        windows=segment.windows[part],
         angle_rad=segment.angle_rad[part],
         force_n=segment.force_n[part],
         exogenous=segment.exogenous[part],

@@ -24,7 +24,8 @@ from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array, Flags
 from hand_model.effects.effect import ACCELERATION, ANGLE, SPEED
 from hand_model.kernel.open_loop import OUTPUTS
-from hand_recording.signals import derivatives, smoothed_over, white_noise
+from hand_recording.local_smoothing import smoothed_by
+from hand_recording.signals import derivatives, white_noise
 
 THIRDS = ("low", "middle", "high")
 BOTH_WAYS = {"angle", "pressure", "set-point"}
@@ -185,7 +186,7 @@ def noise_of_reading(residual: Array, predicted: Array) -> float:
 def _disturbed(segment: Segment, rng: np.random.Generator, driven: bool) -> Segment:
     """The segment with a second draw of the noise on its inputs, smoothed as the first one was."""
     white = white_noise(segment.pressure_pa) * rng.standard_normal(len(segment.pressure_pa))
-    kept = white if driven else np.where(segment.smoothed, smoothed_over(white, segment.span), white)
+    kept = white if driven else smoothed_by(white, segment.windows)
     samples = np.arange(len(kept))
     kept = kept + _moved(segment.pressure_pa, segment, rng)
     kept = np.interp(np.linspace(0.0, samples[-1], len(segment.driving_pa)), samples, kept)

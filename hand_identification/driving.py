@@ -2,7 +2,8 @@
 
 Between two samples a pressure that bends sharply after a step is not a straight line, and an acceleration computed from
 noisy angles alone shakes a joint that friction holds. The residual of a model, on the other hand, is small and smooth.
-So the residual's noise is reduced and its gaps are bridged, and the prediction is added to it again.
+So the residual's noise is reduced, where it is only noise all of it, its gaps are bridged, and the prediction is added
+to it again.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from hand_identification.free_parameters import FreeParameter
 from hand_identification.joint_problem import JointProblem, Segment
 from hand_model.arrays import Array
 from hand_recording.interpolation import bridge, refine
-from hand_recording.signals import slopes_over, smoothing_span, white_noise, without_noise
+from hand_recording.local_smoothing import NOISE, Windows, local_windows, smoothed_by
+from hand_recording.signals import slopes_over, smoothing_span, white_noise
 
 
 def shape_driving(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> None:
@@ -66,7 +68,8 @@ def _acceleration(segment: Segment, model_rad: Array) -> Array:
     span = smoothing_span(residual, segment.period_s, white_noise(residual))
     bends = np.zeros(len(residual))
     bends[1:-1] = np.diff(model_rad, 2) / segment.period_s**2
-    return bends + slopes_over(residual, span, 2, segment.period_s)
+    left = slopes_over(residual, span, 2, segment.period_s)
+    return bends + np.where(_windows(segment, residual, model_rad) == NOISE, 0.0, left)
 
 
 def _bridged(segment: Segment, residual: Array) -> Array:
@@ -96,5 +99,11 @@ def _shaped(segment: Segment, model_pa: Array, finer: int) -> Segment:
     residual = _bridged(segment, segment.pressure_pa - model_pa[::finer])
     if len(residual) < 3 or not np.mean(np.diff(residual, 2) ** 2) < np.mean(np.diff(segment.pressure_pa, 2) ** 2):
         return segment
-    quiet, span = without_noise(residual, segment.period_s, white_noise(residual))
-    return replace(segment, driving_pa=model_pa + refine(quiet, finer), span=span, smoothed=quiet != residual)
+    windows = _windows(segment, residual, model_pa[::finer])
+    return replace(segment, driving_pa=model_pa + refine(smoothed_by(residual, windows), finer), windows=windows)
+
+
+def _windows(segment: Segment, residual: Array, model: Array) -> Windows:
+    """Windows of the smoothing of a model's residual (T,), whose noise grows with the model's speed by the jitter."""
+    noise = np.hypot(white_noise(residual), segment.jitter_s * np.gradient(model, segment.period_s))
+    return local_windows(residual, segment.period_s, noise)

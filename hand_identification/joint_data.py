@@ -21,6 +21,7 @@ from hand_model.joint_model import JointModel
 from hand_model.kernel.layout import OMEGA, PHI, P
 from hand_model.kernel.open_loop import OUTPUTS
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STATES
+from hand_recording.local_smoothing import Windows
 from hand_recording.signals import (
     SMOOTHED_S,
     Signals,
@@ -67,7 +68,7 @@ def joint_problem(
 def _segment(signals: Signals, hand: JointModel, joint: str, first_block: int) -> Segment:
     j = signals.joints.index(joint)
     force = signals.force_n[:, j]
-    driving, span = driving_pressure(signals, j)
+    driving, windows = driving_pressure(signals, j)
     start = np.zeros(STATES)
     start[P], start[PHI] = signals.pressure_pa[0, j], signals.angle_rad[0, j]
     start[OMEGA] = speed_at_start(signals.angle_rad[:, j], signals.period_s)
@@ -78,8 +79,7 @@ def _segment(signals: Signals, hand: JointModel, joint: str, first_block: int) -
         signals.commanded_pa[:, j],
         signals.pressure_pa[:, j],
         driving,
-        span,
-        driving != signals.pressure_pa[:, j],
+        windows,
         signals.angle_rad[:, j],
         force,
         _surroundings(signals, hand, joint),
@@ -113,10 +113,13 @@ def speed_at_start(angle_rad: Array, period_s: float) -> float:
     return speed if abs(speed) > IN_MOTION_RAD_S else 0.0
 
 
-def driving_pressure(signals: Signals, j: int) -> tuple[Array, int]:
-    """Pressure (T,) [Pa] of column j as the input of the joint, from its readings alone, and the smoothing window."""
+def driving_pressure(signals: Signals, j: int) -> tuple[Array, Windows]:
+    """Pressure (T,) [Pa] of column j as the input of the joint, from its readings alone, and the smoothing windows."""
     pressure = signals.pressure_pa[:, j]
-    return (pressure, 1) if signals.driven else without_noise(pressure, signals.period_s, white_noise(pressure))
+    if signals.driven:
+        return pressure, np.ones(len(pressure), dtype=np.int64)
+    quiet, span = without_noise(pressure, signals.period_s, white_noise(pressure))
+    return quiet, np.where(quiet != pressure, span, 1)
 
 
 def _surroundings(signals: Signals, hand: JointModel, joint: str) -> Array:

@@ -13,6 +13,7 @@ from hand_identification.free_parameters import START_CREEP, FreeParameter
 from hand_model.arrays import Array, Flags
 from hand_model.kernel.layout import CREEP, OMEGA
 from hand_model.kernel.open_loop import OUTPUTS, MeasuredInputs, open_loop
+from hand_recording.local_smoothing import Windows
 
 STAGES = ("pressure", "angle", "force")
 """The signal that each stage predicts, in the order of the model's outputs."""
@@ -36,7 +37,7 @@ class Segment:
     commanded_pa: (parts (T - 1) + 1,) set-points in force, `parts` evenly over each sample, as commands have times of
     their own; set_point_pa are those at the samples.
     driving_pa: the measured pressure as the joint's input, its noise reduced, (finer (T - 1) + 1,) evenly over the
-    samples.  span: of the smoothing, in samples.  smoothed: (T,) where there was any.  known: (T,) where readings were.
+    samples.  windows: (T,) of the smoothing, see local_smoothing.Windows.  known: (T,) where readings were.
     late_s: by how much the pressures were read after the other signals.  jitter_s: standard deviation of the times at
     which the samples were taken.  added: (rows,) what the load of this recording adds to the parameters; None: nothing.
     acts: (T,) samples at which JointProblem.switched act; None: at all.
@@ -49,8 +50,7 @@ class Segment:
     commanded_pa: Array
     pressure_pa: Array
     driving_pa: Array
-    span: int
-    smoothed: Flags
+    windows: Windows
     angle_rad: Array
     force_n: Array
     exogenous: Array

@@ -135,18 +135,18 @@ def without_noise(values: Array, period_s: float, noise: float) -> tuple[Array, 
     if span == 1:
         return values, 1
     smooth = smoothed_over(values, span)
-    around = _spans(values, period_s)[0]
+    around = smoothing_spans(values, period_s)[0]
     edge = uniform_filter1d((np.abs(values - smooth) > LEFT_ALONE * noise).astype(float), around) > 0.0
     return np.where(edge, values, smooth), span
 
 
 def smoothing_span(values: Array, period_s: float, noise: float) -> int:
     """Window [samples] with the lowest cross-validation error of a signal (T,); 1 where smoothing does not apply."""
-    spans = _spans(values, period_s)
+    spans = smoothing_spans(values, period_s)
     return min(spans, key=lambda span: _left_out_error(values, span)) if spans and noise > 0.0 else 1
 
 
-def _spans(values: Array, period_s: float) -> list[int]:
+def smoothing_spans(values: Array, period_s: float) -> list[int]:
     """SMOOTHED_S in samples, odd numbers, without windows below 5 samples or longer than the signal."""
     spans = [2 * round(0.5 * seconds / period_s) + 1 for seconds in SMOOTHED_S]
     return [span for span in spans if 5 <= span < len(values)]
