@@ -192,10 +192,7 @@ def _best_of_round(
 
 
 def _driven_anew(found: JointSearch, current: MapFit) -> tuple[MapFit, float]:
-    """The current model and its evidence after the joint's driving pressure is shaped by the improved valve model.
-
-    The residual of the first valve model had steps and could only be smoothed over short windows.
-    """
+    """The current model and its evidence after the joint's driving pressure is shaped by the improved valve model."""
     problem = found.problem
     current = _driven_by_own_valve(problem, current)
     found.nominal = map_fit(problem, found.nominal.free, found.nominal.z, SETTINGS.nominal_iterations)
@@ -204,7 +201,7 @@ def _driven_anew(found: JointSearch, current: MapFit) -> tuple[MapFit, float]:
 
 
 def _driven_by_own_valve(problem: JointProblem, fit: MapFit) -> MapFit:
-    """The fit continued after the joint's driving pressure is shaped by its valve's model."""
+    """The fit continued after its model of the valve shapes the joint's driving pressure."""
     shape_driving(problem, fit.free, fit.z)
     return map_fit(problem, fit.free, fit.z, SETTINGS.nominal_iterations)
 

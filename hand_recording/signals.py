@@ -147,7 +147,7 @@ def smoothing_span(values: Array, period_s: float, noise: float) -> int:
 
 
 def smoothing_spans(values: Array, period_s: float) -> list[int]:
-    """SMOOTHED_S in samples, odd numbers, without windows below 5 samples or longer than the signal."""
+    """SMOOTHED_S in samples, odd numbers, without windows below 5 samples or longer than the signal (T,)."""
     spans = [2 * round(0.5 * seconds / period_s) + 1 for seconds in SMOOTHED_S]
     return [span for span in spans if 5 <= span < len(values)]
 
