@@ -47,6 +47,8 @@ NOMINAL_KEYS = (
     "valve.vent_rate_pa_per_s",
     "end_stop.damping_nm_s_per_rad",
 )
+STATED_KEYS = ("gravity.sine_nm",)
+"""Parameters that are free only where a machine states their own tolerance."""
 _FLOOR = {"valve.dead_time_s": 0.002, "statics.a0_nm": 0.01}
 """Least size of a nominal number to which the relative tolerance is applied; of the dead time: one step."""
 FARTHEST = 3.0
@@ -107,7 +109,7 @@ def nominal_free_parameters(
     rested: whether the joint was at rest without pressure before the recording, so that its creep has decayed.
     """
     free, own = [], own or {}
-    for key in NOMINAL_KEYS:
+    for key in (*NOMINAL_KEYS, *(key for key in STATED_KEYS if key in own)):
         row = ROW[key]
         size = max(abs(nominal[row]), _FLOOR.get(key, 0.0)) or float(key in own)
         creepless = key.startswith("material.") and nominal[ROW["material.phi_max_deg"]] == 0.0

@@ -22,7 +22,8 @@ COLUMNS = ("time", "input", "position", "force")
 PARTS = ("supply", "valve", "chamber", "soft_material", "magnetic_sensor", "input_sensor", "force_sensing_resistor")
 """What the key `has` may state (NEEDS of hand_model/effects/effect.py); the rest follows from the other keys."""
 NUMBERS = ("gain", "stiffness", "damping", "inertia")
-"""Numbers that a fit may change, each within its own tolerance unless it is exact."""
+"""Numbers that a fit may change, each within its own tolerance unless it is exact; the weight only within its own."""
+PRESSURES = ("gauge", "absolute")
 NUMBER = ("value", "exact", "tolerance")
 OWN_NUMBERS = ("added_inertia", "added_weight", "supply")
 """What a recording may have of its own: a load that it moves in addition, and the supply relative to the usual one."""
@@ -37,11 +38,15 @@ SMALLEST_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column of the recordings and the factor that turns it into SI. scale_given: whether the file states it."""
+    """A column of the recordings and the factor that turns it into SI. scale_given: whether the file states it.
+
+    pressure: of PRESSURES, whether a pressure is gauge or absolute; "" where the file does not say so.
+    """
 
     name: str
     scale: float
     scale_given: bool = True
+    pressure: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +57,8 @@ class MachineDescription:
     imposed: a rig moves the axis and the force is measured; else the input moves it.
     gain: force or torque per unit of input.  stiffness [N/m or N m/rad], damping [N s/m or N m s/rad], inertia [kg or
     kg m^2] and weight [N m at 90 degrees] of the nominal model.  has: parts that effects may need, of PARTS.
-    columns: those the recordings are read from.  tolerances: relative standard deviations [-] of NUMBERS that have
-    their own; 0 where the number is exact.
+    columns: those the recordings are read from.  tolerances: relative standard deviations [-] of NUMBERS and weight
+    that have their own; 0 where the number is exact.
     effects: parameters of effects that the model has, by their keys in a report, in the machine's units.
     recordings: numbers of OWN_NUMBERS by the name of a recording's file, those that it has.
     sizes: force, position and input [SI] to which the fit that found them was scaled; None: as the recordings ask.
@@ -100,13 +105,13 @@ def load_description(path: Path) -> MachineDescription:
     imposed = bool(top.raw("imposed", "true or false", False))
     least = {"gain": (SMALLEST_GAIN, 1.0 if imposed else None)}
     read = {key: _number(top, key, *least.get(key, (0.0, 0.0))) for key in NUMBERS}
+    read["weight"] = _number(top, "weight", 0.0, 0.0, largest=0.0 if linear else LARGEST)
     return MachineDescription(
         path,
         top.name("name"),
         linear,
         imposed,
         **{key: value for key, (value, _) in read.items()},
-        weight=top.number("weight", 0.0, 0.0 if linear else LARGEST, 0.0),
         has=_parts(top, linear=linear),
         columns=_columns(top, imposed),
         tolerances={key: tolerance for key, (_, tolerance) in read.items() if tolerance is not None},
@@ -158,12 +163,14 @@ def _sizes(top: Section) -> tuple[float, float, float] | None:
     return force, position, of_input
 
 
-def _number(top: Section, key: str, low: float, default: float | None) -> tuple[float, float | None]:
+def _number(
+    top: Section, key: str, low: float, default: float | None, *, largest: float = LARGEST
+) -> tuple[float, float | None]:
     """A number and its own relative tolerance [-], 0 where it is exact, None where it has none."""
     if not isinstance(top.raw(key, "a number", default if default is None else [default]), dict):
-        return top.number(key, low, LARGEST, default), None
+        return top.number(key, low, largest, default), None
     part = top.section(key, NUMBER)
-    value = part.number("value", low, LARGEST)
+    value = part.number("value", low, largest)
     exact = part.raw("exact", "true or false", [])
     if exact not in ([], True, False):
         raise part.error("exact", f"is {exact!r}; it must be true or false")
@@ -199,7 +206,8 @@ def _columns(top: Section, imposed: bool) -> dict[str, Column]:
         wanted.remove("input")
     columns = {}
     for name in wanted:
-        part = section.section(name, ("column", "scale"))
+        part = section.section(name, ("column", "scale", "pressure") if name == "input" else ("column", "scale"))
         own = part.raw("column", "the name of a column")
-        columns[name] = Column(str(own), part.number("scale", -LARGEST, LARGEST, 1.0), "scale" in part)
+        pressure = part.choice("pressure", list(PRESSURES)) if "pressure" in part else ""
+        columns[name] = Column(str(own), part.number("scale", -LARGEST, LARGEST, 1.0), "scale" in part, pressure)
     return columns

@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_machine.balance import balance, check_plausible
+from hand_machine.balance import balance
 from hand_machine.description import MachineDescription, load_description
 from hand_machine.found_model import PARAMETER, WEIGHT, put_effects
+from hand_machine.plausible import check_loads, check_plausible
 from hand_machine.reading import Readings, read_machine
 from hand_machine.wording import AXIS, wording_of
 from hand_model.arrays import Array
@@ -104,6 +105,7 @@ def load_machine(path: Path, recordings: Sequence[Path]) -> Machine:
     tables = [read_machine(described, recording) for recording in recordings]
     for recording, table in zip(recordings, tables, strict=True):
         check_plausible(described.with_load_of(recording), recording, table)
+    check_loads(described, recordings, tables)
     scales = _scales(described, recordings, tables)
     wording = wording_of(
         described.linear,
@@ -187,7 +189,8 @@ def _model(described: MachineDescription, scales: Scales, longest_s: float, unit
         parameters[:, None],
         np.array([-1]),
         _lacks(described, longest_s),
-        {PARAMETER[name]: tolerance for name, tolerance in described.tolerances.items()} | _over_travel(described),
+        {(PARAMETER | {"weight": WEIGHT})[name]: tolerance for name, tolerance in described.tolerances.items()}
+        | _over_travel(described),
     )
 
 

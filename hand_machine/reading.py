@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from hand_machine.description import Column, MachineDescription
 from hand_machine.time_unit import check_time_unit
 from hand_model.arrays import Array, Flags
+from hand_model.effects.effect import ATMOSPHERE_PA
 from hand_recording.interpolation import LONGEST_GAP_PERIODS, bridge, interpolate
 from hand_recording.recording_files import RecordingError
 from hand_recording.signal_files import uniform_clock
@@ -89,7 +90,7 @@ def _column(table: Table, path: Path, column: Column) -> Array:
             (line, cell) for line, cell in zip(table.lines, values, strict=True) if cell and not _is_number(cell)
         )
         raise RecordingError(f"{path}: line {line}, column {column.name!r} is {cell!r}; it must be a number")
-    return column.scale * values
+    return column.scale * values - (ATMOSPHERE_PA if column.pressure == "absolute" else 0.0)
 
 
 def _is_number(cell: str) -> bool:

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from hand_diagnosis.task import Task, effects_without
 from hand_identification.free_parameters import effect_free_parameters, nominal_free_parameters, probe_values
 from hand_machine.description import load_description
-from hand_machine.found_model import PARAMETER
+from hand_machine.found_model import PARAMETER, WEIGHT
 from hand_machine.machine import Machine, load_machine
 from hand_model.effects import EFFECTS
 from hand_model.kernel.rows import ROW
@@ -138,3 +138,19 @@ def test_a_gain_that_is_not_exact_may_change_over_the_travel(tmp_path: Path, rec
 
     assert key in free()
     assert key not in free(gain={"value": GAIN, "exact": True})
+
+
+def test_a_weight_with_its_own_tolerance_is_free(tmp_path: Path, recording: Path) -> None:
+    """Fails when a stated tolerance of the weight is ignored, or the weight moves though it has none or is exact."""
+    key = WEIGHT
+
+    def free(weight: object) -> dict[str, float]:
+        model = machine(tmp_path, recording, motion="rotary", weight=weight).model
+        found = nominal_free_parameters(model.parameters[:, 0], 0.1, True, model.tolerances)
+        return {each.key: each.scale / abs(each.centre or 1.0) for each in found}
+
+    assert free({"value": 5.0, "tolerance": 0.03})[key] == pytest.approx(0.03)
+    assert key not in free(5.0)
+    assert key not in free({"value": 5.0, "exact": True})
+    with pytest.raises(DescriptionError, match=r"weight.value is 5.0; the allowed range is 0 to 0"):
+        machine(tmp_path, recording, weight={"value": 5.0, "tolerance": 0.03})

@@ -184,7 +184,7 @@ def changed(motion: dict[str, np.ndarray], case: str) -> tuple[dict[str, np.ndar
         ("named milliseconds", "is named in ms, but its scale is 1; .*columns.time.scale: 1.0e-3"),
         ("microseconds as milliseconds", "times are 10 s apart.*check the unit of the time column"),
         ("wrong sign", "opposite sign.*change the sign of columns.input.scale or columns.position.scale"),
-        ("millimetres", "times what the model expects.*check the units"),
+        ("millimetres", "times what the model expects.*check the units.*the factor of milli- or kilo-units, as mm"),
         ("ten samples", "has 10 samples; at least 100 are needed"),
         ("no numbers", "position holds no finite number"),
         ("mostly missing", "of position is missing; at most 50%"),
