@@ -11,12 +11,12 @@ from pathlib import Path
 
 from hand_machine.wording import units_of
 from hand_model.kernel.rows import JOINT_PARAMETERS
-from hand_model.yaml_loader import load_yaml
+from hand_model.yaml_loader import DescriptionError, load_yaml
 from hand_model.yaml_reader import Section, read_yaml
 
 KEYS = (
     *("schema", "name", "motion", "imposed", "gain", "stiffness", "damping", "inertia", "weight", "has", "columns"),
-    *("recordings", "effects", "sizes"),
+    *("recordings", "reference_temperature", "effects", "sizes"),
 )
 COLUMNS = ("time", "input", "position", "force")
 PARTS = ("supply", "valve", "chamber", "soft_material", "magnetic_sensor", "input_sensor", "force_sensing_resistor")
@@ -25,8 +25,13 @@ NUMBERS = ("gain", "stiffness", "damping", "inertia")
 """Numbers that a fit may change, each within its own tolerance unless it is exact; the weight only within its own."""
 PRESSURES = ("gauge", "absolute")
 NUMBER = ("value", "exact", "tolerance")
-OWN_NUMBERS = ("added_inertia", "added_weight", "supply")
-"""What a recording may have of its own: a load that it moves in addition, and the supply relative to the usual one."""
+WARM = ("gain", "stiffness", "damping")
+"""Numbers that may depend on the temperature of a recording."""
+OWN_NUMBERS = ("added_inertia", "added_weight", "supply", "temperature")
+"""What a recording may have of its own: a load that it moves in addition, the supply relative to the usual one, and the
+temperature."""
+COLDEST_C, HOTTEST_C, ROOM_C = -100.0, 500.0, 20.0
+"""Range of temperatures, and the one at which the numbers of a file hold unless it states another."""
 MAX_SUPPLY_RATIO = 1e3
 EFFECT = ("value", "std", "unit")
 SIZES = ("force", "position", "input")
@@ -61,6 +66,7 @@ class MachineDescription:
     that have their own; 0 where the number is exact.
     effects: parameters of effects that the model has, by their keys in a report, in the machine's units.
     recordings: numbers of OWN_NUMBERS by the name of a recording's file, those that it has.
+    per_kelvin: relative change of numbers of WARM [1/K] from reference_c [deg C] on.
     sizes: force, position and input [SI] to which the fit that found them was scaled; None: as the recordings ask.
     """
 
@@ -79,15 +85,32 @@ class MachineDescription:
     effects: Mapping[str, float]
     recordings: Mapping[str, Mapping[str, float]]
     sizes: tuple[float, float, float] | None
+    per_kelvin: Mapping[str, float]
+    reference_c: float
+
+    def warmth(self, recording: Path) -> dict[str, float]:
+        """Factors [-] of the numbers that the temperature of a recording changes. Raises DescriptionError below 0."""
+        own = self.recordings.get(recording.name, {})
+        warmer_k = own.get("temperature", self.reference_c) - self.reference_c
+        factors = {name: 1.0 + each * warmer_k for name, each in self.per_kelvin.items()}
+        for name, factor in factors.items():
+            if factor <= 0.0:
+                raise DescriptionError(
+                    f"{self.path}: {name}.per_kelvin is {self.per_kelvin[name]:g}, which leaves {factor:.2g} times"
+                    f" {name} at the temperature of {recording.name}; the allowed range is above 0"
+                )
+        return factors
 
     def with_load_of(self, recording: Path) -> MachineDescription:
-        """The machine while it moves the load of a recording, at the supply of that recording."""
-        own = self.recordings.get(recording.name, {})
+        """The machine while it moves the load of a recording, at the supply and temperature of that recording."""
+        own, warm = self.recordings.get(recording.name, {}), self.warmth(recording)
         return replace(
             self,
             inertia=self.inertia + own.get("added_inertia", 0.0),
             weight=self.weight + own.get("added_weight", 0.0),
-            gain=self.gain * own.get("supply", 1.0),
+            gain=self.gain * own.get("supply", 1.0) * warm.get("gain", 1.0),
+            stiffness=self.stiffness * warm.get("stiffness", 1.0),
+            damping=self.damping * warm.get("damping", 1.0),
         )
 
 
@@ -118,7 +141,22 @@ def load_description(path: Path) -> MachineDescription:
         effects=_effects(top, linear=linear),
         recordings=_recordings(top, linear=linear),
         sizes=_sizes(top),
+        per_kelvin={key: _per_kelvin(top, key) for key in WARM if _has_per_kelvin(top, key)},
+        reference_c=top.number("reference_temperature", COLDEST_C, HOTTEST_C, ROOM_C),
     )
+
+
+def _has_per_kelvin(top: Section, key: str) -> bool:
+    number = top.raw(key, "a number", 0.0)
+    return isinstance(number, dict) and "per_kelvin" in number
+
+
+def _per_kelvin(top: Section, key: str) -> float:
+    """Relative change of a number [1/K]; one of 0 has none."""
+    part = top.section(key, (*NUMBER, "per_kelvin"))
+    if float(part.raw("value", "a number")) == 0.0:
+        raise part.error("per_kelvin", "is relative and has no meaning for a value of 0")
+    return part.number("per_kelvin", -1.0, 1.0)
 
 
 def _recordings(top: Section, *, linear: bool) -> dict[str, dict[str, float]]:
@@ -131,6 +169,7 @@ def _recordings(top: Section, *, linear: bool) -> dict[str, dict[str, float]]:
         "added_inertia": (0.0, LARGEST),
         "added_weight": (0.0, 0.0) if linear else (-LARGEST, LARGEST),
         "supply": (1.0 / MAX_SUPPLY_RATIO, MAX_SUPPLY_RATIO),
+        "temperature": (COLDEST_C, HOTTEST_C),
     }
     found = {}
     for name in entries:
@@ -169,7 +208,7 @@ def _number(
     """A number and its own relative tolerance [-], 0 where it is exact, None where it has none."""
     if not isinstance(top.raw(key, "a number", default if default is None else [default]), dict):
         return top.number(key, low, largest, default), None
-    part = top.section(key, NUMBER)
+    part = top.section(key, (*NUMBER, "per_kelvin") if key in WARM else NUMBER)
     value = part.number("value", low, largest)
     exact = part.raw("exact", "true or false", [])
     if exact not in ([], True, False):

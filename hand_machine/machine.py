@@ -214,10 +214,6 @@ def _signals(recording: Path, table: Readings, described: MachineDescription, sc
     own = described.recordings.get(recording.name, {})
     drive = own.get("supply", 1.0) * table.signals["input"][:, None] / scales.input
     force = np.full_like(drive, np.nan)
-    added = {
-        PARAMETER["inertia"]: own.get("added_inertia", 0.0) * scales.angle / scales.torque,
-        WEIGHT: own.get("added_weight", 0.0) / scales.torque,
-    }
     if described.imposed:
         force = table.signals["force"][:, None] / scales.torque / LEVER_M
     yes = np.ones(1, dtype=bool)
@@ -235,5 +231,22 @@ def _signals(recording: Path, table: Readings, described: MachineDescription, sc
         notes=table.notes,
         driven=described.imposed,
         machine=True,
-        added={key: value for key, value in added.items() if value != 0.0},
+        added=_added(recording, described, scales),
     )
+
+
+def _added(recording: Path, described: MachineDescription, scales: Scales) -> dict[str, float]:
+    """What load and temperature of a recording add to parameters of the model, by key, SI of the model."""
+    own = described.recordings.get(recording.name, {})
+    scale = scales.angle / scales.torque
+    size = {
+        "gain": described.gain * scales.input / scales.torque,
+        "stiffness": -described.stiffness * scale,
+        "damping": described.damping * scale,
+    }
+    added = {
+        PARAMETER["inertia"]: own.get("added_inertia", 0.0) * scale,
+        WEIGHT: own.get("added_weight", 0.0) / scales.torque,
+    }
+    added |= {PARAMETER[name]: size[name] * (factor - 1.0) for name, factor in described.warmth(recording).items()}
+    return {key: value for key, value in added.items() if value != 0.0}

@@ -104,6 +104,8 @@ def test_a_wrong_number_is_found_next_to_exact_ones(tmp_path: Path, recording: P
         ({"value": -1.0}, "stiffness.value is -1.0; the allowed range is 0 to 1e"),
         ({"tolerance": 0.1}, "stiffness.value is missing"),
         ({"value": 1.0, "error": 0.1}, "stiffness.error is not a known key"),
+        ({"value": 1.0, "per_kelvin": 3.0}, "stiffness.per_kelvin is 3.0; the allowed range is -1 to 1"),
+        ({"value": 0.0, "per_kelvin": 0.1}, "stiffness.per_kelvin is relative and has no meaning for a value of 0"),
     ],
 )
 def test_contradictory_numbers_are_refused(tmp_path: Path, number: dict[str, object], line: str) -> None:

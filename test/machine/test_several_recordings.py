@@ -44,17 +44,20 @@ def save(
     inertia: float = 0.0,
     weight: float = 0.0,
     supply: float = 1.0,
+    soft: float = 1.0,
     friction: float = 0.0,
     seconds: float = SECONDS,
 ) -> None:
-    """A recording of an arm with a load, by scipy.integrate.solve_ivp. inertia, weight: of the load."""
+    """A recording of an arm with a load, by scipy.integrate.solve_ivp. inertia, weight: of the load; soft: a factor."""
     rng = np.random.default_rng(seed)
     knots = np.arange(0.0, SECONDS + 1.0, 0.7)
     levels = rng.uniform(-2.0, 2.0, len(knots))
     times = np.arange(0.0, seconds, PERIOD_S)
 
     def slope(t: float, y: np.ndarray) -> list[float]:
-        torque = supply * np.interp(t, knots, levels) - STIFFNESS * y[0] - DAMPING * y[1] - weight * np.sin(y[0])
+        torque = (
+            supply * np.interp(t, knots, levels) - soft * (STIFFNESS * y[0] + DAMPING * y[1]) - weight * np.sin(y[0])
+        )
         return [y[1], (torque - friction * np.tanh(y[1] / 0.01)) / (INERTIA + inertia)]
 
     q = solve_ivp(slope, (0.0, seconds), [0.0, 0.0], "LSODA", times, rtol=1e-7, atol=1e-9, max_step=0.02).y[0]
@@ -92,6 +95,35 @@ def test_loads_and_supplies_belong_to_their_recordings(tmp_path: Path) -> None:
     left_out = errors(load(tmp_path, ARM, *names))
     assert left_out[0] < 2.0 * NOISE_RAD
     assert min(left_out[1:]) > 50.0 * NOISE_RAD
+
+
+@pytest.mark.parametrize("reference_c", [None, 10.0])
+def test_numbers_follow_the_temperature_of_a_recording(tmp_path: Path, reference_c: float | None) -> None:
+    """Fails when a temperature is ignored, or acts in another recording or from another reference."""
+    cold = 20.0 if reference_c is None else reference_c
+    per_kelvin = {"per_kelvin": -0.01}
+    arm = ARM | {
+        "stiffness": {"value": STIFFNESS, **per_kelvin},
+        "damping": {"value": DAMPING, "tolerance": 0.1, **per_kelvin},
+        "recordings": {"warm.npz": {"temperature": cold + 30.0}, "cold.npz": {"temperature": cold}},
+    }
+    arm |= {} if reference_c is None else {"reference_temperature": reference_c}
+    save(tmp_path / "warm.npz", 1, soft=0.7)
+    save(tmp_path / "cold.npz", 2)
+    assert max(errors(load(tmp_path, arm, "warm.npz", "cold.npz"))) < 2.0 * NOISE_RAD
+    unstated = errors(load(tmp_path, arm | {"recordings": {}}, "warm.npz", "cold.npz"))
+    assert unstated[1] < 2.0 * NOISE_RAD
+    assert unstated[0] > 50.0 * NOISE_RAD
+    with pytest.raises(DescriptionError, match=r"stiffness.per_kelvin is -0.01.*the allowed range is above 0"):
+        load(tmp_path, arm | {"recordings": {"warm.npz": {"temperature": cold + 200.0}}}, "warm.npz")
+
+
+def test_an_input_follows_the_temperature_of_a_recording(tmp_path: Path) -> None:
+    """Fails when the gain does not depend on the temperature as stated."""
+    save(tmp_path / "warm.npz", 1, supply=0.8)
+    gain = {"value": 1.0, "exact": True, "per_kelvin": -0.005}
+    arm = ARM | {"gain": gain, "recordings": {"warm.npz": {"temperature": 60.0}}}
+    assert errors(load(tmp_path, arm, "warm.npz"))[0] < 2.0 * NOISE_RAD
 
 
 def test_an_effect_is_tested_on_each_recording_left_out(tmp_path: Path) -> None:
@@ -147,6 +179,7 @@ def test_an_effect_of_one_recording_alone_is_withdrawn(tmp_path: Path, friction:
     [
         ({"a.npz": {"mass": 1.0}}, "mass is not a known key"),
         ({"a.npz": {"added_inertia": -1.0}}, "added_inertia is -1.0; the allowed range is 0"),
+        ({"a.npz": {"temperature": 900.0}}, "temperature is 900.0; the allowed range is -100 to 500"),
         ({"a.npz": {"supply": 0.0}}, "supply is 0.0; the allowed range is 0.001 to 1000"),
         (["a.npz"], "recordings must be a mapping of file names"),
         ({"a.npz": 3.0}, "it must be a mapping"),
