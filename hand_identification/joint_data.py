@@ -90,6 +90,7 @@ def _segment(signals: Signals, hand: JointModel, joint: str, first_block: int) -
         signals.pressure_late_s,
         signals.jitter_s,
         added=_added(signals.added),
+        derivative_s=signals.derivative_s,
     )
 
 
@@ -125,7 +126,7 @@ def driving_pressure(signals: Signals, j: int) -> tuple[Array, Windows]:
 def _surroundings(signals: Signals, hand: JointModel, joint: str) -> Array:
     """Exogenous inputs (T, EXOGENOUS) of the joint's model, without the inflow of the whole hand (driving.py)."""
     j = signals.joints.index(joint)
-    speed, acceleration = derivatives(signals.angle_rad[:, j : j + 1], signals.period_s)
+    speed, acceleration = derivatives(signals.angle_rad[:, j : j + 1], signals.period_s, signals.derivative_s)
     e = np.zeros((signals.samples, EXOGENOUS))
     e[:, TIME] = signals.time_s
     e[:, ANGLE], e[:, SPEED] = signals.angle_rad[:, j], speed[:, 0]
@@ -156,7 +157,9 @@ def _use(signals: Signals, j: int, force: Array) -> Flags:
     use[0] = known & bool(signals.has_set_point[j]) & bool(signals.has_pressure[j])
     use[1] = known & bool(signals.has_pressure[j])
     if signals.driven:
-        use[1], use[2] = False, known & np.isfinite(force)
+        # Derivatives at the end of a recording are extrapolated by the last whole window.
+        whole = np.arange(signals.samples) < signals.samples - 0.5 * signals.derivative_s / signals.period_s
+        use[1], use[2] = False, known & whole & np.isfinite(force)
         return use
     use[2] = known & np.isfinite(force) & (np.nan_to_num(force) > TOUCHING_N)
     return use

@@ -14,6 +14,7 @@ from hand_model.arrays import Array, Flags
 from hand_model.kernel.layout import CREEP, OMEGA
 from hand_model.kernel.open_loop import OUTPUTS, MeasuredInputs, open_loop
 from hand_recording.local_smoothing import Windows
+from hand_recording.signals import SMOOTHING_S
 
 STAGES = ("pressure", "angle", "force")
 """The signal that each stage predicts, in the order of the model's outputs."""
@@ -40,7 +41,8 @@ class Segment:
     samples.  windows: (T,) of the smoothing, see local_smoothing.Windows.  known: (T,) where readings were.
     late_s: by how much the pressures were read after the other signals.  jitter_s: standard deviation of the times at
     which the samples were taken.  added: (rows,) what the load of this recording adds to the parameters; None: nothing.
-    acts: (T,) samples at which JointProblem.switched act; None: at all.
+    derivative_s: window of the derivatives of the angle.  acts: (T,) samples at which JointProblem.switched act; None:
+    at all.
     use: (OUTPUTS, T) samples that count.  block: (T,) number of the block of each sample, over all recordings.
     """
 
@@ -62,6 +64,7 @@ class Segment:
     jitter_s: float = 0.0
     acts: Flags | None = None
     added: Array | None = None
+    derivative_s: float = SMOOTHING_S
 
     @property
     def measured(self) -> Array:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_machine.balance import balance
+from hand_machine.derivative_window import derivative_window_s
 from hand_machine.description import MachineDescription, load_description
 from hand_machine.found_model import PARAMETER, WEIGHT, put_effects
 from hand_machine.plausible import check_loads, check_plausible
@@ -232,6 +233,7 @@ def _signals(recording: Path, table: Readings, described: MachineDescription, sc
         driven=described.imposed,
         machine=True,
         added=_added(recording, described, scales),
+        derivative_s=derivative_window_s(table.signals["position"], table.period_s),
     )
 
 

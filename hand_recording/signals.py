@@ -42,6 +42,7 @@ class Signals:
     between_pa: (parts (T - 1) + 1, J) set-points in force, `parts` evenly over each sample; None where they change at
     samples only.  jitter_s: standard deviation of the error of the samples' times that is left.
     added: what the load of this recording adds to parameters of the model, by key, SI.
+    derivative_s: window over which speeds and accelerations are computed.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Signals:
     between_pa: Array | None = None
     jitter_s: float = 0.0
     added: Mapping[str, float] = field(default_factory=dict)
+    derivative_s: float = SMOOTHING_S
 
     @property
     def commanded_pa(self) -> Array:
@@ -79,9 +81,9 @@ class Signals:
         return np.asarray(np.arange(self.samples) * self.period_s, dtype=np.float64)
 
 
-def derivatives(angle_rad: Array, period_s: float) -> tuple[Array, Array]:
+def derivatives(angle_rad: Array, period_s: float, window_s: float = SMOOTHING_S) -> tuple[Array, Array]:
     """Speed [rad/s] and acceleration [rad/s^2], (T, J) each, from angles (T, J) by a cubic over a moving window."""
-    half = max(2, round(SMOOTHING_S / period_s / 2.0))
+    half = max(2, round(window_s / period_s / 2.0))
     window = min(2 * half + 1, (len(angle_rad) - 1) // 2 * 2 + 1)
     if window < 5:
         return np.zeros_like(angle_rad), np.zeros_like(angle_rad)

@@ -1,0 +1,69 @@
+"""The window over which a recorded motion is differentiated, from its noise and its bandwidth.
+
+A short window amplifies the noise of the readings, and a long one flattens what the motion really does. Of the windows,
+the one with the lowest sum of both is taken, as in Goldenshluger and Lepski (2011): the error of a window by flattening
+is how far its acceleration is from those of all shorter windows, beyond what their noise explains.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.signal import savgol_coeffs, savgol_filter
+
+from hand_model.arrays import Array
+
+ORDER, GROWTH, HALF_SAMPLES = 3, 1.35, 2
+"""Order of the polynomials, ratio of one window to the next, and half of the shortest [samples]."""
+LONGEST_S = 0.3
+"""Longest window; what an axis does within it is lost."""
+DIFFERENCES = 6
+"""Order of the differences that show the noise: a motion up to a tenth of the sample rate hardly affects them."""
+DOUBT = 3.0
+"""Standard errors by which two windows must differ more than their noise explains."""
+MIN_SAMPLES = 50
+"""Fewest samples inside the longest window that is compared."""
+
+
+def derivative_window_s(position: Array, period_s: float) -> float:
+    """Window [s], from its first sample to its last, for speeds and accelerations of positions (T,) in any unit."""
+    spans = _spans(len(position), period_s)
+    noise = _noise(position)
+    kernels = [savgol_coeffs(span, ORDER, deriv=2, delta=period_s) for span in spans]
+    inside = slice(spans[-1] // 2, len(position) - spans[-1] // 2)
+    estimates = [savgol_filter(position, span, ORDER, deriv=2, delta=period_s)[inside] for span in spans]
+    risks = []
+    for index, (kernel, estimate) in enumerate(zip(kernels, estimates, strict=True)):
+        bias = 0.0
+        for shorter, other in zip(kernels[:index], estimates[:index], strict=True):
+            expected = noise**2 * float(np.sum((kernel - _padded(shorter, len(kernel))) ** 2))
+            expected *= 1.0 + DOUBT * float(np.sqrt(2.0 * len(shorter) / len(estimate)))
+            bias = max(bias, float(np.mean((estimate - other) ** 2)) - expected)
+        risks.append(bias + noise**2 * float(np.sum(kernel**2)))
+    return (spans[int(np.argmin(risks))] - 1) * period_s
+
+
+def _noise(position: Array) -> float:
+    """Standard deviation of the white noise of positions (T,), at rest that of the readings that change."""
+    different = np.abs(np.diff(position, DIFFERENCES))
+    if not len(different):
+        return 0.0
+    # The median is that of a normal distribution; of quantised readings at rest it is 0.
+    trimmed = float(np.sqrt(np.mean(np.minimum(different, np.quantile(different, 0.9)) ** 2)))
+    return max(float(np.median(different)) / 0.6745, 0.3 * trimmed) / math.sqrt(math.comb(2 * DIFFERENCES, DIFFERENCES))
+
+
+def _spans(samples: int, period_s: float) -> list[int]:
+    """Odd windows [samples] from the shortest up to LONGEST_S, as far as the recording has samples for them."""
+    longest = max(min(LONGEST_S / period_s, samples - MIN_SAMPLES), 2 * HALF_SAMPLES + 1)
+    halves = [HALF_SAMPLES]
+    while 2 * (after := max(halves[-1] + 1, round(GROWTH * halves[-1]))) + 1 <= longest:
+        halves.append(after)
+    halves.append(max(halves[-1], int(longest - 1.0) // 2))
+    return [2 * half + 1 for half in dict.fromkeys(halves)]
+
+
+def _padded(kernel: Array, span: int) -> Array:
+    around = (span - len(kernel)) // 2
+    return np.pad(kernel, around)
