@@ -59,6 +59,12 @@ def check_plausible(described: MachineDescription, path: Path, table: Readings) 
     )
     if np.std(measured) == 0.0 or np.std(expected) == 0.0:
         return
+    needed = float(np.std(expected) / np.std(measured))
+    if described.imposed and needed > MAX_RATIO:
+        raise RecordingError(
+            f"{path}: the model needs {needed:.2g} times the measured force for this motion; check that the recording"
+            f" is of the machine that {described.path.name} describes, and the units of force and position (key scale)"
+        )
     alike = float(np.corrcoef(measured, expected)[0, 1])
     pair = ("force", "the motion and input") if described.imposed else ("input", "the motion")
     if alike < -ALIKE:

@@ -87,6 +87,21 @@ def test_a_recording_of_another_machine_is_refused(tmp_path: Path, other: dict[s
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize(("inertia", "fits"), [(MASS, True), (10.0 * MASS, True), (400.0 * MASS, False)])
+def test_a_force_far_below_what_the_motion_needs_is_refused(tmp_path: Path, inertia: float, fits: bool) -> None:
+    """Fails when the recording of a light machine passes for that of a heavy one because friction hides it."""
+    time = np.arange(0.0, 10.0, 0.005)
+    x, v, a = 0.02 * np.sin(6.0 * time), 0.12 * np.cos(6.0 * time), -0.72 * np.sin(6.0 * time)
+    np.savez(tmp_path / "run.npz", t=time, x=x, f=-MASS * a - 5.0 * np.sign(v))
+    parts = {"time": {"column": "t"}, "position": {"column": "x"}, "force": {"column": "f"}}
+    rig = {"imposed": True, "gain": 1.0, "stiffness": 0.0, "damping": 0.0, "inertia": inertia, "columns": parts}
+    if fits:
+        load(tmp_path, **rig)
+        return
+    with pytest.raises(RecordingError, match=r"the model needs .* times the measured force.*of the machine that"):
+        load(tmp_path, **rig)
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(
     "effects",
