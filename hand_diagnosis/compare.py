@@ -20,6 +20,7 @@ from hand_model.kernel.rows import JOINT_PARAMETERS
 from hand_model.quantities import HAND
 from hand_pages.page import write_html
 from hand_pages.plots import Curve, Panel, Plot
+from hand_recording.interpolation import in_force, interpolate
 from hand_recording.signals import Signals
 
 Kind = Literal["report", "model", "recording"]
@@ -184,11 +185,13 @@ def _pair(first: Signals, second: Signals, joint: str, count: int, nth: int) -> 
     def both(name: str, scale: float) -> list[Array]:
         """The signal of both recordings (count,), at the times of the first."""
         ours, theirs = getattr(first, name)[:count, i], getattr(second, name)[:, k]
-        return [scale * ours, scale * np.interp(time_s, second.time_s, theirs)]
+        return [scale * ours, scale * interpolate(time_s, second.time_s, theirs, np.inf)]
 
     units = (HAND.signal_units[1], in_thousands(*HAND.signal_units[0]))
     shown = [both("angle_rad", units[0][0]), both("pressure_pa", units[1][0])]
-    angle, pressure, commanded = (float(np.sqrt(np.mean((a - b) ** 2))) for a, b in (*shown, both("set_point_pa", 1.0)))
+    held = second.set_point_pa[in_force(time_s, second.time_s), k]
+    pairs = (*shown, (first.set_point_pa[:count, i], held))
+    angle, pressure, commanded = (float(np.sqrt(np.mean((a - b) ** 2))) for a, b in pairs)
     panels = []
     for (a, b), name, (_, unit), height in zip(shown, ("angle", "pressure"), units, (3.0, 2.0), strict=True):
         axis = (0.0, nth * first.period_s)

@@ -26,7 +26,7 @@ from hand_diagnosis.task import (
     not_judged,
     put_partner,
 )
-from hand_diagnosis.verdict import stage_results
+from hand_diagnosis.verdict import stage_results, with_other_splits
 from hand_identification.free_parameters import FARTHEST, WIDE, FreeParameter, nominal_free_parameters
 from hand_identification.joint_data import joint_problem
 from hand_identification.joint_problem import JointProblem
@@ -253,9 +253,11 @@ def _diagnose_joint(
         problem, whole = search.problem, with_onset(whole, onset, rows)
     test, withdrawn = _tested(whole, search, rng)
     left_out = leave_one_out(whole, search) if task.signals[0].machine and onset is None else None
+    fits, free_axis = (search.nominal, search.final), swings_freely(whole)
     if left_out is not None and left_out.withdrawn:
-        test = evaluate_test(whole, [search.nominal, search.final], free_axis=swings_freely(whole))
-    results = stage_results(problem, search.nominal, search.final, len(search.accepted))
+        test = evaluate_test(whole, fits, free_axis=free_axis)
+    results = stage_results(problem, *fits, len(search.accepted))
+    results = with_other_splits(results, whole, fits, test, problem=problem, free_axis=free_axis)
     separable = [effect for effect in effects if effect.place != "force_sensor"]
     found = isolability(problem, search.nominal, separable) if search.accepted else None
     search.forget_sensitivities()

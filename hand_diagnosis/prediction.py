@@ -14,12 +14,12 @@ import numpy as np
 
 from hand_diagnosis.data_check import check
 from hand_diagnosis.settings import SETTINGS
+from hand_diagnosis.splits import noise_on
 from hand_diagnosis.task import Task, moving_joints, not_judged
-from hand_diagnosis.verdict import noise_of_inputs, noise_of_reading
 from hand_identification.free_parameters import START_CREEP
 from hand_identification.joint_problem import STAGES, JointProblem, Segment
 from hand_identification.map_fit import MapFit
-from hand_model.arrays import Array
+from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 from hand_model.joint_model import JointModel
 from hand_model.quantities import HAND, Wording
@@ -120,28 +120,26 @@ def _joint(task: Task, joint: str) -> JointPrediction:
     )
     squares = problem.block_squares([r[None] for r in residuals])[0]
     fit = MapFit(free, z, 0.0, squares, residuals, np.zeros((len(z), len(z))), (), 0)
-    inputs = noise_of_inputs(problem, fit)
     scores = [
-        _score(problem, segment, residual, stage, float(inputs[stage]))
+        _score(problem, segment, residual, stage, float(noise[stage]))
         for segment, residual in zip(problem.segments, residuals, strict=True)
+        for noise in (noise_on(problem, fit, _blocks_of(problem, segment)),)
         for stage in range(len(STAGES))
         if segment.use[stage].sum() >= SETTINGS.min_stage_samples
     ]
     return JointPrediction(joint, tuple(problem.segments), tuple(predicted), tuple(scores))
 
 
-def _score(problem: JointProblem, segment: Segment, residual: Array, stage: int, inputs: float) -> Score:
+def _blocks_of(problem: JointProblem, segment: Segment) -> Flags:
+    """The blocks (blocks,) of one recording."""
+    return np.isin(np.arange(problem.blocks), segment.block)
+
+
+def _score(problem: JointProblem, segment: Segment, residual: Array, stage: int, noise: float) -> Score:
     use = segment.use[stage]
     left, measured = residual[stage][use], segment.measured[stage][use]
-    return Score(
-        segment.name,
-        problem.joint,
-        stage,
-        float(np.sqrt(np.mean(left**2))),
-        float(np.hypot(noise_of_reading(left, measured - left), inputs)),
-        float(np.std(measured)),
-        int(use.sum()),
-    )
+    rmse, spread = float(np.sqrt(np.mean(left**2))), float(np.std(measured))
+    return Score(segment.name, problem.joint, stage, rmse, noise, spread, int(use.sum()))
 
 
 def document(prediction: Prediction, recordings: Sequence[str], model: str) -> dict[str, Any]:

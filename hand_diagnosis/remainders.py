@@ -22,12 +22,12 @@ from hand_diagnosis.hypotheses import block_bootstrap, validation_rmse
 from hand_diagnosis.laws import LawCurve, in_words, posterior_covariance, training_evidence, weighted_by_noise
 from hand_diagnosis.search import at_floor
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.splits import evaluate_test
-from hand_diagnosis.verdict import StageResult, Structure, describe
+from hand_diagnosis.splits import evaluate_test, stretch_of_test, swings_freely
+from hand_diagnosis.verdict import StageResult, Structure, describe, describe_test, turn_of_angle
 from hand_identification.free_parameters import FreeParameter, law_free_parameters
 from hand_identification.joint_problem import STAGES, JointProblem, Segment
 from hand_identification.map_fit import MapFit, map_fit
-from hand_model.arrays import Array, Flags
+from hand_model.arrays import Array
 from hand_model.effects import EFFECTS
 from hand_model.effects.constitution import STATES
 from hand_model.effects.effect import NEIGHBOUR, SPEED, Effect
@@ -63,7 +63,7 @@ PERIODIC = {"time": "periodic_in_time", "angle": "periodic_in_angle"}
 class Remainder:
     """What the best model leaves of a signal of a joint, in the unit in which the signal is shown.
 
-    rms: beyond the noise, on validation data.  share: of the mean square beyond the noise, 0 ... 1.
+    rms: beyond the noise.  share: of the mean square beyond the noise, 0 ... 1.  split: the data on which most is left.
     probability: of being other physics than that named.  candidates: effects that explain a part and are not claimed,
     with their numbers.  learned, law: the law that the data confirm, as a fit and as a curve; None where none is.
     """
@@ -79,6 +79,7 @@ class Remainder:
     when: tuple[tuple[float, float], ...]
     candidates: tuple[tuple[str, tuple[Number, ...]], ...]
     statement: str
+    split: str = "validation"
     learned: RemainderLaw | None = None
     law: LawCurve | None = None
 
@@ -94,7 +95,7 @@ class Remainder:
 def remainders(joints: Sequence[JointResult]) -> list[Remainder]:
     """What is more probably other physics than not, the largest in noise floors first."""
     left = [(result, stage) for result in joints for stage in result.results if stage.remains]
-    left.sort(key=lambda pair: -pair[1].excess_after / pair[1].floor)
+    left.sort(key=lambda pair: -pair[1].most_left.after / pair[1].floor)
     return [remainder(result, stage) for result, stage in left]
 
 
@@ -108,7 +109,7 @@ def verdict(findings: Sequence[Finding], left: Sequence[Remainder]) -> str:
 def remainder(result: JointResult, stage: StageResult) -> Remainder:
     """What the model leaves of one signal, with the effects that explain a part of it and are not claimed."""
     search, wording = result.search, result.wording
-    structure = describe(search.problem, search.final, stage.stage)
+    structure, stretches = _where(result, stage)
     claimed = result.claimed()
     parts = [found.effect for k, found in enumerate(search.accepted) if k not in claimed and found.stage == stage.stage]
     own = [tuple(parameter_numbers(search, effect, wording)) for effect in parts]
@@ -121,17 +122,28 @@ def remainder(result: JointResult, stage: StageResult) -> Remainder:
         result.joint,
         STAGE_PLACES[stage.stage],
         wording.signals[stage.stage],
-        factor * stage.excess_after,
+        factor * stage.most_left.after,
         unit,
-        stage.left**2,
+        stage.most_left.left**2,
         stage.other_physics,
         family if learned is None else learned.placed.family,
-        when(search, search.final, stage.stage),
+        stretches,
         tuple((effect.name, numbers) for effect, numbers in zip(parts, own, strict=True)),
         f"{_statement(result, stage, structure, texts)} {_law_text(learned, law, factor, unit)}",
+        stage.most_left.split,
         learned,
         law,
     )
+
+
+def _where(result: JointResult, stage: StageResult) -> tuple[Structure, tuple[tuple[float, float], ...]]:
+    """On which state the residual depends, and when [s] it is large, in the data on which most is left."""
+    search, whole = result.search, result.whole
+    if stage.most_left.split != "test" or whole is None:
+        return describe(search.problem, search.final, stage.stage), when(search, search.final, stage.stage)
+    structure = describe_test(whole, search.final, stage.stage, free_axis=swings_freely(whole))
+    begin, end = stretch_of_test(whole)
+    return structure, ((round(begin, 2), round(end, 2)),)
 
 
 def _learned(result: JointResult, stage: int, structure: Structure) -> RemainderLaw | None:
@@ -158,7 +170,7 @@ def _law_text(learned: RemainderLaw | None, law: LawCurve | None, factor: float,
 def _statement(result: JointResult, stage: StageResult, structure: Structure, parts: Sequence[str]) -> str:
     """The sentences of a remainder. parts: the catalogue's sentences about effects that explain a part."""
     wording = result.wording
-    factor, unit = wording.signal_units[stage.stage]
+    (factor, unit), most = wording.signal_units[stage.stage], stage.most_left
     pace = f"has its spectrum around {structure.frequency_hz:.2g} Hz"
     if structure.tone > SETTINGS.min_tone_share:
         pace = f"is periodic in time with {structure.tone_hz:.3g} Hz ({structure.tone:.0%} of its variance)"
@@ -167,11 +179,12 @@ def _statement(result: JointResult, stage: StageResult, structure: Structure, pa
     named = "beyond the findings" if any(k in result.claimed() for k in range(len(result.search.accepted))) else ""
     held = f" A part of it may be explained, which is not claimed: {'; '.join(parts)}." if parts else ""
     return (
-        f"{result.joint}: {factor * stage.excess_after:.3g} {unit} RMS of the {wording.signals[stage.stage]} exceed the"
-        f" noise{' ' * bool(named) + named}, and with a probability of {stage.other_physics:.2f} they are physics that"
-        f" no effect of the catalogue explains. This remainder depends most on the {wording.state(structure.state)}"
-        f" ({structure.share:.0%} of its variance), {pace}, and differs by {factor * structure.direction:.2g} {unit}"
-        f" between {wording.positive} and {wording.negative}.{held} {errors_text(result, stage.stage)}"
+        f"{result.joint}: {factor * most.after:.3g} {unit} RMS of the {wording.signals[stage.stage]} exceed the"
+        f" noise of the {most.split} data{' ' * bool(named) + named}, and with a probability of"
+        f" {stage.other_physics:.2f} they are physics that no effect of the catalogue explains. This remainder"
+        f" depends most on the {wording.state(structure.state)} ({structure.share:.0%} of its variance), {pace}, and"
+        f" differs by {factor * structure.direction:.2g} {unit} between {wording.positive} and {wording.negative}."
+        f"{held} {errors_text(result, stage.stage)}"
     )
 
 
@@ -304,7 +317,7 @@ def _families(problem: JointProblem, fit: MapFit, effect: Effect, stage: int, st
             yield Placed(effect, state, low, high, turns=False)
     if structure.tone > SETTINGS.remainder_tone_share:
         yield Placed(effect, "time", 0.0, 1.0 / structure.tone_hz, turns=True)
-    turn = _turn_of_angle(problem, fit, stage)
+    turn = turn_of_angle(problem, fit, stage)
     if turn > 0.0:
         yield Placed(effect, "angle", 0.0, turn, turns=True)
 
@@ -334,38 +347,14 @@ def _values(problem: JointProblem, state: str) -> list[Array]:
     return [of(segment) for segment in problem.segments]
 
 
-def _turn_of_angle(problem: JointProblem, fit: MapFit, stage: int) -> float:
-    """The period [rad] of the harmonic of the angle that explains most of a residual; 0 where none is fast enough."""
-    uses: list[Flags] = [segment.use[stage] for segment in problem.segments]
-    angle = np.concatenate([s.angle_rad[use] for s, use in zip(problem.segments, uses, strict=True)])
-    left = np.concatenate([r[stage][use] for r, use in zip(fit.residuals, uses, strict=True)])
-    span = float(np.ptp(angle))
-    if span <= 0.0 or len(left) < SETTINGS.min_stage_samples:
-        return 0.0
-    slow = np.column_stack([np.ones_like(angle), angle, angle**2, angle**3])
-    left = left - slow @ np.linalg.lstsq(slow, left, rcond=None)[0]
-    counts = np.arange(SETTINGS.remainder_turns[0], SETTINGS.remainder_turns[1], 0.25)
-    shares = [_share(left, 2.0 * np.pi * count / span * angle) for count in counts]
-    return span / float(counts[int(np.argmax(shares))])
-
-
-def _share(left: Array, phase: Array) -> float:
-    """Share [-] of the square of a residual that one harmonic explains."""
-    parts = np.column_stack([np.sin(phase), np.cos(phase)])
-    gone = parts @ np.linalg.lstsq(parts, left, rcond=None)[0]
-    return float(gone @ left) / max(float(left @ left), 1e-300)
-
-
 def described(law: RemainderLaw, wording: Wording) -> LawCurve:
     """The law over its state with its 95 % band, in the units of the machine and in words."""
     placed, fit = law.placed, law.fit
     known = placed.effect.constitution
     assert known is not None
     x = np.linspace(0.0, 1.0, SETTINGS.law_points)
-    turn = placed.high - placed.low
-    if placed.turns:
-        turn = 1.0 / law.values()[placed.key]
-    state = placed.low + turn * x if not placed.turns else turn * x
+    turn = 1.0 / law.values()[placed.key] if placed.turns else placed.high - placed.low
+    state = turn * x if placed.turns else placed.low + turn * x
     draws = np.random.default_rng(SETTINGS.noise_seed).multivariate_normal(
         fit.z, posterior_covariance(law.problem, fit), SETTINGS.law_draws, method="cholesky"
     )

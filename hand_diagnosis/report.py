@@ -148,6 +148,7 @@ def _remainder(left: Remainder) -> dict[str, Any]:
         "signal": left.signal,
         "rms": left.rms,
         "unit": left.unit,
+        "split": left.split,
         "share": round(left.share, 4),
         "probability": round(left.probability, 4),
         "family": left.family,

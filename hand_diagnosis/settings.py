@@ -101,8 +101,8 @@ class Settings(FitSettings):
 
     # What remains, and where
     unexplained_floors: float = setting(
-        1.3, "floors", "Validation error beyond the noise, in repeatability floors, from which a joint without effects"
-        " is not explained.", TRIALS, "False `unknown` findings.", "Small unknown physics is missed.")
+        1.3, "floors", "Error beyond the noise, in repeatability floors, from which a joint without effects is not"
+        " explained.", TRIALS, "False `unknown` findings.", "Small unknown physics is missed.")
     tolerated_share: float = setting(
         0.1, "-", "Share of the nominal excess error (RMS) that right names may leave, in addition to"
         " name_excess_floors: real laws differ in form.", FORMS,
@@ -145,6 +145,9 @@ class Settings(FitSettings):
         "Drifts are called periodic.", "Slow periodic remainders are not recognised.")
     noise_seed: int = setting(
         20, "-", "Seed of the second draw of input noise.", CHOICE, "Another draw.", "Another draw.")
+    undetermined_draws: int = setting(
+        8, "draws", "Draws of the parameters, as far as a fit leaves them open, that predict the test data.", CHOICE,
+        "A less certain floor of the test error.", "Slower.")
     noise_parts: tuple[int, ...] = setting(
         (1, 2, 5, 10, 20), "-", "The fastest 1/n of the samples, whose noise is estimated apart.", CHOICE,
         "Jitter of fast samples is averaged out.", "Parts too small to estimate.")

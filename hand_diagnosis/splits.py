@@ -1,17 +1,23 @@
-"""Training, validation and test data of one joint.
+"""Training, validation and test data of one joint: the errors of fits on them, and what no model's error can be below.
 
 Test data are one whole recording where there are SETTINGS.min_recordings_to_spare or more, else the last fifth of each.
 No fit and no choice sees them: a search gets `fit_part`, and `test_part` is evaluated once, after the last choice.
 Within the fit part, validation blocks make the choices (joint_problem.held_out_blocks).
+
+No model can fit better than the noise of the reading and the noise of the measured inputs on which a stage runs. A
+second draw of the same input noise moves the predictions by as much as the first one has moved them already. On test
+data, what the fit part leaves undetermined of the parameters comes in addition.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numba import njit
+from scipy.optimize import nnls
 
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import shape_driving
@@ -19,11 +25,15 @@ from hand_identification.free_parameters import START_CREEP
 from hand_identification.joint_data import speed_at_start
 from hand_identification.joint_problem import SETTLING_S, JointProblem, Segment
 from hand_identification.map_fit import MapFit
-from hand_model.arrays import Array
+from hand_model.arrays import Array, Flags
+from hand_model.effects.effect import ACCELERATION, ANGLE, SPEED
 from hand_model.kernel.layout import CREEP, OMEGA, PHI, P
+from hand_model.kernel.open_loop import OUTPUTS
 from hand_model.kernel.rows import ROW
 from hand_model.material import creep_rate
-from hand_recording.signals import Signals
+from hand_recording.interpolation import refine
+from hand_recording.local_smoothing import smoothed_by
+from hand_recording.signals import Signals, derivatives, white_noise
 
 
 def spared_last(signals: Sequence[Signals]) -> list[Signals]:
@@ -52,6 +62,16 @@ def _cut(segment: Segment) -> int:
     wanted = round((1.0 - SETTINGS.test_share) * count)
     cut = int(np.searchsorted(segment.block, segment.block[min(wanted, count - 1)]))
     return cut if cut > 0 and (count - cut) * segment.period_s >= SETTINGS.min_test_s + SETTLING_S else count
+
+
+def stretch_of_test(problem: JointProblem) -> tuple[float, float]:
+    """Begin and end [s] of the test data of the last segment that has any; (0, 0) without."""
+    spans = [
+        (cut * s.period_s, len(s.angle_rad) * s.period_s)
+        for s, cut in zip(problem.segments, first_test_samples(problem), strict=True)
+        if cut < len(s.angle_rad)
+    ]
+    return spans[-1] if spans else (0.0, 0.0)
 
 
 def fit_part(problem: JointProblem) -> JointProblem:
@@ -232,3 +252,109 @@ def _creep(pressure, ratio, period_s, p_min, b1, extension_rate, b0, recovery_ra
     for p in pressure:
         ratio += period_s * creep_rate(p, ratio, p_min, b1, extension_rate, b0, recovery_rate)
     return ratio
+
+
+def noise_on(problem: JointProblem, fit: MapFit, chosen: Flags | None = None) -> Array:
+    """Error (OUTPUTS,) [Pa, rad, N] that no model can be below on the chosen blocks (blocks,), or on all of them.
+
+    Of the reading, and of the inputs; of several recordings the noisiest reading. NaN where too few samples count.
+    """
+    columns, starts = problem.columns(fit.free, fit.z[None])
+    blocks = np.ones(problem.blocks, dtype=bool) if chosen is None else chosen
+    counts = [segment.use & blocks[segment.block] for segment in problem.segments]
+    return _noise(problem, columns, starts, counts)
+
+
+def noise_on_test(whole: JointProblem, fit: MapFit, covariance: Array, *, free_axis: bool) -> Array:
+    """Error (OUTPUTS,) [Pa, rad, N] that no test error of the fit's model can be expected below.
+
+    covariance: (free, free) of the coordinates of the fit. NaN where too few samples are test data.
+    """
+    problem, columns, _ = _test_problem(whole, fit, free_axis=free_axis)
+    parts = [_noise(alone, columns, start, [alone.segments[0].use]) for alone, start in _alone(problem)]
+    noise = np.full(OUTPUTS, np.nan)
+    for part in parts:
+        noise = np.fmax(noise, part)
+    return np.asarray(np.hypot(noise, _undetermined(whole, fit, covariance, free_axis=free_axis)))
+
+
+def _undetermined(whole: JointProblem, fit: MapFit, covariance: Array, *, free_axis: bool) -> Array:
+    """RMS (OUTPUTS,) [SI] by which predictions of test data move when parameters move as far as a fit leaves open."""
+    rng = np.random.default_rng(SETTINGS.noise_seed)
+    scale, axes = np.linalg.eigh(covariance)
+    draws = rng.standard_normal((SETTINGS.undetermined_draws, len(fit.z))) * np.sqrt(np.maximum(scale, 0.0)) @ axes.T
+    problem = _test_problem(whole, fit, free_axis=free_axis)[0]
+    kept = [k for k, parameter in enumerate(fit.free) if parameter.row < len(ROW)]
+    z = np.concatenate([np.zeros((1, len(kept))), draws[:, kept]]) + fit.z[kept]
+    moved, _ = problem.columns([fit.free[k] for k in kept], z)
+    squares, count = np.zeros((len(draws), OUTPUTS)), np.zeros(OUTPUTS)
+    for alone, start in _alone(problem):
+        use = alone.segments[0].use
+        predicted = alone.predict(moved, np.repeat(start, len(moved), axis=0))[0]
+        squares += np.sum((predicted[1:] - predicted[0]) ** 2 * use, axis=2)
+        count += use.sum(axis=1)
+    # A draw far outside what the data allow may diverge: the median does not see it.
+    return np.asarray(np.sqrt(np.median(np.nan_to_num(squares, nan=np.inf), axis=0) / np.maximum(count, 1.0)))
+
+
+def _noise(problem: JointProblem, columns: Array, starts: Array, counts: Sequence[Flags]) -> Array:
+    """Noise (OUTPUTS,) [SI] of the samples that count, (OUTPUTS, T) of every segment, see `noise_on`."""
+    rng = np.random.default_rng(SETTINGS.noise_seed)
+    plain = problem.predict(columns, starts)
+    noisy = replace(problem, segments=[_disturbed(segment, rng, problem.driven) for segment in problem.segments])
+    squares, white = np.zeros(OUTPUTS), np.full(OUTPUTS, np.nan)
+    for segment, use, first, second in zip(
+        problem.segments, counts, plain, noisy.predict(columns, starts), strict=True
+    ):
+        squares += (((second[0] - first[0]) * use) ** 2).sum(axis=1)
+        for stage in np.flatnonzero(use.sum(axis=1) > SETTINGS.min_stage_samples):
+            residual = segment.measured[stage] - first[0][stage]
+            white[stage] = np.fmax(white[stage], noise_of_reading(residual, first[0][stage], use[stage]))
+    total = sum(use.sum(axis=1) for use in counts)
+    return np.asarray(np.hypot(white, np.sqrt(squares / np.maximum(total, 1.0))))
+
+
+def noise_of_reading(residual: Array, predicted: Array, use: Flags) -> float:
+    """RMS [SI] of the white part of a residual (T,), which may grow with the speed of the signal, as jitter makes it.
+
+    use: (T,) samples that count. They are parted by the slope of the prediction (T,); in a part, third differences
+    separate noise from structure.
+    """
+    inside = use[3:] & use[2:-1] & use[1:-2] & use[:-3]
+    if inside.sum() < SETTINGS.noise_part_samples * SETTINGS.noise_parts[-1]:
+        return white_noise(residual, use)
+    slope = np.abs(np.gradient(predicted))
+    slope = np.maximum(slope[1:-2], slope[2:-1])[inside]
+    rough = np.abs(np.diff(residual, 3))[inside] / np.sqrt(SETTINGS.third_difference_variance)
+    order = np.argsort(slope, kind="stable")
+    ends = [len(order) * (k - 1) // k for k in SETTINGS.noise_parts]
+    parts = [order[begin:end] for begin, end in pairwise([*ends, len(order)])]
+    median = [float(np.median(rough[part])) / SETTINGS.median_of_noise for part in parts]
+    slopes = [float(np.median(slope[part])) for part in parts]
+    if min(median) <= 0.0:
+        return white_noise(residual, use)
+    rows = np.array([[1.0, x * x] for x in slopes]) / np.square(median)[:, None]
+    still, by_slope = nnls(rows, np.ones(len(rows)))[0]
+    return max(float(np.sqrt(still + by_slope * np.mean(slope**2))), white_noise(residual, use))
+
+
+def _disturbed(segment: Segment, rng: np.random.Generator, driven: bool) -> Segment:
+    """The segment with a second draw of the noise on its inputs, smoothed as the first one was."""
+    white = white_noise(segment.pressure_pa) * rng.standard_normal(len(segment.pressure_pa))
+    kept = white if driven else smoothed_by(white, segment.windows)
+    kept = kept + _moved(segment.pressure_pa, segment, rng)
+    finer = (len(segment.driving_pa) - 1) // (len(kept) - 1)
+    angle = white_noise(segment.angle_rad) * rng.standard_normal(len(white)) + _moved(segment.angle_rad, segment, rng)
+    speed, acceleration = derivatives(angle[:, None], segment.period_s)
+    exogenous = segment.exogenous.copy()
+    exogenous[:, ANGLE] += angle
+    exogenous[:, SPEED] += speed[:, 0]
+    exogenous[:, ACCELERATION] += acceleration[:, 0]
+    return replace(segment, driving_pa=segment.driving_pa + refine(kept, finer), exogenous=exogenous)
+
+
+def _moved(values: Array, segment: Segment, rng: np.random.Generator) -> Array:
+    """Errors (T,) of a signal whose samples were taken at slightly wrong times: its speed times the jitter."""
+    if segment.jitter_s == 0.0:
+        return np.zeros(len(values))
+    return np.gradient(values, segment.period_s) * segment.jitter_s * rng.standard_normal(len(values))

@@ -1,7 +1,7 @@
 """What remains after the best model: noise, a part, or physics outside the catalogue; and where the model misses.
 
-No model can fit better than the noise of the reading and the noise of the measured inputs on which a stage runs. A
-second draw of the same input noise moves the predictions by as much as the first one has moved them already.
+What is left is compared with the noise on training, validation and test data apart (splits.noise_on): an event may
+lie in blocks that are fitted, and a slow change after them.
 
 Each signal of a joint is tested as a whole, by direction of motion, in thirds of each state and by frequency. A region
 is missed where its error beyond the noise is larger than the repeatability and significant. Squares of blocks, not of
@@ -18,18 +18,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_diagnosis.hypotheses import validation_rmse
+from hand_diagnosis.laws import posterior_covariance
 from hand_diagnosis.settings import SETTINGS
-from hand_identification.joint_problem import STAGES, JointProblem, Segment
+from hand_diagnosis.splits import ErrorsOnTest, noise_on, noise_on_test, residuals_on_test
+from hand_identification.joint_problem import CORRELATION_S, STAGES, JointProblem, Segment
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array, Flags
-from hand_model.effects.effect import ACCELERATION, ANGLE, SPEED
-from hand_model.kernel.open_loop import OUTPUTS
-from hand_recording.local_smoothing import smoothed_by
-from hand_recording.signals import derivatives, white_noise
+from hand_model.effects.effect import SPEED
 
 THIRDS = ("low", "middle", "high")
 BOTH_WAYS = {"angle", "pressure", "set-point"}
 """States on which a residual may depend differently in the two directions of motion."""
+
+
+@dataclass(frozen=True, slots=True)
+class Excess:
+    """Error [SI] of a signal beyond the noise, before and after, on train, validation or test data.
+
+    independent: samples of the split that count as independent (joint_problem.CORRELATION_S).
+    """
+
+    split: str
+    before: float
+    after: float
+    independent: float
+
+    @property
+    def left(self) -> float:
+        """Share of the excess error (RMS) that is left, 0 ... 1."""
+        return min(self.after / max(self.before, 1e-300), 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +55,7 @@ class StageResult:
 
     noise: white noise of the reading, and what the noise of the measured inputs makes of the prediction.
     floor: repeatability.  effects: how many were found on the joint.  independent: samples of the validation data that
-    count as independent (joint_problem.CORRELATION_S).
+    count as independent (joint_problem.CORRELATION_S).  elsewhere: what is left on training and on test data.
     """
 
     stage: int
@@ -50,6 +67,7 @@ class StageResult:
     floor: float
     effects: int
     independent: float
+    elsewhere: tuple[Excess, ...] = ()
 
     @property
     def name(self) -> str:
@@ -85,27 +103,31 @@ class StageResult:
         return float(np.hypot(SETTINGS.name_excess_floors * self.floor, SETTINGS.tolerated_share * before))
 
     @property
-    def tolerated(self) -> float:
-        """Excess error [SI] that needs no other physics: of repeatability, and of the form of the effects' laws."""
-        return self._tolerated(self.excess_before) if self.effects else SETTINGS.unexplained_floors * self.floor
+    def most_left(self) -> Excess:
+        """The split on which what is left is most probably other physics; validation data among equals."""
+        own = Excess("validation", self.excess_before, self.excess_after, self.independent)
+        return max((own, *self.elsewhere), key=self._log_odds)
+
+    def _log_odds(self, excess: Excess) -> float:
+        """Of other physics, from the likelihood of the error that is left against the largest that is tolerated.
+
+        The likelihood of n independent samples of correlated noise of unknown scale above the floor is
+        -n/2 log(1 + x^2 / floor^2) (hypotheses.log_likelihood); the odds are even where both errors are equal.
+        """
+        limit = self._tolerated(excess.before) if self.effects else SETTINGS.unexplained_floors * self.floor
+        left, right = (1.0 + (x / self.floor) ** 2 for x in (excess.after, limit))
+        return 0.5 * excess.independent * float(np.log(left / right)) / SETTINGS.evidence_temperature
 
     @property
     def other_physics(self) -> float:
-        """Probability, 0 ... 1, that what is left on data that were not fitted is other physics than that named.
-
-        The likelihood of n independent samples of correlated noise of unknown scale above the floor,
-        -n/2 log(1 + x^2 / floor^2) (hypotheses.log_likelihood), of the error that is left against the largest that is
-        tolerated; even odds where the two are equal.
-        """
-        left, limit = (1.0 + (x / self.floor) ** 2 for x in (self.excess_after, self.tolerated))
-        log_odds = 0.5 * self.independent * float(np.log(left / limit)) / SETTINGS.evidence_temperature
+        """Probability, 0 ... 1, that what is left is other physics than that named, where most is left."""
         low = SETTINGS.min_probability
-        return float(np.clip(0.5 * (1.0 + np.tanh(0.5 * log_odds)), low, 1.0 - low))
+        return float(np.clip(0.5 * (1.0 + np.tanh(0.5 * self._log_odds(self.most_left))), low, 1.0 - low))
 
     @property
     def remains(self) -> bool:
         """Whether what is left is more probably other physics than not."""
-        return self.excess_after > self.tolerated
+        return self._log_odds(self.most_left) > 0.0
 
     @property
     def claimed(self) -> bool:
@@ -116,94 +138,62 @@ class StageResult:
 def stage_results(problem: JointProblem, nominal: MapFit, final: MapFit, effects: int) -> list[StageResult]:
     """Pressure, angle and force, those that the recording holds. effects: how many the final model has."""
     before, after = validation_rmse(problem, nominal.squares), validation_rmse(problem, final.squares)
-    inputs = noise_of_inputs(problem, final)
+    noise = np.nan_to_num(noise_on(problem, final, problem.held_out))
     independent = problem.effective_counts(problem.held_out)
     results = []
     for stage in range(len(STAGES)):
         if not np.isfinite(before[stage]):
             continue
-        white = max(
-            noise_of_reading(r[stage][p.use[stage]], (p.measured[stage] - r[stage])[p.use[stage]])
-            for p, r in _long_segments(problem, final, stage)
-        )
-        noise = float(np.hypot(white, inputs[stage]))
-        excess = [float(np.sqrt(max(rmse[stage] ** 2 - noise**2, 0.0))) for rmse in (before, after)]
-        results.append(
-            StageResult(
-                stage,
-                float(before[stage]),
-                float(after[stage]),
-                noise,
-                excess[0],
-                excess[1],
-                float(problem.floor[stage]),
-                effects,
-                float(independent[stage]),
-            )
-        )
+        errors, own = (float(before[stage]), float(after[stage])), float(noise[stage])
+        beyond = (_beyond(errors[0], own), _beyond(errors[1], own))
+        floor, samples = float(problem.floor[stage]), float(independent[stage])
+        results.append(StageResult(stage, *errors, own, *beyond, floor, effects, samples))
     return results
+
+
+def with_other_splits(
+    results: Sequence[StageResult],
+    whole: JointProblem,
+    fits: tuple[MapFit, MapFit],
+    test: ErrorsOnTest | None,
+    *,
+    problem: JointProblem,
+    free_axis: bool,
+) -> list[StageResult]:
+    """The results of a problem with what the fits, nominal and final, leave of its training data and of the test data.
+
+    whole: the problem with its test data.  free_axis: see splits.evaluate_test.
+    """
+    train = ~problem.held_out
+    counts = problem.block_counts[:, train].sum(axis=1)
+    errors = [np.sqrt(fit.squares[:, train].sum(axis=1) / np.maximum(counts, 1.0)) for fit in fits]
+    splits = [("train", errors, noise_on(problem, fits[1], train), problem.effective_counts(train))]
+    if test is not None:
+        covariance = posterior_covariance(problem, fits[1])
+        noise = noise_on_test(whole, fits[1], covariance, free_axis=free_axis)
+        samples = test.counts.sum(axis=1) * min(problem.segments[0].period_s / CORRELATION_S, 1.0)
+        splits.append(("test", [test.rmse(0), test.rmse(1)], noise, samples))
+    found = []
+    for result in results:
+        stage = result.stage
+        elsewhere = [
+            Excess(name, _beyond(before[stage], noise[stage]), _beyond(after[stage], noise[stage]), samples[stage])
+            for name, (before, after), noise, samples in splits
+            if np.isfinite(noise[stage]) and np.isfinite(after[stage])
+        ]
+        found.append(replace(result, elsewhere=tuple(elsewhere)))
+    return found
+
+
+def _beyond(error: float, noise: float) -> float:
+    """Error [SI] beyond the noise."""
+    return float(np.sqrt(max(error**2 - noise**2, 0.0)))
 
 
 def _long_segments(problem: JointProblem, fit: MapFit, stage: int) -> list[tuple[Segment, Array]]:
     """Segments that hold enough samples of a signal, with their residuals (OUTPUTS, T)."""
     pairs = zip(problem.segments, fit.residuals, strict=True)
     return [(segment, r) for segment, r in pairs if segment.use[stage].sum() > SETTINGS.min_stage_samples]
-
-
-def noise_of_inputs(problem: JointProblem, fit: MapFit) -> Array:
-    """RMS (OUTPUTS,) [Pa, rad, N] by which input noise moves the predictions of a fit on the validation blocks."""
-    rng = np.random.default_rng(SETTINGS.noise_seed)
-    columns, starts = problem.columns(fit.free, fit.z[None])
-    plain = problem.predict(columns, starts)
-    noisy = replace(problem, segments=[_disturbed(segment, rng, problem.driven) for segment in problem.segments])
-    squares, count = np.zeros(OUTPUTS), np.zeros(OUTPUTS)
-    for segment, first, second in zip(problem.segments, plain, noisy.predict(columns, starts), strict=True):
-        counts = segment.use & problem.held_out[segment.block]
-        squares += (((second[0] - first[0]) * counts) ** 2).sum(axis=1)
-        count += counts.sum(axis=1)
-    return np.asarray(np.sqrt(squares / np.maximum(count, 1.0)), dtype=np.float64)
-
-
-def noise_of_reading(residual: Array, predicted: Array) -> float:
-    """RMS [SI] of the white part of a residual (T,), which may grow with the speed of the signal, as jitter makes it.
-
-    Samples are parted by the slope of the prediction (T,); in a part, third differences separate noise from structure.
-    """
-    if len(residual) < SETTINGS.noise_part_samples * SETTINGS.noise_parts[-1]:
-        return white_noise(residual)
-    slope = np.abs(np.gradient(predicted))
-    slope = np.maximum(slope[1:-2], slope[2:-1])
-    rough = np.abs(np.diff(residual, 3)) / np.sqrt(SETTINGS.third_difference_variance)
-    order = np.argsort(slope, kind="stable")
-    parts = [order[len(order) * (k - 1) // k :] for k in SETTINGS.noise_parts[1:]]
-    square = 0.0
-    for part, smaller in zip([order, *parts], [*parts, order[:0]], strict=True):
-        inside = np.setdiff1d(part, smaller, assume_unique=True)
-        square += len(inside) * (float(np.median(rough[inside])) / SETTINGS.median_of_noise) ** 2
-    return max(float(np.sqrt(square / len(order))), white_noise(residual))
-
-
-def _disturbed(segment: Segment, rng: np.random.Generator, driven: bool) -> Segment:
-    """The segment with a second draw of the noise on its inputs, smoothed as the first one was."""
-    white = white_noise(segment.pressure_pa) * rng.standard_normal(len(segment.pressure_pa))
-    kept = white if driven else smoothed_by(white, segment.windows)
-    samples = np.arange(len(kept))
-    kept = kept + _moved(segment.pressure_pa, segment, rng)
-    kept = np.interp(np.linspace(0.0, samples[-1], len(segment.driving_pa)), samples, kept)
-    angle = white_noise(segment.angle_rad) * rng.standard_normal(len(white)) + _moved(segment.angle_rad, segment, rng)
-    speed, acceleration = derivatives(angle[:, None], segment.period_s, segment.derivative_s)
-    exogenous = segment.exogenous.copy()
-    exogenous[:, ANGLE] += angle
-    exogenous[:, SPEED] += speed[:, 0]
-    exogenous[:, ACCELERATION] += acceleration[:, 0]
-    return replace(segment, driving_pa=segment.driving_pa + kept, exogenous=exogenous)
-
-
-def _moved(values: Array, segment: Segment, rng: np.random.Generator) -> Array:
-    """Errors (T,) of a signal whose samples were taken at slightly wrong times: its speed times the jitter."""
-    if segment.jitter_s == 0.0:
-        return np.zeros(len(values))
-    return np.gradient(values, segment.period_s) * segment.jitter_s * rng.standard_normal(len(values))
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,7 +216,18 @@ class Structure:
 
 def describe(problem: JointProblem, fit: MapFit, stage: int) -> Structure:
     """Where in state space the residual of a signal lives, by means over bins of each candidate state."""
-    segment, residual = max(_long_segments(problem, fit, stage), key=lambda pair: pair[0].use[stage].sum())
+    return _structure(_long_segments(problem, fit, stage), stage)
+
+
+def describe_test(whole: JointProblem, fit: MapFit, stage: int, *, free_axis: bool) -> Structure:
+    """The same for the residual on test data. whole: the problem with these.  free_axis: see splits.evaluate_test."""
+    found = residuals_on_test(whole, fit, free_axis=free_axis)
+    return _structure([(replace(whole.segments[k], use=np.isfinite(left)), left) for k, left in found], stage)
+
+
+def _structure(parts: Sequence[tuple[Segment, Array]], stage: int) -> Structure:
+    """Of the longest of some segments with their residuals (OUTPUTS, T)."""
+    segment, residual = max(parts, key=lambda pair: pair[0].use[stage].sum())
     use = segment.use[stage]
     r = residual[stage][use]
     states = states_of(segment, use)
@@ -272,6 +273,28 @@ def _explained(residual: Array, values: Array, forward: Flags) -> float:
     counts = np.bincount(index, minlength=2 * len(edges))
     means = np.bincount(index, residual, minlength=2 * len(edges)) / np.maximum(counts, 1)
     return float(1.0 - np.var(residual - means[index]) / max(float(np.var(residual)), 1e-300))
+
+
+def turn_of_angle(problem: JointProblem, fit: MapFit, stage: int) -> float:
+    """The period [rad] of the harmonic of the angle that explains most of a residual; 0 where none is fast enough."""
+    uses: list[Flags] = [segment.use[stage] for segment in problem.segments]
+    angle = np.concatenate([s.angle_rad[use] for s, use in zip(problem.segments, uses, strict=True)])
+    left = np.concatenate([r[stage][use] for r, use in zip(fit.residuals, uses, strict=True)])
+    span = float(np.ptp(angle))
+    if span <= 0.0 or len(left) < SETTINGS.min_stage_samples:
+        return 0.0
+    slow = np.column_stack([np.ones_like(angle), angle, angle**2, angle**3])
+    left = left - slow @ np.linalg.lstsq(slow, left, rcond=None)[0]
+    counts = np.arange(SETTINGS.remainder_turns[0], SETTINGS.remainder_turns[1], 0.25)
+    shares = [_share(left, 2.0 * np.pi * count / span * angle) for count in counts]
+    return span / float(counts[int(np.argmax(shares))])
+
+
+def _share(left: Array, phase: Array) -> float:
+    """Share [-] of the square of a residual that one harmonic explains."""
+    parts = np.column_stack([np.sin(phase), np.cos(phase)])
+    gone = parts @ np.linalg.lstsq(parts, left, rcond=None)[0]
+    return float(gone @ left) / max(float(left @ left), 1e-300)
 
 
 @dataclass(frozen=True, slots=True)
