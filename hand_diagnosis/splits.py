@@ -265,16 +265,21 @@ def noise_on(problem: JointProblem, fit: MapFit, chosen: Flags | None = None) ->
     return _noise(problem, columns, starts, counts)
 
 
-def noise_on_test(whole: JointProblem, fit: MapFit, covariance: Array, *, free_axis: bool) -> Array:
+def noise_on_test(
+    whole: JointProblem, problem: JointProblem, fit: MapFit, covariance: Array, *, free_axis: bool
+) -> Array:
     """Error (OUTPUTS,) [Pa, rad, N] that no test error of the fit's model can be expected below.
 
-    covariance: (free, free) of the coordinates of the fit. NaN where too few samples are test data.
+    problem: the fit part.  covariance: (free, free) of the coordinates of the fit. NaN where too few samples are test
+    data.
     """
-    problem, columns, _ = _test_problem(whole, fit, free_axis=free_axis)
-    parts = [_noise(alone, columns, start, [alone.segments[0].use]) for alone, start in _alone(problem)]
+    tested, columns, numbers = _test_problem(whole, fit, free_axis=free_axis)
+    plain = problem.predict(*problem.columns(fit.free, fit.z[None]))
+    fitted = [k for k, cut in enumerate(first_test_samples(whole)) if cut > 0]
+    known = {k: _laws(s, p[0]) for k, s, p in zip(fitted, problem.segments, plain, strict=True)}
     noise = np.full(OUTPUTS, np.nan)
-    for part in parts:
-        noise = np.fmax(noise, part)
+    for number, (alone, start) in zip(numbers, _alone(tested), strict=True):
+        noise = np.fmax(noise, _noise(alone, columns, start, [alone.segments[0].use], known.get(number)))
     return np.asarray(np.hypot(noise, _undetermined(whole, fit, covariance, free_axis=free_axis)))
 
 
@@ -297,45 +302,70 @@ def _undetermined(whole: JointProblem, fit: MapFit, covariance: Array, *, free_a
     return np.asarray(np.sqrt(np.median(np.nan_to_num(squares, nan=np.inf), axis=0) / np.maximum(count, 1.0)))
 
 
-def _noise(problem: JointProblem, columns: Array, starts: Array, counts: Sequence[Flags]) -> Array:
-    """Noise (OUTPUTS,) [SI] of the samples that count, (OUTPUTS, T) of every segment, see `noise_on`."""
+def _noise(
+    problem: JointProblem,
+    columns: Array,
+    starts: Array,
+    counts: Sequence[Flags],
+    known: Sequence[tuple[float, float]] | None = None,
+) -> Array:
+    """Noise (OUTPUTS,) [SI] of the samples that count, (OUTPUTS, T) of every segment, see `noise_on`.
+
+    known: `_laws` of the readings; None: those of each segment, whatever part of it counts.
+    """
     rng = np.random.default_rng(SETTINGS.noise_seed)
     plain = problem.predict(columns, starts)
     noisy = replace(problem, segments=[_disturbed(segment, rng, problem.driven) for segment in problem.segments])
     squares, white = np.zeros(OUTPUTS), np.full(OUTPUTS, np.nan)
-    for segment, use, first, second in zip(
+    for segment, use, (first,), (second,) in zip(
         problem.segments, counts, plain, noisy.predict(columns, starts), strict=True
     ):
-        squares += (((second[0] - first[0]) * use) ** 2).sum(axis=1)
-        for stage in np.flatnonzero(use.sum(axis=1) > SETTINGS.min_stage_samples):
-            residual = segment.measured[stage] - first[0][stage]
-            white[stage] = np.fmax(white[stage], noise_of_reading(residual, first[0][stage], use[stage]))
-    total = sum(use.sum(axis=1) for use in counts)
+        squares += (((second - first) * use) ** 2).sum(axis=1)
+        laws = known or _laws(segment, first)
+        for stage, (still, by_slope) in enumerate(laws):
+            if use[stage].sum() <= SETTINGS.min_stage_samples:
+                continue
+            own = float(np.sqrt(still + by_slope * np.mean(_slopes(first[stage])[use[stage]] ** 2)))
+            white[stage] = np.fmax(white[stage], own)
+    total = np.sum([use.sum(axis=1) for use in counts], axis=0)
     return np.asarray(np.hypot(white, np.sqrt(squares / np.maximum(total, 1.0))))
 
 
-def noise_of_reading(residual: Array, predicted: Array, use: Flags) -> float:
-    """RMS [SI] of the white part of a residual (T,), which may grow with the speed of the signal, as jitter makes it.
+def _laws(segment: Segment, predicted: Array) -> list[tuple[float, float]]:
+    """`noise_law` of every reading of a segment, by its predictions (OUTPUTS, T)."""
+    return [noise_law(m - p, p, use) for m, p, use in zip(segment.measured, predicted, segment.use, strict=True)]
 
-    use: (T,) samples that count. They are parted by the slope of the prediction (T,); in a part, third differences
-    separate noise from structure.
+
+def _slopes(predicted: Array) -> Array:
+    """Change of a prediction (T,) within a sample, without its sign."""
+    return np.asarray(np.abs(np.gradient(predicted))) if len(predicted) > 1 else np.zeros(len(predicted))
+
+
+def noise_law(residual: Array, predicted: Array, use: Flags) -> tuple[float, float]:
+    """Variance [SI^2] of the white part of a residual (T,) at rest, and its growth with the squared slope [samples^2].
+
+    A sample taken at a wrong time is wrong by the speed of the signal times the time. use: (T,) samples that count.
+    They are parted by the slope of the prediction (T,); in a part, third differences separate noise from structure.
     """
     inside = use[3:] & use[2:-1] & use[1:-2] & use[:-3]
+    white = white_noise(residual, use)
     if inside.sum() < SETTINGS.noise_part_samples * SETTINGS.noise_parts[-1]:
-        return white_noise(residual, use)
-    slope = np.abs(np.gradient(predicted))
+        return white**2, 0.0
+    slope = _slopes(predicted)
     slope = np.maximum(slope[1:-2], slope[2:-1])[inside]
     rough = np.abs(np.diff(residual, 3))[inside] / np.sqrt(SETTINGS.third_difference_variance)
     order = np.argsort(slope, kind="stable")
     ends = [len(order) * (k - 1) // k for k in SETTINGS.noise_parts]
     parts = [order[begin:end] for begin, end in pairwise([*ends, len(order)])]
     median = [float(np.median(rough[part])) / SETTINGS.median_of_noise for part in parts]
-    slopes = [float(np.median(slope[part])) for part in parts]
     if min(median) <= 0.0:
-        return white_noise(residual, use)
-    rows = np.array([[1.0, x * x] for x in slopes]) / np.square(median)[:, None]
+        return white**2, 0.0
+    rows = np.array([[1.0, float(np.median(slope[part])) ** 2] for part in parts]) / np.square(median)[:, None]
     still, by_slope = nnls(rows, np.ones(len(rows)))[0]
-    return max(float(np.sqrt(still + by_slope * np.mean(slope**2))), white_noise(residual, use))
+    # Steps change by more within a sample than their slope says: what the parts show together is the least.
+    shown = max(white**2, sum(len(part) * m * m for part, m in zip(parts, median, strict=True)) / len(order))
+    scale = max(shown / max(float(still + by_slope * np.mean(slope**2)), 1e-300), 1.0)
+    return scale * float(still), scale * float(by_slope)
 
 
 def _disturbed(segment: Segment, rng: np.random.Generator, driven: bool) -> Segment:

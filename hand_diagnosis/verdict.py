@@ -170,7 +170,7 @@ def with_other_splits(
     splits = [("train", errors, noise_on(problem, fits[1], train), problem.effective_counts(train))]
     if test is not None:
         covariance = posterior_covariance(problem, fits[1])
-        noise = noise_on_test(whole, fits[1], covariance, free_axis=free_axis)
+        noise = noise_on_test(whole, problem, fits[1], covariance, free_axis=free_axis)
         samples = test.counts.sum(axis=1) * min(problem.segments[0].period_s / CORRELATION_S, 1.0)
         splits.append(("test", [test.rmse(0), test.rmse(1)], noise, samples))
     found = []
