@@ -375,7 +375,7 @@ def _disturbed(segment: Segment, rng: np.random.Generator, driven: bool) -> Segm
     kept = kept + _moved(segment.pressure_pa, segment, rng)
     finer = (len(segment.driving_pa) - 1) // (len(kept) - 1)
     angle = white_noise(segment.angle_rad) * rng.standard_normal(len(white)) + _moved(segment.angle_rad, segment, rng)
-    speed, acceleration = derivatives(angle[:, None], segment.period_s)
+    speed, acceleration = derivatives(angle[:, None], segment.period_s, segment.derivative_s)
     exogenous = segment.exogenous.copy()
     exogenous[:, ANGLE] += angle
     exogenous[:, SPEED] += speed[:, 0]
