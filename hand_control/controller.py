@@ -28,12 +28,10 @@ from hand_control.frame_checks import (
     NOT_FINITE,
     OVER_PRESSURE,
     STUCK_HIGH,
-    PressureWatch,
     ToleranceWatch,
-    allowed_jump,
-    implausible,
     is_suction,
 )
+from hand_control.frame_watch import NOTHING, Findings, FrameWatch
 from hand_control.gaps import Gap
 from hand_control.goals import (
     Code,
@@ -48,7 +46,6 @@ from hand_control.goals import (
 from hand_control.grasps import Approach, Grasp, Grasping, Outcome
 from hand_control.law import Law
 from hand_control.references import References
-from hand_control.sensor_watch import SensorWatch
 from hand_control.shaping import Shaper, TorqueLimiter, approach_speed
 from hand_control.supervisor import VENT_S, Phase, Supervisor
 from hand_control.tuning import gains
@@ -109,12 +106,11 @@ class Controller:
         self._inertia = hand.row("dynamics.inertia_kg_m2") + hand.row("dynamics.coupling_inertia_kg_m2")
         self._shaper = Shaper(count, self._law.inputs, (hand.limits.low_rad, hand.limits.high_rad))
         self._torque = TorqueLimiter(hand.limits.max_torque_nm)
-        self._pressure_watch = PressureWatch(hand)
-        self._sensor_watch = SensorWatch(hand)
+        self._watch = FrameWatch(hand)
+        self._set_points = self._law.out[OUT.pressure]
         self._liquid = bool(hand.row("hydraulic.share").max() > 0.0)
         self._contact_monitor = ContactMonitor(hand)
         self._tolerance_watch = ToleranceWatch(hand)
-        self._last_position = np.full(count, np.nan)
         self._stamp_ns: int | None = None
         self._refusal: tuple[int, str] | None = None
         self._remark: tuple[int, str] | None = None
@@ -138,7 +134,7 @@ class Controller:
         if switched:
             self.stop_grasp("preempted by a change of control_mode")
             self.goals.end("preempted by a change of control_mode")
-            self._begin_mode(self._last_position)
+            self._begin_mode(self._watch.last_position)
             if self._torque_mode:
                 self._torque.start(self._law.out[OUT.torque])
         self._max_jump_rad = math.radians(settings.max_jump_deg)
@@ -342,7 +338,7 @@ class Controller:
         self._settling = self._gap.before(elapsed_s, 1.0 / self.hand.rate_hz, position, pressure)
         fresh = self.safety.frame(times.host_ns)
         if self.safety.phase is not Phase.VENTED:
-            self._check_measurement(position, velocity, pressure, times.host_ns, elapsed_s)
+            self._check_measurement((position, velocity, pressure), times.host_ns, elapsed_s)
         self.safety.check(times.host_ns, self.settings.command_timeout_s)
         if self.safety.phase is not Phase.ACTIVE:
             return self._vented(times.stamp_ns, position, pressure, step_s)
@@ -362,39 +358,34 @@ class Controller:
                 self.safety.trip(fault)
         return before is Phase.ACTIVE and self.safety.phase is Phase.VENTED
 
-    def _check_measurement(
-        self, position: Array, velocity: Array, pressure: Array, host_ns: int, elapsed_s: float
-    ) -> None:
+    def _check_measurement(self, measured: tuple[Array, Array, Array], host_ns: int, elapsed_s: float) -> None:
         """Trip on an implausible measurement, elapsed_s [s] after the last one; arm on the first plausible one."""
-        jump_rad = allowed_jump(self._max_jump_rad, elapsed_s, 1.0 / self.hand.rate_hz)
-        verdict, worst = implausible(position, velocity, pressure, self._last_position, jump_rad)
-        if verdict == NOT_FINITE:
-            if self.safety.phase is Phase.ACTIVE:
-                self.safety.trip(f"{self.hand.joints[worst]}: the measurement is not a number")
-            return
         if self.safety.phase is Phase.ARMING:
-            self._arm(position, velocity, pressure, host_ns)
+            if self._watch.plausible(*measured, self._max_jump_rad, elapsed_s)[0] != NOT_FINITE:
+                self._arm(*measured, host_ns)
             return
-        if verdict == JUMPED:
-            jump = math.degrees(abs(position[worst] - self._last_position[worst]))
-            self.safety.trip(f"{self.hand.joints[worst]}: angle jumped by {jump:.0f} degrees")
-        else:
-            self._check_pressure(pressure, position, elapsed_s)
-            self._check_sensors(position, pressure, elapsed_s)
-        self._last_position[:] = position
-
-    def _check_sensors(self, position: Array, pressure: Array, elapsed_s: float) -> None:
-        watch = self._pressure_watch
-        found = self._sensor_watch.check(position, pressure, watch.expected, watch.driven, elapsed_s)
-        if found is not None:
-            self.safety.trip(self._sensor_watch.line(found))
-
-    def _check_pressure(self, pressure: Array, position: Array, elapsed_s: float) -> None:
-        verdict, worst = self._pressure_watch.check(self._law.out[OUT.pressure], pressure, elapsed_s, position)
+        found = self._watch.check(measured, self._set_points, self._max_jump_rad, elapsed_s)
         self._starved = ""
-        if verdict == FOLLOWING:
-            return
-        joint, bar = self.hand.joints[worst], pressure[worst] * 1e-5
+        if found is not NOTHING:
+            self._react(found, measured)
+
+    def _react(self, found: Findings, measured: tuple[Array, Array, Array]) -> None:
+        """Trip on what a frame shows, or warn of a pressure that is too low."""
+        position, _, pressure = measured
+        joint, last = self.hand.joints[found.implausible_joint], self._watch.last_position
+        if found.plausible == NOT_FINITE:
+            self.safety.trip(f"{joint}: the measurement is not a number")
+        elif found.plausible == JUMPED:
+            jump = math.degrees(abs(position[found.implausible_joint] - last[found.implausible_joint]))
+            self.safety.trip(f"{joint}: angle jumped by {jump:.0f} degrees")
+            last[:] = position
+        if found.pressure != FOLLOWING:
+            self._pressure_off(found.pressure, self.hand.joints[found.pressure_joint], pressure[found.pressure_joint])
+        if found.contradiction is not None:
+            self.safety.trip(self._watch.sensors.line(found.contradiction))
+
+    def _pressure_off(self, verdict: int, joint: str, pressure_pa: float) -> None:
+        bar = pressure_pa * 1e-5
         if verdict == OVER_PRESSURE:
             self.safety.trip(f"{joint}: over-pressure, {bar:.2f} bar")
         elif verdict == STUCK_HIGH:
@@ -409,8 +400,7 @@ class Controller:
         """Drive from the measured pose, so that nothing jumps."""
         self._law.release()
         self._law.out[OUT.pressure] = 0.0
-        self._pressure_watch.start(pressure, position)
-        self._sensor_watch.start(position, velocity, pressure)
+        self._watch.start(position, velocity, pressure)
         self._begin_mode(position)
         if self._torque_mode:
             zero = np.zeros(len(position))
@@ -418,7 +408,6 @@ class Controller:
             self._torque.start(torque[OUT.torque])
         else:
             self._torque.start(self.hand.limits.max_torque_nm)
-        self._last_position[:] = position
         self._ramp.start(pressure)
         self.board.start(host_ns)
         self.safety.arm(host_ns)
@@ -430,7 +419,7 @@ class Controller:
 
     def _hold(self, stamp_ns: int, position: Array) -> Tick:
         """Repeat the last pressures: the measurement or the command may be another's, so neither is used."""
-        self._last_position.fill(math.nan)
+        self._watch.last_position.fill(math.nan)
         self.stop_grasp("the hand holds: a topic has a second publisher")
         self.goals.end("the hand holds: a topic has a second publisher")
         reference, out = self._shaper.r, self._law.out
@@ -458,20 +447,19 @@ class Controller:
         self._torque.step(torque, self.settings.max_torque_rate_nm_per_s, dt, self._torque_mode)
         if self._torque_mode:
             self._shaper.latch(position)  # the angle is free: the reference follows it
-        elif not self._sensor_watch.limits:  # the reference waits for a joint that is held back
+        elif not self._watch.limits:  # the reference waits for a joint that is held back
             flexing = approach_speed(self._inertia, self._torque.now, self.settings)
             self._shaper.step(target, speed, self.settings, dt, flexing)
         inputs = self._law.inputs
         inputs[U.limit], inputs[U.position], inputs[U.pressure] = self._torque.now, position, pressure
         if self.board.vented:  # the driver, too, lets the pressure rise from here only, at the same rate
             self._ramp.start(pressure)
-        limited = self._starved or self._settling or self._ramp.active or self._sensor_watch.limits
+        limited = self._starved or self._settling or self._ramp.active or self._watch.limits
         out = self._law.tick(inputs, dt, fresh and not limited)
-        self._ramp.limit(out[OUT.pressure], dt)
+        self._ramp.limit(self._set_points, dt)
         if self._settling:
             self._gap.after()
-        self._pressure_watch.hold(out[OUT.pressure])
-        self._sensor_watch.hold(out[OUT.pressure])
+        self._watch.hold(self._set_points)
         self._contact_monitor.update(times.stamp_ns, out[OUT.contact], out[OUT.contact_age], out[OUT.contact_torque])
         error = self._shaper.r - position
         self._check_tolerance(error, position, dt, times.host_ns)

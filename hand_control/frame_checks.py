@@ -57,10 +57,12 @@ GAP_S = 0.1
 UNCERTAIN = 1.5
 """Share of the pressure by displaced liquid that may be wrong: volume and leverage 30 % off, twice the lag."""
 SPEED_FILTER_S = 0.02
-_EXPECTED, _OVER, _HIGH, _LOW, _ANGLE, _SPEED, _WIDER, _DRIVEN, _PRESSURE, _HELD_BACK = range(10)
+EXPECTED, _OVER, _HIGH, _LOW, _ANGLE, _SPEED, _WIDER, DRIVEN, _PRESSURE, _HELD_BACK = range(10)
+"""Rows of the state of `watch_pressures`."""
 (
     _TAU, _VENT, _FILL, _A2, _A3, _LIQUID, _GROWTH, _EXPONENT, _VOLUME, _GAS_GROWTH, _GAS_GAIN, _GAS_PER_RAD, _SUPPLY,
-) = range(13)  # fmt: skip
+    _LIMIT,
+) = range(14)  # fmt: skip
 _FLUID = (
     "statics.a2_nm_per_pa",
     "statics.a3_nm_per_pa_rad",
@@ -129,20 +131,24 @@ def _expect(s, v, i, u, angle, dt):  # type: ignore[no-untyped-def]
         share = dt / (dt + SPEED_FILTER_S)
         s[_SPEED, i] += share * ((angle - s[_ANGLE, i]) / dt - s[_SPEED, i])
         s[_ANGLE, i] = angle
-        rate, wrong = _displaced(v, i, s[_EXPECTED, i], angle, s[_SPEED, i])
-    s[_EXPECTED, i] = max(valve_pressure(s[_EXPECTED, i], u, tau, v[_VENT, i], v[_FILL, i], dt) + rate * dt, 0.0)
-    s[_DRIVEN, i] = valve_pressure(s[_DRIVEN, i], u, tau, v[_VENT, i], v[_FILL, i], dt)
+        rate, wrong = _displaced(v, i, s[EXPECTED, i], angle, s[_SPEED, i])
+    s[EXPECTED, i] = max(valve_pressure(s[EXPECTED, i], u, tau, v[_VENT, i], v[_FILL, i], dt) + rate * dt, 0.0)
+    s[DRIVEN, i] = valve_pressure(s[DRIVEN, i], u, tau, v[_VENT, i], v[_FILL, i], dt)
     s[_WIDER, i] += dt / (dt + tau) * (wrong * tau - s[_WIDER, i])
-    return BAND_PA + BAND * s[_EXPECTED, i] + s[_WIDER, i]
+    return BAND_PA + BAND * s[EXPECTED, i] + s[_WIDER, i]
 
 
 @njit(cache=True, error_model="numpy")
-def _watch(s, valve, limit, command, pressure, position, dt):  # type: ignore[no-untyped-def]
+def watch_pressures(s, valve, command, pressure, position, dt):  # type: ignore[no-untyped-def]
+    """Verdict of `PressureWatch.check` and its joint; updates the state s (rows, joints) in place.
+
+    valve: (rows, joints).  command, pressure [Pa], position [rad]: (joints,).  dt: [s].
+    """
     verdict, worst = FOLLOWING, 0
     for i in range(len(command)):
         band = _expect(s, valve, i, command[i] + s[_HELD_BACK, i], position[i], dt)
-        excess = pressure[i] - s[_EXPECTED, i]
-        s[_OVER, i] = s[_OVER, i] + dt if pressure[i] > (1.0 + OVER) * limit[i] else 0.0
+        excess = pressure[i] - s[EXPECTED, i]
+        s[_OVER, i] = s[_OVER, i] + dt if pressure[i] > (1.0 + OVER) * valve[_LIMIT, i] else 0.0
         s[_HIGH, i] = s[_HIGH, i] + dt if excess > band else 0.0
         s[_LOW, i] = s[_LOW, i] + dt if excess < -band else 0.0
         s[_PRESSURE, i] = pressure[i]
@@ -159,7 +165,8 @@ def _watch(s, valve, limit, command, pressure, position, dt):  # type: ignore[no
 
 
 @njit(cache=True, error_model="numpy")
-def _cap(s, command):  # type: ignore[no-untyped-def]
+def cap_pressures(s, command):  # type: ignore[no-untyped-def]
+    """Limit set-points (joints,) [Pa] in place, see `PressureWatch.hold`. s: its state (rows, joints)."""
     for i in range(len(command)):
         most = max(TRUSTED * s[_PRESSURE, i], 0.0) + TRUSTED_PA
         s[_HELD_BACK, i] = max(command[i] - most, 0.0) if s[_LOW, i] > SHORT_S else 0.0
@@ -170,24 +177,25 @@ class PressureWatch:
     """Compares the pressures of one hand with its set-points, frame by frame.
 
     expected: pressure of set-points and motion now, (n,) [Pa].  driven: what the set-points alone give, (n,) [Pa]. Each
-    check overwrites both.
+    check overwrites both.  arrays: the first arguments of `watch_pressures`.  gap_s: longest time between frames [s]
+    after which nothing starts again.
     """
 
     def __init__(self, hand: Hand) -> None:
         """Expect no pressure; `start` sets the first expectation."""
         lag = hand.row("valve.time_constant_s") + hand.row("valve.dead_time_s")
         valve = [lag, hand.row("valve.vent_rate_pa_per_s"), hand.row("valve.fill_rate_pa_per_s")]
-        self._valve = np.array([*valve, *(hand.row(key) for key in _FLUID)])
-        self._limit = np.asarray(hand.limits.max_pressure_pa, dtype=np.float64)
+        constants = np.array([*valve, *(hand.row(key) for key in _FLUID), hand.limits.max_pressure_pa])
         self._state = np.zeros((10, len(hand.joints)))
-        self.expected: Array = self._state[_EXPECTED]
-        self.driven: Array = self._state[_DRIVEN]
+        self.arrays, self.gap_s = (self._state, constants), GAP_S
+        self.expected: Array = self._state[EXPECTED]
+        self.driven: Array = self._state[DRIVEN]
         self._still = np.zeros(len(hand.joints))
 
     def start(self, pressure: Array, position: Array | None = None) -> None:
         """Expect the measured pressure (n,) [Pa] of joints that stand still at position (n,) [rad]."""
         self._state[:] = 0.0
-        self._state[_EXPECTED] = self._state[_DRIVEN] = pressure
+        self._state[EXPECTED] = self._state[DRIVEN] = pressure
         self._state[_ANGLE] = self._still if position is None else position
 
     def check(self, command: Array, pressure: Array, dt: float, position: Array | None = None) -> tuple[int, int]:
@@ -199,15 +207,15 @@ class PressureWatch:
             self._skip(pressure, position)
             dt = 0.0
         angle = self._still if position is None else position
-        return _watch(self._state, self._valve, self._limit, command, pressure, angle, dt)  # type: ignore[no-any-return]
+        return watch_pressures(*self.arrays, command, pressure, angle, dt)  # type: ignore[no-any-return]
 
     def hold(self, command: Array) -> None:
         """Limit set-points (n,) [Pa] in place to what the measured pressure justifies."""
-        _cap(self._state, command)
+        cap_pressures(self._state, command)
 
     def _skip(self, pressure: Array, position: Array | None) -> None:
         """Expect the measured state after a gap; how long a pressure has been off is kept."""
-        self._state[_EXPECTED] = self._state[_DRIVEN] = pressure
+        self._state[EXPECTED] = self._state[DRIVEN] = pressure
         self._state[_SPEED] = 0.0
         self._state[_ANGLE] = self._still if position is None else position
 

@@ -315,9 +315,14 @@ def _pressures(s, i, k, expected, pressure, dt):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _check(s, c, spacing, partner, above, places, after, liquid, position, pressure, expected, drive, dt):  # type: ignore[no-untyped-def]
-    """Verdict, joint and other joint of a frame."""
+def check_sensors(table, spacing, links, places, liquid, position, pressure, expected, drive, dt):  # type: ignore[no-untyped-def]
+    """Verdict, joint and other joint of a frame; updates the arrays of `SensorWatch.arrays` in place.
+
+    position [rad], pressure, expected, drive [Pa]: (joints,), see `SensorWatch.check`.  dt: [s].
+    """
     n, verdict, joint, other = len(position), FINE, 0, -1
+    s, c = table[:_ROWS], table[_ROWS:]
+    partner, above, after = links[0], links[1], links[2]
     for i in range(n):
         found = _channel(s, c, i, position[i], dt)
         if found == FINE and _is_active(s, c, i, position[i], drive[i], dt):
@@ -344,8 +349,11 @@ def _check(s, c, spacing, partner, above, places, after, liquid, position, press
 
 
 @njit(cache=True, error_model="numpy")
-def _hold(s, places, command, dt):  # type: ignore[no-untyped-def]
-    """Limit the set-points of suspected joints in place to the last ones from before; whether one is lower now."""
+def hold_sensors(s, places, command, dt):  # type: ignore[no-untyped-def]
+    """Limit the set-points of suspected joints in place to the last ones from before; whether one is lower now.
+
+    s, places: SensorWatch.held.  command: (joints,) [Pa].  dt: [s] since the last frame.
+    """
     limits = False
     for i in range(len(command)):
         if s[_HOLD, i] > 0.0:
@@ -359,7 +367,8 @@ def _hold(s, places, command, dt):  # type: ignore[no-untyped-def]
 class SensorWatch:
     """Compares angles and pressures of one hand with its motion, frame by frame.
 
-    limits: whether `hold` has lowered a set-point, so that an integrator would run away.
+    arrays: the first arguments of `check_sensors`.  held: those of `hold_sensors`.  gap_s: longest time between frames
+    [s] after which the tests go on.  elapsed_s: between the last two frames.
     """
 
     def __init__(self, hand: Hand) -> None:
@@ -367,21 +376,19 @@ class SensorWatch:
         sensors = hand.sensors
         self._joints = hand.joints
         pressed = STOP_NM / hand.row("end_stop.stiffness_nm_per_rad") + hand.row("end_stop.engagement_deg")
-        rows = [*(hand.row(key) for key in _KEYS), 2.0 * sensors.hall.zero_rad, pressed + BEYOND_RAD]
-        self._constants = np.array(rows)
-        self._constants[_D] = np.maximum(self._constants[_D], self._constants[_J] / LONGEST_LAG_S)
+        constants = np.array([*(hand.row(key) for key in _KEYS), 2.0 * sensors.hall.zero_rad, pressed + BEYOND_RAD])
+        constants[_D] = np.maximum(constants[_D], constants[_J] / LONGEST_LAG_S)
+        table = np.concatenate([np.zeros((_ROWS, len(hand.joints))), constants])
+        self._state, self._constants = table[:_ROWS], table[_ROWS:]
         self._channels = (sensors.angle_channel, sensors.pressure_channel)
         self._places = PlaceWatch(_next(sensors.angle_channel))
-        self._state = np.zeros((_ROWS, len(hand.joints)))
         self._spacing = np.zeros(5)
         self._period_s = 1.0 / hand.rate_hz
-        self._elapsed_s = 0.0
-        self.limits = False
         self._liquid = bool(hand.row("hydraulic.share").max() > 0.0)
-        places = (self._places.state, self._places.after)
-        above = _next(sensors.pressure_channel)
-        self._fixed = (self._state, self._constants, self._spacing, hand.partner, above, *places, self._liquid)
-        self._gap_s = max(3.0 * self._period_s, 0.02)
+        links = np.array([hand.partner, _next(sensors.pressure_channel), self._places.after], dtype=np.int64)
+        self.arrays = (table, self._spacing, links, self._places.state, self._liquid)
+        self.held = (self._state, self._places.state)
+        self.gap_s, self.elapsed_s = max(3.0 * self._period_s, 0.02), 0.0
 
     def start(self, position: Array, velocity: Array, pressure: Array) -> None:
         """Begin without evidence at position (n,) [rad], velocity (n,) [rad/s] and pressure (n,) [Pa].
@@ -430,21 +437,25 @@ class SensorWatch:
         driven: (n,) [Pa], of the set-points alone; it counts where a liquid lets the motion itself change the pressure.
         """
         drive = driven if self._liquid else pressure
-        if elapsed_s <= 0.0 or elapsed_s > self._gap_s:
-            self._elapsed_s = 0.0 if elapsed_s <= 0.0 else 3.0 * self._period_s
+        if elapsed_s <= 0.0 or elapsed_s > self.gap_s:
+            self.elapsed_s = 0.0 if elapsed_s <= 0.0 else 3.0 * self._period_s
             if elapsed_s > 0.0:
                 self._restart(position, drive)
                 self._places.restart()
             return None
-        self._elapsed_s = elapsed_s
-        verdict, joint, other = _check(*self._fixed, position, pressure, expected, drive, elapsed_s)
-        if verdict == FINE:
-            return None
-        return Contradiction(verdict, joint, other, float(self._state[_DEV, joint]))
+        self.elapsed_s = elapsed_s
+        return self.contradiction(*check_sensors(*self.arrays, position, pressure, expected, drive, elapsed_s))
 
-    def hold(self, command: Array) -> None:
-        """Limit set-points (n,) [Pa] in place: none above the last one from before the present evidence."""
-        self.limits = _hold(self._state, self._places.state, command, self._elapsed_s)
+    def contradiction(self, verdict: int, joint: int, other: int) -> Contradiction | None:
+        """What `check_sensors` has found; None where nothing contradicts the motion."""
+        return None if verdict == FINE else Contradiction(verdict, joint, other, float(self._state[_DEV, joint]))
+
+    def hold(self, command: Array) -> bool:
+        """Limit set-points (n,) [Pa] in place: none above the last one from before the present evidence.
+
+        Returns whether one is lower now.
+        """
+        return bool(hold_sensors(*self.held, command, self.elapsed_s))
 
     def line(self, found: Contradiction) -> str:
         """What was found: joints, channels, evidence and what to check."""

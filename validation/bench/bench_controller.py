@@ -67,7 +67,7 @@ def monitor_share(frames: int, rounds: int) -> float:
 
     timed(controller, "frame", "frame")
     timed(controller, "_check_measurement", "monitors")
-    timed(controller._sensor_watch, "hold", "monitors")
+    timed(controller._watch, "hold", "monitors")
     for _ in range(rounds):
         spent["frame"] = spent["monitors"] = 0.0
         for _ in range(frames):

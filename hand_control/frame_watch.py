@@ -1,0 +1,134 @@
+"""What every frame of the controller passes, in one call of compiled code: plausible values, pressures, sensors.
+
+The tests are those of frame_checks and sensor_watch. A call from Python costs more than most of them, so that a frame
+without a gap calls once for all three, and once for all limits of the set-points.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from hand_control.frame_checks import (
+    DRIVEN,
+    EXPECTED,
+    FINE,
+    FOLLOWING,
+    PressureWatch,
+    allowed_jump,
+    cap_pressures,
+    implausible,
+    watch_pressures,
+)
+from hand_control.sensor_watch import FINE as UNSUSPICIOUS
+from hand_control.sensor_watch import Contradiction, SensorWatch, check_sensors, hold_sensors
+from hand_model.arrays import Array
+from hand_model.description import Hand
+
+
+class Findings(NamedTuple):
+    """Verdicts of a frame. plausible: of `implausible`, and its joint.  pressure: of `PressureWatch`, and its joint."""
+
+    plausible: int
+    implausible_joint: int
+    pressure: int
+    pressure_joint: int
+    contradiction: Contradiction | None
+
+
+NOTHING = Findings(FINE, 0, FOLLOWING, 0, None)
+"""Of a frame that passes."""
+
+
+@njit(cache=True, error_model="numpy")
+def _frame(  # type: ignore[no-untyped-def]
+    last, pressures, valve, sensors, spacing, links, places, liquid, position, velocity, pressure, command, jump, dt
+):
+    """Whether a frame passes; then the verdicts: implausible, its joint, pressure, its joint, sensor, joint, other."""
+    verdict, worst = implausible(position, velocity, pressure, last, jump)
+    if verdict != FINE:
+        return False, verdict, worst, FOLLOWING, 0, UNSUSPICIOUS, 0, -1
+    for i in range(len(position)):
+        last[i] = position[i]
+    high_low, joint = watch_pressures(pressures, valve, command, pressure, position, dt)
+    drive = pressures[DRIVEN] if liquid else pressure
+    wrong, one, other = check_sensors(
+        sensors, spacing, links, places, liquid, position, pressure, pressures[EXPECTED], drive, dt
+    )
+    passes = high_low == FOLLOWING and wrong == UNSUSPICIOUS
+    return passes, verdict, worst, high_low, joint, wrong, one, other
+
+
+@njit(cache=True, error_model="numpy")
+def _hold(pressures, sensors, places, command, dt):  # type: ignore[no-untyped-def]
+    """Limit the set-points in place; whether a suspected sensor has lowered one."""
+    cap_pressures(pressures, command)
+    return hold_sensors(sensors, places, command, dt)
+
+
+class FrameWatch:
+    """All tests of the frames of one hand.
+
+    pressures, sensors: the watches with their states.  limits: whether `hold` has lowered a set-point for a suspected
+    sensor, so that an integrator would run away.  last_position: (n,) [rad] of the last frame that counted; NaN: none.
+    """
+
+    def __init__(self, hand: Hand) -> None:
+        """Begin without evidence; `start` gives the first measurement."""
+        self.pressures, self.sensors = PressureWatch(hand), SensorWatch(hand)
+        self.last_position: Array = np.full(len(hand.joints), np.nan)
+        self.limits = False
+        self._period_s = 1.0 / hand.rate_hz
+        self._longest_s = min(self.sensors.gap_s, self.pressures.gap_s, 1.5 * self._period_s)
+        self._arrays = (self.last_position, *self.pressures.arrays, *self.sensors.arrays)
+        self._holds = (self.pressures.arrays[0], *self.sensors.held)
+
+    def start(self, position: Array, velocity: Array, pressure: Array) -> None:
+        """Begin without evidence at position (n,) [rad], velocity (n,) [rad/s] and pressure (n,) [Pa]."""
+        self.last_position[:] = position
+        self.pressures.start(pressure, position)
+        self.sensors.start(position, velocity, pressure)
+
+    def plausible(
+        self, position: Array, velocity: Array, pressure: Array, max_jump_rad: float, elapsed_s: float
+    ) -> tuple[int, int]:
+        """Verdict of `implausible` and its joint, of a frame elapsed_s [s] after the last one; nothing is kept."""
+        jump = allowed_jump(max_jump_rad, elapsed_s, self._period_s)
+        return implausible(position, velocity, pressure, self.last_position, jump)  # type: ignore[no-any-return]
+
+    def check(
+        self, measured: tuple[Array, Array, Array], command: Array, max_jump_rad: float, elapsed_s: float
+    ) -> Findings:
+        """What a frame shows, elapsed_s [s] after the last one that counted.
+
+        measured: position [rad], velocity [rad/s], pressure [Pa], (n,) each.  command: (n,) [Pa], in force until now.
+        max_jump_rad: largest plausible change of an angle between two frames.
+        """
+        if not 0.0 < elapsed_s <= self._longest_s:
+            return self._after_gap(measured, command, max_jump_rad, elapsed_s)
+        self.sensors.elapsed_s = elapsed_s
+        found = _frame(*self._arrays, *measured, command, max_jump_rad, elapsed_s)
+        if found[0]:
+            return NOTHING
+        _, verdict, worst, high_low, joint, *contradiction = found
+        return Findings(verdict, worst, high_low, joint, self.sensors.contradiction(*contradiction))
+
+    def _after_gap(
+        self, measured: tuple[Array, Array, Array], command: Array, max_jump_rad: float, elapsed_s: float
+    ) -> Findings:
+        """The same, test by test: each has a rule of its own for the time without frames."""
+        position, _, pressure = measured
+        verdict, worst = self.plausible(*measured, max_jump_rad, elapsed_s)
+        if verdict != FINE:
+            return Findings(verdict, worst, FOLLOWING, 0, None)
+        self.last_position[:] = position
+        followed = self.pressures.check(command, pressure, elapsed_s, position)
+        watch = self.pressures
+        found = self.sensors.check(position, pressure, watch.expected, watch.driven, elapsed_s)
+        return Findings(verdict, worst, *followed, found)
+
+    def hold(self, command: Array) -> None:
+        """Limit set-points (n,) [Pa] in place to what the pressures justify, and the sensors that are believed."""
+        self.limits = _hold(*self._holds, command, self.sensors.elapsed_s)
