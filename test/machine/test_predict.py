@@ -83,7 +83,11 @@ def error_mm(diagnosed: Diagnosed, model: str, recording: str) -> float:
 
 
 def test_the_model_predicts_what_its_fit_gave(diagnosed: Diagnosed) -> None:
-    """Fails when model.yaml lacks a number, a law or a size of the fit, or has one in another unit."""
+    """Fails when model.yaml lacks a number, a law or a size of the fit, or has one in another unit.
+
+    Its numbers are rounded to a tenth of what the data notice. Where friction holds, the last digit of a number decides
+    where the slide has stopped: single samples may differ more than all together.
+    """
     joint = diagnosed.result.joints[0]
     residual, segment = joint.search.final.residuals[0][1], joint.search.problem.segments[0]
     machine = load_machine(diagnosed.folder / "model.yaml", [diagnosed.folder / "fitted.npz"])
@@ -92,7 +96,10 @@ def test_the_model_predicts_what_its_fit_gave(diagnosed: Diagnosed) -> None:
     again = (found.segments[0].measured - found.predicted[0])[1][:count]
     use = segment.use[1]
     assert use.sum() > 1000
-    assert np.abs(again - residual)[use].max() < 0.02 * np.sqrt(np.mean(residual[use] ** 2))
+    noticed = joint.search.problem.floor[1]
+    print(np.sqrt(np.mean((again - residual)[use] ** 2)) / noticed, np.sqrt(np.mean(residual[use] ** 2)) / noticed)
+    assert np.sqrt(np.mean((again - residual)[use] ** 2)) < 0.1 * noticed
+    assert np.sqrt(np.mean(again[use] ** 2)) == pytest.approx(np.sqrt(np.mean(residual[use] ** 2)), rel=0.02)
 
 
 def test_it_predicts_a_recording_that_was_not_in_the_fit(diagnosed: Diagnosed) -> None:
