@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -19,6 +19,7 @@ from hand_studio.live_model import LiveModel
 from hand_studio.page import Page
 from hand_studio.panel import Panel
 from hand_studio.tint import tints
+from hand_studio.until_sure import Answer, Study, StudyError, record_until_sure, table
 
 FRAME_S = 0.04
 """Period of the pictures."""
@@ -67,8 +68,9 @@ class LivePage:
         self._shown_s = self._values_s = self._curves_s = self._touched_s = 0.0
         self._targets: dict[str, float] = {}
 
-    def run(self, recorder: Recorder, healthy: Callable[[], None]) -> None:
+    def run(self, recorder: Recorder, study: Study, healthy: Callable[[], None]) -> None:
         """Show the hand and serve the requests until healthy(), called all the time, raises."""
+        self._study = study
         try:
             while True:
                 self._client.spin(FRAME_S)
@@ -153,20 +155,38 @@ class LivePage:
                     return ""
                 case "grasp":
                     return self._grasp(request.what, healthy)
+                case "sure":
+                    return self._record_until_sure(request.what, recorder, healthy)
                 case _:
                     return self._record(recorder)
         except NoHandError as error:
             return str(error)
 
-    def _grasp(self, pattern: str, healthy: Callable[[], None]) -> str:
-        def meanwhile() -> None:
-            healthy()
-            self._show()
-            if self._inbox.waiting:
-                raise Superseded
+    def _meanwhile(self, healthy: Callable[[], None]) -> None:
+        """Show the hand while something goes on, until something else is asked for."""
+        healthy()
+        self._show()
+        if self._inbox.waiting:
+            raise Superseded
 
+    def _record_until_sure(self, joint: str, recorder: Recorder, healthy: Callable[[], None]) -> str:
+        if self._recording:
+            return "end the recording first"
+        joints = [joint] if joint else list(self._hand.joints)
+        robot = _Robot(self._client, self._panel, recorder, lambda: self._meanwhile(healthy))
         try:
-            return f"{pattern}: {self._client.grasp(pattern, 1.0, self._panel.max_torque_nm, meanwhile)[1]}"
+            return record_until_sure(robot, self._study, joints, FRAME_S)
+        except Superseded:
+            return "Record until sure: ended by the next request"
+        except StudyError as error:
+            return f"Record until sure: {error}"
+        finally:
+            robot.report("", robot.newest)
+
+    def _grasp(self, pattern: str, healthy: Callable[[], None]) -> str:
+        try:
+            torque_nm = self._panel.max_torque_nm
+            return f"{pattern}: {self._client.grasp(pattern, 1.0, torque_nm, lambda: self._meanwhile(healthy))[1]}"
         except Superseded:
             return f"{pattern}: ended by the next request"
 
@@ -178,3 +198,39 @@ class LivePage:
         self._starting = recorder.start()
         self._panel.recording(self._starting)
         return "the recorder starts"
+
+
+class _Robot:
+    """The hand as a study drives it. newest: the last answer."""
+
+    def __init__(self, client: HandClient, panel: Panel, recorder: Recorder, meanwhile: Callable[[], None]) -> None:
+        self._client, self._panel, self._recorder, self._meanwhile = client, panel, recorder, meanwhile
+        self.newest: Answer | None = None
+
+    def stay(self, seconds: float) -> None:
+        self._client.spin(seconds)
+        self._meanwhile()
+
+    def command(self, angles: Mapping[str, float]) -> None:
+        self._client.command(angles, self._panel.max_torque_nm)
+
+    def hold(self, joints: Sequence[str]) -> None:
+        if self._client.state.controlling:
+            self._client.hold(joints)
+
+    def refusal(self) -> str:
+        state = self._client.state
+        return "" if state.controlling else f"the hand does not move ({state.safety or 'no hand'}); press Enable"
+
+    def record(self) -> str:
+        return self._recorder.start()
+
+    def is_recorded(self) -> bool:
+        return self._client.listens(RECORDER)
+
+    def end_recording(self) -> str:
+        return self._recorder.stop()
+
+    def report(self, note: str, answer: Answer | None) -> None:
+        self.newest = answer
+        self._panel.sure(table(note, answer))

@@ -16,7 +16,7 @@ from hand_model.description import Hand
 from hand_studio.curves import Curves
 from hand_studio.inbox import Inbox
 from hand_studio.page import Page
-from hand_studio.what_if import WhatIf
+from hand_studio.what_if import ALL, WhatIf
 
 READ_ONLY = (
     "This page only shows the hand. It can be driven from the machine that runs the studio, or with --allow-others."
@@ -42,6 +42,8 @@ class Panel:
             self.curves = Curves(gui, hand.joints, ("measured", "model"))
             self._button("Start the model again", "restart")
             self.what_if = WhatIf(gui, hand, hand.parameters, self._allowed)
+        with tabs.add_tab("Find"):
+            self._add_find(gui)
         with tabs.add_tab("Values"):
             self._values = gui.add_html("")
 
@@ -54,6 +56,19 @@ class Panel:
         choice.on_click(self._allowed(lambda event: self._inbox.ask("grasp", event.target.value)))
         with gui.add_folder("Joints, degrees"):
             self._sliders: list[Any] = [self._slider(gui, index) for index in range(len(self._hand.joints))]
+
+    def _add_find(self, gui: viser.GuiApi) -> None:
+        joint = gui.add_dropdown("joint", (ALL, *self._hand.joints))
+        button = gui.add_button("Record until sure")
+        button.on_click(
+            self._allowed(lambda _: self._inbox.ask("sure", "" if joint.value == ALL else str(joint.value)))
+        )
+        self._sure = gui.add_html("")
+
+    def sure(self, content: str) -> None:
+        """Show the state of Record until sure, as HTML."""
+        if self._sure.content != content:
+            self._sure.content = content
 
     @property
     def max_torque_nm(self) -> float:

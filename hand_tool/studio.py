@@ -105,6 +105,7 @@ def studio(
             from hand_client.node import HandClient  # the nodes start meanwhile
             from hand_studio.inbox import Inbox
             from hand_studio.live_page import LivePage
+            from hand_tool.until_sure import Experiments
 
             page = Page(listen, port, allow_others=allow_others)
             stack.callback(page.close)
@@ -116,7 +117,8 @@ def studio(
             _announce(page, client.namespace, browser, as_json)
             recorder = BagRecorder(stack.enter_context(TemporaryDirectory()), out, client.namespace)
             with interrupts.until_raised():
-                live.run(recorder, Watch(client, nodes, started=link is not None))
+                study = Experiments(hand, chosen.path, out)
+                live.run(recorder, study, Watch(client, nodes, started=link is not None))
             note("hand studio: ended" if link is None else "hand studio: vented, nodes ended")
 
 

@@ -1,0 +1,191 @@
+"""Record until sure without a browser: when it ends, what it drives and records, and what it makes of a report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hand_model.description import load_hand
+from hand_studio import until_sure
+from hand_studio.until_sure import Answer, Cause, Motion, StudyError, record_until_sure, table
+from hand_tool.until_sure import FIRST, INSIDE, Experiments, answer_of
+
+CONFIG = Path(__file__).parents[2] / "config" / "hand.yaml"
+HAND = load_hand(CONFIG)
+JOINT = "index_proximal"
+UNSURE = Answer("not sure yet", (Cause(JOINT, "backlash", 0.6),), "reversals")
+SURE = Answer("sure", (Cause(JOINT, "backlash", 0.97),), "")
+
+
+class Ended(Exception):
+    """Something else was asked for."""
+
+
+class FakeRobot:
+    """Notes what it is asked to do. ends_at: number of the wait at which something else is asked for."""
+
+    def __init__(self, ends_at: int = 10**9, faults_at: int = 10**9, outcome: str = "recorded: x") -> None:
+        self.done: list[str] = []
+        self.moved: list[Mapping[str, float]] = []
+        self._waits, self._ends_at, self._faults_at, self._outcome = 0, ends_at, faults_at, outcome
+
+    def stay(self, seconds: float) -> None:
+        assert seconds > 0.0
+        self._waits += 1
+        if self._waits >= self._ends_at:
+            raise Ended
+
+    def command(self, angles: Mapping[str, float]) -> None:
+        self.moved.append(angles)
+
+    def hold(self, joints: Sequence[str]) -> None:
+        self.done.append(f"hold {','.join(joints)}")
+
+    def refusal(self) -> str:
+        return "vented; press Enable" if self._waits >= self._faults_at else ""
+
+    def record(self) -> str:
+        self.done.append("record")
+        return f"recording_{self.done.count('record')}"
+
+    def is_recorded(self) -> bool:
+        return True
+
+    def end_recording(self) -> str:
+        self.done.append("end")
+        return self._outcome
+
+    def report(self, note: str, answer: Answer | None) -> None:
+        self.done += [note] if answer is SURE else []
+
+
+class FakeStudy:
+    """Gives the answers one after the other."""
+
+    def __init__(self, *answers: Answer) -> None:
+        self.answers, self.cancelled = list(answers), False
+        self.diagnosed: list[list[str]] = []
+        self.names: list[str] = []
+
+    def motion(self, name: str, joints: Sequence[str]) -> Motion:
+        self.names.append(name)
+        return Motion(name or "first", 0.02, lambda _: dict.fromkeys(joints, 0.1))
+
+    def diagnose(self, recordings: Sequence[str], joints: Sequence[str]) -> None:
+        assert list(joints) == [JOINT]
+        self.diagnosed.append(list(recordings))
+
+    def answer(self) -> Answer | None:
+        return self.answers.pop(0)
+
+    def cancel(self) -> None:
+        self.cancelled = True
+
+
+@pytest.fixture(autouse=True)
+def _short(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(until_sure, "REST_S", 0.001)
+
+
+def test_it_goes_on_until_the_answer_is_certain() -> None:
+    """Fails when it ends too early or too late, takes another experiment, or forgets an earlier recording."""
+    robot, study = FakeRobot(), FakeStudy(UNSURE, UNSURE, SURE)
+    assert record_until_sure(robot, study, [JOINT], 0.001) == "sure; 3 recordings"
+    assert study.names == ["", "reversals", "reversals"]
+    assert study.diagnosed == [[f"recording_{k}" for k in range(1, n + 1)] for n in (1, 2, 3)]
+    assert robot.moved and all(angles == {JOINT: 0.1} for angles in robot.moved)
+    assert robot.done.count("record") == robot.done.count("end") == 3 and study.cancelled
+
+
+def test_it_ends_where_nothing_new_is_proposed() -> None:
+    """Fails when it repeats an experiment that did not help for ever."""
+    study = FakeStudy(*[UNSURE] * 20)
+    assert record_until_sure(FakeRobot(), study, [JOINT], 0.001).startswith("not sure after 3 recordings")
+
+
+def test_another_request_ends_it_at_once() -> None:
+    """Fails when joints go on moving, the recorder stays open, or a diagnosis goes on after another request."""
+    robot, study = FakeRobot(ends_at=2), FakeStudy(SURE)
+    with pytest.raises(Ended):
+        record_until_sure(robot, study, [JOINT], 0.001)
+    assert robot.done == ["record", f"hold {JOINT}", "end"]
+    assert study.cancelled and study.diagnosed == []
+
+
+def test_a_hand_that_stops_ends_it() -> None:
+    """Fails when it goes on with a vented hand, or does not say why it ends."""
+    robot, study = FakeRobot(faults_at=2), FakeStudy(SURE)
+    with pytest.raises(StudyError, match="vented; press Enable"):
+        record_until_sure(robot, study, [JOINT], 0.001)
+    assert robot.done[-1] == "end" and study.diagnosed == []
+    with pytest.raises(StudyError, match="vented"):
+        record_until_sure(FakeRobot(faults_at=0), study, [JOINT], 0.001)
+
+
+def test_a_recording_that_fails_is_not_diagnosed() -> None:
+    """Fails when a full disk or a recorder that ended passes for a recording."""
+    study = FakeStudy(SURE)
+    with pytest.raises(StudyError, match="disk is full"):
+        record_until_sure(FakeRobot(outcome="not recorded: disk is full"), study, [JOINT], 0.001)
+    assert study.diagnosed == []
+
+
+@pytest.mark.parametrize("name", ["", "reversals", "chirp", "steps"])
+def test_experiments_stay_inside_the_ranges(name: str, tmp_path: Path) -> None:
+    """Fails when an experiment goes to an end stop, moves a joint that was not asked for, or stands still."""
+    motion = Experiments(HAND, CONFIG, tmp_path).motion(name, [JOINT, "thumb_distal"])
+    assert motion.name == (name or FIRST)
+    angles = [motion.at(t) for t in np.arange(-0.1, motion.duration_s + 0.1, 0.05)]
+    for joint in (JOINT, "thumb_distal"):
+        index = HAND.joints.index(joint)
+        low, high = HAND.limits.low_rad[index], HAND.limits.high_rad[index]
+        own = np.array([each[joint] for each in angles])
+        margin = (INSIDE - 1e-9) * (high - low)
+        assert low + margin <= own.min() and own.max() <= high - margin
+        assert np.ptp(own) > 0.4 * (high - low)
+    assert all(set(each) == {JOINT, "thumb_distal"} for each in angles)
+
+
+def test_an_unknown_experiment_is_one_line(tmp_path: Path) -> None:
+    """Fails when a proposal that the page cannot run raises something else."""
+    with pytest.raises(StudyError, match="run_0"):
+        Experiments(HAND, CONFIG, tmp_path).motion("run_0", [JOINT])
+
+
+def test_a_diagnosis_that_fails_is_one_line(tmp_path: Path) -> None:
+    """Fails when the process of the diagnosis fails in silence, or is waited for for ever."""
+    study = Experiments(HAND, CONFIG, tmp_path)
+    study.diagnose([str(tmp_path / "nothing")], [JOINT])
+    with pytest.raises(StudyError, match=r"the diagnosis failed: .*nothing"):
+        while study.answer() is None:
+            pass
+    study.diagnose([str(tmp_path / "nothing")], [JOINT])
+    study.cancel()
+    assert study.answer() is None
+
+
+def finding(probability: float, *tied: str) -> dict[str, object]:
+    """A finding of a report."""
+    return {"joint": JOINT, "effect": "backlash", "probability": probability, "tied_with": list(tied)}
+
+
+def report(findings: list[dict[str, object]], following: str = "reversals", left: float = 0.0) -> dict[str, object]:
+    """A report with what an answer is made of."""
+    remainder = [{"joint": JOINT, "probability": left}] if left else []
+    proposed = {"name": following, "why": ""} if following else None
+    return {"findings": findings, "remainder": remainder, "next_experiment": proposed, "not_judged": []}
+
+
+def test_an_answer_is_certain_only_where_all_of_it_is() -> None:
+    """Fails when a tie, a remainder or an improbable cause counts as certain, or a certain one asks for more."""
+    assert answer_of(report([])) == Answer("hand and model agree", (), "")
+    assert answer_of(report([finding(0.95)])).following == ""
+    for unsure in (report([finding(0.7)]), report([finding(0.95, "hysteresis")]), report([finding(0.95)], left=0.8)):
+        assert answer_of(unsure).following == "reversals"
+    assert answer_of(report([finding(0.95)], left=0.8)).causes[-1].probability == 0.8
+    assert answer_of(report([finding(0.6)], following="")).sentence == "no further experiment helps"
+    shown = table("1: <reversals>", answer_of(report([finding(0.95, "hysteresis")])))
+    assert "backlash or hysteresis" in shown and "95%" in shown and "&lt;reversals&gt;" in shown
