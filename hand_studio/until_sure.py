@@ -71,7 +71,7 @@ class Robot(Protocol):
     """What a study needs of the hand and of the page."""
 
     def stay(self, seconds: float) -> None:
-        """Show the hand for some time; raises where something else is asked for."""
+        """Show the hand for some time [s]; raises where something else is asked for."""
 
     def command(self, angles: Mapping[str, float]) -> None:
         """Move joints to angles [rad]."""

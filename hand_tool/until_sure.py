@@ -96,8 +96,8 @@ def answer_of(report: Mapping[str, Any]) -> Answer:
     ]
     following = (report["next_experiment"] or {}).get("name", "")
     if not causes:
-        unheard = [f"{each['joint']} is not judged: {each['reason']}" for each in report["not_judged"]]
-        return Answer("; ".join(["hand and model agree", *unheard[:1]]), (), "")
+        left_out = [f"{each['joint']} is left out: {each['reason']}" for each in report["not_judged"]]
+        return Answer("; ".join(["hand and model agree", *left_out[:1]]), (), "")
     if sure and not report["remainder"]:
         return Answer("sure", tuple(causes), "")
     return Answer("not sure yet" if following else "no further experiment helps", tuple(causes), following)
