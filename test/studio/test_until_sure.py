@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from hand_identification.excitation import set_points
 from hand_model.description import load_hand
+from hand_model.kernel.rows import ROW
+from hand_recording.replay import record_offline
 from hand_studio import until_sure
 from hand_studio.until_sure import Answer, Cause, Motion, StudyError, record_until_sure, table
-from hand_tool.until_sure import FIRST, INSIDE, Experiments, answer_of
+from hand_tool.until_sure import DURATION_S, FIRST, INSIDE, Experiments, answer_of
 
 CONFIG = Path(__file__).parents[2] / "config" / "hand.yaml"
 HAND = load_hand(CONFIG)
@@ -153,6 +158,23 @@ def test_an_unknown_experiment_is_one_line(tmp_path: Path) -> None:
     """Fails when a proposal that the page cannot run raises something else."""
     with pytest.raises(StudyError, match="run_0"):
         Experiments(HAND, CONFIG, tmp_path).motion("run_0", [JOINT])
+
+
+def test_a_concealed_friction_is_found_by_the_process(tmp_path: Path) -> None:
+    """Fails when the diagnosis gets another recording, model or joint, or its causes do not come back."""
+    parameters = HAND.parameters.copy()
+    parameters[ROW["coulomb_friction.torque_nm"], HAND.joints.index(JOINT)] = 0.02
+    bag = tmp_path / "rubbing.mcap"
+    commands = set_points(FIRST, HAND, [JOINT], DURATION_S, 2e5, 3)
+    for _ in record_offline(replace(HAND, parameters=parameters), commands, bag, seed=3):
+        pass
+    study = Experiments(HAND, CONFIG, tmp_path)
+    study.diagnose([str(bag)], [JOINT])
+    while (answer := study.answer()) is None:
+        time.sleep(0.1)
+    assert answer.sentence == "sure" and answer.following == "", answer
+    assert [(cause.joint, cause.effect) for cause in answer.causes] == [(JOINT, "coulomb_friction")]
+    assert answer.causes[0].probability > 0.9
 
 
 def test_a_diagnosis_that_fails_is_one_line(tmp_path: Path) -> None:
