@@ -102,6 +102,18 @@ class Browser:
         for kind in ("mousePressed", "mouseReleased"):
             self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
+    def choose(self, label: str, option: str) -> None:
+        """Choose an option of the list with this label."""
+        find = f"[...document.querySelectorAll('label')].find(l => l.innerText === {json.dumps(label)})"
+        self.until(find)
+        self.run(
+            f"(() => {{ let row = {find}; while (!row.querySelector('input')) row = row.parentElement;"
+            " row.querySelector('input').click(); })()"
+        )
+        found = f"[...document.querySelectorAll('[role=option]')].find(o => o.innerText === {json.dumps(option)})"
+        self.until(found)
+        self.run(f"{found}.click()")
+
     def press(self, slider: str, key: str, times: int = 1) -> None:
         """Press a key on the slider with this label: Home, End, ArrowLeft or ArrowRight."""
         find = f"[...document.querySelectorAll('label')].find(l => l.innerText === {json.dumps(slider)})"

@@ -45,7 +45,9 @@ class Studio(Stack):
     def enable(self) -> None:
         """Drive the hand by the page's button, also where a machine that stalled has made the hand vent."""
         self.client.spin(0.1)
+        end = time.monotonic() + 2.0 * WAIT_S
         while not self.client.said("controller", "safety", "controlling"):
+            assert time.monotonic() < end, f"Enable does not drive the hand: {self.client.statuses}"
             self.page.click("Enable")
             self.client.spin(1.5)  # the status of the nodes comes at 1 Hz
 
@@ -64,10 +66,10 @@ class Studio(Stack):
         self.enable()
         start = self.client.angle(joint)
         self.page.click(grasp)
-        self._during(3.0, lambda: abs(self.client.angle(joint) - start) < 0.1)
+        self.during(3.0, lambda: abs(self.client.angle(joint) - start) < 0.1)
         return abs(self.client.angle(joint) - start) >= 0.1
 
-    def _during(self, seconds: float, condition: Callable[[], bool]) -> None:
+    def during(self, seconds: float, condition: Callable[[], bool]) -> None:
         """Receive messages for some time while a condition holds."""
         end = time.monotonic() + seconds
         while time.monotonic() < end and condition():
@@ -91,7 +93,7 @@ class Studio(Stack):
             self.enable()
             self.page.press(joint, "Home" if key == "End" else "End")  # arrows would turn the camera, too
             self.page.press(joint, key)
-            self._during(2.5, lambda: not low_rad < self.client.angle(joint) < high_rad)
+            self.during(2.5, lambda: not low_rad < self.client.angle(joint) < high_rad)
 
 
 def changed(first: bytes, second: bytes) -> float:
@@ -147,6 +149,34 @@ def test_stop_vents_during_a_grasp_until_enable(studio: Studio) -> None:
     studio.page.until_shown("vented and latched")
     studio.enable()
     assert studio.client.said("controller", "safety", "controlling")
+
+
+def test_record_until_sure_moves_and_records_the_joint_until_a_stop(studio: Studio) -> None:
+    """Fails when the chosen joint does not move or another one does, or a stop waits for the experiment."""
+    end = time.monotonic() + 2.0 * WAIT_S
+    joints, moved_rad = ("middle_proximal", "ring_proximal"), 0.0
+    while moved_rad < 0.15:
+        assert time.monotonic() < end, f"the joint does not move: {studio.page.text()}"
+        studio.page.click("Drive")
+        studio.enable()
+        start, other = (studio.client.angle(joint) for joint in joints)
+        studio.page.click("Find")
+        studio.page.choose("joint", joints[0])
+        studio.page.click("Record until sure")
+        studio.during(1.5, lambda: True)
+        while moved_rad < 0.15 and "press Enable" not in studio.page.text():  # a machine that stalls vents the hand
+            assert time.monotonic() < end, f"the joint does not move: {studio.page.text()}"
+            studio.client.spin(0.2)
+            moved_rad = abs(studio.client.angle(joints[0]) - start)
+            assert abs(studio.client.angle(joints[1]) - other) < 0.1
+    studio.page.click("Emergency stop")
+    studio.client.until(lambda: max(studio.client.valves[-1].pressure) == 0.0, 1.0)
+    studio.page.until_shown("Record until sure: ")
+    newest = max(studio.folder.glob("hand_*/"), key=lambda folder: folder.stat().st_mtime)
+    recorded = load_recording(newest)["joint_states"]
+    assert np.ptp(recorded["position"][:, recorded.names.index(joints[0])]) > 0.15
+    studio.page.click("Drive")
+    studio.enable()
 
 
 def test_what_if_changes_the_curve_until_it_is_reset(studio: Studio) -> None:
