@@ -5,12 +5,12 @@ Pressures that differ from what the set-points ask for:
     what                                                         reaction
     above the limit by more than OVER, for OVER_S                vent, latched
     above what the model of the valve expects, NOT_FOLLOWING_S   vent, latched: the joint cannot be released otherwise
-    below it, for NOT_FOLLOWING_S                                warning, and the integrators stop: a leak, an empty
-                                                                 supply or a closed valve gives less than commanded
-    below it, for SHORT_S                                        no set-point above TRUSTED times the pressure and
-                                                                 TRUSTED_PA, until the pressure follows again
+    below it, for SHORT_S                                        warning; the integrators stop, and no set-point is
+                                                                 above TRUSTED times the pressure and TRUSTED_PA, until
+                                                                 the pressure follows again: a leak, an empty supply or
+                                                                 a closed valve gives less than commanded
 The expectation is the set-point through the kernel's valve, whose time constant is lengthened by the dead time, from
-the pressure measured at first. Motion displaces fluid and changes the pressure (Eq. 7): the kernel's equation for the
+the pressure measured at first, or that through a valve SLOWER times as slow, or anything between the two. Motion displaces fluid and changes the pressure (Eq. 7): the kernel's equation for the
 described fluid belongs to the expectation, and what may be wrong with it widens the band, through the lag of the valve:
 UNCERTAIN of what a liquid does, and all of it where the description does not say that there is a liquid. After GAP_S
 without a frame, in which the board may have vented, the expectation starts again.
@@ -57,8 +57,10 @@ GAP_S = 0.1
 UNCERTAIN = 1.5
 """Share of the pressure by displaced liquid that may be wrong: volume and leverage 30 % off, twice the lag."""
 SPEED_FILTER_S = 0.02
-EXPECTED, _OVER, _HIGH, _LOW, _ANGLE, _SPEED, _WIDER, DRIVEN, _PRESSURE, _HELD_BACK = range(10)
-"""Rows of the state of `watch_pressures`."""
+SLOWER = 2.0
+"""A valve may lag behind by this factor more than described."""
+EXPECTED, _OVER, _HIGH, _LOW, _ANGLE, _SPEED, _WIDER, DRIVEN, _PRESSURE, _HELD_BACK, _SLOW = range(11)
+"""Rows of the state of `watch_pressures`. _SLOW: the expectation of a valve that lags by SLOWER times the time."""
 (
     _TAU, _VENT, _FILL, _A2, _A3, _LIQUID, _GROWTH, _EXPONENT, _VOLUME, _GAS_GROWTH, _GAS_GAIN, _GAS_PER_RAD, _SUPPLY,
     _LIMIT,
@@ -133,6 +135,8 @@ def _expect(s, v, i, u, angle, dt):  # type: ignore[no-untyped-def]
         s[_ANGLE, i] = angle
         rate, wrong = _displaced(v, i, s[EXPECTED, i], angle, s[_SPEED, i])
     s[EXPECTED, i] = max(valve_pressure(s[EXPECTED, i], u, tau, v[_VENT, i], v[_FILL, i], dt) + rate * dt, 0.0)
+    slow = valve_pressure(s[_SLOW, i], u, SLOWER * tau, v[_VENT, i], v[_FILL, i], dt)
+    s[_SLOW, i] = max(slow + rate * dt, 0.0)
     s[DRIVEN, i] = valve_pressure(s[DRIVEN, i], u, tau, v[_VENT, i], v[_FILL, i], dt)
     s[_WIDER, i] += dt / (dt + tau) * (wrong * tau - s[_WIDER, i])
     return BAND_PA + BAND * s[EXPECTED, i] + s[_WIDER, i]
@@ -147,17 +151,17 @@ def watch_pressures(s, valve, command, pressure, position, dt):  # type: ignore[
     verdict, worst = FOLLOWING, 0
     for i in range(len(command)):
         band = _expect(s, valve, i, command[i] + s[_HELD_BACK, i], position[i], dt)
-        excess = pressure[i] - s[EXPECTED, i]
+        low, high = min(s[EXPECTED, i], s[_SLOW, i]), max(s[EXPECTED, i], s[_SLOW, i])
         s[_OVER, i] = s[_OVER, i] + dt if pressure[i] > (1.0 + OVER) * valve[_LIMIT, i] else 0.0
-        s[_HIGH, i] = s[_HIGH, i] + dt if excess > band else 0.0
-        s[_LOW, i] = s[_LOW, i] + dt if excess < -band else 0.0
+        s[_HIGH, i] = s[_HIGH, i] + dt if pressure[i] > high + band else 0.0
+        s[_LOW, i] = s[_LOW, i] + dt if pressure[i] < low - band else 0.0
         s[_PRESSURE, i] = pressure[i]
         found = FOLLOWING
         if s[_OVER, i] > OVER_S:
             found = OVER_PRESSURE
         elif s[_HIGH, i] > NOT_FOLLOWING_S:
             found = STUCK_HIGH
-        elif s[_LOW, i] > NOT_FOLLOWING_S:
+        elif s[_LOW, i] > SHORT_S:
             found = STUCK_LOW
         if found != FOLLOWING and (verdict == FOLLOWING or found < verdict):
             verdict, worst = found, i
@@ -186,7 +190,7 @@ class PressureWatch:
         lag = hand.row("valve.time_constant_s") + hand.row("valve.dead_time_s")
         valve = [lag, hand.row("valve.vent_rate_pa_per_s"), hand.row("valve.fill_rate_pa_per_s")]
         constants = np.array([*valve, *(hand.row(key) for key in _FLUID), hand.limits.max_pressure_pa])
-        self._state = np.zeros((10, len(hand.joints)))
+        self._state = np.zeros((_SLOW + 1, len(hand.joints)))
         self.arrays, self.gap_s = (self._state, constants), GAP_S
         self.expected: Array = self._state[EXPECTED]
         self.driven: Array = self._state[DRIVEN]
@@ -195,7 +199,7 @@ class PressureWatch:
     def start(self, pressure: Array, position: Array | None = None) -> None:
         """Expect the measured pressure (n,) [Pa] of joints that stand still at position (n,) [rad]."""
         self._state[:] = 0.0
-        self._state[EXPECTED] = self._state[DRIVEN] = pressure
+        self._state[[EXPECTED, DRIVEN, _SLOW]] = pressure
         self._state[_ANGLE] = self._still if position is None else position
 
     def check(self, command: Array, pressure: Array, dt: float, position: Array | None = None) -> tuple[int, int]:
@@ -215,7 +219,7 @@ class PressureWatch:
 
     def _skip(self, pressure: Array, position: Array | None) -> None:
         """Expect the measured state after a gap; how long a pressure has been off is kept."""
-        self._state[EXPECTED] = self._state[DRIVEN] = pressure
+        self._state[[EXPECTED, DRIVEN, _SLOW]] = pressure
         self._state[_SPEED] = 0.0
         self._state[_ANGLE] = self._still if position is None else position
 

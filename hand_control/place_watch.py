@@ -4,7 +4,8 @@ Sensors that are exchanged in motion make a step (sensor_watch). Before arming t
 of joint k rises, the controller waits for i, and its pressure rises on. For each pair of neighbouring channels the
 motion u that is measured and the motion w that the pressures ask for, both over about half a second, are compared:
 
-    as wired     (u_i - w_i)^2 + (u_k - w_k)^2     CLEAR times smaller: settled, a later exchange makes a step
+    as wired     (u_i - w_i)^2 + (u_k - w_k)^2     CLEAR times smaller: settled, a later exchange makes a step,
+                                                   unless the angles stay together: then open again
     exchanged    (u_i - w_k)^2 + (u_k - w_i)^2     CLEAR times smaller: suspected
 
 A push on k while an obstacle blocks i looks the same. A suspected joint is therefore asked: its set-point returns to
@@ -32,19 +33,23 @@ ALIKE = (0.4, 2.5)
 STILL = 0.25
 """A joint that moves by less than this share of the motion asked for stands still."""
 FOLLOWS, RECENT_S = 0.65, 0.5
-"""The largest difference to an exchanged motion, over RECENT_S, is at most this share of it."""
+"""Motions older than RECENT_S fade. The largest difference to an exchanged one is at most the share FOLLOWS of it."""
 ENOUGH_S = 0.03
 QUESTIONS = 2
 """Answers in a row that prove an exchange: one may be a push that ends at that moment."""
 ASKED_S = 0.4
 """Time for an answer; without one the suspicion was wrong, or comes back."""
 CAUTION_PA_PER_S = 1.5e5
+CROSSING_RAD, CROSSING_S = math.radians(0.5), 0.05
+"""Sensors that are exchanged where the angles differ by less make no step. Angles that part sooner show it: their
+speeds are exchanged, too."""
 NONE = -1
 _CAREFUL, _MOVED_S, _FROM_PA, _HELD_PA, _STATE = range(5)
 """Rows of a joint; _STATE: free, asked, or held because its neighbour is asked."""
 _OPEN, _SUSPECT_S, _ASKED, _ASKED_S, _ANSWER_S, _MODEL_I, _MODEL_K, _OF_I, _OF_K, _MISSED, _CONFIRMED = range(5, 16)
-"""Rows of a pair, in the column of its first joint."""
-_ROWS = 16
+_TOGETHER_S, _OLD = 16, 17
+"""Rows of a pair, in the column of its first joint; from _OLD on, what its four motions were when the angles met."""
+_ROWS = 21
 _FREE, _ANSWERS, _WAITS = range(3)
 
 
@@ -110,23 +115,46 @@ def _watch(s, pair, other, w, u, position, model, dt):  # type: ignore[no-untype
     if s[_ASKED_S, pair] > 0.0:
         i = int(s[_ASKED, pair])
         return _is_answered(s, pair, i, pair + other - i, position, model, dt)
-    i, k = (pair, other) if w[pair] > w[other] else (other, pair)
-    missed = max(abs(u[k] - w[i]), abs(u[i] - w[k]))
+    w_i, w_k, u_i, u_k = _since(s, pair, other, w, u)
+    i = pair
+    if w_i < w_k:
+        i, w_i, w_k, u_i, u_k = other, w_k, w_i, u_k, u_i
+    missed = max(abs(u_k - w_i), abs(u_i - w_k))
     s[_MISSED, pair] = max(missed, s[_MISSED, pair] * (1.0 - dt / (dt + RECENT_S)))
-    if max(w[i], -w[k]) < 2.0 * LEAST_RAD:
+    if max(w_i, -w_k) < 2.0 * LEAST_RAD:
         return False
-    sign = _which(u[i], u[k], w[i], w[k])
-    if sign > 0.0 and s[_MISSED, pair] > FOLLOWS * w[i]:
+    sign = _which(u_i, u_k, w_i, w_k)
+    if sign > 0.0 and s[_MISSED, pair] > FOLLOWS * w_i:
         sign = 0.0  # joint k has moved on its own account
     time = _lasts(s[_SUSPECT_S, pair], sign, dt)
     s[_SUSPECT_S, pair] = time
     if time < -ENOUGH_S:
         s[_OPEN, pair] = 0.0
-    elif time > ENOUGH_S and w[i] > 2.0 * LEAST_RAD:
+    elif time > ENOUGH_S and w_i > 2.0 * LEAST_RAD:
         s[_SUSPECT_S, pair], s[_ANSWER_S, pair] = 0.0, 0.0
         s[_ASKED, pair], s[_ASKED_S, pair], s[_CAREFUL, i] = i, ASKED_S, 1.0
-        _note(s, pair, i, k, position, model)
+        _note(s, pair, i, pair + other - i, position, model)
     return False
+
+
+@njit(cache=True, error_model="numpy")
+def _since(s, pair, other, w, u):  # type: ignore[no-untyped-def]
+    """Motions of a pair since its angles have met: asked for, w_i and w_k, and measured, u_i and u_k [rad]."""
+    old = s[_OLD:, pair]
+    return w[pair] - old[0], w[other] - old[1], u[pair] - old[2], u[other] - old[3]
+
+
+@njit(cache=True, error_model="numpy")
+def _meet(s, pair, other, w, u, position, dt):  # type: ignore[no-untyped-def]
+    """Begin again with a pair whose angles meet: there an exchange makes no step."""
+    for row in range(_OLD, _ROWS):
+        s[row, pair] *= 1.0 - dt / (dt + RECENT_S)
+    meet = abs(position[pair] - position[other]) < CROSSING_RAD
+    s[_TOGETHER_S, pair] = s[_TOGETHER_S, pair] + dt if meet else 0.0
+    if s[_TOGETHER_S, pair] > CROSSING_S and s[_ASKED_S, pair] <= 0.0:
+        s[_OPEN, pair], s[_SUSPECT_S, pair], s[_MISSED, pair] = 1.0, 0.0, 0.0
+        s[_OLD, pair], s[_OLD + 1, pair] = w[pair], w[other]
+        s[_OLD + 2, pair], s[_OLD + 3, pair] = u[pair], u[other]
 
 
 @njit(cache=True, error_model="numpy")
@@ -143,7 +171,10 @@ def check_places(s, after, w, u, position, model, dt):  # type: ignore[no-untype
             _careful(s, i, w[i], u[i], dt)
     for pair in range(n):
         other = after[pair]
-        if other < 0 or s[_OPEN, pair] == 0.0:
+        if other < 0:
+            continue
+        _meet(s, pair, other, w, u, position, dt)
+        if s[_OPEN, pair] == 0.0:
             continue
         if _watch(s, pair, other, w, u, position, model, dt):
             found = pair

@@ -19,6 +19,7 @@ and comes back with at most RESTITUTION of it. A sensor that steps goes on as if
     mirrored about M, or about zero   M - prediction                               that of -v
     exchanged with joint k            the prediction of joint k, and c_k that of   that of v_k
                                       this joint
+    exchanged where the angles cross  the prediction                               that of v_k
     displaced                         further than MAX_OUTSIDE_NM, an obstacle     below half of DEV
                                       that lets go and the neighbour can move it
 
@@ -45,7 +46,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hand_control.place_watch import ALIKE, ENOUGH_S, NONE, PlaceWatch, check_places, hold_places
+from hand_control.place_watch import ALIKE, ENOUGH_S, NONE, RECENT_S, PlaceWatch, check_places, hold_places
 from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.statics import torque
@@ -79,8 +80,8 @@ LONGEST_LAG_S = 10.0
 SPEED_S, SLOW_S, ACTIVE_RAD_PER_S, ACTIVE_S = 0.01, 0.1, 0.3, 0.04
 POSE_NM = 0.012
 """Torque that pose and speed may leave unexplained by the pressure at arming: an error of the model, friction."""
-RECENT_S, PROVEN_RAD = 0.5, math.radians(2.0)
-"""Motions older than RECENT_S fade; a sign is proven, or refuted for ENOUGH_S, by one of PROVEN_RAD."""
+PROVEN_RAD = math.radians(2.0)
+"""A sign is proven, or refuted for ENOUGH_S, by a motion of PROVEN_RAD."""
 OPPOSED = (0.45, 2.2)
 """Share of the predicted motion that is measured on a joint with the wrong sign whose constants are 30 % off."""
 PRESSURE_S, LEAST_PA, UNEXPLAINED = 0.03, 1.2e4, 0.125
@@ -203,10 +204,27 @@ def _stepped(s, c, partner, i, dt, age):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
+def _crossed(s, i, k, least, dt, age):  # type: ignore[no-untyped-def]
+    """Whether joints i and k, which do not share inertia, have exchanged their speeds where their angles cross."""
+    apart = abs(s[_V, i] - s[_V, k])
+    if apart * age < least or abs(s[_PRED, i] - s[_PRED, k]) > least + apart * dt:
+        return False
+    off = max(
+        abs(s[_PRED, k] - s[_PRED, i] - s[_DEV, i]),
+        abs(s[_PRED, i] - s[_PRED, k] - s[_DEV, k]),
+        abs(s[_TRAVEL, i] - s[_V, k] * age),
+        abs(s[_TRAVEL, k] - s[_V, i] * age),
+    )
+    return off < 0.2 * apart * age  # obstacles that stop both at once give back at most RESTITUTION of their speeds
+
+
+@njit(cache=True, error_model="numpy")
 def _exchanged(s, partner, i, k, dt, age):  # type: ignore[no-untyped-def]
     """Whether joints i and k have stepped to the predictions of each other."""
     dev, least = min(abs(s[_DEV, i]), abs(s[_DEV, k])), max(_least(s, i) + _least(s, k), STEP_RAD)
-    if dev < least or s[_DEV, i] * s[_DEV, k] >= 0.0:
+    if dev < least:
+        return partner[i] != k and _crossed(s, i, k, least, dt, age)
+    if s[_DEV, i] * s[_DEV, k] >= 0.0:
         return False
     if partner[i] == k and dev < (1.0 + RESTITUTION) * max(abs(s[_V, i]), abs(s[_V, k])) * dt:
         return False  # an impact on one of them exchanges their speeds, by their common inertia
@@ -221,7 +239,7 @@ def _steps(s, c, partner, dt, age):  # type: ignore[no-untyped-def]
     """Verdict, joint and other joint of the step test."""
     n = s.shape[1]
     for i in range(n):
-        if abs(s[_DEV, i]) < _least(s, i):
+        if _turn(s, i, age) < _least(s, i):
             continue
         for k in range(i + 1, n):
             if _exchanged(s, partner, i, k, dt, age):

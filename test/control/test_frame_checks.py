@@ -95,15 +95,15 @@ def test_over_pressure_trips_after_50_ms_above_110_percent() -> None:
 
 
 @pytest.mark.parametrize("expected", [0.0, 1e5, 4e5])
-def test_a_valve_follows_within_20_kpa_and_10_percent_for_half_a_second(expected: float) -> None:
-    """Fails when the band of 20 kPa plus 10 % of the expected pressure, or the time of 0.5 s, changes."""
+def test_a_valve_follows_within_20_kpa_and_10_percent(expected: float) -> None:
+    """Fails when the band of 20 kPa plus 10 % of the expected pressure, or the times of 0.5 and 0.1 s, change."""
     band = 2e4 + 0.1 * expected
     frames = 130
-    for sign, verdict in ((1.0, STUCK_HIGH), (-1.0, STUCK_LOW)):
+    for sign, verdict, patience in ((1.0, STUCK_HIGH, 100), (-1.0, STUCK_LOW, 20)):
         count, found = first(watched(expected, [expected] * 5 + [expected + sign * (band + 0.5)] * frames))
-        assert found == verdict and count == pytest.approx(106, abs=1)
+        assert found == verdict and count == pytest.approx(patience + 6, abs=1)
         assert first(watched(expected, [expected + sign * (band - 0.5)] * frames)) == (0, FOLLOWING)
-        interrupted = ([expected + sign * 1.01 * band] * 95 + [expected]) * 2
+        interrupted = ([expected + sign * 1.01 * band] * (patience - 5) + [expected]) * 2
         assert first(watched(expected, interrupted)) == (0, FOLLOWING)
 
 
@@ -115,24 +115,25 @@ def test_the_expectation_is_the_set_point_through_the_lag_of_the_valve() -> None
         readings.append(pressure)
     assert first(watched(command, readings, start=0.0)) == (0, FOLLOWING)
     count, verdict = first(watched(command, [0.0] * 200, start=0.0))
-    until_outside = -LAG_S * math.log(1.0 - 2e4 / (0.9 * command))  # the expectation leaves the band of the dead valve
+    until_outside = -2.0 * LAG_S * math.log(1.0 - 2e4 / (0.9 * command))  # of a valve twice as slow as described
     assert verdict == STUCK_LOW
-    assert count * DT_S == pytest.approx(0.5 + until_outside, abs=3 * DT_S)
+    assert count * DT_S == pytest.approx(0.1 + until_outside, abs=3 * DT_S)
 
 
 def test_the_lag_of_the_expectation_is_time_constant_plus_dead_time() -> None:
-    """Fails when the expectation follows faster or slower than the valve of the description: 0.2 s and 0.1 s here."""
+    """Fails when the expectation is not that of a valve up to twice as slow as described: 0.2 s and 0.1 s here."""
     parameters = HAND.parameters.copy()
     parameters[ROW["valve.time_constant_s"]], parameters[ROW["valve.dead_time_s"]] = 0.2, 0.1
     watch, command = PressureWatch(replace(HAND, parameters=parameters)), full(2.5e4)
     watch.start(full(0.0))
     verdicts = [watch.check(command, full(0.0), DT_S)[0] for _ in range(400)]
-    expected, outside = 0.0, 0
-    while expected <= 2e4 + 0.1 * expected:  # the dead valve is within the band of the expectation
+    expected, slow, outside = 0.0, 0.0, 0
+    while slow <= 2e4 + 0.1 * expected:  # the dead valve is within the band of the expectation
         expected += (1.0 - math.exp(-DT_S / 0.3)) * (2.5e4 - expected)
+        slow += (1.0 - math.exp(-DT_S / 0.6)) * (2.5e4 - slow)
         outside += 1
     assert outside > 100
-    assert verdicts.index(STUCK_LOW) + 1 == pytest.approx(outside + 100, abs=1)
+    assert verdicts.index(STUCK_LOW) + 1 == pytest.approx(outside + 20, abs=1)
 
 
 def test_the_start_forgets_earlier_deviations() -> None:

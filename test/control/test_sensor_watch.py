@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hand_control.sensor_watch import ACTIVE, JUMPED, SIGN, SensorWatch
+from hand_control.sensor_watch import ACTIVE, ANGLES_SWAPPED, JUMPED, SIGN, SensorWatch
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from validation.faults.operation import World
@@ -106,6 +106,42 @@ def test_a_step_of_the_sensor_differs_from_a_blow(rate_hz: float, speed: float) 
         back = -(1.0 + bounce) * speed * np.maximum(t - at_s, 0.0)
         assert verdict(rate_hz, moving + back, pressure) is None
     assert verdict(rate_hz, moving + blow, pressure) is None
+
+
+@pytest.mark.parametrize("rate_hz", [200.0, 500.0, 1000.0])
+@pytest.mark.parametrize(("speed", "other"), [(2.5, 0.0), (1.5, -1.5), (0.2, -3.0)])
+@pytest.mark.parametrize("apart_deg", [-0.4, 0.0, 0.4])
+def test_an_exchange_where_two_angles_cross_is_found(
+    rate_hz: float, speed: float, other: float, apart_deg: float
+) -> None:
+    """Fails when sensors exchanged where they read the same are believed, or obstacles there are taken for it."""
+    print("seed 6")
+    t = np.arange(round(0.3 * rate_hz)) / rate_hz - 0.1503
+    first, second = 0.4 + speed * t, 0.4 + np.radians(apart_deg) + other * t
+
+    def found(angles: tuple[Array, Array]) -> tuple[int, int, int] | None:
+        watch, count, rng = SensorWatch(HAND), len(HAND.joints), np.random.default_rng(6)
+        rest, pressure = np.full(count, 0.1), np.full(count, 1.5e4)
+        position = rest + rng.normal(0.0, 1.5e-4, (len(t), count))
+        position[:, 4] += angles[0] - 0.1
+        position[:, 5] += angles[1] - 0.1
+        watch.start(position[0], (position[1] - position[0]) * rate_hz, pressure)
+        for now in position:
+            seen = watch.check(now, pressure, pressure, pressure, 1.0 / rate_hz)
+            if seen is not None:
+                return seen[:3]
+        return None
+
+    after = t > 0.0
+    assert found((np.where(after, second, first), np.where(after, first, second))) == (ANGLES_SWAPPED, 4, 5)
+    assert found((first, second)) is None
+    for left in (0.0, -0.4):
+        stopped = (
+            np.where(after, 0.4 + left * speed * t, first),
+            np.where(after, second - (1 - left) * other * t, second),
+        )
+        assert found(stopped) is None
+        assert found((first, stopped[1])) is None and found((stopped[0], second)) is None
 
 
 def test_a_joint_that_only_dry_friction_damps_is_watched(tmp_path: Path) -> None:

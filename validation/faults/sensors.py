@@ -4,7 +4,8 @@
 
 A fault begins in the middle of a motion, or, where it is one of wiring, before the hand is enabled. The same run
 without the fault is its reference: `error` is how far a joint has left the range that it has passed through in the
-reference when the hand vents, `excess` by how much a set-point was above the largest one of the reference until then.
+reference when the hand vents or a warning names it, `excess` by how much a set-point was above the largest one of the
+reference until then.
 `--hours` adds operation without a fault: motions, grasps, contacts, pushes, friction, slow valves, noise, a liquid,
 gaps and stalls; every vent in it is a false one. No constant was chosen with the default seed.
 
@@ -257,7 +258,10 @@ def _outcome(case: Case, trace: Trace, reference: Trace) -> Outcome:
     rate = 200.0
     begin = round((BEFORE_S + (0.0 if case.from_start else MOTIONS[case.motion][1])) * rate)
     begin = min(begin, len(trace.angle) - 1)  # a fault that is found before the motion
-    end, mine = len(trace.angle), [case.joint, beside(case.joint, trace.angle.shape[1])]
+    end, mine = (
+        min(trace.warned or len(trace.angle), len(trace.angle)),
+        [case.joint, beside(case.joint, trace.angle.shape[1])],
+    )
     moved = np.abs(trace.angle[begin:, mine] - trace.angle[begin, mine]).max(axis=1) > MOVING_RAD
     since = begin + (int(np.argmax(moved)) if case.from_start and moved.any() else 0)
     error = _error(trace.angle[begin:end], reference.angle[begin:end])
