@@ -10,10 +10,11 @@ Pressures that differ from what the set-points ask for:
                                                                  the pressure follows again: a leak, an empty supply or
                                                                  a closed valve gives less than commanded
 The expectation is the set-point through the kernel's valve, whose time constant is lengthened by the dead time, from
-the pressure measured at first, or that through a valve SLOWER times as slow, or anything between the two. Motion displaces fluid and changes the pressure (Eq. 7): the kernel's equation for the
-described fluid belongs to the expectation, and what may be wrong with it widens the band, through the lag of the valve:
-UNCERTAIN of what a liquid does, and all of it where the description does not say that there is a liquid. After GAP_S
-without a frame, in which the board may have vented, the expectation starts again.
+the pressure measured at first, or through a valve SLOWER times as slow, or anything between the two. Motion displaces
+fluid and changes the pressure (Eq. 7): the kernel's equation for the described fluid belongs to the expectation, and
+what may be wrong with it widens the band, through the lag of the valve: UNCERTAIN of what a liquid does, and all of it
+where the description does not say that there is a liquid. After GAP_S without a frame, in which the board may have
+vented, the expectation starts again.
 
 A liquid that a shove pulls below the range of its sensor makes a frame count as missing, for SUCTION_S.
 An angle may change by the largest jump between two frames, and by FASTEST_RAD_PER_S over the time that is missing.
