@@ -2,7 +2,7 @@
 /* Draws every <figure class="plot"> from the JSON inside it (hand_pages/plots.py) as SVG: panels over one axis, zoomed
    together with all plots of the same group. Drag or +, - zoom; arrow keys move; 0, Escape or a double click show all. */
 (() => {
-const NS = "http://www.w3.org/2000/svg", LEFT = 58, RIGHT = 8, GAP = 12, FOOT = 34, TALL = 56;
+const NS = "http://www.w3.org/2000/svg", LEFT = 58, RIGHT = 14, GAP = 12, FOOT = 34, TALL = 56;
 const plots = [];
 const element = (parent, name, attributes = {}, text = "") => {
   const made = document.createElementNS(NS, name);
@@ -152,7 +152,7 @@ class Plot {
     let low = Infinity, high = -Infinity;
     const take = (v) => { if (v !== null) { low = Math.min(low, v); high = Math.max(high, v); } };
     for (const one of panel.series.filter((each) => each.shown)) {
-      const from = first(one.x, this.view[0]), to = Math.max(first(one.x, this.view[1]), from + 1);
+      const from = first(one.x, this.view[0]), to = Math.max(first(one.x, this.view[1]) + 1, from + 1);
       for (const list of [one.y, one.low, one.high]) if (list) for (let k = from; k < to && k < list.length; k++) take(list[k]);
     }
     if (panel.zero) take(0);

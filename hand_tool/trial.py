@@ -136,7 +136,7 @@ def score(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Open the seal, check the commitment, grade every report; scores.json, confusion.png, reliability.png.
+    """Open the seal, check the commitment, grade every report; scores.html, scores.json and pictures.
 
     Example: hand trial score out/trial --key KEY
 
@@ -146,10 +146,12 @@ def score(
         check_exists(folder)
         require("validation", "cryptography")
         from validation.results import provenance
+        from validation.trial.page import write_page
         from validation.trial.score import score as score_trial
 
         result = score_trial(folder, _given_key(key), made=provenance("hand trial score OUT"))
-    _print_scores(result, as_json)
+        write_page(folder, result)
+    _print_scores(result, folder, as_json)
 
 
 @app.command()
@@ -193,23 +195,26 @@ def score_answers(
         check_exists(answers)
         require("validation", "cryptography")
         from validation.trial.answers import read_answers
+        from validation.trial.page import write_page
         from validation.trial.score import score as score_trial
 
         given = read_answers(answers)
         result = score_trial(folder, _given_key(key), given)
-    _print_scores(result, as_json)
+        write_page(folder, result)
+    _print_scores(result, folder, as_json)
 
 
 def _given_key(key: str | None) -> bytes:
     return (key or os.environ.get(KEY) or sys.stdin.readline().strip()).encode()
 
 
-def _print_scores(result: dict[str, Any], as_json: bool) -> None:
+def _print_scores(result: dict[str, Any], folder: Path, as_json: bool) -> None:
     """Print the scores; exit code 1 where a goal is not reached."""
     from validation.trial.score import met
 
     reached = {name: met(name, figure["value"]) for name, figure in result["scores"].items()}
-    print(json.dumps(result) if as_json else "\n".join(_score_lines(result, reached)))
+    lines = [*_score_lines(result, reached), f"written: {folder / 'scores.html'}, {folder / 'scores.json'}"]
+    print(json.dumps(result) if as_json else "\n".join(lines))
     raise typer.Exit(1 if False in reached.values() else 0)
 
 

@@ -21,6 +21,7 @@ from rich.console import Console
 from rich.table import Table
 
 from validation.faults.result import FaultResult, Size
+from validation.faults.results_page import write_page
 from validation.results import provenance
 
 FAMILIES = ("frames", "disconnects", "commands", "timing", "sensors", "board")
@@ -61,12 +62,12 @@ def main(arguments: list[str] | None = None) -> int:
                 traceback.print_exc()
                 done.append(FaultResult(name, "the family itself", 1, 0, (f"{type(error).__name__}: {error}",)))
             console.print(f"{name}: {time.monotonic() - begun:.1f} s")
-            write(options.out, command, size, done)
+            write(options.out, command, size, options.seed, done)
     except KeyboardInterrupt:
         print(f"python -m validation.faults: interrupted; {options.out} holds {len(done)} results", file=sys.stderr)
         return 130
     console.print(table(done))
-    console.print(f"seed {options.seed}; written: {options.out}")
+    console.print(f"seed {options.seed}; written: {options.out}, {options.out.with_suffix('.html')}")
     for result in done:
         if not result.passed:
             print(f"not handled: {result.family}: {result.hazard}: {', '.join(result.unhandled)}", file=sys.stderr)
@@ -84,11 +85,12 @@ def run(name: str, size: Size, seed: int) -> list[FaultResult]:
     return results
 
 
-def write(path: Path, command: str, size: Size, done: list[FaultResult]) -> None:
-    """Store the results so far."""
-    document: dict[str, Any] = {**provenance(command), "size": size.name.lower()}
+def write(path: Path, command: str, size: Size, seed: int, done: list[FaultResult]) -> None:
+    """Store the results so far, and show them on a page of the same name."""
+    document: dict[str, Any] = {**provenance(command), "size": size.name.lower(), "seed": seed}
     document["faults"] = [result.as_dict() for result in done]
     path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    write_page(path.with_suffix(".html"), document)
 
 
 def table(results: list[FaultResult]) -> Table:

@@ -15,6 +15,7 @@ from pathlib import Path
 from validation.machines.cases import Case, described_cases, older_cases
 from validation.machines.collect import collect
 from validation.machines.examine import examine
+from validation.machines.page import write_page
 from validation.results import provenance
 
 TOOL = [sys.executable, "-m", "hand_tool"]
@@ -83,7 +84,8 @@ def _examine(cases: Sequence[Case], data: Path, out: Path) -> int:
     content = {**provenance("make machines DATA=folder"), "machines": results, "failed": failed}
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    print(f"written: {out}")
+    write_page(out.with_suffix(".html"), content)
+    print(f"written: {out}, {out.with_suffix('.html')}")
     return 1 if failed else 0
 
 

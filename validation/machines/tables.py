@@ -9,7 +9,18 @@ from validation.tables import Entry, markdown, number, source_line
 
 GOAL_RATIO = 1.1
 """Largest test error, relative to the best rival's, that counts as reached."""
+FOUND = (
+    "machine",
+    "verdict",
+    "known by its source",
+    "effects named (probability)",
+    "first right",
+    "decoys accepted",
+)
+NUMBERS = ("machine", "number", "diagnosis", "published", "within 2 standard errors", "source")
+TOTALS = ("result", "reached", "goal")
 RIVALS = ("re-identified", "best of six", "SINDy", "Gaussian process", "NARX")
+ERRORS = ("machine", "nominal", "diagnosis", *RIVALS, "unit", "noise floor", "diagnosis / best rival", "CPU")
 Machine = Mapping[str, Any]
 
 
@@ -25,18 +36,11 @@ def machines_table(entry: Entry) -> str:
 
 def found_table(machines: Sequence[Machine]) -> str:
     """The answers: known effects, what is named, decoys."""
-    header = (
-        "machine",
-        "verdict",
-        "known by its source",
-        "effects named (probability)",
-        "first right",
-        "decoys accepted",
-    )
-    return markdown(header, [_found_row(each) for each in machines])
+    return markdown(FOUND, [found_row(each) for each in machines])
 
 
-def _found_row(each: Machine) -> tuple[str, ...]:
+def found_row(each: Machine) -> tuple[str, ...]:
+    """Cells below FOUND."""
     named = ", ".join(f"`{row['effect']}` ({row['probability']:.2f})" for row in each["effects"])
     if not named and each["first"]:
         named = f"`{each['first']}` as a part of what is unknown"
@@ -48,11 +52,11 @@ def _found_row(each: Machine) -> tuple[str, ...]:
 
 def error_table(machines: Sequence[Machine]) -> str:
     """RMS errors on the test recordings."""
-    header = ("machine", "nominal", "diagnosis", *RIVALS, "unit", "noise floor", "diagnosis / best rival", "CPU")
-    return markdown(header, [_error_row(each) for each in machines])
+    return markdown(ERRORS, [error_row(each) for each in machines])
 
 
-def _error_row(each: Machine) -> tuple[str, ...]:
+def error_row(each: Machine) -> tuple[str, ...]:
+    """Cells below ERRORS."""
     errors = [number(each["rivals"][name]) for name in RIVALS]
     shown = (number(each["nominal"]), number(each["ours"]), *errors, each["unit"], number(each["noise_floor"]))
     return each["title"], *shown, f"{ratio(each):.2f}", f"{each['cpu_s']:.0f} s"
@@ -60,6 +64,11 @@ def _error_row(each: Machine) -> tuple[str, ...]:
 
 def number_table(machines: Sequence[Machine]) -> str:
     """Published numbers compared with ours."""
+    return markdown(NUMBERS, number_rows(machines))
+
+
+def number_rows(machines: Sequence[Machine]) -> list[tuple[str, ...]]:
+    """Rows below NUMBERS."""
     rows = []
     for each in machines:
         for row in each["published"]:
@@ -67,7 +76,7 @@ def number_table(machines: Sequence[Machine]) -> str:
             own = "not found" if ours is None else f"{number(ours['value'])} ± {ours['std']:.1g} {ours['unit']}"
             agrees = {True: "yes", False: "no", None: ""}[row["agrees"]]
             rows.append((each["title"], f"`{row['key']}`", own, number(row["published"]), agrees, row["source"]))
-    return markdown(("machine", "number", "diagnosis", "published", "within 2 standard errors", "source"), rows)
+    return rows
 
 
 def ratio(each: Machine) -> float:
@@ -77,6 +86,11 @@ def ratio(each: Machine) -> float:
 
 def totals(machines: Sequence[Machine]) -> str:
     """Counts over all machines, each with its goal."""
+    return markdown(TOTALS, total_rows(machines))
+
+
+def total_rows(machines: Sequence[Machine]) -> list[tuple[str, ...]]:
+    """Rows below TOTALS."""
     count = len(machines)
     right = sum(each["right"] and not each["partly"] for each in machines)
     lowest = sum(ratio(each) <= GOAL_RATIO for each in machines)
@@ -84,16 +98,13 @@ def totals(machines: Sequence[Machine]) -> str:
     rows = [row for each in machines for row in each["published"]]
     agree = sum(row["agrees"] is True for row in rows)
     slow = sum(each["cpu_s"] > 60.0 for each in machines)
-    return markdown(
-        ("result", "reached", "goal"),
-        [
-            ("the first effect named is a known one", f"{right} of {count}", "80 %"),
-            ("machines with a decoy above 0.5", f"{decoys} of {count}", "0"),
-            ("published numbers within 2 standard errors", f"{agree} of {len(rows)}", "70 %"),
-            (f"test error at most {GOAL_RATIO} times the best rival's", f"{lowest} of {count}", "75 %"),
-            ("diagnoses of more than 60 s of CPU", f"{slow} of {count}", "0"),
-        ],
-    )
+    return [
+        ("the first effect named is a known one", f"{right} of {count}", "80 %"),
+        ("machines with a decoy above 0.5", f"{decoys} of {count}", "0"),
+        ("published numbers within 2 standard errors", f"{agree} of {len(rows)}", "70 %"),
+        (f"test error at most {GOAL_RATIO} times the best rival's", f"{lowest} of {count}", "75 %"),
+        ("diagnoses of more than 60 s of CPU", f"{slow} of {count}", "0"),
+    ]
 
 
 def first_runs_table(entry: Entry) -> str:
