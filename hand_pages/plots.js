@@ -20,11 +20,15 @@ const values = (packed) => {
     return count === -32768 ? null : packed.offset + packed.scale * count;
   });
 };
+/* Round values from low to high, about as many as wanted and at least two where that is possible. */
 const ticks = (low, high, wanted) => {
   const raw = (high - low) / Math.max(wanted, 1), power = 10 ** Math.floor(Math.log10(raw));
-  const step = power * [1, 2, 5, 10].find((m) => m * power >= raw * 0.999), list = [];
-  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) list.push(k * step);
-  return [list, step];
+  const steps = [0.5, 1, 2, 5, 10].map((m) => m * power), last = steps.findIndex((each) => each >= raw * 0.999 && each >= power);
+  for (let use = last; ; use--) {
+    const step = steps[use], list = [];
+    for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) list.push(k * step);
+    if (list.length > 1 || use === 0) return [list, step];
+  }
 };
 const label = (value, step) => {
   if (Math.abs(value) < step * 1e-6) return "0";

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from hand_model.description import Hand
     from hand_tool.demo_diagnosis import Outcome
     from hand_tool.demo_summary import Summary
+    from hand_tool.machine_load import Load
 
 PATTERNS = ("cylindrical", "tripod", "lateral")
 CLOSE_S, HOLD_S, OPEN_S, REST_S = 2.0, 2.2, 1.6, 0.8
@@ -105,10 +106,10 @@ def demo(
     interrupts.release()  # Ctrl-C must end the nodes in order
     try:
         with progress_bar(as_json) as progress:
-            _play(files, hand, grasps, progress)
+            load = _play(files, hand, grasps, progress)
             outputs.complete(files.recording)
             outcome = _conceal(files, chosen.path, seed, progress)
-            content, summary = _evaluate(files, hand, outcome, progress)
+            content, summary = _evaluate(files, hand, outcome, load, progress)
     except (ProcessError, ValueError, OSError) as error:
         fail("demo", f"{error}; logs are in {files.folder / 'logs'}", 1)
     print(
@@ -144,9 +145,10 @@ def _prepare(files: Files, model: Path) -> tuple[Hand, dict[str, Grasp]]:
     return load_hand(files.model), grasps
 
 
-def _play(files: Files, hand: Hand, grasps: dict[str, Grasp], progress: Progress) -> None:
-    """Record simulation and controller while they perform the grasps."""
+def _play(files: Files, hand: Hand, grasps: dict[str, Grasp], progress: Progress) -> Load | None:
+    """Record simulation and controller while they perform the grasps; the load of the machine meanwhile."""
     from hand_tool.live_node import NotReadyError, Pose, perform
+    from hand_tool.machine_load import LoadMeter
 
     poses = []
     for name in PATTERNS:
@@ -159,6 +161,7 @@ def _play(files: Files, hand: Hand, grasps: dict[str, Grasp], progress: Progress
         for node in ("simulation", "controller")
     }
     bar = progress.add_task("starting", total=total)
+    meter = LoadMeter()
     with Processes(logs) as processes:
         processes.start("recorder", ["recorder", "--ros-args", "-p", f"out:={files.recording}"])
         processes.start("simulation", ["simulation", "--ros-args", *use["simulation"]])
@@ -178,6 +181,7 @@ def _play(files: Files, hand: Hand, grasps: dict[str, Grasp], progress: Progress
         for name in ("recorder", "controller", "simulation"):
             if (code := processes.stop(name)) != 0:
                 raise ProcessError(f"{name} ended with code {code}")
+    return meter.load()
 
 
 def _conceal(files: Files, model: Path, seed: int | None, progress: Progress) -> Outcome:
@@ -193,7 +197,9 @@ def _conceal(files: Files, model: Path, seed: int | None, progress: Progress) ->
     return outcome
 
 
-def _evaluate(files: Files, hand: Hand, outcome: Outcome, progress: Progress) -> tuple[dict[str, Any], Summary]:
+def _evaluate(
+    files: Files, hand: Hand, outcome: Outcome, load: Load | None, progress: Progress
+) -> tuple[dict[str, Any], Summary]:
     """Replay offline, compare, write page and summary; returns what is in summary.json, and the figures."""
     from hand_recording.loader import load_recording
     from hand_recording.replay import replay_recording, write_replay
@@ -206,7 +212,7 @@ def _evaluate(files: Files, hand: Hand, outcome: Outcome, progress: Progress) ->
     for share in write_replay(result, files.replay, "mcap", None):
         progress.update(bar, completed=share)
     bar = progress.add_task("drawing the page", total=None)
-    summary = summarise(recording, result)
+    summary = summarise(recording, result, load)
     content = summary.as_json() | {"concealed": outcome.as_json()}
     files.summary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     write_page(files.page, recording, result, summary, outcome)
@@ -222,6 +228,7 @@ def _text(files: Files, summary: Summary, outcome: Outcome) -> str:
         f"the worst within {worst.tracking_rms_deg:.2f} degree RMS",
         f"loop {loop.rate_hz:.0f} Hz, missed {100 * loop.missed_fraction:.2f} %, "
         f"latency p50 {loop.latency_p50_ms:.2f} ms, p99 {loop.latency_p99_ms:.2f} ms",
+        f"machine {summary.load or 'of unknown load'}",
         f"offline replay of the same commands: within {replay_deg:.3f} degree RMS",
         f"concealed:  {outcome.concealed} (seed {outcome.seed}), drawn at random, unknown to hand diagnose",
         f"found:      {outcome.answer}",
@@ -234,9 +241,11 @@ def _text(files: Files, summary: Summary, outcome: Outcome) -> str:
         f"recording:  {files.recording}   replay: {files.replay}",
         "next:       source env.bash, then",
         f"            hand simulate {files.recording} --model {files.model} --out sim.mcap",
-        "            hand emulate-board --serial /tmp/hand_board   (bytes instead of simulation, same controller)",
+        "            hand studio --sim   (the hand in the browser)",
         "            hand --help",
     ]
     if summary.not_followed:
         lines[0] = f"joints that did not follow: {', '.join(summary.not_followed)}"
+        if summary.load is not None and summary.load.disturbs:
+            lines[0] += "; other programs kept the machine busy, run it again when they have ended"
     return "\n".join(lines)

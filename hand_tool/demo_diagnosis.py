@@ -16,9 +16,11 @@ from typing import Any
 
 import numpy as np
 
+from hand_diagnosis.headline import effect_words
 from hand_identification.excitation import EXPERIMENTS
 from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
+from hand_model.quantities import HAND
 from hand_recording.replay import record_offline
 from hand_tool.processes import ProcessError
 
@@ -62,7 +64,14 @@ class Outcome:
     @property
     def concealed(self) -> str:
         """What was concealed, in a few words."""
-        return f"{self.key} = {self.value:.3g} in {self.joint}"
+        unit = HAND.units.quantity(self.key).unit
+        return f"{effect_words(self.effect)} of {self.value:.3g} {unit} in {self.joint}"
+
+    @property
+    def shown_errors(self) -> list[tuple[str, ...]]:
+        """A row for each signal of the joint: signal, test error before and after, noise and unit."""
+        keys = ("rmse_before", "rmse_after", "noise_floor")
+        return [(row["signal"], *(f"{row[key]:.3g}" for key in keys), row["unit"]) for row in self.errors]
 
     @property
     def answer(self) -> str:
@@ -71,7 +80,8 @@ class Outcome:
             return f"nothing that has a name ({self.verdict}); wrong"
         first = self.found[0]
         where = first["joint"] or "the whole hand"
-        return f"{first['effect']} ({first['probability']:.0%}) in {where}; {'right' if self.right else 'wrong'}"
+        name, right = effect_words(first["effect"]), "right" if self.right else "wrong"
+        return f"{name} ({first['probability']:.0%}) in {where}; {right}"
 
 
 def conceal_and_diagnose(hand: Hand, model: Path, folder: Path, seed: int) -> Outcome:

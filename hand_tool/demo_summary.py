@@ -13,6 +13,7 @@ from hand_model.arrays import Array
 from hand_recording.loader import Recording
 from hand_recording.replay import Replay
 from hand_recording.time_base import published_on_stamp_clock
+from hand_tool.machine_load import Load
 from hand_tool.replay_difference import difference_deg
 
 FOLLOWED_DEG = 3.0
@@ -45,10 +46,11 @@ class LoopSummary:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Everything summary.json holds."""
+    """Everything summary.json holds. load: of the machine while the hand moved; None where it is unknown."""
 
     joints: dict[str, JointSummary]
     loop: LoopSummary
+    load: Load | None = None
 
     @property
     def not_followed(self) -> list[str]:
@@ -62,11 +64,12 @@ class Summary:
     def as_json(self) -> dict[str, Any]:
         """Plain mapping; figures that do not exist are null."""
         joints = {name: _plain(asdict(joint)) for name, joint in self.joints.items()}
-        return {"joints": joints, "loop": _plain(asdict(self.loop))}
+        load = None if self.load is None else self.load.as_json()
+        return {"joints": joints, "loop": _plain(asdict(self.loop)), "machine": load}
 
 
-def summarise(recording: Recording, result: Replay) -> Summary:
-    """Figures of a demo's recording and its replay."""
+def summarise(recording: Recording, result: Replay, load: Load | None = None) -> Summary:
+    """Figures of a demo's recording and its replay. load: of the machine meanwhile."""
     state = recording["controller_state"]
     columns = [state.names.index(joint) for joint in result.hand.joints]
     error = np.degrees(state["error"][:, columns])
@@ -77,7 +80,7 @@ def summarise(recording: Recording, result: Replay) -> Summary:
         name: JointSummary(float(tracking[i]), replay[name], float(moved[i]))
         for i, name in enumerate(result.hand.joints)
     }
-    return Summary(joints, loop_summary(recording, result.hand.rate_hz))
+    return Summary(joints, loop_summary(recording, result.hand.rate_hz), load)
 
 
 def loop_summary(recording: Recording, rate_hz: float) -> LoopSummary:

@@ -146,8 +146,8 @@ def score(
         check_exists(folder)
         require("validation", "cryptography")
         from validation.results import provenance
-        from validation.trial.page import write_page
         from validation.trial.score import score as score_trial
+        from validation.trial_page import write_page
 
         result = score_trial(folder, _given_key(key), made=provenance("hand trial score OUT"))
         write_page(folder, result)
@@ -195,8 +195,8 @@ def score_answers(
         check_exists(answers)
         require("validation", "cryptography")
         from validation.trial.answers import read_answers
-        from validation.trial.page import write_page
         from validation.trial.score import score as score_trial
+        from validation.trial_page import write_page
 
         given = read_answers(answers)
         result = score_trial(folder, _given_key(key), given)

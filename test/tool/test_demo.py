@@ -84,7 +84,7 @@ def test_the_concealed_effect_is_found(result: Path) -> None:
 
 @pytest.mark.skipif(BROWSER is None and "CI" not in os.environ, reason="no chromium on this machine")
 def test_the_page_shows_the_result_without_a_network(result: Path, tmp_path: Path) -> None:
-    """Fails when the page does not render: headline, 11 rows, pictures."""
+    """Fails when the page lacks the headline, a joint, its tracking error or the load, or ends without the effect."""
     assert BROWSER is not None
     page = (result / "index.html").as_uri()
     profile = f"--user-data-dir={tmp_path / 'profile'}"
@@ -92,6 +92,10 @@ def test_the_page_shows_the_result_without_a_network(result: Path, tmp_path: Pat
     dom = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout
     assert "11 joints followed three grasps" in dom
     assert dom.count('<th scope="row">') == 11
-    assert dom.count("data:image/png;base64,") == 3
+    assert dom.count('<figure class="plot"') == 12 and "reference - measured" in dom
+    assert "machine load" in dom
+    assert (
+        dom.index("How well the joints followed") < dom.index("A concealed effect: found") < dom.index("How this page")
+    )
     links = re.findall(r"""(?:src|href|url)\s*[=(]\s*["']?(?!["'\s]|data:|#)[^"'\s>)]*""", dom.split("</style>")[1])
     assert links == ['href="concealed/report.html'] and (result / "concealed" / "report.html").is_file()

@@ -11,11 +11,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from hand_pages.page import png
+from validation import trial_page
 from validation.browser import Browser
 from validation.faults import results_page as faults_page
 from validation.machines import page as machines_page
 from validation.results import load
-from validation.trial import page as trial_page
 from validation.trial.score import GOALS, LABELS
 
 PHONE, DESKTOP = (360, 780), (1280, 900)

@@ -42,7 +42,9 @@ def title(faults: Sequence[Fault]) -> str:
 def _sections(faults: Sequence[Fault], failed: Sequence[Fault]) -> list[Section]:
     found = []
     if failed:
-        rows = [(each["family"], each["hazard"], _of(each), "; ".join(each["unhandled"])) for each in failed]
+        rows: list[tuple[str, ...]] = [
+            (each["family"], each["hazard"], _of(each), "; ".join(each["unhandled"])) for each in failed
+        ]
         found.append(Section("Not always handled", tables=[Table(("family", "fault", "handled", "not handled"), rows)]))
     for family in dict.fromkeys(fault["family"] for fault in faults):
         rows = [_row(fault) for fault in faults if fault["family"] == family]

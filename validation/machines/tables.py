@@ -69,7 +69,7 @@ def number_table(machines: Sequence[Machine]) -> str:
 
 def number_rows(machines: Sequence[Machine]) -> list[tuple[str, ...]]:
     """Rows below NUMBERS."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for each in machines:
         for row in each["published"]:
             ours = row["ours"]

@@ -89,7 +89,7 @@ def _sections(folder: Path, scores: Scores) -> list[Section]:
 
 
 def _rows(figures: Scores) -> list[tuple[str, ...]]:
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for name, figure in figures.items():
         interval = f"{100 * figure['low']:.0f} to {100 * figure['high']:.0f} %" if figure.get("low") is not None else ""
         reached = WORDS[met(name, figure["value"])] if figure["count"] else ""
