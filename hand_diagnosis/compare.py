@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from hand_diagnosis.drawing import tint
-from hand_diagnosis.headline import effect_words, errors, multiple, title
+from hand_diagnosis.headline import effect_words, errors, multiple, title, unit_words
 from hand_diagnosis.page_plots import in_thousands, nth_shown
 from hand_diagnosis.settings import SETTINGS
 from hand_model.arrays import Array
@@ -20,6 +20,7 @@ from hand_model.kernel.rows import JOINT_PARAMETERS
 from hand_model.quantities import HAND
 from hand_pages.page import write_html
 from hand_pages.plots import Curve, Panel, Plot
+from hand_pages.results import made_rows
 from hand_recording.interpolation import in_force, interpolate
 from hand_recording.signals import Signals
 
@@ -115,22 +116,25 @@ def compare_models(first: Hand, second: Hand) -> Comparison:
                 found.append((joint, quantity.key, factor * float(a), factor * float(b), quantity.unit, change))
     found.sort(key=lambda row: -abs(row[-1]) if row[-1] is not None else -np.inf)
     rows = tuple(
-        (Cell(joint), Cell(key), Cell(f"{a:.5g}"), Cell(f"{b:.5g}"), Cell(unit), Cell(_change(change)))
+        (Cell(joint), Cell(key), Cell(f"{a:.5g}"), Cell(f"{b:.5g}"), Cell(unit_words(unit)), Cell(_change(change)))
         for joint, key, a, b, unit, change in found
     )
     alone = sorted(set(first.joints) ^ set(second.joints))
     remarks = [f"In one model only: {', '.join(alone)}"] if alone else []
-    joints = len({row[0] for row in found})
-    answer = f"{len(found)} number{'' if len(found) == 1 else 's'} of {joints} joint{'' if joints == 1 else 's'} differ"
+    names = list(dict.fromkeys(row[0] for row in found))
+    where = names[0] if len(names) == 1 else f"{len(names)} joints"
+    answer = f"1 number of {where} differs" if len(found) == 1 else f"{len(found)} numbers of {where} differ"
     if found:
-        answer += f", most {found[0][1]} of {found[0][0]}: {found[0][2]:.3g} → {found[0][3]:.3g} {found[0][4]}"
-    names = ("joint", "parameter", "a", "b", "unit", "relative_change")
+        of = "" if len(names) == 1 else f" of {found[0][0]}"
+        change = f"{found[0][2]:.3g} → {found[0][3]:.3g} {unit_words(found[0][4])}".rstrip()
+        answer += f", {'most ' if len(found) > 1 else ''}{found[0][1]}{of}: {change}"
+    fields = ("joint", "parameter", "a", "b", "unit", "relative_change")
     return Comparison(
         answer if found else "The models of the joints are equal",
         tuple(remarks),
         ("joint", "parameter", "A", "B", "unit", "change"),
         rows,
-        {"kind": "model", "differences": [dict(zip(names, row, strict=True)) for row in found], "alone": alone},
+        {"kind": "model", "differences": [dict(zip(fields, row, strict=True)) for row in found], "alone": alone},
     )
 
 
@@ -209,13 +213,16 @@ def _pair(first: Signals, second: Signals, joint: str, count: int, nth: int) -> 
     return numbers, Plot("time [s]", panels, alt, f"{alt}.", group="time")
 
 
-def write_comparison(comparison: Comparison, names: tuple[str, str], out: Path) -> dict[str, Any]:
+def write_comparison(
+    comparison: Comparison, names: tuple[str, str], out: Path, made: Mapping[str, object] | None = None
+) -> dict[str, Any]:
     """Write compare.json and compare.html into a folder, made where it is missing; the content of the first.
 
-    names: what A and B are.
+    names: what A and B are.  made: how, see hand_pages/results.
     """
     out.mkdir(parents=True, exist_ok=True)
     content = {"a": names[0], "b": names[1], "answer": comparison.title, **comparison.document}
     (out / "compare.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    write_html(out / "compare.html", "hand_diagnosis", "compare.html", comparison=comparison, names=names)
+    values = {"comparison": comparison, "names": names, "made": made_rows(made or {})}
+    write_html(out / "compare.html", "hand_diagnosis", "compare.html", **values)
     return content

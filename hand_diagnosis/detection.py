@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
+from hand_diagnosis.headline import effect_words, unit_words
 from hand_diagnosis.hypotheses import Probes, log_likelihood, probes_at, validation_rmse
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.splits import beginning
@@ -262,8 +263,8 @@ def limit_table(limits: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[li
     joints = list(dict.fromkeys(row["joint"] for row in limits))
     cells: dict[tuple[str, str, str], dict[str, str]] = {}
     for row in limits:
-        effect = " ".join(row["effect"].split("_"))
-        cells.setdefault((effect, row["parameter"], row["unit"]), {})[row["joint"]] = _cell(row)
+        key = (effect_words(row["effect"]), row["parameter"], unit_words(row["unit"]))
+        cells.setdefault(key, {})[row["joint"]] = _cell(row)
     shown = [[*key, *(by_joint.get(joint, "") for joint in joints)] for key, by_joint in cells.items()]
     return joints, shown
 

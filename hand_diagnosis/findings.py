@@ -294,7 +294,7 @@ def said(effect: Effect, numbers: Sequence[Number], wording: Wording) -> str:
     """The catalogue's sentence about an effect, with its numbers and their units.
 
     A number within SETTINGS.min_change_sigma standard errors of its neutral value is only named by its bound, and a
-    parenthesis of nothing but such numbers is left out.
+    clause of a parenthesis with nothing but such numbers is left out.
     """
     keys = {wording.units.quantity(key).key: key for key in effect.keys}
     shown = [(keys[n.key], n.value, n.std) for n in numbers if n.key in keys]
@@ -314,9 +314,19 @@ def _bounded(field: re.Match[str], small: Mapping[str, Number]) -> str:
 
 
 def _kept(part: re.Match[str], small: Mapping[str, Number]) -> str:
-    names = re.findall(r"{(\w+)}", part.group(1))
+    """A parenthesis of a template without the clauses of which every number is small; nothing where none is left."""
+    groups = []
+    for group in part.group(1).split(", "):
+        first = "plus " if group.startswith("plus ") else ""
+        clauses = [each for each in group.removeprefix(first).split(" and ") if not _is_small(each, small)]
+        groups += [first + " and ".join(clauses)] if clauses else []
+    return f" ({', '.join(groups)})" if groups else ""
+
+
+def _is_small(clause: str, small: Mapping[str, Number]) -> bool:
+    names = re.findall(r"{(\w+)}", clause)
     numbers = [name for name in names if name not in HAND.words]
-    return "" if numbers and all(name in small for name in numbers) else part.group(0)
+    return bool(numbers) and all(name in small for name in numbers)
 
 
 def _is_neutral(key: str, number: Number) -> bool:

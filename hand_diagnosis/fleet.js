@@ -3,8 +3,8 @@
 (() => {
 const PAGE = 200, MISSED = 3;
 const {joints, rows} = JSON.parse(document.getElementById("content").textContent);
-const heads = ["recording", "verdict", "date", "answer", ...joints];
-const value = (row, k) => [row[0], row[2], row[3], row[4]][k] ?? (k < 4 ? "" : row[5][k - 4] ?? -1);
+const heads = ["recording", "answer", "verdict", "date", ...joints];
+const value = (row, k) => [row[0], row[4], row[2], row[3]][k] ?? (k < 4 ? "" : row[5][k - 4] ?? -1);
 const text = document.getElementById("text"), verdict = document.getElementById("verdict"), joint = document.getElementById("joint");
 const body = document.querySelector("#recordings tbody"), more = document.querySelector(".more");
 const words = rows.map((row) => `${row[0]} ${row[4]}`.toLowerCase());
@@ -24,9 +24,9 @@ function draw() {
   for (const k of found.slice(0, shown)) {
     const row = rows[k], line = add(body, "tr"), first = add(line, "td");
     if (row[1]) add(first, "a", row[0]).href = row[1]; else first.textContent = row[0];
-    add(line, "td", row[2].replaceAll("_", " "));
-    add(line, "td", row[3]);
     add(line, "td", row[4]);
+    add(line, "td", row[2].replaceAll("_", " "));
+    add(line, "td", row[3].slice(0, 16));
     for (const ratio of row[5]) {
       const cell = add(line, "td", ratio === null ? "-" : ratio >= 10 ? ratio.toFixed(0) : ratio.toPrecision(2));
       if (ratio > 1) cell.style.background = `rgba(var(--heat),${opacity(ratio).toFixed(2)})`;

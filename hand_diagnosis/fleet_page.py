@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,23 +14,35 @@ import numpy as np
 from hand_diagnosis.headline import title, worst_by_joint
 from hand_pages.page import write_html
 from hand_pages.plots import Curve, Kind, Panel, Plot, script_json
+from hand_pages.results import made_rows
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 UNUSABLE = "unusable"
 
 
-def write_index(entries: Sequence[tuple[Path, Path]], errors: Mapping[str, str], out: Path) -> None:
+def write_index(
+    entries: Sequence[tuple[Path, Path]], errors: Mapping[str, str], out: Path, made: Mapping[str, object] | None = None
+) -> None:
     """Write index.html into a folder that holds the folders of the reports.
 
-    entries: of each recording its path and the folder of its report.  errors: by path, why it has none.
+    entries: of each recording its path and the folder of its report.  errors: by path, why it has none.  made: how, see
+    hand_pages/results.
     """
     rows = [_row(recording, folder, errors.get(str(recording), "")) for recording, folder in entries]
     joints = sorted({joint for row in rows for joint in row["errors"]})
     found = sum(row["verdict"] not in {"agrees", UNUSABLE} for row in rows)
     bad = sum(row["verdict"] == UNUSABLE for row in rows)
     answer = f"{found} of {len(rows)} recordings differ from the model"
+    above = _common_folder([recording for recording, _ in entries])
     table = [
-        [row["name"], row["link"], row["verdict"], row["date"], row["answer"], [row["errors"].get(j) for j in joints]]
+        [
+            str(Path(row["name"]).relative_to(above)) if above else row["name"],
+            row["link"],
+            row["verdict"],
+            row["date"],
+            row["answer"],
+            [row["errors"].get(j) for j in joints],
+        ]
         for row in rows
     ]
     write_html(
@@ -41,7 +54,17 @@ def write_index(entries: Sequence[tuple[Path, Path]], errors: Mapping[str, str],
         joints=joints,
         content=script_json({"joints": joints, "rows": table}),
         trend=_trend(rows, joints),
+        folder=str(above) if above else "",
+        made=made_rows(made or {}),
     )
+
+
+def _common_folder(recordings: Sequence[Path]) -> Path | None:
+    """The folder that holds all recordings, which their names on the page leave out; None where there is none."""
+    if any(path.is_absolute() != recordings[0].is_absolute() for path in recordings) or not recordings:
+        return None
+    folder = Path(os.path.commonpath([path.parent for path in recordings]))
+    return folder if folder.parts else None
 
 
 def _row(recording: Path, folder: Path, error: str) -> dict[str, Any]:

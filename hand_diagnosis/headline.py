@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hand_diagnosis.drawing import tint
@@ -11,6 +11,8 @@ PROPER = {"coulomb": "Coulomb", "hall": "Hall", "fsr": "FSR"}
 """Words of effects' names that are written otherwise in a sentence."""
 NAMED = 2
 """Findings and remainders named in the title."""
+TOGETHER = 3
+"""Joints that were not diagnosed for one reason and still have a row each."""
 EVEN = 0.5
 """Probability below which a finding follows what remains, and is called possible."""
 SPLITS = ("test", "validation", "train")
@@ -35,14 +37,25 @@ def title(report: Report, whole: str = "the hand", axis: str = "joint") -> str:
     more = len(report["findings"]) + len(report["remainder"]) - len(parts)
     if more > 0:
         parts.append(f"and {more} more")
-    if not parts and report["fit"]:
-        parts.append("Model and recording agree: no effect of the catalogue is missing")
-    elif not parts:
-        parts.append("Nothing could be compared")
     missing = len(report["not_judged"])
+    if not parts and report["fit"]:
+        parts.append(_agreement(report, missing, axis))
+    elif not parts:
+        parts.append("Nothing could be diagnosed")
     if missing:
-        parts.append(f"{missing} {axis}{'' if missing == 1 else 's'} not diagnosed")
+        total = missing + len({row["joint"] for row in report["fit"]})
+        parts.append(f"{missing} of {total} {axis}s not diagnosed")
     return "; ".join(parts)
+
+
+def _agreement(report: Report, missing: int, axis: str) -> str:
+    """What agrees: the whole hand or machine, or else the joints by name or number."""
+    joints = list(dict.fromkeys(row["joint"] for row in report["fit"]))
+    if not missing:
+        return "Model and recording agree: no effect of the catalogue is missing"
+    if len(joints) <= NAMED:
+        return f"{' and '.join(joints)} agree{'s' if len(joints) == 1 else ''} with the model"
+    return f"{len(joints)} {axis}s agree with the model"
 
 
 def _share(finding: Report) -> float:
@@ -73,8 +86,7 @@ def main_number(finding: Report) -> str:
     """The first number of a finding that the data determine, with its error and unit; "" where there is none."""
     for number in finding["parameters"].values():
         if number["determined"]:
-            unit = "" if number["unit"] == "1" else f" {number['unit']}"
-            return f"{number['value']:.3g} ± {number['std']:.1g}{unit}"
+            return f"{number['value']:.3g} ± {number['std']:.1g} {unit_words(number['unit'])}".rstrip()
     return ""
 
 
@@ -104,8 +116,8 @@ def errors(report: Report) -> dict[tuple[str, str], dict[str, Any]]:
     return best
 
 
-def tiles(report: Report) -> list[tuple[str, str]]:
-    """The numbers of the answer, each with the words below it."""
+def tiles(report: Report, axis: str = "joint") -> list[tuple[str, str]]:
+    """The numbers of the answer, each with the words below it. axis: what a joint of the machine is called."""
     known = errors(report)
     remains = [
         (
@@ -124,9 +136,8 @@ def tiles(report: Report) -> list[tuple[str, str]]:
     after = f"{worst['rmse_before']:.3g} {worst['unit']}"
     return [
         *remains,
-        (str(joints), "compared with the model"),
+        (f"{joints} of {joints + len(report['not_judged'])}", f"{axis}s compared with the model"),
         (after, f"largest {WORDS[worst['split']]} error: {signal} of {joint}, {short(ratio)} times the noise"),
-        (str(len(report["not_judged"])), "not diagnosed"),
     ]
 
 
@@ -162,14 +173,32 @@ def short(value: float) -> str:
 def heat_map(report: Report) -> tuple[list[str], list[tuple[str, list[dict[str, Any] | None], str]]]:
     """The names of the signals, and a row per joint: name, a cell per signal, and why it was not diagnosed.
 
-    A cell has the error before and after in multiples of the noise, with the opacity of its tint.
+    More than TOGETHER joints that were not diagnosed for the same reason are one row. A cell has the error before and
+    after in multiples of the noise, with the opacity of its tint.
     """
     known = errors(report)
     signals = list(dict.fromkeys(row["signal"] for row in report["fit"]))
     joints = list(dict.fromkeys(row["joint"] for row in report["fit"]))
     rows = [(joint, [_cell(known.get((joint, signal))) for signal in signals], "") for joint in joints]
-    rows += [(row["joint"], [None] * len(signals), row["reason"]) for row in report["not_judged"]]
+    for reason, names in by_reason(report["not_judged"]):
+        if len(names) > TOGETHER:
+            rows.append((f"{len(names)} others", [None] * len(signals), f"{reason}: {', '.join(names)}"))
+        else:
+            rows += [(name, [None] * len(signals), reason) for name in names]
     return signals, rows
+
+
+def by_reason(not_judged: Sequence[Report]) -> list[tuple[str, list[str]]]:
+    """The reasons for which joints were not diagnosed, each with its joints."""
+    groups: dict[str, list[str]] = {}
+    for row in not_judged:
+        groups.setdefault(row["reason"], []).append(row["joint"])
+    return list(groups.items())
+
+
+def unit_words(unit: str) -> str:
+    """A unit as it is written in a text; "" for a number without one."""
+    return "" if unit == "1" else unit.replace("^2", "²").replace("^3", "³")
 
 
 def _cell(row: Report | None) -> dict[str, Any] | None:

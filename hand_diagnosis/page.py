@@ -12,7 +12,7 @@ from hand_diagnosis.detection import limit_table
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
 from hand_diagnosis.drawing import hand_drawing
 from hand_diagnosis.figures import joint_figure
-from hand_diagnosis.headline import effect_words, heat_map, ties, tiles, title, worst_by_joint
+from hand_diagnosis.headline import effect_words, heat_map, ties, tiles, title, unit_words, worst_by_joint
 from hand_diagnosis.page_plots import every_nth, law_plot, leading_stage, state_plot, time_plots
 from hand_diagnosis.settings import SETTINGS
 from hand_model.description import Hand
@@ -39,7 +39,7 @@ def write_page(diagnosis: Diagnosis, report: Mapping[str, Any], out: Path, hand:
         "report.html",
         report=report,
         title=title(report, diagnosis.wording.whole, axis),
-        tiles=tiles(report),
+        tiles=tiles(report, axis),
         ties=ties(report),
         heat=heat_map(report),
         drawing=_drawing(report, hand, [joint.joint for joint in shown]),
@@ -85,7 +85,13 @@ def _made(report: Mapping[str, Any]) -> list[tuple[str, str]]:
 def _joint(diagnosis: Diagnosis, joint: JointDiagnosis, report: Mapping[str, Any], nth: int) -> dict[str, Any]:
     """What the template shows of a joint."""
     numbers = [
-        (key, f"{number['value']:.4g}", f"{number['std']:.2g}", number["unit"], _remark(number, claimed=claimed))
+        (
+            key,
+            f"{number['value']:.4g}",
+            f"{number['std']:.2g}",
+            unit_words(number["unit"]),
+            _remark(number, claimed=claimed),
+        )
         for parameters, claimed in _parameters(joint.joint, report)
         for key, number in parameters.items()
     ]

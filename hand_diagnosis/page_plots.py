@@ -19,9 +19,13 @@ from hand_model.arrays import Array, Flags
 from hand_model.quantities import Wording
 from hand_pages.plots import Curve, Kind, Panel, Plot, runs
 
-MODELS: tuple[tuple[Kind, str], ...] = (("before", "nominal model"), ("after", "with the findings"))
 NOISE_BAND = 2.0
 """Half the height of the noise band, in standard deviations."""
+
+
+def models_of(joint: JointDiagnosis) -> tuple[tuple[Kind, str], tuple[Kind, str]]:
+    """Kind and name of the curves of both models: the nominal one, and the final one."""
+    return ("before", "nominal model"), ("after", "with the findings" if joint.search.accepted else "numbers fitted")
 
 
 def leading_stage(joint: JointDiagnosis) -> int:
@@ -62,7 +66,7 @@ def time_plots(joint: JointDiagnosis, stage: int, nth: int) -> list[Plot]:
         measured = scale * segment.measured[stage]
         above = [Curve("measured", "measured", axis, measured[::nth])]
         below = []
-        for (kind, name), each in zip(MODELS, residuals, strict=True):
+        for (kind, name), each in zip(models_of(joint), residuals, strict=True):
             residual = scale * each[k]
             above.append(Curve(name, kind, axis, (measured - residual)[::nth]))
             variants = [scale * other[k][::nth] for other in switched] if kind == "after" else ()
@@ -120,7 +124,7 @@ def state_plot(joint: JointDiagnosis, stage: int) -> Plot | None:
     if means is None or not means.rows:
         return None
     unit = in_thousands(*joint.wording.signal_units[stage])[1]
-    kinds: dict[str, tuple[Kind, str]] = {"off": MODELS[0], "on": MODELS[1]}
+    kinds: dict[str, tuple[Kind, str]] = dict(zip(("off", "on"), models_of(joint), strict=True))
     curves = [
         Curve(f"{kinds[fit][1]}, {way}", kinds[fit][0], at, mean, dots=way == joint.wording.negative)
         for fit, way, at, mean in means.rows

@@ -8,15 +8,22 @@ from typing import Any
 
 import numpy as np
 
+from hand_diagnosis.headline import by_reason, short
 from hand_diagnosis.page_plots import NOISE_BAND, in_thousands, nth_shown
 from hand_diagnosis.prediction import JointPrediction, Prediction, Score
 from hand_model.quantities import Wording
 from hand_pages.page import write_html
 from hand_pages.plots import Curve, Panel, Plot
+from hand_pages.results import made_rows
+
+AS_NOISE = 1.5
+"""Multiple of the noise up to which a prediction has no error beyond the noise."""
 
 
-def write_page(prediction: Prediction, content: Mapping[str, Any], out: Path) -> None:
-    """Write prediction.html. content: that of prediction.json."""
+def write_page(
+    prediction: Prediction, content: Mapping[str, Any], out: Path, made: Mapping[str, object] | None = None
+) -> None:
+    """Write prediction.html. content: that of prediction.json.  made: how, see hand_pages/results."""
     shown = [joint for joint in prediction.joints if joint.scores]
     total = sum(len(segment.angle_rad) for joint in shown for segment in joint.segments)
     nth = nth_shown(total)
@@ -30,18 +37,23 @@ def write_page(prediction: Prediction, content: Mapping[str, Any], out: Path) ->
         axis=prediction.wording.axis,
         joints=[(joint.joint, prediction_plots(joint, prediction.wording, nth)) for joint in shown],
         rows=[_cells(row) for row in content["scores"]],
+        missing=[f"{reason}: {', '.join(names)}" for reason, names in by_reason(content["not_judged"])],
+        made=made_rows({**(made or {}), "model": content["model"]}),
     )
 
 
 def headline(content: Mapping[str, Any]) -> str:
-    """The result in one sentence: the largest error in noise floors."""
+    """The result in one sentence: the largest error in multiples of the noise."""
     rows = [row for row in content["scores"] if row["noise_floors"] is not None]
     if not rows:
-        return "No signal could be predicted."
+        return "No signal could be predicted"
     worst = max(rows, key=lambda row: row["noise_floors"])
-    most = f"{worst['rmse']:.3g} {worst['unit']} RMS, {worst['noise_floors']:.2g} times the noise floor"
-    where = f"{worst['joint']}, {worst['recording']}"
-    return f"The largest error against the noise is that of the {worst['signal']} ({where}): {most}."
+    most = short(worst["noise_floors"])
+    if worst["noise_floors"] <= AS_NOISE:
+        return f"The model predicts every signal to within {most} times the noise"
+    error = f"{worst['rmse']:.3g} {worst['unit']} RMS, {most} times the noise"
+    where = f" in {worst['recording']}" if len(content["recordings"]) > 1 else ""
+    return f"The model misses the {worst['signal']} of {worst['joint']} by {error}{where}"
 
 
 def _cells(row: Mapping[str, Any]) -> list[str]:
@@ -53,7 +65,7 @@ def _cells(row: Mapping[str, Any]) -> list[str]:
         f"{row['rmse']:.4g}",
         f"{row['noise_floor']:.3g}",
         row["unit"],
-        "" if floors is None else f"{floors:.3g}",
+        "" if floors is None else short(floors),
         "" if explained is None else f"{explained:.2%}",
     ]
 

@@ -11,6 +11,7 @@ import typer
 from hand_tool.chosen_model import choose_model
 from hand_tool.console import running
 from hand_tool.options import AsJson, Model, Quiet, Verbose
+from hand_tool.origin import made
 from hand_tool.paths import check_exists, check_folder
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def compare(
         if kinds[0] != "recording" and (model or mapping):
             raise ValueError("--model and --map are for recordings")
         compared = _compared(kinds[0], first, second, model, mapping)
-        content = write_comparison(compared, (str(first), str(second)), out)
+        content = write_comparison(compared, (str(first), str(second)), out, made())
         outputs.complete(out / "compare.json", out / "compare.html")
     if as_json:
         print(json.dumps(content))

@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from hand_diagnosis.headline import effect_words
+from hand_diagnosis.headline import effect_words, unit_words
+from hand_diagnosis.page_plots import in_thousands
 from hand_identification.excitation import EXPERIMENTS
 from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
@@ -64,8 +65,8 @@ class Outcome:
     @property
     def concealed(self) -> str:
         """What was concealed, in a few words."""
-        unit = HAND.units.quantity(self.key).unit
-        return f"{effect_words(self.effect)} of {self.value:.3g} {unit} in {self.joint}"
+        factor, unit = in_thousands(1.0, HAND.units.quantity(self.key).unit)
+        return f"{effect_words(self.effect)} of {factor * self.value:.3g} {unit_words(unit)} in {self.joint}"
 
     @property
     def shown_errors(self) -> list[tuple[str, ...]]:

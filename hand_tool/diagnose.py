@@ -12,7 +12,7 @@ from hand_tool import interrupts
 from hand_tool.chosen_model import choose_model
 from hand_tool.console import progress_bar, require, running
 from hand_tool.options import AsJson, Model, Quiet, Verbose
-from hand_tool.origin import Origin
+from hand_tool.origin import Origin, made
 from hand_tool.paths import check_exists, check_file, check_folder
 
 if TYPE_CHECKING:
@@ -242,7 +242,7 @@ def _fleet(
             progress.advance(bar)
     summary = write_table(rows, out)
     errors = {row["recording"]: row["error"] for row in rows if row["error"]}
-    write_index([(path, out / name) for path, name in zip(recordings, names, strict=True)], errors, out)
+    write_index([(path, out / name) for path, name in zip(recordings, names, strict=True)], errors, out, made())
     return summary
 
 
@@ -278,6 +278,8 @@ def _list(text: str) -> list[str]:
 
 def _summary(content: dict[str, Any], out: Path, ask: bool) -> list[str]:
     """At most LINES lines; the next experiment, the notes and the paths are always printed."""
+    from hand_diagnosis.headline import by_reason, title
+
     lines = [f"verdict: {content['verdict']}"]
     for finding in content["findings"]:
         shares = {row["effect"]: row["probability"] for row in finding["alternatives"]}
@@ -286,7 +288,7 @@ def _summary(content: dict[str, Any], out: Path, ask: bool) -> list[str]:
         lines.append(f"{finding['rank']}. {' or '.join(names)}: {finding['statement']}")
     lines += [f"remainder ({left['probability']:.0%}): {left['statement']}" for left in content["remainder"]]
     if content["verdict"] == "agrees":
-        lines.append("no effect of the catalogue is missing from the model")
+        lines.append(title(content))
     last = []
     following = content["next_experiment"]
     if following:
@@ -294,8 +296,7 @@ def _summary(content: dict[str, Any], out: Path, ask: bool) -> list[str]:
         if ask:
             last.append(f"  {following['command']}")
     if content["not_judged"]:
-        reasons = [f"{row['joint']} ({row['reason']})" for row in content["not_judged"]]
-        last.append(f"not diagnosed: {'; '.join(reasons)}")
+        last += [f"not diagnosed, {why}: {', '.join(names)}" for why, names in by_reason(content["not_judged"])]
     last += [f"not claimable: {row['statement']}" for row in content["not_claimable"][:2]]
     last += [f"note: {line}" for line in content["data_check"][:3]]
     last.append(f"written: {', '.join(str(out / name) for name in WRITTEN)}")

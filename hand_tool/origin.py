@@ -24,14 +24,16 @@ class Origin:
 
     def document(self) -> dict[str, Any]:
         """The entry `made` of report.json."""
-        return {
-            "date": datetime.now(UTC).isoformat(timespec="seconds"),
-            "version": version(),
-            "command": command(),
+        return made() | {
             "seed": self.seed,
             "duration_s": round(time.monotonic() - self.begun_s, 1),
             "model_sha256": self.model.sha256,
         }
+
+
+def made() -> dict[str, Any]:
+    """Date, version and command of a page that is written now."""
+    return {"date": datetime.now(UTC).isoformat(timespec="seconds"), "version": version(), "command": command()}
 
 
 def command() -> str:

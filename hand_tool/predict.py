@@ -11,6 +11,7 @@ import typer
 from hand_tool.chosen_model import choose_model
 from hand_tool.console import require, running
 from hand_tool.options import AsJson, Model, Quiet, Verbose
+from hand_tool.origin import made
 from hand_tool.paths import check_exists, check_file, check_folder
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def predict(
             outputs.complete(files[0])
             from hand_diagnosis.prediction_page import write_page
 
-            write_page(result, content, out)
+            write_page(result, content, out, made())
     print(json.dumps(content | {"model_file": chosen.as_json()}) if as_json else "\n".join(_summary(content, out)))
 
 

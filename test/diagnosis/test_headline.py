@@ -27,6 +27,7 @@ TIED = FRICTION | {
     "alternatives": [{"effect": "pressure_gain", "probability": 0.4}],
     "tied_with": ["pressure_gain"],
 }
+RESTING = [{"joint": f"joint_{k}", "reason": "moved too little"} for k in range(5)]
 REMAINDER = {"joint": "index_distal", "signal": "angle", "rms": 0.83, "unit": "deg"}
 
 
@@ -62,11 +63,12 @@ def report(**parts: Any) -> dict[str, Any]:
         ({}, "Model and recording agree: no effect of the catalogue is missing"),
         (
             {"fit": [], "not_judged": [{"joint": "a", "reason": "b"}]},
-            "Nothing could be compared; 1 joint not diagnosed",
+            "Nothing could be diagnosed; 1 of 1 joints not diagnosed",
         ),
+        ({"not_judged": RESTING}, "index_distal agrees with the model; 5 of 6 joints not diagnosed"),
         ({"findings": [FRICTION] * 3}, f"{ANSWER}; {ANSWER}; and 1 more"),
     ],
-    ids=["named", "tied", "unlikely", "agrees", "nothing", "many"],
+    ids=["named", "tied", "unlikely", "agrees", "nothing", "a part", "many"],
 )
 def test_the_title_is_the_answer(parts: dict[str, Any], expected: str) -> None:
     """Fails when a tie is named as certain, an unlikely name comes first, or a joint is left out in silence."""
@@ -108,6 +110,15 @@ def test_the_numbers_are_those_of_the_test_data() -> None:
         "index_distal": pytest.approx(280.0),
         "ring_distal": pytest.approx(30.0),
     }
+
+
+def test_joints_that_rest_are_one_row_and_one_tile() -> None:
+    """Fails when each of many resting joints takes a row, one is not named, or the tile hides their number."""
+    content = report(not_judged=RESTING)
+    assert tiles(content)[0] == ("1 of 6", "joints compared with the model")
+    last = heat_map(content)[1][-1]
+    assert last[0] == "5 others" and last[2].startswith("moved too little: joint_0, ") and "joint_4" in last[2]
+    assert [name for name, _, _ in heat_map(report(not_judged=RESTING[:3]))[1]][1:] == ["joint_0", "joint_1", "joint_2"]
 
 
 def test_the_tint_grows_with_the_error() -> None:

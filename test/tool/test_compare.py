@@ -44,7 +44,7 @@ def test_two_models_differ_in_what_was_changed(tmp_path: Path) -> None:
     assert (row["joint"], row["parameter"], row["a"]) == ("index_distal", "coulomb_friction.torque_nm", 0.0)
     assert row["b"] == pytest.approx(0.012)
     page = (tmp_path / "out" / "compare.html").read_text(encoding="utf-8")
-    assert "<h1>1 number of 1 joint differ, most coulomb_friction.torque_nm of index_distal: 0 → 0.012 N m</h1>" in page
+    assert "<h1>1 number of index_distal differs, coulomb_friction.torque_nm: 0 → 0.012 N m</h1>" in page
     same = compare(CONFIG, CONFIG, tmp_path / "same")
     assert same.output.startswith("The models of the joints are equal")
 
