@@ -126,8 +126,8 @@ def compare_models(first: Hand, second: Hand) -> Comparison:
     answer = f"1 number of {where} differs" if len(found) == 1 else f"{len(found)} numbers of {where} differ"
     if found:
         of = "" if len(names) == 1 else f" of {found[0][0]}"
-        change = f"{found[0][2]:.3g} → {found[0][3]:.3g} {unit_words(found[0][4])}".rstrip()
-        answer += f", {'most ' if len(found) > 1 else ''}{found[0][1]}{of}: {change}"
+        worst = f"{found[0][2]:.3g} → {found[0][3]:.3g} {unit_words(found[0][4])}".rstrip()
+        answer += f", {'most ' if len(found) > 1 else ''}{found[0][1]}{of}: {worst}"
     fields = ("joint", "parameter", "a", "b", "unit", "relative_change")
     return Comparison(
         answer if found else "The models of the joints are equal",
