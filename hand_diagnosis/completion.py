@@ -3,6 +3,11 @@
 A search frees a law class by class and stops as soon as the cost hardly falls, which is enough to separate classes.
 What is then left on data that were not fitted may be a minimum that is not the best one. The training data fit, the
 validation data choose among the fits, and one is taken only where these data confirm it.
+
+Of a machine, the numbers that its user takes home are fitted to all that was recorded. While effects are chosen,
+validation and test data take no part in a fit; when the test error has been measured, nothing is chosen against them
+any more. A law over the pressure needs every pressure that was recorded. The errors of the report remain those of the
+fit before.
 """
 
 from __future__ import annotations
@@ -13,11 +18,12 @@ from dataclasses import replace
 import numpy as np
 
 from hand_diagnosis.hypotheses import Hypothesis, block_bootstrap, validation_rmse
-from hand_diagnosis.laws import weighted_by_noise, white_part
+from hand_diagnosis.laws import posterior_covariance, weighted_by_noise, white_part
 from hand_diagnosis.settings import SETTINGS
-from hand_identification.free_parameters import FreeParameter, law_free_parameters
+from hand_identification.free_parameters import FreeParameter, law_free_parameters, speed_free_parameters
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, map_fit
+from hand_identification.robust_errors import robust_errors
 from hand_model.arrays import Array
 
 
@@ -119,3 +125,45 @@ def _with_fit(problem: JointProblem, accepted: Sequence[Hypothesis], fit: MapFit
         done.append(replace(hypothesis, freed=freed, textbook=textbook if freed else hypothesis.textbook))
     done[-1] = replace(done[-1], fit=map_fit(problem, fit.free, fit.z, 1))
     return done
+
+
+def on_everything(
+    whole: JointProblem, nominal: MapFit, accepted: Sequence[Hypothesis], rng: np.random.Generator, *, laws: bool
+) -> tuple[JointProblem, MapFit, list[Hypothesis]]:
+    """The nominal model and the effects found, fitted to all data of a problem, and the problem of these fits.
+
+    laws: whether the laws of the effects are completed first, where validation blocks of all recordings confirm it.
+    """
+    plain = map_fit(whole, *_with_all_speeds(whole, nominal), SETTINGS.nominal_iterations)
+    done = list(accepted)
+    if done:
+        last = map_fit(whole, *_with_all_speeds(whole, done[-1].fit), SETTINGS.nominal_iterations)
+        done[-1] = replace(done[-1], fit=last)
+        done = completed(whole, done, rng) if laws else done
+    everything = replace(weighted_by_noise(whole, done[-1].fit if done else plain), holds_out=False)
+    if done:
+        done[-1] = replace(done[-1], fit=_ended(everything, done[-1].fit))
+    return everything, _ended(everything, plain), done
+
+
+def _with_all_speeds(whole: JointProblem, fit: MapFit) -> tuple[list[FreeParameter], Array]:
+    """The free parameters of a fit and the first speeds of recordings that it did not see, and where to start."""
+    have = {parameter.row for parameter in fit.free}
+    speeds = [] if whole.driven else speed_free_parameters(whole.starts(1)[0, 1:].tolist())
+    more = [parameter for parameter in speeds if parameter.row not in have]
+    return [*fit.free, *more], np.concatenate([fit.z, np.zeros(len(more))])
+
+
+def _ended(problem: JointProblem, fit: MapFit) -> MapFit:
+    return map_fit(problem, fit.free, fit.z, SETTINGS.completion_iterations, SETTINGS.completion_tolerance)
+
+
+def standard_errors(problem: JointProblem, fit: MapFit) -> Array:
+    """Standard errors (free,) of the coordinates of a fit.
+
+    Those of its covariance; of a fit to everything, the larger ones of its error and of what does not fit.
+    """
+    if problem.holds_out:
+        return np.asarray(np.sqrt(np.diag(fit.covariance)))
+    own = np.sqrt(np.diag(posterior_covariance(problem, fit)))
+    return np.maximum(own, robust_errors(problem, fit))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hand_diagnosis.certificate import Certificate, certify
+from hand_diagnosis.completion import on_everything
 from hand_diagnosis.data_check import check, repeatability
 from hand_diagnosis.findings import Finding, JointResult, ranked_findings
 from hand_diagnosis.hypotheses import Isolability, isolability, log_evidence, log_likelihood
@@ -261,8 +262,17 @@ def _diagnose_joint(
     separable = [effect for effect in effects if effect.place != "force_sensor"]
     found = isolability(problem, search.nominal, separable) if search.accepted else None
     search.forget_sensitivities()
-    result = JointDiagnosis(joint, search, tuple(results), wording, test, onset, whole, found, withdrawn)
+    everything = _fitted_to_everything(whole, search, rng) if task.signals[0].machine else None
+    result = JointDiagnosis(
+        joint, search, tuple(results), wording, test, onset, whole, everything, found, withdrawn
+    )
     return replace(result, certificates=_certified(result), left_out=left_out)
+
+
+def _fitted_to_everything(whole: JointProblem, search: JointSearch, rng: np.random.Generator) -> JointSearch:
+    """The search with its models fitted to all data, test data included; for the numbers that a machine keeps."""
+    problem, nominal, accepted = on_everything(whole, search.nominal, search.accepted, rng, laws=search.laws)
+    return replace(search, problem=problem, nominal=nominal, accepted=accepted)
 
 
 def _certain(found: str, done: Sequence[JointDiagnosis]) -> str:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hand_diagnosis.completion import standard_errors
 from hand_diagnosis.hypotheses import Hypothesis
 from hand_diagnosis.laws import LawCurve
 from hand_diagnosis.laws import describe as describe_law
@@ -71,7 +72,8 @@ class JointResult:
 
     test: errors of the nominal model and of the final one on the test data; None where there are none.
     onset: when its effects begin or end; None where they are there all the time.  whole: the problem with the test
-    data, which the search did not see.
+    data, which the search did not see.  everything: the search with its models fitted to all data, for the numbers
+    that are reported; None: those of the search are.
     """
 
     joint: str
@@ -81,6 +83,12 @@ class JointResult:
     test: ErrorsOnTest | None = None
     onset: Onset | None = None
     whole: JointProblem | None = None
+    everything: JointSearch | None = None
+
+    @property
+    def reported(self) -> JointSearch:
+        """The search whose numbers are reported."""
+        return self.everything or self.search
 
     def result(self, stage: int) -> StageResult:
         """The result of a signal that the joint has."""
@@ -150,12 +158,12 @@ def _finding(result: JointResult, index: int) -> Finding:
     test = (np.nan, np.nan) if result.test is None else [float(result.test.rmse(k)[stage]) for k in (0, 1)]
     sure = result.result(stage).right_name(*test)
     alternatives = _alternatives(effect, {name: (e, sure * p) for name, (e, p) in rivals.items()})
-    numbers = tuple(parameter_numbers(search, effect, wording))
+    numbers = tuple(parameter_numbers(result.reported, effect, wording))
     off = search.with_effects_off(effect.name)
     low = SETTINGS.min_probability
     probability = min(max(sure * rivals[effect.name][1], low), 1.0 - low)
-    bound = _at_bounds(search, effect, wording)
-    law = law_curve(search, accepted, wording)
+    bound = _at_bounds(result.reported, effect, wording)
+    law = law_curve(result.reported, result.reported.accepted[index], wording)
     explains = _explained_by(result, index)
     return Finding(
         None if effect.everywhere or effect.place == "supply" else result.joint,
@@ -338,7 +346,7 @@ def parameter_numbers(search: JointSearch, effect: Effect, wording: Wording) -> 
     """The effect's parameters in the final fit with standard errors, in the units of the hand or machine."""
     fit = search.final
     columns, _ = search.problem.columns(fit.free, fit.z[None])
-    deviation = np.sqrt(np.diag(fit.covariance))
+    deviation = standard_errors(search.problem, fit)
     index = {parameter.row: k for k, parameter in enumerate(fit.free)}
     numbers = []
     for key in effect.keys:

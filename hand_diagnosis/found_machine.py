@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hand_diagnosis.completion import standard_errors
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
 from hand_diagnosis.findings import Number
 from hand_identification.free_parameters import START_CREEP
@@ -34,11 +35,11 @@ def write_machine_model(
 
 def found_in(diagnosis: Diagnosis, joint: JointDiagnosis) -> Found:
     """Values, standard deviations and resolutions [SI of the model] of the axis, by key."""
-    search = joint.search
+    search = joint.reported
     claimed = len(joint.claimed()) == len(search.accepted)
     fit, own = (search.final, search.effect_keys) if claimed else (search.nominal, frozenset[str]())
     columns, _ = search.problem.columns(fit.free, fit.z[None])
-    deviations = np.sqrt(np.diag(fit.covariance))
+    deviations = standard_errors(search.problem, fit)
     moved = [(p, s) for p, s in zip(fit.free, deviations, strict=True) if p.row < START_CREEP]
     values = {p.key: float(columns[0, p.row]) for p, _ in moved}
     nominal = {key: float(search.problem.nominal[ROW[key]]) for key in values}

@@ -112,7 +112,7 @@ def remainder(result: JointResult, stage: StageResult) -> Remainder:
     structure, stretches = _where(result, stage)
     claimed = result.claimed()
     parts = [found.effect for k, found in enumerate(search.accepted) if k not in claimed and found.stage == stage.stage]
-    own = [tuple(parameter_numbers(search, effect, wording)) for effect in parts]
+    own = [tuple(parameter_numbers(result.reported, effect, wording)) for effect in parts]
     texts = [said(effect, numbers, wording) for effect, numbers in zip(parts, own, strict=True)]
     factor, unit = wording.signal_units[stage.stage]
     learned = _learned(result, stage.stage, structure)

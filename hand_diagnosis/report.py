@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis import settings_table
+from hand_diagnosis.completion import standard_errors
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis, errors_by_split
 from hand_diagnosis.experiments import next_experiment, simulated_experiment
 from hand_diagnosis.findings import Finding, Number
@@ -210,7 +211,7 @@ def _region(joint: JointDiagnosis, region: Region) -> dict[str, Any]:
 
 def _correlations(joint: JointDiagnosis) -> dict[str, Any]:
     """Of the final fit's parameters on a joint with findings; an undetermined parameter follows its prior."""
-    fit = joint.search.final
+    fit = joint.reported.final
     covariance = fit.covariance
     deviation = np.sqrt(np.diag(covariance))
     matrix = covariance / np.outer(deviation, deviation)
@@ -248,10 +249,10 @@ def _not_claimable(joint: JointDiagnosis) -> list[dict[str, Any]]:
 
 def _changes(joint: JointDiagnosis) -> list[dict[str, Any]]:
     """Nominal numbers that moved by more than two standard errors and a tenth of their tolerance, in their units."""
-    fit, problem = joint.search.final, joint.search.problem
-    deviation = np.sqrt(np.diag(fit.covariance))
+    fit, problem = joint.reported.final, joint.reported.problem
+    deviation = standard_errors(problem, fit)
     columns, _ = problem.columns(fit.free, fit.z[None])
-    own = joint.search.effect_keys
+    own = joint.reported.effect_keys
     rows = []
     for parameter, z, std in zip(fit.free, fit.z, deviation, strict=True):
         least = max(SETTINGS.min_change_sigma * std, SETTINGS.min_change_tolerances)

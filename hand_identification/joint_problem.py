@@ -79,6 +79,7 @@ class JointProblem:
     floor: (OUTPUTS,) SI, repeatability of each signal; what is below it is not claimed.
     switched: rows that have their nominal values while Segment.acts is False; the prediction is that of the plant
     without them there, and that of the plant that always had them elsewhere.
+    holds_out: whether there are validation blocks; without, every block is fitted.
     """
 
     joint: str
@@ -90,6 +91,7 @@ class JointProblem:
     driven: bool = False
     floor: Array = field(default_factory=lambda: np.array(FLOOR))
     switched: tuple[int, ...] = ()
+    holds_out: bool = True
 
     @property
     def claimable(self) -> Array:
@@ -105,7 +107,7 @@ class JointProblem:
     @property
     def held_out(self) -> Flags:
         """(blocks,): which blocks are validation data and not fitted, see `held_out_blocks`."""
-        return held_out_blocks(self.blocks)
+        return held_out_blocks(self.blocks) if self.holds_out else np.zeros(self.blocks, dtype=bool)
 
     def columns(self, free: Sequence[FreeParameter], z: Array) -> tuple[Array, Array]:
         """Parameter sets (k, rows) and starts (k, 1 + segments) of coordinates z (k, free)."""

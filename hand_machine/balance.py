@@ -25,9 +25,19 @@ def balance(described: MachineDescription, table: Readings) -> tuple[Array, Arra
 
 def motion(table: Readings) -> tuple[Array, Array, Array] | None:
     """Position, speed and acceleration (T,) each, SI; None for a short recording."""
-    period = table.period_s
-    window = min(2 * round(SMOOTHED_S / period) + 1, (len(table.time_s) - 1) // 2 * 2 + 1)
+    window = _window(table)
     if window < 5:
         return None
-    x, v, a = (savgol_filter(table.signals["position"], window, 3, deriv=k, delta=period) for k in range(3))
+    x, v, a = (savgol_filter(table.signals["position"], window, 3, deriv=k, delta=table.period_s) for k in range(3))
     return x, v, a
+
+
+def smoothed(table: Readings, values: Array) -> Array:
+    """A signal (T,) of a recording, smoothed as its motion is."""
+    window = _window(table)
+    return values if window < 5 else np.asarray(savgol_filter(values, window, 3))
+
+
+def _window(table: Readings) -> int:
+    """Odd number of samples."""
+    return min(2 * round(SMOOTHED_S / table.period_s) + 1, (len(table.time_s) - 1) // 2 * 2 + 1)

@@ -1,17 +1,24 @@
-"""The window over which a recorded motion is differentiated, from its noise and its bandwidth.
+"""The window over which a recorded motion is differentiated, from its noise and its bandwidth, or from the force.
 
 A short window amplifies the noise of the readings, and a long one flattens what the motion really does. Of the windows,
 the one with the lowest sum of both is taken, as in Goldenshluger and Lepski (2011): the error of a window by flattening
 is how far its acceleration is from those of all shorter windows, beyond what their noise explains.
+
+Where the force is measured too, and a model is fitted to it, the force decides: the window is taken from whose motion a
+regression explains it best. Noise of the position that is not white, as steps of an encoder or irregular times, shows
+there and not in the position alone.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
+from hand_machine.description import MachineDescription
+from hand_machine.reading import Readings
 from hand_model.arrays import Array
 
 ORDER, GROWTH, HALF_SAMPLES = 3, 1.35, 2
@@ -22,6 +29,8 @@ DIFFERENCES = 6
 """Order of the differences that show the noise: a motion up to a tenth of the sample rate hardly affects them."""
 DOUBT = 3.0
 """Standard errors by which two windows must differ more than their noise explains."""
+DIRECTION = 0.05
+"""Speed, in its standard deviations, around which the direction changes in the regression of the force."""
 MIN_SAMPLES = 50
 """Fewest samples inside the longest window that is compared."""
 
@@ -67,3 +76,46 @@ def _spans(samples: int, period_s: float) -> list[int]:
 def _padded(kernel: Array, span: int) -> Array:
     around = (span - len(kernel)) // 2
     return np.pad(kernel, around)
+
+
+def fitting_window_s(described: MachineDescription, tables: Sequence[Readings]) -> float:
+    """Window [s] for all recordings of an imposed motion: the one whose motion explains the measured force best."""
+    shortest = 2 * HALF_SAMPLES * max(table.period_s for table in tables)
+    longest = max(LONGEST_S, shortest)
+    windows = shortest * GROWTH ** np.arange(math.floor(math.log(longest / shortest) / math.log(GROWTH)) + 1)
+    left = [_unexplained(described, tables, float(window_s)) for window_s in windows]
+    return float(windows[int(np.argmin(left))])
+
+
+def _unexplained(described: MachineDescription, tables: Sequence[Readings], window_s: float) -> float:
+    """Mean square of the force that a regression on the motion leaves, over all recordings.
+
+    The direction of the motion is that over the longest window throughout, so that only derivatives differ.
+    """
+    features, forces = [], []
+    for table in tables:
+        longest = _span(table, LONGEST_S)
+        if 2 * longest + MIN_SAMPLES > len(table.time_s):
+            longest = _span(table, window_s)
+        position = table.signals["position"]
+        x, v, a = (
+            savgol_filter(position, _span(table, window_s), ORDER, deriv=k, delta=table.period_s) for k in range(3)
+        )
+        slow = savgol_filter(position, longest, ORDER, deriv=1, delta=table.period_s)
+        sign = np.tanh(slow / max(DIRECTION * float(np.std(slow)), 1e-300))
+        given = table.signals["input"]
+        columns = [x, v, a, sign, np.ones(len(x)), given, given * sign, given * x]
+        columns += [] if described.linear else [np.sin(x), np.cos(x)]
+        inside = table.known.copy()
+        inside[: longest // 2], inside[len(inside) - longest // 2 :] = False, False
+        features.append(np.column_stack(columns)[inside])
+        forces.append(table.signals["force"][inside])
+    stacked, force = np.concatenate(features), np.concatenate(forces)
+    stacked = stacked / np.maximum(np.sqrt(np.mean(stacked**2, axis=0)), 1e-300)
+    left = force - stacked @ np.linalg.lstsq(stacked, force, rcond=1e-9)[0]
+    return float(np.mean(left**2)) if len(left) else 0.0
+
+
+def _span(table: Readings, window_s: float) -> int:
+    """Odd number of samples of a window, five at least."""
+    return min(2 * max(round(window_s / table.period_s / 2.0), HALF_SAMPLES) + 1, (len(table.time_s) - 1) // 2 * 2 + 1)

@@ -16,7 +16,7 @@ from hand_model.yaml_reader import Section, read_yaml
 
 KEYS = (
     *("schema", "name", "motion", "imposed", "gain", "stiffness", "damping", "inertia", "weight", "has", "columns"),
-    *("recordings", "reference_temperature", "effects", "sizes"),
+    *("recordings", "reference_temperature", "derivative_window", "effects", "sizes"),
 )
 COLUMNS = ("time", "input", "position", "force")
 PARTS = ("supply", "valve", "chamber", "soft_material", "magnetic_sensor", "input_sensor", "force_sensing_resistor")
@@ -37,6 +37,7 @@ EFFECT = ("value", "std", "unit")
 SIZES = ("force", "position", "input")
 LARGEST, SMALLEST_GAIN = 1e12, 1e-12
 """Bounds of every number of the file, in SI."""
+DERIVATIVE_WINDOW_S = (1e-4, 10.0)
 SMALLEST_TOLERANCE = 1e-6
 """Least relative tolerance; a number that is known better is exact."""
 
@@ -68,6 +69,7 @@ class MachineDescription:
     recordings: numbers of OWN_NUMBERS by the name of a recording's file, those that it has.
     per_kelvin: relative change of numbers of WARM [1/K] from reference_c [deg C] on.
     sizes: force, position and input [SI] to which the fit that found them was scaled; None: as the recordings ask.
+    derivative_window_s: over which an imposed motion is differentiated; None: as the recordings ask.
     """
 
     path: Path
@@ -85,6 +87,7 @@ class MachineDescription:
     effects: Mapping[str, float]
     recordings: Mapping[str, Mapping[str, float]]
     sizes: tuple[float, float, float] | None
+    derivative_window_s: float | None
     per_kelvin: Mapping[str, float]
     reference_c: float
 
@@ -141,6 +144,7 @@ def load_description(path: Path) -> MachineDescription:
         effects=_effects(top, linear=linear),
         recordings=_recordings(top, linear=linear),
         sizes=_sizes(top),
+        derivative_window_s=_derivative_window_s(top),
         per_kelvin={key: _per_kelvin(top, key) for key in WARM if _has_per_kelvin(top, key)},
         reference_c=top.number("reference_temperature", COLDEST_C, HOTTEST_C, ROOM_C),
     )
@@ -200,6 +204,12 @@ def _sizes(top: Section) -> tuple[float, float, float] | None:
     section = top.section("sizes", SIZES)
     force, position, of_input = (section.number(name, SMALLEST_GAIN, LARGEST) for name in SIZES)
     return force, position, of_input
+
+
+def _derivative_window_s(top: Section) -> float | None:
+    if "derivative_window" not in top:
+        return None
+    return top.number("derivative_window", *DERIVATIVE_WINDOW_S)
 
 
 def _number(

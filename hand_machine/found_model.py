@@ -97,8 +97,10 @@ def write_found_model(described: MachineDescription, units: UnitMap, found: Foun
     if not described.linear and rest.get(WEIGHT, -1.0) >= 0.0:
         _set_number(document, "weight", _text(units, WEIGHT, rest.pop(WEIGHT), found))
     rest = {key: value for key, value in rest.items() if key in found.own or key.split(".")[0] not in UNUSED}
-    for name in ("effects", "sizes"):
+    for name in ("derivative_window", "effects", "sizes"):
         document.data.pop(name, None)
+    if described.derivative_window_s is not None:
+        document.data["derivative_window"] = float(f"{described.derivative_window_s:.4g}")
     effects = _effects(described, units, rest, found)
     if effects:
         document.data["effects"] = effects

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_machine.balance import balance
-from hand_machine.derivative_window import derivative_window_s
+from hand_machine.balance import balance, smoothed
+from hand_machine.derivative_window import derivative_window_s, fitting_window_s
 from hand_machine.description import MachineDescription, load_description
 from hand_machine.found_model import PARAMETER, WEIGHT, put_effects
 from hand_machine.plausible import check_loads, check_plausible
@@ -51,9 +51,10 @@ WITHOUT_PART = {
     "end_stop.stiffness_nm_per_rad": 5.0,
     "end_stop.damping_nm_s_per_rad": 0.02,
     "end_stop.engagement_deg": DEGREE,
-    "supply.pressure_pa": 2e6,
+    "supply.pressure_pa": INPUT,
 }
-"""Parameters (SI) of a joint that have no part in a machine: a valve that is not diagnosed, stops out of reach."""
+"""Parameters (SI) of a joint that have no part in a machine: a valve that is not diagnosed, stops out of reach. Laws over
+the input have their knots at shares of the supply, which is the largest input."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,9 +98,10 @@ class Machine:
     wording: Wording
 
 
-def load_machine(path: Path, recordings: Sequence[Path]) -> Machine:
+def load_machine(path: Path, recordings: Sequence[Path], *, to_fit: bool = False) -> Machine:
     """Read a machine's description and recordings (CSV, Parquet, NPZ or MAT).
 
+    to_fit: whether the measured force may choose the window of derivatives, as for a fit; not where it is predicted.
     Raises DescriptionError or RecordingError, one line, for what cannot be used.
     """
     described = load_description(path)
@@ -107,6 +109,8 @@ def load_machine(path: Path, recordings: Sequence[Path]) -> Machine:
     for recording, table in zip(recordings, tables, strict=True):
         check_plausible(described.with_load_of(recording), recording, table)
     check_loads(described, recordings, tables)
+    if to_fit and described.imposed and described.derivative_window_s is None:
+        described = replace(described, derivative_window_s=fitting_window_s(described, tables))
     scales = _scales(described, recordings, tables)
     wording = wording_of(
         described.linear,
@@ -160,12 +164,17 @@ def _scales(described: MachineDescription, recordings: Sequence[Path], tables: S
 
 
 def _lacking(described: MachineDescription, table: Readings) -> float:
-    """Largest force [N] or torque [N m] that the nominal model lacks, by its balance over the recorded motion."""
+    """Largest force [N] or torque [N m] that the nominal model lacks, by its balance over the recorded motion.
+
+    A measured force is smoothed as the motion is: peaks that the motion cannot show are not lacking.
+    """
     forces = balance(described, table)
     if forces is None or not table.known.any():
         return 0.0
     driving, passive = forces
-    lacking = driving - passive - table.signals.get("force", np.zeros(len(passive)))
+    lacking = driving - passive
+    if "force" in table.signals:
+        lacking = lacking - smoothed(table, table.signals["force"])
     return float(np.quantile(np.abs(lacking[table.known]), LACKING_QUANTILE))
 
 
@@ -233,7 +242,7 @@ def _signals(recording: Path, table: Readings, described: MachineDescription, sc
         driven=described.imposed,
         machine=True,
         added=_added(recording, described, scales),
-        derivative_s=derivative_window_s(table.signals["position"], table.period_s),
+        derivative_s=described.derivative_window_s or derivative_window_s(table.signals["position"], table.period_s),
     )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_machine.description import Column, MachineDescription
+from hand_machine.spikes import find_off_the_motion, find_spikes
 from hand_machine.time_unit import check_time_unit
 from hand_model.arrays import Array, Flags
 from hand_model.effects.effect import ATMOSPHERE_PA
@@ -26,13 +27,6 @@ MIN_SAMPLES = 100
 """Fewest rows of a recording; the last fifth is test data, and no effect can be confirmed on fewer than 20 samples."""
 MAX_MISSING = 0.5
 """Largest share of a column that may be missing, not finite or a spike."""
-LONGEST_SPIKE = 3
-"""Longest spike [samples]; what stays away for longer may be motion."""
-SPIKE_STEPS, SPIKE_RANGE, INPUT_SPIKE_RANGE = 6.0, 0.02, 2.0
-"""Least height of a spike, in 99 % quantiles of the distance of two readings and in shares of the signal's range; of an
-input, whose pulses are real, in ranges alone."""
-RANGE_QUANTILE = 0.005
-"""Share of the readings beyond either end of the range of a signal; a rare spike does not widen it."""
 AFTER_INPUT_GAP_S = 0.5
 """Time after a gap of the input during which the state that the missing input has left is not evaluated."""
 ROUNDING = 1e-3
@@ -153,7 +147,8 @@ def _without_faults(path: Path, name: str, time_s: Array, values: Array) -> tupl
     if not finite.any():
         raise RecordingError(f"{path}: {name} holds no finite number")
     good = finite.copy()
-    good[finite] = ~find_spikes(values[finite], pulses=name == "input")
+    spikes = find_off_the_motion(time_s[finite], values[finite]) if name == "position" else None
+    good[finite] = ~(find_spikes(values[finite], pulses=name == "input") if spikes is None else spikes)
     if good.mean() < 1.0 - MAX_MISSING:
         raise RecordingError(f"{path}: {1.0 - good.mean():.0%} of {name} is missing; at most {MAX_MISSING:.0%} may be")
     if name != "input" and np.ptp(values[good]) == 0.0:
@@ -174,29 +169,6 @@ def _without_faults(path: Path, name: str, time_s: Array, values: Array) -> tupl
             f" up to {height:.3g} away from the median; left out"
         )
     return good, notes
-
-
-def find_spikes(values: Array, *, pulses: bool = False) -> Flags:
-    """Which finite readings (n,) jump away and come back within LONGEST_SPIKE samples. pulses: small ones are real."""
-    low, high = np.quantile(values, [RANGE_QUANTILE, 1.0 - RANGE_QUANTILE])
-    steps = np.diff(values)
-    least = INPUT_SPIKE_RANGE * (high - low)
-    if not pulses:
-        least = max(SPIKE_STEPS * float(np.quantile(np.abs(steps), 0.99)), SPIKE_RANGE * (high - low))
-    found = np.zeros(len(values), dtype=bool)
-    if least == 0.0:
-        return found
-    for start in (np.flatnonzero(np.abs(steps) > least) + 1).tolist():
-        before = values[start - 1]
-        if found[start - 1]:
-            continue
-        for end in range(start + 1, min(start + LONGEST_SPIKE, len(values) - 1) + 1):
-            away = values[start:end] - before
-            returned = abs(values[end] - before) < 0.5 * float(np.abs(away).min())
-            if returned and float(np.abs(away).min()) > least and len(set(np.sign(away))) == 1:
-                found[start:end] = True
-                break
-    return found
 
 
 def _snapped(grid: Array, time_s: Array) -> Array:

@@ -198,7 +198,7 @@ def _machine(
     from hand_machine.machine import load_machine
 
     chosen = origin.model
-    loaded = load_machine(chosen.path, recordings)
+    loaded = load_machine(chosen.path, recordings, to_fit=True)
     chosen.print(as_json)
     result = run(
         loaded.signals, loaded.model, tolerance=tolerance, seed=origin.seed, without=without, wording=loaded.wording

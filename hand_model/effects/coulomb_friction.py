@@ -17,36 +17,37 @@ def prepare(q, h):  # type: ignore[no-untyped-def]
     """Reciprocals, and the share of the friction whose contacts yield."""
     stribeck, presliding = q[2], q[4]
     yielding = min(max((presliding - RIGID_RAD) * (1.0 / (YIELDING_RAD - RIGID_RAD)), 0.0), 1.0)
-    return 1.0 / stribeck, 1.0 / presliding, yielding, 1.0 / q[12]
+    return 1.0 / stribeck, 1.0 / presliding, yielding, 1.0 / q[11]
 
 
 @inline
 def _level(q, omega, p):  # type: ignore[no-untyped-def]
     """Magnitude of the friction torque of a sliding joint [N m].
 
-    By the law it also falls from rest to four speeds, linearly to each, and grows over each half of the pressure.
+    By the law it also falls from rest to four speeds, linearly to each, and its growth with the pressure is curved: a
+    part of it is quadratic up to the supply pressure, and linear again beyond.
     """
-    torque_nm, breakaway, per_pa, per_stribeck = q[0], q[1], q[3], q[13]
+    torque_nm, breakaway, per_pa, per_stribeck = q[0], q[1], q[3], q[12]
     x = omega * per_stribeck
-    level = torque_nm + breakaway / (1.0 + x * x) + per_pa * max(p, 0.0)
-    speed, share = abs(omega), min(max(p * q[16], 0.0), 1.0)
+    speed, load = abs(omega), abs(p)
+    bend = 1.0 + q[9] * (min(load * q[15], 1.0) - 1.0)
+    level = torque_nm + breakaway / (1.0 + x * x) + per_pa * load * bend
     level += q[5] * max(1.0 - 20.0 * speed, 0.0) + q[6] * max(1.0 - 5.0 * speed, 0.0)
-    level += q[7] * max(1.0 - 1.25 * speed, 0.0) + q[8] * max(1.0 - 0.3125 * speed, 0.0)
-    return level + q[9] * min(2.0 * share, 1.0) + q[10] * max(2.0 * share - 1.0, 0.0)
+    return level + q[7] * max(1.0 - 1.25 * speed, 0.0) + q[8] * max(1.0 - 0.3125 * speed, 0.0)
 
 
 @inline
 def dry(q, m, omega, p):  # type: ignore[no-untyped-def]
     """Magnitude of the friction torque of rigid contacts, in which the joint sticks."""
-    return _level(q, omega, p) * (1.0 - q[15])
+    return _level(q, omega, p) * (1.0 - q[14])
 
 
 @inline
 def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     """Torque of contacts that yield, against the motion so far."""
-    whole = _level(q, omega, p) * q[15]
+    whole = _level(q, omega, p) * q[14]
     (bristle,) = m
-    share, stiffness = loop_torque(bristle, omega, q[14], q[11])
+    share, stiffness = loop_torque(bristle, omega, q[13], q[10])
     return whole * share, whole * stiffness
 
 
@@ -54,7 +55,7 @@ def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
 def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
     """Dahl's loop over the presliding motion, or by the law one with a knee."""
     (bristle,) = m
-    return (loop_moved(bristle, before, after, q[14], q[11]),)
+    return (loop_moved(bristle, before, after, q[13], q[10]),)
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
@@ -70,18 +71,8 @@ _FALLS = tuple(
     )
     for k, s in enumerate(SPEEDS_RAD_S, 1)
 )
-_GROWTHS = tuple(
-    Parameter(
-        f"coulomb_friction.half_{k}_nm",
-        0.0,
-        5.0,
-        f"law: more over half {k} of supply pressure",
-        1.0,
-        0.0,
-        0.003,
-        law=True,
-    )
-    for k in (1, 2)
+_BEND = Parameter(
+    "coulomb_friction.bend", -1.0, 1.0, "law: growth with pressure, 1 quadratic, -1 levels off", 1.0, 0.0, 0.3, law=True
 )
 EFFECT = Effect(
     name="coulomb_friction",
@@ -100,7 +91,7 @@ EFFECT = Effect(
             0.01,
         ),
         *_FALLS,
-        *_GROWTHS,
+        _BEND,
         Parameter("coulomb_friction.knee", 0.0, 1.0, "law: 1 builds up with a knee", 1.0, 0.0, 0.3, law=True),
     ),
     reads=("supply.pressure_pa",),
@@ -138,7 +129,7 @@ EFFECT = Effect(
         over=("speed", "pressure"),
         coefficients=(
             "coulomb_friction.stribeck_rad_per_s",
-            *(parameter.key for parameter in _FALLS + _GROWTHS),
+            *(parameter.key for parameter in (*_FALLS, _BEND)),
             "coulomb_friction.knee",
         ),
         quantity="friction",

@@ -1,0 +1,92 @@
+"""Spikes: readings that jump away and come back within a few samples, in a signal that is otherwise smooth.
+
+A jump as large as several steps of the motion is a spike of any signal. A position is continuous with its speed, so a
+smaller one shows, too: it misses the lines through the readings before it and through those behind it, on the same
+side, by many times what readings usually miss them. A turn of the motion misses neither line.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hand_model.arrays import Array, Flags
+
+LONGEST_SPIKE = 3
+"""Longest spike [samples]; what stays away for longer may be motion."""
+SPIKE_STEPS, SPIKE_RANGE, INPUT_SPIKE_RANGE = 6.0, 0.02, 2.0
+"""Least height of a spike, in 99 % quantiles of the distance of two readings and in shares of the signal's range; of an
+input, whose pulses are real, in ranges alone."""
+RANGE_QUANTILE = 0.005
+"""Share of the readings beyond either end of the range of a signal; a rare spike does not widen it."""
+MISS_QUANTILE, MISSES, STEPS_OF_RESOLUTION, MISS_RANGE = 0.95, 6.0, 4.0, 0.002
+"""Least height of a spike of a position: in quantiles of how far readings miss the motion around them, in steps of its
+resolution, and in shares of its range."""
+WELL_SAMPLED = 0.01
+"""Largest median miss of the line before, in shares of the range, of a motion that its neighbours predict."""
+PASSES = 3
+"""Passes over a position; each removes the nearest spike of a group."""
+
+
+def find_spikes(values: Array, *, pulses: bool = False) -> Flags:
+    """Which finite readings (n,) jump away and come back within LONGEST_SPIKE samples. pulses: small ones are real."""
+    low, high = np.quantile(values, [RANGE_QUANTILE, 1.0 - RANGE_QUANTILE])
+    steps = np.diff(values)
+    least = INPUT_SPIKE_RANGE * (high - low)
+    if not pulses:
+        least = max(SPIKE_STEPS * float(np.quantile(np.abs(steps), 0.99)), SPIKE_RANGE * (high - low))
+    found = np.zeros(len(values), dtype=bool)
+    if least == 0.0:
+        return found
+    for start in (np.flatnonzero(np.abs(steps) > least) + 1).tolist():
+        before = values[start - 1]
+        if found[start - 1]:
+            continue
+        for end in range(start + 1, min(start + LONGEST_SPIKE, len(values) - 1) + 1):
+            away = values[start:end] - before
+            returned = abs(values[end] - before) < 0.5 * float(np.abs(away).min())
+            if returned and float(np.abs(away).min()) > least and len(set(np.sign(away))) == 1:
+                found[start:end] = True
+                break
+    return found
+
+
+def find_off_the_motion(times: Array, values: Array) -> Flags:
+    """Which finite readings (n,) of a position miss the motion before and behind them. times: (n,) rising."""
+    found = find_spikes(values)
+    for _ in range(PASSES):
+        kept = np.flatnonzero(~found)
+        if len(kept) < 5:
+            return found
+        missed, typical = _missed(times[kept], values[kept])
+        low, high = np.quantile(values[kept], [RANGE_QUANTILE, 1.0 - RANGE_QUANTILE])
+        if typical > WELL_SAMPLED * float(high - low):
+            return found
+        steps = np.abs(np.diff(values[kept]))
+        resolution = float(steps[steps > 0.0].min(initial=np.inf)) if (steps > 0.0).any() else 0.0
+        usual = float(np.quantile(missed, MISS_QUANTILE))
+        least = max(MISSES * usual, STEPS_OF_RESOLUTION * resolution, MISS_RANGE * float(high - low))
+        far = missed > least
+        # Beside a spike, the lines are wrong, too: of neighbours only the one that misses most is taken.
+        beside = np.maximum(np.r_[0.0, missed[:-1]], np.r_[missed[1:], 0.0])
+        taken = kept[far & (missed >= beside)]
+        if not len(taken):
+            return found
+        found[taken] = True
+    return found
+
+
+def _missed(times: Array, values: Array) -> tuple[Array, float]:
+    """By how much readings (n,) miss the lines before, behind and through their neighbours, where on the same side.
+
+    Second, the median miss of the line before.
+    """
+    missed = np.zeros(len(values))
+    t, x = times, values
+    with np.errstate(divide="ignore", invalid="ignore"):
+        before = x[1:-3] + (x[1:-3] - x[:-4]) * (t[2:-2] - t[1:-3]) / (t[1:-3] - t[:-4])
+        behind = x[3:-1] + (x[3:-1] - x[4:]) * (t[2:-2] - t[3:-1]) / (t[3:-1] - t[4:])
+        between = x[1:-3] + (x[3:-1] - x[1:-3]) * (t[2:-2] - t[1:-3]) / (t[3:-1] - t[1:-3])
+    by = np.array([x[2:-2] - line for line in (before, behind, between)])
+    alike = np.abs(np.sign(by).sum(axis=0)) == len(by)
+    missed[2:-2] = np.where(alike, np.abs(by).min(axis=0), 0.0)
+    return missed, float(np.median(np.abs(by[0])))
