@@ -64,6 +64,7 @@ static void observe(int n, int i, const hand_real *g, hand_real *s, hand_real ph
         S(LAST_ANGLE) = S(PHI_1) = S(PHI_2) = phi;
         S(P_1) = S(P_2) = p;
         S(Q_1) = S(Q_2) = p * phi;
+        S(FOUND_1) = S(FOUND_2) = S(LOAD) + S(DRAG);
         S(SPEED) = 0;
         return;
     }
@@ -78,6 +79,8 @@ static void observe(int n, int i, const hand_real *g, hand_real *s, hand_real ph
     S(PHI_2) += share * (S(PHI_1) - S(PHI_2));
     S(P_2) += share * (S(P_1) - S(P_2));
     S(Q_2) += share * (S(Q_1) - S(Q_2));
+    S(FOUND_1) += share * (S(LOAD) + S(DRAG) - S(FOUND_1));
+    S(FOUND_2) += share * (S(FOUND_1) - S(FOUND_2));
     S(ACCELERATION) = (phi - 2 * S(PHI_1) + S(PHI_2)) / (t * t);
     if (G(CREEP) != 0) S(CREEP) = bounded(S(CREEP) + creep_rate(p, S(CREEP), g, n, i) * dt, 0, 1);
 }
@@ -186,7 +189,7 @@ static hand_real feed_forward(int n, int i, const hand_real *g, const hand_real 
                               hand_real a1, hand_real a2, hand_real a3, hand_real d)
 {
     const hand_real at = low_of(U(REFERENCE), G(HIGH)), lead = G(VALVE_LAG) + G(DEAD_TIME);
-    const hand_real hold = pressure_for(0, at, S(CREEP), a0, a1, a2, a3, G(PHI_MAX));
+    const hand_real hold = pressure_for(-S(AHEAD), at, S(CREEP), a0, a1, a2, a3, G(PHI_MAX));
     const hand_real moving = (d - lead * stiffness_of(hold, a1, a3)) * U(SPEED);
     return hold + (moving + (G(INERTIA) + d * lead) * U(ACCELERATION)) / leverage(at, a2, a3);
 }
@@ -248,16 +251,16 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
     const hand_real a0 = G(A0) * (1 + S(D_A0)), a1 = G(A1) * (1 + S(D_A1)), a2 = G(A2);
     const hand_real a3 = G(A3) * (1 + S(D_A3)), d = G(VISCOUS) * (1 + S(D_VISCOUS));
     const hand_real creep = S(CREEP), phi_max = G(PHI_MAX);
-    OUT(TORQUE) = torque(p, phi, creep, a0, a1, a2, a3, phi_max);
+    OUT(TORQUE) = torque(p, phi, creep, a0, a1, a2, a3, phi_max) + S(LOAD);
     const hand_real speed_2 = (S(PHI_1) - S(PHI_2)) / G(OBSERVER_FILTER);
     const int partner = (int)G(PARTNER);
     hand_real inertial = G(INERTIA) * S(ACCELERATION);
     if (partner >= 0) inertial += G(COUPLING) * s[HAND_S_ACCELERATION * n + partner];
     const hand_real product = S(Q_2) - S(P_2) * S(PHI_2);
     const hand_real balance =
-        torque(S(P_2), S(PHI_2), creep, a0, a1, a2, a3, phi_max) + a3 * product - d * speed_2 - inertial;
+        torque(S(P_2), S(PHI_2), creep, a0, a1, a2, a3, phi_max) + a3 * product + S(FOUND_2) - d * speed_2 - inertial;
     const hand_real share = G(MAP_ERROR) * a2 * S(P_2);
-    hand_real variance = G(RESIDUAL_STD) * G(RESIDUAL_STD) + share * share;
+    hand_real variance = G(RESIDUAL_STD) * G(RESIDUAL_STD) + share * share + S(SPREAD) * S(SPREAD);
     if (G(ADAPT) != 0) variance += map_variance(n, i, g, s, speed_2);
     if (G(DETECT) != 0) {
         detect(n, i, g, s, balance, variance, dt);
@@ -279,7 +282,7 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
         ki = stiffness * per;
         kd = (d * lag + G(INERTIA)) * per;
     }
-    hand_real ceiling = pressure_for(U(LIMIT), at_phi, creep, a0, a1, a2, a3, phi_max), wanted = ceiling;
+    hand_real ceiling = pressure_for(U(LIMIT) - S(LOAD), at_phi, creep, a0, a1, a2, a3, phi_max), wanted = ceiling;
     if (G(TORQUE_MODE) == 0) {
         error = U(REFERENCE) - phi;
         let_go(n, i, s, U(SPEED));

@@ -99,6 +99,12 @@ enum {
     HAND_S_PAUSE, /* [s] time until adaptation may continue */
     HAND_S_MOVING, /* [s] time of motion against a reported contact */
     HAND_S_WANTED, /* [Pa] wanted pressure, filtered at rest */
+    HAND_S_LOAD, /* [N m] torque of the found physics at the measured state, from the caller */
+    HAND_S_DRAG, /* [N m] torque of its friction and damping, from the caller */
+    HAND_S_SPREAD, /* [N m] uncertain part of its friction, from the caller */
+    HAND_S_AHEAD, /* [N m] torque of the found physics at the reference, from the caller */
+    HAND_S_FOUND_1, /* [N m] load and drag, filtered once */
+    HAND_S_FOUND_2, /* [N m] load and drag, filtered twice */
     HAND_STATES /* number of rows */
 };
 

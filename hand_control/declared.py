@@ -277,6 +277,12 @@ STATE = (
     Row("pause", "s", "time until adaptation may continue"),
     Row("moving", "s", "time of motion against a reported contact"),
     Row("wanted", "Pa", "wanted pressure, filtered at rest"),
+    Row("load", "N m", "torque of the found physics at the measured state, from the caller"),
+    Row("drag", "N m", "torque of its friction and damping, from the caller"),
+    Row("spread", "N m", "uncertain part of its friction, from the caller"),
+    Row("ahead", "N m", "torque of the found physics at the reference, from the caller"),
+    Row("found_1", "N m", "load and drag, filtered once"),
+    Row("found_2", "N m", "load and drag, filtered twice"),
 )
 INPUTS = (
     Row("reference", "rad", "filtered reference"),

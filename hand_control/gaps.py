@@ -65,5 +65,7 @@ class Gap:
             (S.p_2, pressure),
             (S.q_1, pressure * (position - lag * speed)),
             (S.q_2, pressure * (position - 2.0 * lag * speed)),
+            (S.found_1, s[S.load] + s[S.drag]),
+            (S.found_2, s[S.load] + s[S.drag]),
         ):
             s[row] = np.where(known, value, s[row])

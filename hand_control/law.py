@@ -55,6 +55,7 @@ def _observe(g, s, i, phi, p, dt):  # type: ignore[no-untyped-def]
         s[S.last_angle, i] = s[S.phi_1, i] = s[S.phi_2, i] = phi
         s[S.p_1, i] = s[S.p_2, i] = p
         s[S.q_1, i] = s[S.q_2, i] = p * phi
+        s[S.found_1, i] = s[S.found_2, i] = s[S.load, i] + s[S.drag, i]
         s[S.speed, i] = 0.0
         return
     if dt <= 0.0:
@@ -70,6 +71,8 @@ def _observe(g, s, i, phi, p, dt):  # type: ignore[no-untyped-def]
     s[S.phi_2, i] += share * (s[S.phi_1, i] - s[S.phi_2, i])
     s[S.p_2, i] += share * (s[S.p_1, i] - s[S.p_2, i])
     s[S.q_2, i] += share * (s[S.q_1, i] - s[S.q_2, i])
+    s[S.found_1, i] += share * (s[S.load, i] + s[S.drag, i] - s[S.found_1, i])
+    s[S.found_2, i] += share * (s[S.found_1, i] - s[S.found_2, i])
     s[S.acceleration, i] = (phi - 2.0 * s[S.phi_1, i] + s[S.phi_2, i]) / (t * t)
     if g[G.creep, i] != 0.0:
         zones = g[G.p_min, i], g[G.b1, i], g[G.extension_rate, i], g[G.b0, i], g[G.recovery_rate, i]
@@ -98,14 +101,14 @@ def _torque_balance(g, s, i, a0, a1, a2, a3, d, speed):  # type: ignore[no-untyp
     inertial = g[G.inertia, i] * s[S.acceleration, i]
     if partner >= 0:
         inertial += g[G.coupling, i] * s[S.acceleration, partner]
-    return static - d * speed - inertial
+    return static + s[S.found_2, i] - d * speed - inertial
 
 
 @inlined
 def _balance_variance(g, s, i, speed):  # type: ignore[no-untyped-def]
     """Variance [(N m)^2] of the balance: noise, error of identification, and uncertainty of the adapted map."""
     share = g[G.map_error, i] * g[G.a2, i] * s[S.p_2, i]
-    variance = g[G.residual_std, i] * g[G.residual_std, i] + share * share
+    variance = g[G.residual_std, i] * g[G.residual_std, i] + share * share + s[S.spread, i] * s[S.spread, i]
     if g[G.adapt, i] != 0.0:
         variance += map_variance(g, s, i, speed)
     return variance
@@ -124,7 +127,7 @@ def _pid_gains(g, i, d, k):  # type: ignore[no-untyped-def]
 def _feed_forward(g, s, u, i, a0, a1, a2, a3, d):  # type: ignore[no-untyped-def]
     """Pressure [Pa] that holds the reference of joint i and moves it along, ahead of valve and dead time."""
     at = min(u[U.reference, i], g[G.high, i])  # the description guarantees leverage up to this limit
-    hold = pressure_for_torque(0.0, at, s[S.creep, i], a0, a1, a2, a3, g[G.phi_max, i])
+    hold = pressure_for_torque(-s[S.ahead, i], at, s[S.creep, i], a0, a1, a2, a3, g[G.phi_max, i])
     lead = g[G.valve_lag, i] + g[G.dead_time, i]
     moving = (d - lead * stiffness(hold, a1, a3)) * u[U.speed, i]
     return hold + (moving + (g[G.inertia, i] + d * lead) * u[U.acceleration, i]) / leverage(at, a2, a3)
@@ -230,7 +233,7 @@ def _joint(g, s, u, i, dt, integrate, drive, out):  # type: ignore[no-untyped-de
         return
     _observe(g, s, i, phi, p, dt)
     a0, a1, a2, a3, d = _adapted_map(g, s, i)
-    out[OUT.torque, i] = torque(p, phi, s[S.creep, i], a0, a1, a2, a3, g[G.phi_max, i])
+    out[OUT.torque, i] = torque(p, phi, s[S.creep, i], a0, a1, a2, a3, g[G.phi_max, i]) + s[S.load, i]
     filtered_speed = (s[S.phi_1, i] - s[S.phi_2, i]) / g[G.observer_filter, i]
     balance = _torque_balance(g, s, i, a0, a1, a2, a3, d, filtered_speed)
     variance = _balance_variance(g, s, i, filtered_speed)
@@ -256,7 +259,8 @@ def _control(g, s, u, i, a0, a1, a2, a3, d, dt, integrate, out):  # type: ignore
     phi, k = min(u[U.position, i], g[G.high, i]), -stiffness(u[U.pressure, i], a1, a3)
     here = max(leverage(phi, a2, a3), C.min_leverage)
     kp, ki, kd = _pid_gains(g, i, d, k)
-    ceiling = pressure_for_torque(u[U.limit, i], phi, s[S.creep, i], a0, a1, a2, a3, g[G.phi_max, i])
+    most = u[U.limit, i] - s[S.load, i]
+    ceiling = pressure_for_torque(most, phi, s[S.creep, i], a0, a1, a2, a3, g[G.phi_max, i])
     error, wanted = 0.0, ceiling
     # In torque mode the limit is the wanted torque; the valve gives its pressure without an error to integrate.
     if g[G.torque_mode, i] == 0.0:
