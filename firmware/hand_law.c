@@ -190,8 +190,9 @@ static hand_real feed_forward(int n, int i, const hand_real *g, const hand_real 
 {
     const hand_real at = low_of(U(REFERENCE), G(HIGH)), lead = G(VALVE_LAG) + G(DEAD_TIME);
     const hand_real hold = pressure_for(-S(AHEAD), at, S(CREEP), a0, a1, a2, a3, G(PHI_MAX));
-    const hand_real moving = (d - lead * stiffness_of(hold, a1, a3)) * U(SPEED);
-    return hold + (moving + (G(INERTIA) + d * lead) * U(ACCELERATION)) / leverage(at, a2, a3);
+    const hand_real k = -stiffness_of(hold, a1, a3), moving = (d + lead * k) * U(SPEED);
+    const hand_real mass = G(INERTIA) + d * lead + k * G(LEAD_2);
+    return hold + (moving + mass * U(ACCELERATION)) / leverage(at, a2, a3);
 }
 
 /* Pressure of feed-forward and integral with the present map. */
@@ -277,7 +278,7 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
     const hand_real here = high_of(leverage(at_phi, a2, a3), HAND_C_MIN_LEVERAGE);
     hand_real kp = G(KP), ki = G(KI), kd = G(KD), error = 0;
     if (G(SCHEDULE) != 0) {
-        const hand_real per = 1 / G(RESPONSE_TIME);
+        const hand_real per = 1 / (G(RESPONSE_TIME) + G(DEAD_TIME));
         kp = (d + stiffness * lag) * per;
         ki = stiffness * per;
         kd = (d * lag + G(INERTIA)) * per;

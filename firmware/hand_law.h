@@ -31,6 +31,7 @@ enum {
     HAND_G_PARTNER, /* index of the coupled joint, -1: none */
     HAND_G_VALVE_LAG, /* [s] time constant of the valve */
     HAND_G_DEAD_TIME, /* [s] dead time of the valve */
+    HAND_G_LEAD_2, /* [s^2] by which the acceleration of a reference is anticipated: lags and dead time of the valve */
     HAND_G_LOW, /* [rad] lower limit of the angle */
     HAND_G_HIGH, /* [rad] upper limit of the angle */
     HAND_G_P_MAX, /* [Pa] upper limit of the pressure */

@@ -22,6 +22,7 @@ from hand_control.command_check import (
 )
 from hand_control.contact_monitor import ContactMonitor, Event
 from hand_control.declared import OUT, Settings, U, bounded_dt
+from hand_control.found import law_of
 from hand_control.frame_checks import (
     FOLLOWING,
     JUMPED,
@@ -44,7 +45,6 @@ from hand_control.goals import (
     read_tolerances,
 )
 from hand_control.grasps import Approach, Grasp, Grasping, Outcome
-from hand_control.law import Law
 from hand_control.references import References
 from hand_control.shaping import Shaper, TorqueLimiter, approach_speed
 from hand_control.supervisor import VENT_S, Phase, Supervisor
@@ -100,14 +100,15 @@ class Controller:
         self.board = BoardWatch()
         self._ramp = ArmingRamp()
         self._references = References(hand)
-        self._law = Law(gains(hand, settings))
+        self._law = law_of(hand, settings)
         self._gap = Gap(self._law)
         self._settling = False
         self._inertia = hand.row("dynamics.inertia_kg_m2") + hand.row("dynamics.coupling_inertia_kg_m2")
         self._shaper = Shaper(count, self._law.inputs, (hand.limits.low_rad, hand.limits.high_rad))
         self._torque = TorqueLimiter(hand.limits.max_torque_nm)
         self._watch = FrameWatch(hand)
-        self._set_points = self._law.out[OUT.pressure]
+        self._wanted = self._law.out[OUT.pressure]
+        self._sent = self._wanted
         self._liquid = bool(hand.row("hydraulic.share").max() > 0.0)
         self._contact_monitor = ContactMonitor(hand)
         self._tolerance_watch = ToleranceWatch(hand)
@@ -364,7 +365,7 @@ class Controller:
             if self._watch.plausible(*measured, self._max_jump_rad, elapsed_s)[0] != NOT_FINITE:
                 self._arm(*measured, host_ns)
             return
-        found = self._watch.check(measured, self._set_points, self._max_jump_rad, elapsed_s)
+        found = self._watch.check(measured, self._wanted, self._max_jump_rad, elapsed_s)
         self._starved = ""
         if found is not NOTHING:
             self._react(found, measured)
@@ -400,6 +401,8 @@ class Controller:
         """Drive from the measured pose, so that nothing jumps."""
         self._law.release()
         self._law.out[OUT.pressure] = 0.0
+        self._sent = self._law.out[OUT.pressure]
+        self._law.restart(position, pressure)
         self._watch.start(position, velocity, pressure)
         self._begin_mode(position)
         if self._torque_mode:
@@ -430,7 +433,7 @@ class Controller:
             reference,
             position,
             error,
-            out[OUT.pressure],
+            self._sent,
             out[OUT.torque],
             self._torque.now,
             saturated,
@@ -456,10 +459,11 @@ class Controller:
             self._ramp.start(pressure)
         limited = self._starved or self._settling or self._ramp.active or self._watch.limits
         out = self._law.tick(inputs, dt, fresh and not limited)
-        self._ramp.limit(self._set_points, dt)
+        self._ramp.limit(self._wanted, dt)
         if self._settling:
             self._gap.after()
-        self._watch.hold(self._set_points)
+        self._watch.hold(self._wanted)
+        self._sent = self._law.set_points()
         self._contact_monitor.update(times.stamp_ns, out[OUT.contact], out[OUT.contact_age], out[OUT.contact_torque])
         error = self._shaper.r - position
         self._check_tolerance(error, position, dt, times.host_ns)
@@ -468,7 +472,7 @@ class Controller:
             self._shaper.r,
             position,
             error,
-            out[OUT.pressure],
+            self._sent,
             out[OUT.torque],
             self._torque.now,
             out[OUT.saturated] != 0.0,

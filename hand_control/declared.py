@@ -232,6 +232,7 @@ MODEL_ROWS = (
     Row("partner", "", "index of the coupled joint, -1: none"),
     Row("valve_lag", "s", "time constant of the valve", "valve.time_constant_s"),
     Row("dead_time", "s", "dead time of the valve", "valve.dead_time_s"),
+    Row("lead_2", "s^2", "by which the acceleration of a reference is anticipated: lags and dead time of the valve"),
     Row("low", "rad", "lower limit of the angle"),
     Row("high", "rad", "upper limit of the angle"),
     Row("p_max", "Pa", "upper limit of the pressure"),

@@ -2,14 +2,14 @@
 
 `hand diagnose` and `hand identify` write effects into the description. The kernel's equations of these effects give
 
-    load    torque of the effects at the measured state, friction not included; torque estimate and torque ceiling use it
+    load    torque of the effects at the measured state without friction; torque estimate and torque ceiling use it
     drag    torque of the effects' friction and damping at the measured speed; with the load it completes the balance of
             contact detection and adaptation
     spread  part of that friction that is uncertain at low speed; it widens the threshold of contact detection
     ahead   torque of all effects at the reference, a valve's lag ahead; feed-forward overcomes it
 
 and the pressure in the actuator instead of the measured one. Behind the law, the set-point is the one with which the
-described valve and fluid give the wanted pressure: against a leak, displaced fluid, a dead band and a valve's hysteresis.
+described valve and fluid give the wanted pressure: against a leak, displaced fluid, a dead band and hysteresis.
 
 What depends on the time of a recording (turning attitude, ageing) acts as at its start. Effects of the angle sensor are
 left to its calibration. Positive torques flex.
@@ -91,6 +91,7 @@ rub_torque: Any = None
 source: Any = None
 valve_error: Any = None
 loop_set_point: Any = None
+torque_ahead: Any = None
 remembers = rubs = bends = loops_ = False
 
 
@@ -204,7 +205,7 @@ def _after(key: str) -> Callable[..., Any]:
                 w[_MEMORY:STATE_ROW, i] = kept
                 loop_set_point(w, i, asked if wanted[i] > 0.0 else 0.0, p, around, 0.0)
                 target = asked
-            target = min(max(target, 0.0), min(wanted[i] + most, w[_SUPPLY, i]))
+            target = min(max(target, 0.0), wanted[i] + most, w[_SUPPLY, i])
             sent[i] = target if wanted[i] > 0.0 and np.isfinite(target) else wanted[i]
 
     return after
@@ -245,8 +246,8 @@ def _compiled(names: tuple[str, ...], laws: bool) -> _Loops:
         "loops_": LOOP in names,
     }
     used["torque_ahead"] = njit(error_model="numpy")(specialise(_ahead(key), used))
-    compiled = [njit(cache=True, error_model="numpy")(specialise(loop(key), used)) for loop in (_before, _after)]
-    return _Loops(*compiled, valve.uses("pressure_source") or valve.uses("valve_error") or LOOP in names)
+    before, after = (njit(cache=True, error_model="numpy")(specialise(loop(key), used)) for loop in (_before, _after))
+    return _Loops(before, after, valve.uses("pressure_source") or valve.uses("valve_error") or LOOP in names)
 
 
 def used_effects(parameters: Array) -> tuple[Effect, ...]:
@@ -307,11 +308,22 @@ class FoundLaw(Law):
         """Begin released, with gains (rows, n) of `tuning.gains`."""
         super().__init__(g)
         self.found = found
+        self._given = self.inputs
 
     def tick(self, inputs: Array, dt: float, integrate: bool = True, drive: bool = True) -> Array:
         """As `Law.tick`; the pressure among the inputs becomes that of the actuator."""
         self.found.before(self.state, inputs, bounded_dt(dt))
+        self._given = inputs
         return super().tick(inputs, dt, integrate, drive)
+
+    def restart(self, position: Array, pressure: Array) -> None:
+        """Begin the memory of the effects anew at position (n,) [rad] and pressure (n,) [Pa]."""
+        self.found.start(position, pressure)
+
+    def set_points(self) -> Array:
+        """As `Law.set_points`, against leak, displaced fluid, dead band and hysteresis; 0 stays 0."""
+        wanted = super().set_points()
+        return self.found.set_points(self._given, wanted) if self.found.shapes else wanted
 
 
 def law_of(hand: Hand, settings: Settings) -> Law:

@@ -4,16 +4,19 @@ The PID acts in torque and the model converts torque to pressure, so that its ga
 
     e   = phi_ref - phi,   v = filtered speed of the measured angle                        [rad, rad/s]
     tau = Kp e + I + Kd (phi_ref' - v),   I' = Ki e                                        [N m]
-    p   = p_hold + (d phi_ref' + T k_hold phi_ref' + (J + d T) phi_ref'') / (a2 + a3 phi_ref)
+    p   = p_hold + ((d + T k_hold) phi_ref' + (J + d T + T_2 k_hold) phi_ref'') / (a2 + a3 phi_ref)
         + tau / (a2 + a3 phi)
 
 p_hold is the pressure at which Eq. 11 with the present creeping ratio (Eq. 12, from the measured pressure) gives no
 torque at the reference, and k_hold = -(a1 + a3 p_hold) the stiffness there. T, lag and dead time of the valve, is the
-time by which a moving reference is anticipated; the acceleration term compensates inertia and the lead of friction.
+time by which a moving reference is anticipated, and T_2 the term of second order of that lead: the products of any two
+lags, of each lag with the dead time, and half the square of the dead time.
 
 Scheduled gains follow the model over (phi, p): the stiffness k = -(a1 + a3 p) of the joint, its friction and the lag of
-the valve are cancelled and replaced by one closed-loop time constant R (internal model control; Rivera, Morari,
-Skogestad 1986): Ki = k / R, Kp = (d + k T) / R, Kd = (d T + J) / R.
+the valve are cancelled and replaced by one closed-loop time constant R, the response time and the dead time (internal
+model control; Rivera, Morari, Skogestad 1986): Ki = k / R, Kp = (d + k T) / R, Kd = (d T + J) / R; T is the lag alone.
+
+Torques of the found physics (`found.py`) stand in four rows of the state, which the caller fills before each tick.
 
 The pressure is limited to 0 ... the lower of the pressure limit and the torque ceiling, the pressure at which Eq. 11
 gives the maximum torque at the measured angle. Its rate is bounded. At rest it is filtered, a change smaller than the
@@ -119,7 +122,7 @@ def _pid_gains(g, i, d, k):  # type: ignore[no-untyped-def]
     """Kp [N m/rad], Ki [N m/(rad s)] and Kd [N m s/rad] of joint i with friction d and stiffness k."""
     if g[G.schedule, i] == 0.0:
         return g[G.kp, i], g[G.ki, i], g[G.kd, i]
-    lag, per = g[G.valve_lag, i], 1.0 / g[G.response_time, i]
+    lag, per = g[G.valve_lag, i], 1.0 / (g[G.response_time, i] + g[G.dead_time, i])
     return (d + k * lag) * per, k * per, (d * lag + g[G.inertia, i]) * per
 
 
@@ -129,8 +132,10 @@ def _feed_forward(g, s, u, i, a0, a1, a2, a3, d):  # type: ignore[no-untyped-def
     at = min(u[U.reference, i], g[G.high, i])  # the description guarantees leverage up to this limit
     hold = pressure_for_torque(-s[S.ahead, i], at, s[S.creep, i], a0, a1, a2, a3, g[G.phi_max, i])
     lead = g[G.valve_lag, i] + g[G.dead_time, i]
-    moving = (d - lead * stiffness(hold, a1, a3)) * u[U.speed, i]
-    return hold + (moving + (g[G.inertia, i] + d * lead) * u[U.acceleration, i]) / leverage(at, a2, a3)
+    k = -stiffness(hold, a1, a3)
+    moving = (d + lead * k) * u[U.speed, i]
+    mass = g[G.inertia, i] + d * lead + k * g[G.lead_2, i]
+    return hold + (moving + mass * u[U.acceleration, i]) / leverage(at, a2, a3)
 
 
 @inlined
@@ -327,6 +332,14 @@ class Law:
         """Set integrators and commands to 0; the observed state of the joints stays."""
         for row in (S.integral, S.free_integral, S.command, S.take_over, S.wanted):
             self.state[row] = 0.0
+
+    def restart(self, position: Array, pressure: Array) -> None:
+        """Before driving begins at position (n,) [rad] and pressure (n,) [Pa]; the plain law has nothing to do."""
+
+    def set_points(self) -> Array:
+        """Set-points (n,) [Pa] of the valves for the wanted pressures in the outputs; of the plain law the same."""
+        wanted: Array = self.out[OUT.pressure]
+        return wanted
 
     def reset_map(self) -> None:
         """Return every joint to the map of the description."""

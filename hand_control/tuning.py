@@ -18,7 +18,10 @@ def gains(hand: Hand, settings: Settings) -> Array:
             g[row] = hand.row(declared.key)
     g[G.extension_rate] = 1.0 / hand.row("material.extension_time_s")
     g[G.recovery_rate] = 1.0 / hand.row("material.recovery_time_s")
-    g[G.valve_lag] += hand.row("valve_lag.time_constant_s") + hand.row("tube_lag.time_constant_s")
+    first, second = hand.row("valve.time_constant_s"), hand.row("valve_lag.time_constant_s")
+    third, dead = hand.row("tube_lag.time_constant_s"), hand.row("valve.dead_time_s")
+    g[G.valve_lag] = first + second + third
+    g[G.lead_2] = first * second + (first + second) * third + (first + second + third) * dead + 0.5 * dead * dead
     g[G.partner] = hand.partner
     limits = hand.limits
     g[G.p_max], g[G.low], g[G.high] = limits.max_pressure_pa, limits.low_rad, limits.high_rad

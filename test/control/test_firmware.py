@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hand_control.declared import OUT, OUTPUTS, Settings
+from hand_control.declared import OUT, OUTPUTS, S, Settings
 from hand_control.law import Law
 from hand_control.safety_numbers import joint_limits
 from hand_control.safety_rules import limits_of
@@ -53,6 +53,8 @@ CASES: dict[str, dict[str, Any]] = {
     "bare PID": {"feed_forward": False, "creep_compensation": False, "deadband_pa": 0.0, "contact_detection": False},
     "torque": {"control_mode": "torque"},
 }
+FOUND = [S.load, S.drag, S.spread, S.ahead]
+"""Rows of the state that the caller fills."""
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -73,6 +75,23 @@ def test_both_laws_agree_on_recorded_inputs(name: str) -> None:
     assert worst["double"] < 1e-6
     assert worst["float"] < 1e-2
     assert float(np.max(np.abs(double.state - python.state) / (np.abs(python.state) + 1e-3))) < 1e-6
+
+
+def test_both_laws_agree_with_found_physics() -> None:
+    """Fails when the C law uses a torque, friction or uncertainty from its caller otherwise than the Python law."""
+    g, inputs = recorded({}, 800)
+    python, plain, double = Law(g), Law(g), CLaw("double", g)
+    rng = np.random.default_rng(6)
+    worst, changed = 0.0, np.zeros(len(OUTPUTS))
+    sizes = np.array([6e5, 0.6, 1.0, 1.0, 0.6, 10.0])[:, None]
+    for k, given in enumerate(inputs):
+        if k % 10 == 0:
+            python.state[FOUND] = double.state[FOUND] = rng.uniform(0.0, 0.03, (4, 11))
+        want = python.tick(given, DT_S, drive=k % 400 > 5)
+        worst = max(worst, float(np.max(np.abs(double.tick(given, DT_S, drive=k % 400 > 5) - want) / sizes)))
+        changed = np.maximum(changed, np.abs(plain.tick(given, DT_S, drive=k % 400 > 5) - want).max(axis=1))
+    assert worst < 1e-6
+    assert (changed[[OUT.pressure, OUT.torque, OUT.contact_torque]] > [1e3, 1e-2, 1e-2]).all()
 
 
 def test_not_a_number_keeps_the_last_command() -> None:

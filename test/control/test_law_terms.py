@@ -137,7 +137,7 @@ def test_scheduled_proportional_gain_is_that_of_internal_model_control() -> None
     error, pressure, angle = 0.02, 9e4, 0.6
     command = Law(g).tick(at(angle + error, angle, pressure), DT_S)[OUT.pressure, 0]
     stiffness = -(g[G.a1, 0] + g[G.a3, 0] * pressure)
-    kp = (g[G.viscous, 0] + stiffness * g[G.valve_lag, 0]) / g[G.response_time, 0]
+    kp = (g[G.viscous, 0] + stiffness * g[G.valve_lag, 0]) / (g[G.response_time, 0] + g[G.dead_time, 0])
     assert command == pytest.approx(kp * error / (g[G.a2, 0] + g[G.a3, 0] * angle))
 
 
@@ -147,7 +147,9 @@ def test_the_integral_grows_by_ki_times_error() -> None:
     law = Law(g)
     law.tick(at(0.72, 0.7, 9e4), DT_S)
     stiffness = -(g[G.a1, 0] + g[G.a3, 0] * 9e4)
-    assert law.state[S.integral, 0] == pytest.approx(stiffness / g[G.response_time, 0] * 0.02 * DT_S)
+    assert law.state[S.integral, 0] == pytest.approx(
+        stiffness / (g[G.response_time, 0] + g[G.dead_time, 0]) * 0.02 * DT_S
+    )
 
 
 def test_the_integral_stays_where_the_dead_band_causes_the_error() -> None:
