@@ -4,14 +4,18 @@ Sensors that are exchanged in motion make a step (sensor_watch). Before arming t
 of joint k rises, the controller waits for i, and its pressure rises on. For each pair of neighbouring channels the
 motion u that is measured and the motion w that the pressures ask for, both over about half a second, are compared:
 
-    as wired     (u_i - w_i)^2 + (u_k - w_k)^2     CLEAR times smaller: settled, a later exchange makes a step,
-                                                   unless the angles stay together: then open again
-    exchanged    (u_i - w_k)^2 + (u_k - w_i)^2     CLEAR times smaller: suspected
+    as wired     u_i of w_i, u_k of w_k     CLEARly likelier: settled, a later exchange makes a step, unless the angles
+                                            stay together: then open again
+    exchanged    u_i of w_k, u_k of w_i     CLEARly likelier: suspected
+
+A motion u of w has the mean w and the variance (MODEL w)^2 + FLOOR_RAD^2. Where both joints are asked to move alike
+nothing decides, and nothing is lost by an exchange until they are asked to part.
 
 A push on k while an obstacle blocks i looks the same. A suspected joint is therefore asked: its set-point returns to
-the pressure that it was armed with, and that of k is held. If k goes back as i should, and i stands still, they are
+the pressure that it was armed with, and that of k is held. If k goes back as i should, and i as k should, they are
 exchanged, once this has happened QUESTIONS times; a push knows nothing of the pressure, unless it comes in the rhythm
-of the questions. Until a joint has first moved as its pressure asks, its set-point rises slowly.
+of the questions. Until a joint has first moved as its pressure asks, its set-point rises slowly, and for ALIKE_S longer
+where the joint beside it moves alike.
 """
 
 from __future__ import annotations
@@ -25,31 +29,33 @@ from numpy.typing import NDArray
 from hand_model.arrays import Array
 
 LEAST_RAD = math.radians(2.0)
-"""Motions below are no evidence; a joint is asked after twice as much."""
-CLEAR = 4.0
-"""Five where the constants of the model are 30 % off and one joint moves; more where they are right."""
+"""Motions below are no evidence."""
+MODEL, FLOOR_RAD = 0.3, math.radians(1.0)
+"""Standard deviation of a motion from the one asked for: a share of it by the model, and a floor: friction, stops."""
+CLEAR = 6.0
+"""Logarithm of a likelihood ratio that decides: 1 in 400."""
 ALIKE = (0.4, 2.5)
 """Share of the motion asked for that is measured where the constants of the model are 30 % off."""
-STILL = 0.25
-"""A joint that moves by less than this share of the motion asked for stands still."""
 FOLLOWS, RECENT_S = 0.65, 0.5
 """Motions older than RECENT_S fade. The largest difference to an exchanged one is at most the share FOLLOWS of it."""
 ENOUGH_S = 0.03
 QUESTIONS = 2
 """Answers in a row that prove an exchange: one may be a push that ends at that moment."""
 ASKED_S = 0.4
-"""Time for an answer; without one the suspicion was wrong, or comes back."""
+"""Time for an answer; one that is not CLEAR counts in part from half of CLEAR on."""
+ALIKE_S = 0.3
+"""Time for which a joint must have moved as asked while its neighbour may be exchanged with it: both move alike."""
 CAUTION_PA_PER_S = 1.5e5
 CROSSING_RAD, CROSSING_S = math.radians(0.5), 0.05
 """Sensors that are exchanged where the angles differ by less make no step. Angles that part sooner show it: their
 speeds are exchanged, too."""
 NONE = -1
-_CAREFUL, _MOVED_S, _FROM_PA, _HELD_PA, _STATE = range(5)
-"""Rows of a joint; _STATE: free, asked, or held because its neighbour is asked."""
-_OPEN, _SUSPECT_S, _ASKED, _ASKED_S, _ANSWER_S, _MODEL_I, _MODEL_K, _OF_I, _OF_K, _MISSED, _CONFIRMED = range(5, 16)
-_TOGETHER_S, _OLD = 16, 17
+_CAREFUL, _MOVED_S, _FROM_PA, _HELD_PA, _STATE, _UNSETTLED = range(6)
+"""Rows of a joint; _STATE: free, asked, or held because its neighbour is asked; _UNSETTLED: whether a pair is open."""
+_OPEN, _SUSPECT_S, _ASKED, _ASKED_S, _ANSWER_S, _MODEL_I, _MODEL_K, _OF_I, _OF_K, _MISSED, _CONFIRMED = range(6, 17)
+_TOGETHER_S, _OLD = 17, 18
 """Rows of a pair, in the column of its first joint; from _OLD on, what its four motions were when the angles met."""
-_ROWS = 21
+_ROWS = 22
 _FREE, _ANSWERS, _WAITS = range(3)
 
 
@@ -63,17 +69,27 @@ def _is_like(u, w):  # type: ignore[no-untyped-def]
 def _careful(s, i, w, u, dt):  # type: ignore[no-untyped-def]
     """End the care with joint i when it has moved as its pressure asks."""
     s[_MOVED_S, i] = s[_MOVED_S, i] + dt if _is_like(u, w) else 0.0
-    if s[_MOVED_S, i] > ENOUGH_S:
+    if s[_MOVED_S, i] > (ENOUGH_S if s[_UNSETTLED, i] == 0.0 else ALIKE_S):
         s[_CAREFUL, i] = 0.0
 
 
 @njit(cache=True, error_model="numpy")
+def _misfit(u, w):  # type: ignore[no-untyped-def]
+    """Square of the error of a measured motion u against the one asked for, w [rad], over its variance."""
+    return (u - w) ** 2 / ((MODEL * w) ** 2 + FLOOR_RAD * FLOOR_RAD)
+
+
+@njit(cache=True, error_model="numpy")
+def _evidence(u_i, u_k, w_i, w_k):  # type: ignore[no-untyped-def]
+    """Logarithm of how much likelier motions u are as those asked for, w [rad], of the other joint than of its own."""
+    return 0.5 * (_misfit(u_i, w_i) + _misfit(u_k, w_k) - _misfit(u_i, w_k) - _misfit(u_k, w_i))
+
+
+@njit(cache=True, error_model="numpy")
 def _which(u_i, u_k, w_i, w_k):  # type: ignore[no-untyped-def]
-    """1: motions u [rad] are those asked for, w, of the other joint; -1: of the joint itself; 0: neither."""
-    same, swapped = (u_i - w_i) ** 2 + (u_k - w_k) ** 2, (u_i - w_k) ** 2 + (u_k - w_i) ** 2
-    if CLEAR * swapped < same:
-        return 1.0
-    return -1.0 if CLEAR * same < swapped else 0.0
+    """1: motions u [rad] are those asked for, w, of the other joint; -1: of the joint itself; 0: undecided."""
+    evidence = _evidence(u_i, u_k, w_i, w_k)
+    return 1.0 if evidence > CLEAR else -1.0 if evidence < -CLEAR else 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -94,18 +110,20 @@ def _is_answered(s, pair, i, k, position, model, dt):  # type: ignore[no-untyped
     s[_ASKED_S, pair] -= dt
     if model[i] > s[_MODEL_I, pair]:  # the pressure still rises
         _note(s, pair, i, k, position, model)
-    w_i, w_k, sign = model[i] - s[_MODEL_I, pair], model[k] - s[_MODEL_K, pair], 0.0
+    w_i, w_k, evidence, sign = model[i] - s[_MODEL_I, pair], model[k] - s[_MODEL_K, pair], 0.0, 0.0
     u_i, u_k = position[i] - s[_OF_I, pair], position[k] - s[_OF_K, pair]
     if w_i < -LEAST_RAD:
-        sign = _which(u_i, u_k, w_i, w_k)
-        if sign > 0.0 and (max(abs(w_k), abs(u_i)) > STILL * abs(w_i) or not _is_like(u_k, w_i)):
-            sign = 0.0
+        evidence = _evidence(u_i, u_k, w_i, w_k) / CLEAR
+        if evidence > 0.0:
+            evidence = min(evidence, 1.0) if _is_like(u_k, w_i) else 0.0
+        sign = 1.0 if evidence == 1.0 else -1.0 if evidence < -1.0 else 0.0
     s[_ANSWER_S, pair] = _lasts(s[_ANSWER_S, pair], sign, dt)
     if s[_ANSWER_S, pair] > ENOUGH_S:
         s[_CONFIRMED, pair] += 1.0
         s[_ASKED_S, pair] = 0.0
     elif s[_ANSWER_S, pair] < -ENOUGH_S or s[_ASKED_S, pair] <= 0.0:
-        s[_CONFIRMED, pair] = s[_ASKED_S, pair] = 0.0
+        s[_CONFIRMED, pair] = s[_CONFIRMED, pair] + evidence if evidence >= 0.5 else 0.0
+        s[_ASKED_S, pair] = 0.0
     return s[_CONFIRMED, pair] >= QUESTIONS
 
 
@@ -121,7 +139,7 @@ def _watch(s, pair, other, w, u, position, model, dt):  # type: ignore[no-untype
         i, w_i, w_k, u_i, u_k = other, w_k, w_i, u_k, u_i
     missed = max(abs(u_k - w_i), abs(u_i - w_k))
     s[_MISSED, pair] = max(missed, s[_MISSED, pair] * (1.0 - dt / (dt + RECENT_S)))
-    if max(w_i, -w_k) < 2.0 * LEAST_RAD:
+    if max(w_i, -w_k) < LEAST_RAD:
         return False
     sign = _which(u_i, u_k, w_i, w_k)
     if sign > 0.0 and s[_MISSED, pair] > FOLLOWS * w_i:
@@ -130,9 +148,10 @@ def _watch(s, pair, other, w, u, position, model, dt):  # type: ignore[no-untype
     s[_SUSPECT_S, pair] = time
     if time < -ENOUGH_S:
         s[_OPEN, pair] = 0.0
-    elif time > ENOUGH_S and w_i > 2.0 * LEAST_RAD:
+    elif time > ENOUGH_S and w_i > LEAST_RAD:
         s[_SUSPECT_S, pair], s[_ANSWER_S, pair] = 0.0, 0.0
-        s[_ASKED, pair], s[_ASKED_S, pair], s[_CAREFUL, i] = i, ASKED_S, 1.0
+        s[_ASKED, pair], s[_ASKED_S, pair] = i, ASKED_S
+        s[_CAREFUL, pair] = s[_CAREFUL, other] = 1.0
         _note(s, pair, i, pair + other - i, position, model)
     return False
 
@@ -169,6 +188,7 @@ def check_places(s, after, w, u, position, model, dt):  # type: ignore[no-untype
         s[_STATE, i] = _FREE
         if s[_CAREFUL, i] > 0.0:
             _careful(s, i, w[i], u[i], dt)
+        s[_UNSETTLED, i] = 0.0
     for pair in range(n):
         other = after[pair]
         if other < 0:
@@ -176,6 +196,9 @@ def check_places(s, after, w, u, position, model, dt):  # type: ignore[no-untype
         _meet(s, pair, other, w, u, position, dt)
         if s[_OPEN, pair] == 0.0:
             continue
+        s[_UNSETTLED, pair] = s[_UNSETTLED, other] = 1.0
+        if s[_SUSPECT_S, pair] > 0.0:
+            s[_MOVED_S, pair] = s[_MOVED_S, other] = 0.0
         if _watch(s, pair, other, w, u, position, model, dt):
             found = pair
         if s[_ASKED_S, pair] > 0.0:
