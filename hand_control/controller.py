@@ -28,6 +28,7 @@ from hand_control.frame_checks import (
     JUMPED,
     NOT_FINITE,
     OVER_PRESSURE,
+    STEPPED,
     STUCK_HIGH,
     ToleranceWatch,
     is_suction,
@@ -389,6 +390,11 @@ class Controller:
         bar = pressure_pa * 1e-5
         if verdict == OVER_PRESSURE:
             self.safety.trip(f"{joint}: over-pressure, {bar:.2f} bar")
+        elif verdict == STEPPED:
+            self.safety.trip(
+                f"{joint}: its pressure jumped to {bar:.2f} bar, which no valve gives;"
+                " check the pressure sensor, its cable and its channel, and the tube"
+            )
         elif verdict == STUCK_HIGH:
             self.safety.trip(f"{joint}: the valve does not follow, the pressure stays at {bar:.2f} bar")
         else:

@@ -4,11 +4,16 @@ Pressures that differ from what the set-points ask for:
 
     what                                                         reaction
     above the limit by more than OVER, for OVER_S                vent, latched
+    a step that no valve gives and that stays, STEP_S            vent, latched: a sensor that is exchanged or at another
+                                                                 scale, a tube that is off
     above what the model of the valve expects, NOT_FOLLOWING_S   vent, latched: the joint cannot be released otherwise
-    below it, for SHORT_S                                        warning; the integrators stop, and no set-point is
-                                                                 above TRUSTED times the pressure and TRUSTED_PA, until
-                                                                 the pressure follows again: a leak, an empty supply or
-                                                                 a closed valve gives less than commanded
+    below it                                                     no set-point rises; after SHORT_S a warning, the
+                                                                 integrators stop, and no set-point is above TRUSTED
+                                                                 times the pressure and TRUSTED_PA, until the pressure
+                                                                 follows again: a leak, an empty supply or a closed
+                                                                 valve gives less than commanded
+
+Far off counts sooner, by the time integral of what exceeds the band: NOT_FOLLOWING_PA_S, and SHORT_S times BAND_PA.
 The expectation is the set-point through the kernel's valve, whose time constant is lengthened by the dead time, from
 the pressure measured at first, or through a valve SLOWER times as slow, or anything between the two. Motion displaces
 fluid and changes the pressure (Eq. 7): the kernel's equation for the described fluid belongs to the expectation, and
@@ -41,12 +46,17 @@ FINE, NOT_FINITE, JUMPED = range(3)
 OVER = 0.1
 """Share of the pressure limit by which a pressure may exceed it."""
 OVER_S = 0.05
-NOT_FOLLOWING_S = 0.5
+NOT_FOLLOWING_S, NOT_FOLLOWING_PA_S = 0.5, 5.0e3
 BAND_PA = 2.0e4
 BAND = 0.1
 """A pressure follows within BAND_PA plus BAND times the expected pressure."""
-FOLLOWING, OVER_PRESSURE, STUCK_HIGH, STUCK_LOW = range(4)
+FOLLOWING, OVER_PRESSURE, STEPPED, STUCK_HIGH, STUCK_LOW = range(5)
 """Verdicts of `PressureWatch`, the most urgent first after FOLLOWING."""
+STEP_PA, STEP_LAGS, STEP_S = 2.0e4, 2.0, 0.008
+"""A step changes the difference to the expectation between two frames by STEP_PA and STEP_LAGS times what the valve
+gives, plus what the motion displaces. Half of it is still there after STEP_S: a spike is none."""
+USUAL_S, USUAL_PA = 1.0, 8.0e3
+"""A pressure is too low, too, where it falls below its usual difference to the expectation by USUAL_PA plus BAND."""
 SHORT_S, TRUSTED, TRUSTED_PA = 0.1, 2.0, 3e4
 """A pressure that has been too low for SHORT_S justifies set-points up to TRUSTED times itself and TRUSTED_PA."""
 PATIENCE_S = 0.1
@@ -61,7 +71,11 @@ SPEED_FILTER_S = 0.02
 SLOWER = 2.0
 """A valve may lag behind by this factor more than described."""
 EXPECTED, _OVER, _HIGH, _LOW, _ANGLE, _SPEED, _WIDER, DRIVEN, _PRESSURE, _HELD_BACK, _SLOW = range(11)
-"""Rows of the state of `watch_pressures`. _SLOW: the expectation of a valve that lags by SLOWER times the time."""
+_OFF, _STEP, _STEP_AGE, _BEFORE, _HIGH_PA_S, _LOW_PA_S, _BELIEVED, _USUAL = range(11, 19)
+"""Rows of the state of `watch_pressures`. _SLOW: the expectation of a valve that lags by SLOWER times the time. _OFF:
+difference to the expectation; _BEFORE: before the _STEP that is watched; _USUAL: its mean over USUAL_S. _BELIEVED:
+set-point before the doubt."""
+_ROWS = 19
 (
     _TAU, _VENT, _FILL, _A2, _A3, _LIQUID, _GROWTH, _EXPONENT, _VOLUME, _GAS_GROWTH, _GAS_GAIN, _GAS_PER_RAD, _SUPPLY,
     _LIMIT,
@@ -144,6 +158,44 @@ def _expect(s, v, i, u, angle, dt):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
+def _lasts(s, i, time, integral, excess, dt):  # type: ignore[no-untyped-def]
+    """For how long [s] and by how much in all [Pa s] the pressure of joint i is outside its band, by excess [Pa]."""
+    if excess > 0.0:
+        s[time, i] += dt
+        s[integral, i] += excess * dt
+    else:
+        s[time, i] = s[integral, i] = 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _is_short(s, i):  # type: ignore[no-untyped-def]
+    """Whether the pressure of joint i has been too low for long enough to be reported."""
+    return s[_LOW, i] > SHORT_S or s[_LOW_PA_S, i] > SHORT_S * BAND_PA
+
+
+@njit(cache=True, error_model="numpy")
+def _steps(s, v, i, asked, p, turned, dt):  # type: ignore[no-untyped-def]
+    """Whether the pressure p [Pa] of joint i has stepped as no valve does, and has stayed there.
+
+    asked: set-point [Pa].  turned: motion of the joint [rad] in the last dt [s].
+    """
+    off, before = p - s[EXPECTED, i], s[_OFF, i]
+    s[_OFF, i] = off
+    if s[_STEP, i] != 0.0:
+        s[_STEP_AGE, i] += dt
+        if (off - s[_BEFORE, i]) / s[_STEP, i] < 0.5:
+            s[_STEP, i] = 0.0
+        return s[_STEP, i] != 0.0 and s[_STEP_AGE, i] > STEP_S
+    most = STEP_PA + STEP_LAGS * abs(asked - s[_PRESSURE, i]) * min(dt / v[_TAU, i], 1.0)
+    if abs(off - before) > most and dt > 0.0:
+        _, per_rad = _displaced(v, i, s[EXPECTED, i], s[_ANGLE, i], 1.0)
+        moved = max(abs(turned), abs(s[_SPEED, i]) * dt)
+        if abs(off - before) > most + STEP_LAGS * per_rad * moved:
+            s[_STEP, i], s[_STEP_AGE, i], s[_BEFORE, i] = off - before, 0.0, before
+    return False
+
+
+@njit(cache=True, error_model="numpy")
 def watch_pressures(s, valve, command, pressure, position, dt):  # type: ignore[no-untyped-def]
     """Verdict of `PressureWatch.check` and its joint; updates the state s (rows, joints) in place.
 
@@ -151,18 +203,27 @@ def watch_pressures(s, valve, command, pressure, position, dt):  # type: ignore[
     """
     verdict, worst = FOLLOWING, 0
     for i in range(len(command)):
-        band = _expect(s, valve, i, command[i] + s[_HELD_BACK, i], position[i], dt)
-        low, high = min(s[EXPECTED, i], s[_SLOW, i]), max(s[EXPECTED, i], s[_SLOW, i])
+        asked, turned = command[i] + s[_HELD_BACK, i], position[i] - s[_ANGLE, i]
+        band = _expect(s, valve, i, asked, position[i], dt)
+        low, high = min(s[EXPECTED, i], s[_SLOW, i]) - band, max(s[EXPECTED, i], s[_SLOW, i]) + band
+        usual = BAND_PA - USUAL_PA + s[_USUAL, i]
+        if usual > 0.0:
+            low += usual
         s[_OVER, i] = s[_OVER, i] + dt if pressure[i] > (1.0 + OVER) * valve[_LIMIT, i] else 0.0
-        s[_HIGH, i] = s[_HIGH, i] + dt if pressure[i] > high + band else 0.0
-        s[_LOW, i] = s[_LOW, i] + dt if pressure[i] < low - band else 0.0
+        _lasts(s, i, _HIGH, _HIGH_PA_S, pressure[i] - high, dt)
+        _lasts(s, i, _LOW, _LOW_PA_S, low - pressure[i], dt)
+        stepped = _steps(s, valve, i, asked, pressure[i], turned, dt)
+        if s[_LOW, i] == 0.0:
+            s[_USUAL, i] += min(dt / USUAL_S, 1.0) * (s[_OFF, i] - s[_USUAL, i])
         s[_PRESSURE, i] = pressure[i]
         found = FOLLOWING
         if s[_OVER, i] > OVER_S:
             found = OVER_PRESSURE
-        elif s[_HIGH, i] > NOT_FOLLOWING_S:
+        elif stepped:
+            found = STEPPED
+        elif s[_HIGH, i] > NOT_FOLLOWING_S or s[_HIGH_PA_S, i] > NOT_FOLLOWING_PA_S:
             found = STUCK_HIGH
-        elif s[_LOW, i] > SHORT_S:
+        elif _is_short(s, i):
             found = STUCK_LOW
         if found != FOLLOWING and (verdict == FOLLOWING or found < verdict):
             verdict, worst = found, i
@@ -171,11 +232,20 @@ def watch_pressures(s, valve, command, pressure, position, dt):  # type: ignore[
 
 @njit(cache=True, error_model="numpy")
 def cap_pressures(s, command):  # type: ignore[no-untyped-def]
-    """Limit set-points (joints,) [Pa] in place, see `PressureWatch.hold`. s: its state (rows, joints)."""
+    """Limit set-points (joints,) [Pa] in place, see `PressureWatch.hold`. s: its state (rows, joints).
+
+    While a pressure is doubted, none is above the last one from before; a lower one may be believed sooner.
+    """
     for i in range(len(command)):
-        most = max(TRUSTED * s[_PRESSURE, i], 0.0) + TRUSTED_PA
-        s[_HELD_BACK, i] = max(command[i] - most, 0.0) if s[_LOW, i] > SHORT_S else 0.0
-        command[i] -= s[_HELD_BACK, i]
+        s[_HELD_BACK, i] = 0.0
+        if s[_LOW, i] == 0.0 and s[_STEP, i] == 0.0:
+            s[_BELIEVED, i] = command[i]
+            continue
+        command[i] = min(command[i], s[_BELIEVED, i])
+        if _is_short(s, i):
+            most = max(TRUSTED * s[_PRESSURE, i], 0.0) + TRUSTED_PA
+            s[_HELD_BACK, i] = max(command[i] - most, 0.0)
+            command[i] -= s[_HELD_BACK, i]
 
 
 class PressureWatch:
@@ -191,7 +261,7 @@ class PressureWatch:
         lag = hand.row("valve.time_constant_s") + hand.row("valve.dead_time_s")
         valve = [lag, hand.row("valve.vent_rate_pa_per_s"), hand.row("valve.fill_rate_pa_per_s")]
         constants = np.array([*valve, *(hand.row(key) for key in _FLUID), hand.limits.max_pressure_pa])
-        self._state = np.zeros((_SLOW + 1, len(hand.joints)))
+        self._state = np.zeros((_ROWS, len(hand.joints)))
         self.arrays, self.gap_s = (self._state, constants), GAP_S
         self.expected: Array = self._state[EXPECTED]
         self.driven: Array = self._state[DRIVEN]
@@ -200,7 +270,8 @@ class PressureWatch:
     def start(self, pressure: Array, position: Array | None = None) -> None:
         """Expect the measured pressure (n,) [Pa] of joints that stand still at position (n,) [rad]."""
         self._state[:] = 0.0
-        self._state[[EXPECTED, DRIVEN, _SLOW]] = pressure
+        self._state[[EXPECTED, DRIVEN, _SLOW, _PRESSURE]] = pressure
+        self._state[_BELIEVED] = np.maximum(pressure, 0.0)
         self._state[_ANGLE] = self._still if position is None else position
 
     def check(self, command: Array, pressure: Array, dt: float, position: Array | None = None) -> tuple[int, int]:
@@ -220,8 +291,8 @@ class PressureWatch:
 
     def _skip(self, pressure: Array, position: Array | None) -> None:
         """Expect the measured state after a gap; how long a pressure has been off is kept."""
-        self._state[[EXPECTED, DRIVEN, _SLOW]] = pressure
-        self._state[_SPEED] = 0.0
+        self._state[[EXPECTED, DRIVEN, _SLOW, _PRESSURE]] = pressure
+        self._state[[_SPEED, _OFF, _STEP]] = 0.0
         self._state[_ANGLE] = self._still if position is None else position
 
 

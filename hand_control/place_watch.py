@@ -11,8 +11,8 @@ motion u that is measured and the motion w that the pressures ask for, both over
 A motion u of w has the mean w and the variance (MODEL w)^2 + FLOOR_RAD^2. Where both joints are asked to move alike
 nothing decides, and nothing is lost by an exchange until they are asked to part.
 
-A push on k while an obstacle blocks i looks the same. A suspected joint is therefore asked: its set-point returns to
-the pressure that it was armed with, and that of k is held. If k goes back as i should, and i as k should, they are
+A push on k while an obstacle blocks i looks the same. A suspected joint is therefore asked: its set-point returns
+towards the pressure that it was armed with, until it is to have fallen by FALL_RAD, and that of k is held. If k goes back as i should, and i as k should, they are
 exchanged, once this has happened QUESTIONS times; a push knows nothing of the pressure, unless it comes in the rhythm
 of the questions. Until a joint has first moved as its pressure asks, its set-point rises slowly, and for ALIKE_S longer
 where the joint beside it moves alike.
@@ -41,6 +41,8 @@ FOLLOWS, RECENT_S = 0.65, 0.5
 ENOUGH_S = 0.03
 QUESTIONS = 2
 """Answers in a row that prove an exchange: one may be a push that ends at that moment."""
+FALL_RAD = math.radians(5.0)
+"""By how much the pressure lets a joint fall in a question."""
 ASKED_S = 0.4
 """Time for an answer; one that is not CLEAR counts in part from half of CLEAR on."""
 ALIKE_S = 0.3
@@ -51,12 +53,12 @@ CROSSING_RAD, CROSSING_S = math.radians(0.5), 0.05
 speeds are exchanged, too."""
 NONE = -1
 _CAREFUL, _MOVED_S, _FROM_PA, _HELD_PA, _STATE, _UNSETTLED = range(6)
-"""Rows of a joint; _STATE: free, asked, or held because its neighbour is asked; _UNSETTLED: whether a pair is open."""
+"""Rows of a joint; _STATE: free, asked, asked and far enough, or held because its neighbour is asked; _UNSETTLED: whether a pair is open."""
 _OPEN, _SUSPECT_S, _ASKED, _ASKED_S, _ANSWER_S, _MODEL_I, _MODEL_K, _OF_I, _OF_K, _MISSED, _CONFIRMED = range(6, 17)
 _TOGETHER_S, _OLD = 17, 18
 """Rows of a pair, in the column of its first joint; from _OLD on, what its four motions were when the angles met."""
 _ROWS = 22
-_FREE, _ANSWERS, _WAITS = range(3)
+_FREE, _ANSWERS, _STAYS, _WAITS = range(4)
 
 
 @njit(cache=True, error_model="numpy")
@@ -204,7 +206,7 @@ def check_places(s, after, w, u, position, model, dt):  # type: ignore[no-untype
         if s[_ASKED_S, pair] > 0.0:
             i = int(s[_ASKED, pair])
             k = pair + other - i
-            s[_STATE, i] = _ANSWERS
+            s[_STATE, i] = _ANSWERS if model[i] > s[_MODEL_I, pair] - FALL_RAD else _STAYS
             if s[_STATE, k] == _FREE:
                 s[_STATE, k] = _WAITS
     return found
@@ -218,6 +220,8 @@ def hold_places(s, command, pressure, dt):  # type: ignore[no-untyped-def]
         asked = command[i]
         if s[_STATE, i] == _ANSWERS:
             command[i] = min(command[i], s[_FROM_PA, i])
+        elif s[_STATE, i] == _STAYS:
+            command[i] = min(command[i], max(pressure[i], 0.0))
         elif s[_STATE, i] == _WAITS:
             command[i] = min(command[i], s[_HELD_PA, i])
         elif s[_CAREFUL, i] > 0.0:

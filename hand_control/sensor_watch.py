@@ -321,8 +321,9 @@ def _pressures(s, i, k, expected, pressure, dt):  # type: ignore[no-untyped-def]
     swapped = (pressure[i] - expected[k]) ** 2 + (pressure[k] - expected[i]) ** 2
     s[_PE, i] += share * (as_is - s[_PE, i])
     s[_PX, i] += share * (swapped - s[_PX, i])
-    if max(abs(pressure[i] - s[_P_LAST, i]), abs(pressure[k] - s[_P_LAST, k])) > LEAST_PA:
-        s[_P_PROVEN, i] = 0.0  # a sensor cannot change its place without a step
+    step = max(abs(pressure[i] - s[_P_LAST, i]), abs(pressure[k] - s[_P_LAST, k]))
+    if step > LEAST_PA or abs(pressure[i] - pressure[k]) < 2.0 * LEAST_PA:
+        s[_P_PROVEN, i] = 0.0  # a sensor changes its place with a step only, or where the pressures are alike
     if s[_PX, i] > least and s[_PE, i] < UNEXPLAINED * s[_PX, i]:
         s[_P_PROVEN, i] += dt
     wrong = s[_P_PROVEN, i] < ENOUGH_S and s[_PE, i] > least and s[_PX, i] < UNEXPLAINED * s[_PE, i]
