@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from hand_diagnosis.hypotheses import block_bootstrap, log_likelihood, validation_rmse
+from hand_diagnosis.hypotheses import block_bootstrap, fitted_rmse, log_likelihood, validation_rmse
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import START_CREEP, FreeParameter, law_free_parameters, probe_values
 from hand_identification.joint_problem import JointProblem
@@ -231,6 +231,8 @@ def _compared(problem: JointProblem, textbook: MapFit, fit: MapFit, effect: Effe
     rng = np.random.default_rng(SETTINGS.noise_seed)
     fall = block_bootstrap(problem, textbook.squares, fit.squares, stage, rng)
     better = fall[0] > 0.0 and after[stage] < (1.0 - SETTINGS.min_relative_improvement) * before[stage]
+    # What only training blocks show, as an event that is met once, validation data can but not contradict.
+    better = better or (evidence > SETTINGS.strong_log_evidence and fall[1] >= 0.0 and _falls(problem, textbook, fit))
     return LearnedLaw(
         effect,
         textbook,
@@ -242,6 +244,13 @@ def _compared(problem: JointProblem, textbook: MapFit, fit: MapFit, effect: Effe
         fall,
         bool(own and better and evidence > 0.0),
     )
+
+
+def _falls(problem: JointProblem, textbook: MapFit, fit: MapFit) -> bool:
+    """Whether the error of a signal on all fitted data falls by more than may be claimed."""
+    before, after = (fitted_rmse(problem, either.squares) for either in (textbook, fit))
+    with np.errstate(invalid="ignore"):
+        return bool(np.any(before**2 - after**2 > problem.claimable**2))
 
 
 # The law as a curve and in words.

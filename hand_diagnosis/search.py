@@ -12,15 +12,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from hand_diagnosis.acceptance import SCATTER, NotClaimable, error_taken, is_accepted, leaves_much, too_small
 from hand_diagnosis.completion import completed
 from hand_diagnosis.hypotheses import (
     Hypothesis,
     amounts,
     fit_roughly,
+    fitted_rmse,
     judged,
     log_evidence,
     promising,
     refined,
+    restarted,
     validation_rmse,
 )
 from hand_diagnosis.laws import (
@@ -28,7 +31,6 @@ from hand_diagnosis.laws import (
     learn_law,
     training_evidence,
     weighted_by_noise,
-    white_part,
     with_nominal_numbers_of,
 )
 from hand_diagnosis.settings import SETTINGS
@@ -39,20 +41,6 @@ from hand_identification.map_fit import MapFit, map_fit, residual_is_correlated
 from hand_model.arrays import Array
 from hand_model.effects.effect import Effect
 from hand_model.kernel.rows import ROW
-
-SCATTER = "the scatter of the fit over its starting points"
-REPEATABILITY = "the repeatability"
-
-
-@dataclass(frozen=True, slots=True)
-class NotClaimable:
-    """An improvement that the validation data confirm and that is too small to be claimed, SI; below: than what."""
-
-    effect: Effect
-    stage: int
-    taken: float
-    floor: float
-    below: str
 
 
 @dataclass(slots=True)
@@ -175,19 +163,19 @@ def _best_of_round(
     found.rounds.append(hypotheses)
     found.evidences.append(evidence)
     for hypothesis in hypotheses:
-        if not _accepted(problem, current, hypothesis, evidence):
+        if not is_accepted(problem, current, hypothesis, evidence):
             continue
         best = hypothesis
         if not best.fit.residuals:  # only the coarse passes fitted it
             best = refined(problem, current, best, SETTINGS.passes[-1], rng)
-            if not _accepted(problem, current, best, evidence):
+            if not is_accepted(problem, current, best, evidence):
                 continue
         best, scatter = _from_other_starts(problem, current, best, rng)
-        taken = _taken(problem, current, best)
+        taken = max(error_taken(problem, current, best, rmse) for rmse in (validation_rmse, fitted_rmse))
         if taken >= scatter:
             return best
         found.not_claimable.append(NotClaimable(best.effect, best.stage, taken, scatter, SCATTER))
-    found.not_claimable += _too_small(problem, current, hypotheses)
+    found.not_claimable += too_small(problem, current, hypotheses)
     return None
 
 
@@ -215,6 +203,8 @@ def _round(
         near = ranked[: fit_pass.most]
         if fit_pass is SETTINGS.passes[-1]:
             near = [h for h in near if h.log_evidence > ranked[0].log_evidence - SETTINGS.max_evidence_gap]
+        elif near and leaves_much(problem, current, near[0].fit):
+            near = [restarted(problem, current, hypothesis, fit_pass, rng) for hypothesis in near]
         further = [refined(problem, current, hypothesis, fit_pass, rng) for hypothesis in near]
         ranked = _ranked(further + ranked[len(near) :])
     return ranked
@@ -229,7 +219,7 @@ def _with_best_laws(
     leaves clearly more than the noise. Every rival whose coarse fit is near the best one is fitted to the end, so that
     learned laws are compared with learned laws.
     """
-    if not hypotheses or not _leaves_much(problem, current, hypotheses[0].fit):
+    if not hypotheses or not leaves_much(problem, current, hypotheses[0].fit):
         return list(hypotheses)
     coarse = replace(problem, step_s=SETTINGS.passes[0].step_s)
     freed = [k for k, h in enumerate(hypotheses) if h.effect.coefficients][: SETTINGS.law_leaders]
@@ -261,47 +251,8 @@ def _with_best_law(
     return replace(learned, freed=law.freed, textbook=hypothesis.fit.without_arrays())
 
 
-def _leaves_much(problem: JointProblem, current: MapFit, fit: MapFit) -> bool:
-    """Whether a fit leaves an error clearly above the noise, the white part of the current residuals, of any signal."""
-    rmse = validation_rmse(problem, fit.squares)
-    left = {k: rmse[k] ** 2 - white_part(problem, current, int(k)) ** 2 for k in np.flatnonzero(np.isfinite(rmse))}
-    return any(excess > (SETTINGS.law_min_excess * problem.floor[k]) ** 2 for k, excess in left.items())
-
-
 def _ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     return sorted(hypotheses, key=lambda hypothesis: -hypothesis.log_evidence)
-
-
-def _accepted(problem: JointProblem, current: MapFit, hypothesis: Hypothesis, evidence: float) -> bool:
-    """Whether the evidence for an effect over the model without it, of log evidence `evidence`, is enough.
-
-    Either the validation error falls significantly as well, or the evidence is strong. In both cases the error that
-    the effect removes is larger than what may be claimed. The evidence counts effective coefficients: in Laplace's
-    determinant a coefficient that the data do not determine has the factor 1.
-    """
-    gain = hypothesis.log_evidence - evidence
-    before = validation_rmse(problem, current.squares)[hypothesis.stage]
-    after = validation_rmse(problem, hypothesis.fit.squares)[hypothesis.stage]
-    large = _taken(problem, current, hypothesis) > float(problem.claimable[hypothesis.stage])
-    enough = large and before - after > SETTINGS.min_relative_improvement * before
-    sure = hypothesis.fall[0] > 0.0 or gain >= SETTINGS.strong_log_evidence
-    return bool(enough and sure and gain >= SETTINGS.min_log_evidence)
-
-
-def _taken(problem: JointProblem, current: MapFit, hypothesis: Hypothesis) -> float:
-    """Validation error that an effect removes, SI: the root of the fall of the mean square."""
-    before, after = (validation_rmse(problem, fit.squares)[hypothesis.stage] for fit in (current, hypothesis.fit))
-    return float(np.sqrt(max(before**2 - after**2, 0.0)))
-
-
-def _too_small(problem: JointProblem, current: MapFit, hypotheses: Sequence[Hypothesis]) -> list[NotClaimable]:
-    """Improvements that the validation data confirm and that are below the repeatability."""
-    small = []
-    for h in hypotheses:
-        taken, claimable = _taken(problem, current, h), float(problem.claimable[h.stage])
-        if h.fall[0] > 0.0 and SETTINGS.min_listed_floors * problem.floor[h.stage] < taken <= claimable:
-            small.append(NotClaimable(h.effect, h.stage, taken, claimable, REPEATABILITY))
-    return small[: SETTINGS.listed_improvements]
 
 
 def _from_other_starts(

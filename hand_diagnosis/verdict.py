@@ -132,7 +132,7 @@ class StageResult:
     @property
     def claimed(self) -> bool:
         """Whether the effects remove enough of this signal's error to be findings, and not only parts of an unknown."""
-        return not self.remains or self.left <= SETTINGS.max_claim_share
+        return not self.remains or min(self.left, self.most_left.left) <= SETTINGS.max_claim_share
 
 
 def stage_results(problem: JointProblem, nominal: MapFit, final: MapFit, effects: int) -> list[StageResult]:
