@@ -13,8 +13,11 @@ from numba.extending import intrinsic
 _ALIGNMENT = 64
 _WIDE = '"prefer-vector-width"="512"'
 """Attribute of a function for LLVM, which uses half of the widest vectors of some processors by default."""
-# LLVM would unroll a loop over 4 to 16 lanes before it looks for vectors, and then find none.
+# LLVM would unroll a loop over 8 or 16 lanes before it looks for vectors, and then find none.
 binding.set_option("hand_model", "--unroll-full-max-count=3")
+# Equations are long chains of operations that depend on each other. Two vectors at a time, where a loop has two, let
+# a processor work on one of them while the other one waits.
+binding.set_option("hand_model", "--force-vector-interleave=2")
 
 
 @intrinsic  # type: ignore[untyped-decorator]

@@ -43,8 +43,8 @@ from hand_model.kernel.rows import ROW, STARTS, STATES, STEP_S
 from hand_model.kernel.step import assemble, deliver, steps_per_sample, whole_below
 from hand_model.kernel.terms import terms
 
-LANES = 4
-"""Parameter sets computed side by side: one vector of a processor; more of them would not stay in its registers."""
+LANES = 8
+"""Parameter sets computed side by side: one vector of 512 bits, or two of 256 bits."""
 OUTPUTS = 3
 """Readings of pressure [Pa], angle [rad] and force [N]."""
 STANDSTILL_RAD_S = 0.02
