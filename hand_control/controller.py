@@ -463,7 +463,7 @@ class Controller:
         inputs[U.limit], inputs[U.position], inputs[U.pressure] = self._torque.now, position, pressure
         if self.board.vented:  # the driver, too, lets the pressure rise from here only, at the same rate
             self._ramp.start(pressure)
-        limited = self._starved or self._settling or self._ramp.active or self._watch.limits
+        limited = self._starved or self._settling or self._ramp.active or self._watch.limits or self._watch.short
         out = self._law.tick(inputs, dt, fresh and not limited)
         self._ramp.limit(self._wanted, dt)
         if self._settling:

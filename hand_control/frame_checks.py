@@ -57,6 +57,8 @@ STEP_PA, STEP_LAGS, STEP_S = 2.0e4, 2.0, 0.008
 gives, plus what the motion displaces. Half of it is still there after STEP_S: a spike is none."""
 USUAL_S, USUAL_PA = 1.0, 8.0e3
 """A pressure is too low, too, where it falls below its usual difference to the expectation by USUAL_PA plus BAND."""
+RETURN_PA_PER_S = 1.0e6
+"""How fast a set-point rises after a pressure was too low, until it is held back no longer."""
 SHORT_S, TRUSTED, TRUSTED_PA = 0.1, 2.0, 3e4
 """A pressure that has been too low for SHORT_S justifies set-points up to TRUSTED times itself and TRUSTED_PA."""
 PATIENCE_S = 0.1
@@ -71,11 +73,11 @@ SPEED_FILTER_S = 0.02
 SLOWER = 2.0
 """A valve may lag behind by this factor more than described."""
 EXPECTED, _OVER, _HIGH, _LOW, _ANGLE, _SPEED, _WIDER, DRIVEN, _PRESSURE, _HELD_BACK, _SLOW = range(11)
-_OFF, _STEP, _STEP_AGE, _BEFORE, _HIGH_PA_S, _LOW_PA_S, _BELIEVED, _USUAL = range(11, 19)
+_OFF, _STEP, _STEP_AGE, _BEFORE, _HIGH_PA_S, _LOW_PA_S, _BELIEVED, _USUAL, _BEHIND = range(11, 20)
 """Rows of the state of `watch_pressures`. _SLOW: the expectation of a valve that lags by SLOWER times the time. _OFF:
 difference to the expectation; _BEFORE: before the _STEP that is watched; _USUAL: its mean over USUAL_S. _BELIEVED:
-set-point before the doubt."""
-_ROWS = 19
+set-point before the pressure was too low. _BEHIND: whether the set-point is still to return to what is asked."""
+_ROWS = 20
 (
     _TAU, _VENT, _FILL, _A2, _A3, _LIQUID, _GROWTH, _EXPONENT, _VOLUME, _GAS_GROWTH, _GAS_GAIN, _GAS_PER_RAD, _SUPPLY,
     _LIMIT,
@@ -206,9 +208,7 @@ def watch_pressures(s, valve, command, pressure, position, dt):  # type: ignore[
         asked, turned = command[i] + s[_HELD_BACK, i], position[i] - s[_ANGLE, i]
         band = _expect(s, valve, i, asked, position[i], dt)
         low, high = min(s[EXPECTED, i], s[_SLOW, i]) - band, max(s[EXPECTED, i], s[_SLOW, i]) + band
-        usual = BAND_PA - USUAL_PA + s[_USUAL, i]
-        if usual > 0.0:
-            low += usual
+        low += max(BAND_PA - USUAL_PA + s[_USUAL, i], 0.0)
         s[_OVER, i] = s[_OVER, i] + dt if pressure[i] > (1.0 + OVER) * valve[_LIMIT, i] else 0.0
         _lasts(s, i, _HIGH, _HIGH_PA_S, pressure[i] - high, dt)
         _lasts(s, i, _LOW, _LOW_PA_S, low - pressure[i], dt)
@@ -231,21 +231,28 @@ def watch_pressures(s, valve, command, pressure, position, dt):  # type: ignore[
 
 
 @njit(cache=True, error_model="numpy")
-def cap_pressures(s, command):  # type: ignore[no-untyped-def]
-    """Limit set-points (joints,) [Pa] in place, see `PressureWatch.hold`. s: its state (rows, joints).
+def cap_pressures(s, command, dt):  # type: ignore[no-untyped-def]
+    """Limit set-points (joints,) [Pa] in place, dt [s] after the last call, see `PressureWatch.hold`; whether one is
+    lower now.  s: state (rows, joints).
 
-    While a pressure is doubted, none is above the last one from before; a lower one may be believed sooner.
+    While a pressure is too low none is above the last one from before; afterwards they return along a ramp.
     """
+    limits = False
     for i in range(len(command)):
+        asked, short = command[i], s[_LOW, i] > 0.0 or s[_STEP, i] != 0.0
         s[_HELD_BACK, i] = 0.0
-        if s[_LOW, i] == 0.0 and s[_STEP, i] == 0.0:
-            s[_BELIEVED, i] = command[i]
-            continue
-        command[i] = min(command[i], s[_BELIEVED, i])
-        if _is_short(s, i):
+        if short:
+            command[i] = min(asked, s[_BELIEVED, i])
+        elif s[_BEHIND, i] > 0.0:
+            command[i] = min(asked, s[_BELIEVED, i] + RETURN_PA_PER_S * dt)
+        s[_BEHIND, i] = 1.0 if command[i] < asked else 0.0
+        s[_BELIEVED, i] = max(s[_BELIEVED, i], command[i]) if short else command[i]
+        if short and _is_short(s, i):
             most = max(TRUSTED * s[_PRESSURE, i], 0.0) + TRUSTED_PA
             s[_HELD_BACK, i] = max(command[i] - most, 0.0)
             command[i] -= s[_HELD_BACK, i]
+        limits |= command[i] < asked
+    return limits
 
 
 class PressureWatch:
@@ -285,9 +292,12 @@ class PressureWatch:
         angle = self._still if position is None else position
         return watch_pressures(*self.arrays, command, pressure, angle, dt)  # type: ignore[no-any-return]
 
-    def hold(self, command: Array) -> None:
-        """Limit set-points (n,) [Pa] in place to what the measured pressure justifies."""
-        cap_pressures(self._state, command)
+    def hold(self, command: Array, dt: float) -> bool:
+        """Limit set-points (n,) [Pa] in place to what the measured pressure justifies, dt [s] after the last frame.
+
+        Returns whether one is lower now.
+        """
+        return bool(cap_pressures(self._state, command, dt))
 
     def _skip(self, pressure: Array, position: Array | None) -> None:
         """Expect the measured state after a gap; how long a pressure has been off is kept."""

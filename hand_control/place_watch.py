@@ -41,8 +41,8 @@ FOLLOWS, RECENT_S = 0.65, 0.5
 ENOUGH_S = 0.03
 QUESTIONS = 2
 """Answers in a row that prove an exchange: one may be a push that ends at that moment."""
-FALL_RAD = math.radians(5.0)
-"""By how much the pressure lets a joint fall in a question."""
+FALL_RAD, STAYS = math.radians(5.0), 0.5
+"""By how much the pressure lets a joint fall in a question, and the share of its pressure that it keeps then."""
 ASKED_S = 0.4
 """Time for an answer; one that is not CLEAR counts in part from half of CLEAR on."""
 ALIKE_S = 0.3
@@ -52,12 +52,13 @@ CROSSING_RAD, CROSSING_S = math.radians(0.5), 0.05
 """Sensors that are exchanged where the angles differ by less make no step. Angles that part sooner show it: their
 speeds are exchanged, too."""
 NONE = -1
-_CAREFUL, _MOVED_S, _FROM_PA, _HELD_PA, _STATE, _UNSETTLED = range(6)
-"""Rows of a joint; _STATE: free, asked, asked and far enough, or held because its neighbour is asked; _UNSETTLED: whether a pair is open."""
-_OPEN, _SUSPECT_S, _ASKED, _ASKED_S, _ANSWER_S, _MODEL_I, _MODEL_K, _OF_I, _OF_K, _MISSED, _CONFIRMED = range(6, 17)
-_TOGETHER_S, _OLD = 17, 18
+_CAREFUL, _MOVED_S, _FROM_PA, _HELD_PA, _STATE, _UNSETTLED, _BEFORE_PA = range(7)
+"""Rows of a joint; _STATE: free, asked, asked and far enough, or held because its neighbour is asked; _UNSETTLED: whether a
+pair is open; _BEFORE_PA: set-point before the question."""
+_OPEN, _SUSPECT_S, _ASKED, _ASKED_S, _ANSWER_S, _MODEL_I, _MODEL_K, _OF_I, _OF_K, _MISSED, _CONFIRMED = range(7, 18)
+_TOGETHER_S, _OLD = 18, 19
 """Rows of a pair, in the column of its first joint; from _OLD on, what its four motions were when the angles met."""
-_ROWS = 22
+_ROWS = 23
 _FREE, _ANSWERS, _STAYS, _WAITS = range(4)
 
 
@@ -221,12 +222,14 @@ def hold_places(s, command, pressure, dt):  # type: ignore[no-untyped-def]
         if s[_STATE, i] == _ANSWERS:
             command[i] = min(command[i], s[_FROM_PA, i])
         elif s[_STATE, i] == _STAYS:
-            command[i] = min(command[i], max(pressure[i], 0.0))
+            command[i] = min(command[i], max(pressure[i], STAYS * s[_BEFORE_PA, i]))
         elif s[_STATE, i] == _WAITS:
             command[i] = min(command[i], s[_HELD_PA, i])
         elif s[_CAREFUL, i] > 0.0:
-            command[i] = min(command[i], max(s[_HELD_PA, i] + CAUTION_PA_PER_S * dt, pressure[i], 0.0))
+            command[i] = min(command[i], s[_HELD_PA, i] + CAUTION_PA_PER_S * dt)
         s[_HELD_PA, i] = command[i]
+        if s[_STATE, i] == _FREE or s[_STATE, i] == _WAITS:
+            s[_BEFORE_PA, i] = command[i]
         limits |= command[i] < asked
     return limits
 
