@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from html import escape
 from typing import Any
@@ -22,6 +23,13 @@ READ_ONLY = (
     "This page only shows the hand. It can be driven from the machine that runs the studio, or with --allow-others."
 )
 SMALLEST_NM = 0.01
+LOOKING = "waiting for the controller"
+FIND = (
+    "What does the model lack? The button moves the joint through experiments, records them and looks for the causes of"
+    " every difference from the model, until they are certain. It takes minutes; any other button ends it."
+)
+CALLS = re.compile(r"; call reset(_driver)?(, then enable)?$")
+"""What a node asks for in the words of ROS; in the page, the button Enable does it."""
 COLUMNS = ("joint", "angle deg", "pressure bar", "torque N m", "mismatch / noise", "contact")
 
 
@@ -32,7 +40,7 @@ class Panel:
         """Add everything to the page."""
         self._page, self._hand, self._inbox = page, hand, inbox
         gui = page.server.gui
-        self._status = gui.add_html(_status("looking for the hand", "", False))
+        self._status = gui.add_html(_status(LOOKING, (), ""))
         self._button("Emergency stop", "stop", color="red")
         self._record = self._button("Record", "record")
         tabs = gui.add_tab_group()
@@ -58,6 +66,7 @@ class Panel:
             self._sliders: list[Any] = [self._slider(gui, index) for index in range(len(self._hand.joints))]
 
     def _add_find(self, gui: viser.GuiApi) -> None:
+        gui.add_html(f'<div style="padding:0.4em 0.8em">{escape(FIND)}</div>')
         joint = gui.add_dropdown("joint", (ALL, *self._hand.joints))
         button = gui.add_button("Record until sure")
         button.on_click(
@@ -79,8 +88,7 @@ class Panel:
     def show(self, state: LiveState, note: str, mismatch: Array) -> None:
         """Show values and safety of the hand, a line about the last request, and the mismatch (joints,) [-]."""
         rate = f"{state.rate_hz:.0f} Hz, latency {1e3 * state.latency_s:.1f} ms" if state.joints else ""
-        problems = "; ".join(state.problems)
-        self._status.content = _status(problems or state.safety or "looking for the hand", rate, bool(problems), note)
+        self._status.content = _status(*said(state), rate, note)
         self._values.content = _table(state, dict(zip(self._hand.joints, mismatch.tolist(), strict=True)))
 
     def follow(self, reference_rad: dict[str, float]) -> None:
@@ -123,13 +131,25 @@ class Panel:
         return run
 
 
-def _status(text: str, rate: str, problem: bool, note: str = "") -> str:
-    color = "#b3261e" if problem else "inherit"
-    lines = [
-        f'<div id="safety" style="color:{color};font-weight:600">{escape(text)}</div>',
-        f"<div>{escape(rate)}</div>",
-    ]
+def said(state: LiveState) -> tuple[str, tuple[str, ...]]:
+    """What the hand does or why it does not move, and every other error that a node reports now."""
+    safety = CALLS.sub("; press Enable", state.safety)
+    reason = state.safety.partition("; call ")[0].removeprefix("vented: ")
+    others = [text for text in state.problems if not reason or reason not in text]
+    return safety or LOOKING, tuple(CALLS.sub("", text) for text in others)
+
+
+def _status(safety: str, problems: Sequence[str], rate: str, note: str = "") -> str:
+    bad = "color:#b3261e;overflow-wrap:anywhere"
+    bold = f"font-weight:600;{bad if safety.startswith('vented') else ''}"
+    lines = [f'<div id="safety" style="{bold}">{escape(safety)}</div>', f"<div>{escape(rate)}</div>"]
+    lines += [f'<div style="font-size:0.85em;{bad}">{escape(text)}</div>' for text in problems]
     return f'<div style="padding:0.4em 0.8em">{"".join(lines)}<div id="note">{escape(note)}</div></div>'
+
+
+def _fixed(value: float, digits: int) -> str:
+    """A number with so many digits, without the sign of a zero."""
+    return f"{round(value, digits) + 0.0:.{digits}f}"
 
 
 def _table(state: LiveState, mismatch: dict[str, float]) -> str:
@@ -137,8 +157,10 @@ def _table(state: LiveState, mismatch: dict[str, float]) -> str:
     rows = [f"<tr>{''.join(f'<th>{name}</th>' for name in COLUMNS)}</tr>"]
     for joint, row in state.as_json()["joints"].items():
         cells = [(row["angle_rad"], 180.0 / math.pi, 1), (row["pressure_pa"], 1e-5, 2), (row["torque_nm"], 1.0, 3)]
-        texts = ["-" if value is None else f"{value * factor:.{digits}f}" for value, factor, digits in cells]
+        texts = ["-" if value is None else _fixed(value * factor, digits) for value, factor, digits in cells]
         texts += [f"{abs(mismatch.get(joint, 0.0)):.0f}", "yes" if row["contact"] else ""]
-        rows.append(f"<tr><td>{escape(joint)}</td>{''.join(f'<td>{text}</td>' for text in texts)}</tr>")
-    style = "width:100%;font-size:0.8em;text-align:right;font-variant-numeric:tabular-nums"
+        rows.append(
+            f"<tr><td style='text-align:left'>{escape(joint)}</td>{''.join(f'<td>{text}</td>' for text in texts)}</tr>"
+        )
+    style = "width:100%;padding-right:0.6em;font-size:0.76em;text-align:right;font-variant-numeric:tabular-nums"
     return f'<table style="{style}">{"".join(rows)}</table>'

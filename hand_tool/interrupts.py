@@ -94,6 +94,11 @@ def release() -> None:
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
+def end_on_sigterm() -> None:
+    """Let SIGTERM end this subcommand like Ctrl-C, also where the caller ignores SIGINT (a script's background job)."""
+    signal.signal(signal.SIGTERM, _raise)
+
+
 def _raise(*_: object) -> None:
     _raised.set()
     raise Interrupted

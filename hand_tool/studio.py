@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import json
 import os
-import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -31,6 +30,8 @@ if TYPE_CHECKING:
     from hand_client.node import HandClient
     from hand_studio.page import Page
 
+ALONE_S = 1.0
+"""Time in which a hand that runs already is discovered before another one is started; `Watch` finds it later, too."""
 HEARD_S = 4.0
 """Time in which a hand that runs already is heard; discovery takes up to 2.7 s."""
 READY_S = 60.0
@@ -97,21 +98,26 @@ def studio(
         link = Link(serial, can, can_interface) if serial or can or sim else None
         with ExitStack() as stack:
             interrupts.release()
-            signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))  # ends the hand in the same order
+            interrupts.end_on_sigterm()
+            from hand_client.node import HandClient
+
+            checks: list[Callable[[], None]] = [interrupts.check]
+            client = HandClient(namespace, CLIENT, _all(checks))
+            begun_s = time.monotonic()
             nodes = Processes(Path(stack.enter_context(TemporaryDirectory())))
             stack.enter_context(nodes)
-            for command in node_commands(link, namespace, joint_prefix, chosen.path) if link else ():
-                nodes.start(command[0], command)
-            from hand_client.node import HandClient  # the nodes start meanwhile
-            from hand_studio.inbox import Inbox
+            stack.enter_context(client)
+            from hand_studio.inbox import Inbox  # other nodes are discovered meanwhile
             from hand_studio.live_page import LivePage
             from hand_tool.until_sure import Experiments
 
             page = Page(listen, port, allow_others=allow_others)
             stack.callback(page.close)
-            checks: list[Callable[[], None]] = [interrupts.check]
-            client = HandClient(namespace, CLIENT, _all(checks))
-            stack.enter_context(client)
+            if link is not None:
+                client.until(lambda: _runs_already(client, 0), max(ALONE_S - time.monotonic() + begun_s, 0.0))
+                check_alone(client, 0)
+                for command in node_commands(link, namespace, joint_prefix, chosen.path):
+                    nodes.start(command[0], command)
             live = LivePage(page, client, hand, grasps, Inbox())
             checks.append(live.check)
             _announce(page, client.namespace, browser, as_json)
@@ -120,6 +126,18 @@ def studio(
                 study = Experiments(hand, chosen.path, out)
                 live.run(recorder, study, Watch(client, nodes, started=link is not None))
             note("hand studio: ended" if link is None else "hand studio: vented, nodes ended")
+
+
+def _runs_already(client: HandClient, own: int) -> bool:
+    """Whether there are more controllers, drivers or simulations in the namespace than `own` of either kind."""
+    names = client.others()
+    return names.count("controller") > own or names.count("driver") + names.count("simulation") > own
+
+
+def check_alone(client: HandClient, own: int) -> None:
+    """Raise ValueError, one line, where a hand runs already. own: controllers that this command has started."""
+    if _runs_already(client, own):
+        raise ValueError(f"a hand runs already in {client.namespace}; show it with: hand studio; or end it")
 
 
 def _all(checks: Sequence[Callable[[], None]]) -> Callable[[], None]:
@@ -164,6 +182,8 @@ class Watch:
         waited_s = time.monotonic() - self._begun_s
         self._heard = self._heard or bool(self._client.state.joints)
         if waited_s < HEARD_S:
+            if self._started:
+                check_alone(self._client, 1)
             if CLIENT in self._client.others():
                 raise ValueError(f"a studio of {self._client.namespace} runs already; end it, or use its page")
             return

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -60,7 +59,7 @@ def up(
         chosen.print(as_json)
         nodes = node_commands(Link(serial, can, can_interface, enabled), namespace, joint_prefix, chosen.path)
         with _client(namespace, "up") as client:
-            signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))  # ends the hand in the same order
+            interrupts.end_on_sigterm()
             if client.until(lambda: bool(client.state.joints), ALONE_S):
                 raise ValueError(f"a hand runs already in {client.namespace}; end it, or choose another --namespace")
             try:

@@ -210,6 +210,19 @@ def test_up_runs_a_board_on_a_serial_line(stack: Stack, terminal: Terminal) -> N
     assert re.fullmatch(r"driver and controller of 11 joints run in /other at \d+ Hz: vented: not enabled\n", line)
 
 
+def test_sigterm_ends_a_hand_that_a_script_started_in_the_background(terminal: Terminal) -> None:
+    """Fails when `hand up` ignores SIGTERM where its caller ignores SIGINT, as a shell script does with `&`."""
+    command = " ".join([*TOOL, "up", "--sim", "--namespace", "behind"])
+    environment = os.environ | {"ROS_HOME": str(terminal.folder / "behind")}
+    started = ["bash", "-c", f"trap '' INT; exec {command}"]
+    process = subprocess.Popen(started, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    assert process.stdout is not None
+    assert "run in /behind" in process.stdout.readline()
+    process.terminate()
+    code, _, err = end(process)
+    assert code == 0 and err.endswith("hand up: vented, nodes ended\n")
+
+
 def test_ctrl_c_ends_the_hand_that_up_started(terminal: Terminal) -> None:
     """Fails when a node survives `hand up`, the last command is not 0 Pa, or nodes do not say that they run."""
     client, nodes = terminal.client, children(terminal.up)

@@ -190,9 +190,10 @@ def test_what_if_changes_the_curve_until_it_is_reset(studio: Studio) -> None:
 
 
 def test_what_cannot_be_served_is_one_line(studio: Studio) -> None:
-    """Fails when a second studio or a hand that is not there does not end with code 2 and its reason."""
+    """Fails when a second studio, a second hand or a hand that is not there does not end with code 2 and its reason."""
     expected = {
         (): "a studio of /hand runs already",
+        ("--sim",): "a hand runs already in /hand; show it with: hand studio",
         ("--namespace", "nobody"): "no hand runs in /nobody; start one with: hand studio --sim",
     }
     command = (*TOOL, "studio", "--no-browser", "--quiet")

@@ -11,10 +11,12 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+from hand_client.live_state import ERROR, LiveState
 from hand_model.geometry import Shape, pose, rotation_about
 from hand_studio.hand_meshes import mesh, quaternion
 from hand_studio.inbox import Inbox, Request
 from hand_studio.page import check_address, may_drive
+from hand_studio.panel import LOOKING, said
 from hand_tool import studio
 from hand_tool.cli import app
 
@@ -115,3 +117,22 @@ def test_what_the_studio_lacks_is_named(tmp_path: Path, monkeypatch: pytest.Monk
     answer = CliRunner().invoke(app, ["studio", "--sim"])
     assert answer.exit_code == 2 and "pip install 'fluidic_hand[studio]'" in answer.output
     assert len(answer.output.splitlines()) == 1
+
+
+def test_the_status_says_once_why_the_hand_does_not_move() -> None:
+    """Fails when a reason stands there twice, other errors are lost, or a button has the name of a service."""
+    assert said(LiveState()) == (LOOKING, ())
+    reason = "emergency stop: a message arrived on emergency_stop"
+    vented = f"vented: {reason}; call reset, then enable"
+    state = LiveState(
+        statuses={
+            "controller: safety": (ERROR, vented),
+            "simulation: safety": (ERROR, f"vented: {reason}; call reset_driver"),
+            "controller: board": (ERROR, f"the driver holds the hand vented: {reason}; call reset_driver"),
+            "recorder: disk": (ERROR, "the disk is full"),
+            "controller: rate": (0, "OK"),
+        }
+    )
+    assert said(state) == (f"vented: {reason}; press Enable", ("recorder: disk: the disk is full",))
+    late = LiveState(statuses={"controller: safety": (1, "sensor data is late")})
+    assert said(late) == ("sensor data is late", ())
