@@ -1,4 +1,4 @@
-# The stack on ROS 2 Jazzy from apt, as README describes it for a workspace.
+# The stack on ROS 2 Jazzy from apt, as docs/use.md describes it for a workspace.
 #   docker build -t fluidic_hand . && docker run --rm -it fluidic_hand
 FROM ros:jazzy
 SHELL ["/bin/bash", "-o", "pipefail", "-c"]

@@ -2,8 +2,9 @@
 SHELL := bash
 PYTHON ?= python3
 VENV := .venv
-# `make demo` installs what runs; every other target also what tests, benches and the proof import.
+# `make demo` installs what runs, `make studio` also the page; other targets what tests, benches and the proof import, too.
 BASE := $(VENV)/.base
+VIEWED := $(VENV)/.studio
 CHECKED := $(VENV)/.full
 BUILT := install/.built
 RUNNING := requirements-ros.txt requirements.txt
@@ -30,9 +31,10 @@ export ROS_DOMAIN_ID ?= $(shell echo $$(( $$$$ % 90 + 10 )))
 # Only these files need another build.
 BUILD_INPUTS := $(wildcard hand_msgs/*/* hand_msgs/* config config/layouts urdf launch/* tools/nodes/* hand_*/__init__.py hand_*/*/__init__.py validation/__init__.py validation/*/__init__.py setup.py package.xml resource/*)
 
-.PHONY: help demo test lint bench faults soak proof machines figures mutate docs build wheelhouse clean
+.PHONY: help studio demo test lint bench faults soak proof machines figures mutate docs build wheelhouse clean
 
 help:
+	@echo "make studio      the simulated hand in the browser; Ctrl-C ends it"
 	@echo "make demo        simulated hand, controller and recorder over ROS 2; results in out/demo"
 	@echo "make test        lint, types and all tests"
 	@echo "make bench       speed and quality into out/bench.json, about half an hour"
@@ -46,6 +48,9 @@ help:
 	@echo "make build       set-up only; then: source env.bash"
 	@echo "make wheelhouse  all requirements as wheels into out/wheelhouse; offline: make demo WHEELHOUSE=out/wheelhouse"
 	@echo "make clean       remove everything that was installed and built here"
+
+studio: $(BUILT) $(VIEWED)
+	$(RUN) hand studio --sim
 
 demo: $(BUILT)
 	$(RUN) hand demo --out out/demo
@@ -112,9 +117,13 @@ $(BASE): $(RUNNING) tools/bootstrap.sh
 	bash tools/bootstrap.sh $(PYTHON) $(VENV) $(RUNNING) $(OFFLINE)
 	touch $@
 
+$(VIEWED): $(BASE) requirements-studio.txt
+	bash tools/bootstrap.sh $(PYTHON) $(VENV) $(RUNNING) requirements-studio.txt $(OFFLINE)
+	touch $@
+
 $(CHECKED): $(BASE) $(CHECKING)
 	bash tools/bootstrap.sh $(PYTHON) $(VENV) $(RUNNING) $(CHECKING) $(OFFLINE)
-	touch $@
+	touch $(VIEWED) $@
 
 $(ACTIONS): $(BUILT) $(wildcard test/interfaces/*/* test/interfaces/*/*/*)
 	$(RUN) python -c "import control_msgs" 2> /dev/null && [ ! -d install/control_msgs ] || colcon build --symlink-install --base-paths test/interfaces --event-handlers console_cohesion+ status-

@@ -44,9 +44,9 @@ def test_everything_that_the_dockerfile_copies_or_runs_is_there() -> None:
     assert (ROOT / "launch" / launch).is_file()
 
 
-def test_the_container_follows_the_route_of_the_readme() -> None:
-    """Fails when README, Dockerfile and devcontainer build the workspace in different ways."""
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+def test_the_container_follows_the_route_of_the_documents() -> None:
+    """Fails when docs/use.md, Dockerfile and devcontainer build the workspace in different ways."""
+    readme = (ROOT / "docs" / "use.md").read_text(encoding="utf-8")
     docker = (ROOT / "Dockerfile").read_text(encoding="utf-8")
     container = json.loads((ROOT / ".devcontainer" / "devcontainer.json").read_text(encoding="utf-8"))
     for text in (readme, docker, container["postCreateCommand"]):

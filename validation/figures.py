@@ -95,6 +95,7 @@ PARTS: dict[str, Part] = {
     "python -m hand_model.tables # parameters": Part("", _code("hand_model.kernel.rows", "markdown_table")),
     "python -m validation.figures # settings": Part("", _code("hand_diagnosis.settings_table", "markdown_table")),
     "python -m validation.figures # python": Part("", _code("validation.api_page", "markdown")),
+    "python -m validation.figures # commands": Part("", _code("validation.command_page", "markdown")),
     "python -m validation.figures # hand": Part("", picture=hand_picture.PICTURE),
     "hand reproduce --out out/paper": Part("paper", tables.paper_table),
     "hand reproduce --out out/paper # overview": Part("paper", tables.paper_overview),
