@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import runpy
 from collections.abc import Iterator
 from pathlib import Path
@@ -35,3 +36,18 @@ def test_links_out_of_the_site_become_names() -> None:
     assert hook(text) == "the examples (`examples/README.md`) and [the model](model.md#effects)"
     with pytest.raises(FileNotFoundError, match="no/such"):
         hook("[a](../no/such)")
+
+
+def test_code_and_paragraphs_of_list_items_are_indented_for_the_site() -> None:
+    """Fails when a paragraph or code inside a list item is indented for GitHub alone.
+
+    The site needs a multiple of four spaces, else code becomes prose and the next item begins again at 1.
+    """
+    wrong = []
+    for path in sorted((ROOT / "docs").glob("*.md")):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        for number, (before, line) in enumerate(itertools.pairwise(lines), 2):
+            spaces = len(line) - len(line.lstrip())
+            if line and not before and spaces % 4:
+                wrong.append(f"{path.name}:{number}: {spaces} spaces")
+    assert wrong == []
