@@ -11,13 +11,22 @@ from hand_diagnosis.certificate import Certificate, certify
 from hand_diagnosis.completion import on_everything
 from hand_diagnosis.data_check import check, repeatability
 from hand_diagnosis.findings import Finding, JointResult, ranked_findings
-from hand_diagnosis.hypotheses import Isolability, isolability, log_evidence, log_likelihood
+from hand_diagnosis.hypotheses import Isolability, isolability, log_likelihood
 from hand_diagnosis.onset import LeftOut, leave_one_out, search_with_onset, with_onset, withdrawn_rows
 from hand_diagnosis.remainders import Remainder, RemainderLaw, remainders, verdict
 from hand_diagnosis.search import JointSearch, rough_evidence, search_joint
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.splits import ErrorsOnTest, evaluate_test, fit_part, spared_last, swings_freely
+from hand_diagnosis.splits import (
+    ErrorsOnTest,
+    evaluate_test,
+    exchanged,
+    fit_part,
+    spared_last,
+    stretch_of_test,
+    swings_freely,
+)
 from hand_diagnosis.task import (
+    Prepared,
     Task,
     effects_not_offered,
     effects_without,
@@ -26,6 +35,7 @@ from hand_diagnosis.task import (
     moving_joints,
     not_judged,
     put_partner,
+    tolerant,
 )
 from hand_diagnosis.verdict import stage_results, with_other_splits
 from hand_identification.free_parameters import FARTHEST, WIDE, FreeParameter, nominal_free_parameters
@@ -130,7 +140,7 @@ def diagnose(
         reruns = [without_sensor_curve(recording, model) for recording in reruns]
     lines = [line for each in (*checked, *checked_reruns) for line in (*each.signals.notes, *each.lines)]
     task = Task(signals, model, wanted, effects, tolerance, seed, repeatability(signals, reruns))
-    task, more = _tolerant(task)
+    task, more = tolerant(task)
     lines += more
     done, failed = [], {}
     for number, joint in enumerate(wanted):
@@ -141,7 +151,7 @@ def diagnose(
         progress(joint)
     done = _without_unshared(task, _beside_models(task, done))
     lines += [line for result in done for line in _at_bounds(result)]
-    lines += [line for result in done for line in _withdrawals(result)]
+    lines += [line for result in done for line in (*_withdrawals(result), *_exchanges(result))]
     lines += [each.statement(wording) for result in done for each in result.broken]
     lines += effects_not_offered(model)
     findings, left = ranked_findings(done, signals), remainders(done)
@@ -158,46 +168,19 @@ def diagnose(
     )
 
 
-def _tolerant(task: Task) -> tuple[Task, list[str]]:
-    """The task with a larger tolerance where most joints ask for larger changes of their numbers, and a line about it.
-
-    Empirical Bayes: a larger tolerance replaces a smaller one where the plain models of all joints together have
-    clearly more evidence with it. The gain of a joint is bounded, because it may have an effect; at least
-    min_tolerance_joints joints are needed, and most of them must gain.
-    """
-    if len(task.joints) < SETTINGS.min_tolerance_joints:
-        return task, []
-    known = task.nominal_fits()
-    if np.median([_moved(fit) for _, fit in known]) < SETTINGS.tolerance_moved:
-        return task, []
-    best, evidence = task, np.array([log_evidence(problem, fit) for problem, fit in known])
-    most = SETTINGS.strong_log_evidence
-    for factor in SETTINGS.tolerance_factors:
-        tried = replace(task, tolerance=factor * task.tolerance, _rough={}, _inflows={})
-        other = np.array([log_evidence(problem, fit) for problem, fit in tried.nominal_fits()])
-        gain = other - evidence
-        if np.median(gain) > 0.0 and float(np.clip(gain, -most, most).sum()) > SETTINGS.min_log_evidence:
-            best, evidence = tried, other
-    if best is task:
-        return task, []
-    used, given = f"{100.0 * best.tolerance:.3g} %", f"{100.0 * task.tolerance:.3g} %"
-    line = f"most joints ask for larger changes of the nominal numbers than the tolerance of {given}; {used} is used"
-    return best, [f"{line}, so that small effects may go unnoticed: identify the numbers of the hand first"]
-
-
-def _moved(fit: MapFit) -> float:
-    """RMS change of the numbers of a plain model, in tolerances, over as many of them as its data determine.
-
-    A number of which the data know nothing stays where it is, whatever the tolerance.
-    """
-    known = float(np.sum(1.0 - np.diag(fit.covariance)))
-    return float(np.sqrt(np.sum(fit.z**2) / max(known, 1.0)))
-
-
 def _withdrawals(result: JointDiagnosis) -> list[str]:
     """Lines about effects that were withdrawn."""
     rows = withdrawn_rows(result.joint, result.left_out, result.withdrawn)
     return [f"{row['joint']}: {row['effect']} is withdrawn: {row['reason']}" for row in rows]
+
+
+def _exchanges(result: JointDiagnosis) -> list[str]:
+    """A line where not the last part of the recording is test data."""
+    if result.whole is None or result.whole.spared is None:
+        return []
+    begin, end = stretch_of_test(result.whole)
+    why = "only the last part of the recording shows what is found"
+    return [f"{result.joint}: {why}, so it is fitted; the test data are {begin:.1f} to {end:.1f} s"]
 
 
 def _reads_through_curve(
@@ -246,12 +229,35 @@ def _diagnose_joint(
     without: an effect to leave out.
     """
     ready = task.prepare(joint)
-    whole = ready.problem
     if partner:
-        put_partner(whole, partner)
-    problem = fit_part(whole)
+        put_partner(ready.problem, partner)
     effects = [effect for effect in task.effects if effect.name != without]
     rng = np.random.default_rng([task.seed, *seed])
+    found = _searched(task, wording, ready, ready.problem, effects, rng)
+    other = exchanged(ready.problem) if _shows_late(found) else None
+    if other is None:
+        return found
+    later = _searched(task, wording, ready, other, effects, rng)
+    explained = later.search.accepted and not any(stage.remains for stage in later.results)
+    return later if explained or (later.search.accepted and not found.search.accepted) else found
+
+
+def _shows_late(found: JointDiagnosis) -> bool:
+    """Whether a signal differs on test data, and not on training data, which so cannot show why."""
+    on_test = [stage for stage in found.results if stage.remains_on("test")]
+    return any(not stage.remains_on("train") for stage in on_test)
+
+
+def _searched(
+    task: Task,
+    wording: Wording,
+    ready: Prepared,
+    whole: JointProblem,
+    effects: Sequence[Effect],
+    rng: np.random.Generator,
+) -> JointDiagnosis:
+    """One joint by a search on the fitted part of a problem. whole: that of `ready`, perhaps with other test data."""
+    joint, problem = whole.joint, fit_part(whole)
 
     def again(changed: JointProblem, laws: bool) -> JointSearch:
         return search_joint(changed, effects, ready.free, rng, ready.start, laws=laws)

@@ -159,10 +159,10 @@ class FitSettings:
         (0.1, 0.3, 1.0, 2.5, 6.0), "-", "Shares of the way to each probe at which starts are simulated.", CHOICE,
         "Large effects start too far away.", "Small effects start too far away.")
     restart_points: int = setting(
-        160, "points", "Points elsewhere in the numbers of a leading effect, simulated where it leaves more than noise.",
-        CHOICE, "Right effects stay in a wrong minimum.", "The search takes longer.")
+        160, "points", "Points elsewhere in the numbers of a leading effect that leaves more than noise.", CHOICE,
+        "Right effects stay in a wrong minimum.", "The search takes longer.")
     restart_fits: int = setting(
-        3, "fits", "Number of the cheapest of them from which its fit starts again.", CHOICE,
+        4, "fits", "Number of the cheapest of them from which its fit starts again.", CHOICE,
         "Right effects stay in a wrong minimum.", "The search takes longer.")
     restart_reach: float = setting(
         2.5, "prior standard deviations", "Range of these points around the mode of the prior.", CHOICE,

@@ -11,7 +11,7 @@ from hand_diagnosis.diagnosis import JointDiagnosis
 from hand_diagnosis.headline import effect_words
 from hand_diagnosis.laws import LawCurve
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.splits import first_test_samples, residuals_on_test, swings_freely
+from hand_diagnosis.splits import residuals_on_test, spans_of_test, swings_freely
 from hand_diagnosis.verdict import describe, states_of
 from hand_identification.joint_problem import Segment
 from hand_identification.map_fit import MapFit
@@ -221,26 +221,28 @@ def _residuals(joint: JointDiagnosis, fit: MapFit, stage: int) -> list[Array]:
 
 def _fitted(joint: JointDiagnosis) -> list[int]:
     """Numbers of the recordings that hold training and validation data."""
-    cuts = _cuts(joint)
-    return [k for k, cut in enumerate(cuts) if cut > 0]
+    return [k for k, (begin, _) in enumerate(_tested(joint)) if begin > 0]
 
 
-def _cuts(joint: JointDiagnosis) -> list[int]:
-    """First sample of the test data of each recording; its length where it holds none."""
-    problem = joint.search.problem
-    return [len(s.angle_rad) for s in problem.segments] if joint.whole is None else first_test_samples(joint.whole)
+def _tested(joint: JointDiagnosis) -> list[tuple[int, int]]:
+    """Span of samples of the test data of each recording; empty where it holds none."""
+    if joint.whole is not None:
+        return spans_of_test(joint.whole)
+    lengths = [len(s.angle_rad) for s in joint.search.problem.segments]
+    return [(count, count) for count in lengths]
 
 
 def _spans(joint: JointDiagnosis, k: int) -> list[tuple[float, float, str]]:
     """Validation and test data of a recording [s]."""
     segment: Segment = (joint.whole or joint.search.problem).segments[k]
-    cut, period = _cuts(joint)[k], segment.period_s
+    (begin, end), period = _tested(joint)[k], segment.period_s
     held: Flags = np.zeros(len(segment.angle_rad), dtype=bool)
     if k in _fitted(joint):
         part = joint.search.problem.segments[_fitted(joint).index(k)]
         held[: len(part.block)] = joint.search.problem.held_out[part.block]
-    spans = [(period * begin, period * end, "validation") for begin, end in runs(held)]
-    return [*spans, (period * cut, period * len(held), "test")] if cut < len(held) else spans
+        held[begin:end] = False
+    spans = [(period * first, period * last, "validation") for first, last in runs(held)]
+    return [*spans, (period * begin, period * end, "test")] if begin < end else spans
 
 
 def _errors(joint: JointDiagnosis, stage: int) -> str:

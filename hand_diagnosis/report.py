@@ -171,17 +171,20 @@ def _separating(diagnosis: Diagnosis, finding: Finding, rival: str, otherwise: s
 def fit_rows(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Errors before and after, on training, validation and test data, per joint and signal in its unit.
 
-    `after` is the error of model.yaml: with the law of a remainder where one is kept.
+    `after` is the error of model.yaml: with the law of a remainder where one is kept.  noise_floor: of the split.
+    undetermined: what the fitted data leave open of the prediction, RMS; a test error of this size is no failure.
     """
     laws = {(left.joint, left.learned.stage): left.learned for left in diagnosis.remainder if left.learned}
     rows = []
     for joint, result in ((each, stage) for each in diagnosis.joints for stage in each.results):
         scale, unit = joint.wording.signal_units[result.stage]
         where = {"joint": joint.joint, "signal": joint.wording.signals[result.stage], "unit": unit}
-        floor = {"noise_floor": scale * result.noise}
+        own = {each.split: each for each in result.elsewhere}
         for split, errors in errors_by_split(joint, result.stage, laws.get((joint.joint, result.stage))).items():
             before, after = (scale * error for error in errors)
-            rows.append(where | {"split": split, "rmse_before": before, "rmse_after": after} | floor)
+            floor, left_open = (own[split].noise, own[split].undetermined) if split in own else (result.noise, 0.0)
+            floors = {"noise_floor": scale * floor, "undetermined": scale * left_open}
+            rows.append(where | {"split": split, "rmse_before": before, "rmse_after": after} | floors)
     return rows
 
 

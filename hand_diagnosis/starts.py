@@ -96,26 +96,31 @@ class _Way:
 
 
 def around(problem: JointProblem, fit: MapFit, rows: set[int], rng: np.random.Generator) -> list[Array]:
-    """The cheapest points (free,) that differ from a fit in one or two of the numbers of these rows.
+    """The cheapest points (free,) that differ from a fit in one or two of the numbers of these rows, of each pair one.
 
     Each number takes values over its range, within SETTINGS.restart_reach prior standard deviations of its mode, and
-    its bounds, where a form often ends. A quarter of the points releases the nominal numbers, which a fit in a wrong minimum
-    has shifted.
+    its bounds, where a form often ends. A quarter of the points releases the nominal numbers, which a fit in a wrong
+    minimum has shifted.
     """
     own = [k for k, p in enumerate(fit.free) if p.row in rows]
     if not own:
         return []
-    released = np.array([p.row in rows or not _has_expected_value(p) for p in fit.free])
-    points = np.tile(fit.z, (SETTINGS.restart_points, 1))
+    released = np.array([p.row not in rows and _has_expected_value(p) for p in fit.free])
+    points, changed = np.tile(fit.z, (SETTINGS.restart_points, 1)), []
     for number, point in enumerate(points):
         if number % 4 == 0:
-            point[~released] = 0.0
-        for k in rng.choice(own, size=min(2 if number % 4 else 1 + number // 4 % 2, len(own)), replace=False):
+            point[released] = 0.0
+        numbers = rng.choice(own, size=min(1 + (number % 4 > 0), len(own)), replace=False)
+        for k in numbers:
             point[k] = _anywhere(fit.free[k], rng)
+        changed.append(frozenset(numbers.tolist()))
     costs = costs_at(problem, fit.free, np.vstack([fit.z, points]))
-    # A number that does not act where the fit ended changes nothing: from there, the fit would return.
-    other = [k for k in np.argsort(costs[1:], kind="stable") if _differs(costs[1 + k], costs[0])]
-    return [points[k] for k in other[: SETTINGS.restart_fits]]
+    best: dict[frozenset[int], int] = {}
+    for k in np.argsort(costs[1:], kind="stable"):
+        # A number that does not act where the fit ended changes nothing: from there, the fit would return.
+        if _differs(costs[1 + k], costs[0]):
+            best.setdefault(changed[k], int(k))
+    return [points[k] for k in list(best.values())[: SETTINGS.restart_fits]]
 
 
 def _differs(cost: float, reference: float) -> bool:

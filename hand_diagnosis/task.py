@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hand_diagnosis.data_check import Checked
+from hand_diagnosis.hypotheses import log_evidence
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.splits import fit_part
 from hand_identification.driving import accelerations, inflow, shape_driving
@@ -184,6 +185,42 @@ class Task:
     def _holding(self, joint: str) -> list[int]:
         """Numbers of the recordings that hold a joint; their names need not differ."""
         return [number for number, recording in enumerate(self.signals) if joint in recording.joints]
+
+
+def tolerant(task: Task) -> tuple[Task, list[str]]:
+    """The task with a larger tolerance where most joints ask for larger changes of their numbers, and a line about it.
+
+    Empirical Bayes: a larger tolerance replaces a smaller one where the plain models of all joints together have
+    clearly more evidence with it. The gain of a joint is bounded, because it may have an effect; at least
+    min_tolerance_joints joints are needed, and most of them must gain.
+    """
+    if len(task.joints) < SETTINGS.min_tolerance_joints:
+        return task, []
+    known = task.nominal_fits()
+    if np.median([_moved(fit) for _, fit in known]) < SETTINGS.tolerance_moved:
+        return task, []
+    best, evidence = task, np.array([log_evidence(problem, fit) for problem, fit in known])
+    most = SETTINGS.strong_log_evidence
+    for factor in SETTINGS.tolerance_factors:
+        tried = replace(task, tolerance=factor * task.tolerance, _rough={}, _inflows={})
+        other = np.array([log_evidence(problem, fit) for problem, fit in tried.nominal_fits()])
+        gain = other - evidence
+        if np.median(gain) > 0.0 and float(np.clip(gain, -most, most).sum()) > SETTINGS.min_log_evidence:
+            best, evidence = tried, other
+    if best is task:
+        return task, []
+    used, given = f"{100.0 * best.tolerance:.3g} %", f"{100.0 * task.tolerance:.3g} %"
+    line = f"most joints ask for larger changes of the nominal numbers than the tolerance of {given}; {used} is used"
+    return best, [f"{line}, so that small effects may go unnoticed: identify the numbers of the hand first"]
+
+
+def _moved(fit: MapFit) -> float:
+    """RMS change of the numbers of a plain model, in tolerances, over as many of them as its data determine.
+
+    A number of which the data know nothing stays where it is, whatever the tolerance.
+    """
+    known = float(np.sum(1.0 - np.diag(fit.covariance)))
+    return float(np.sqrt(np.sum(fit.z**2) / max(known, 1.0)))
 
 
 def _copied(segment: Segment) -> Segment:

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from hand_diagnosis.hypotheses import validation_rmse
 from hand_diagnosis.laws import posterior_covariance
+from hand_diagnosis.noise import noise_on, noise_on_test
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.splits import ErrorsOnTest, noise_on, noise_on_test, residuals_on_test
+from hand_diagnosis.splits import ErrorsOnTest, residuals_on_test
 from hand_identification.joint_problem import CORRELATION_S, STAGES, JointProblem, Segment
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array, Flags
@@ -35,13 +36,16 @@ BOTH_WAYS = {"angle", "pressure", "set-point"}
 class Excess:
     """Error [SI] of a signal beyond the noise, before and after, on train, validation or test data.
 
-    independent: samples of the split that count as independent (joint_problem.CORRELATION_S).
+    independent: samples of the split that count as independent (joint_problem.CORRELATION_S).  noise: of the split.
+    undetermined: what the fit leaves open of the predictions there, which counts as noise.
     """
 
     split: str
     before: float
     after: float
     independent: float
+    noise: float
+    undetermined: float = 0.0
 
     @property
     def left(self) -> float:
@@ -105,7 +109,7 @@ class StageResult:
     @property
     def most_left(self) -> Excess:
         """The split on which what is left is most probably other physics; validation data among equals."""
-        own = Excess("validation", self.excess_before, self.excess_after, self.independent)
+        own = Excess("validation", self.excess_before, self.excess_after, self.independent, self.noise)
         return max((own, *self.elsewhere), key=self._log_odds)
 
     def _log_odds(self, excess: Excess) -> float:
@@ -128,6 +132,10 @@ class StageResult:
     def remains(self) -> bool:
         """Whether what is left is more probably other physics than not."""
         return self._log_odds(self.most_left) > 0.0
+
+    def remains_on(self, split: str) -> bool:
+        """The same for training or test data alone."""
+        return any(self._log_odds(each) > 0.0 for each in self.elsewhere if each.split == split)
 
     @property
     def claimed(self) -> bool:
@@ -167,20 +175,22 @@ def with_other_splits(
     train = ~problem.held_out
     counts = problem.block_counts[:, train].sum(axis=1)
     errors = [np.sqrt(fit.squares[:, train].sum(axis=1) / np.maximum(counts, 1.0)) for fit in fits]
-    splits = [("train", errors, noise_on(problem, fits[1], train), problem.effective_counts(train))]
+    none = np.zeros(len(counts))
+    splits = [("train", errors, noise_on(problem, fits[1], train), none, problem.effective_counts(train))]
     if test is not None:
         covariance = posterior_covariance(problem, fits[1])
-        noise = noise_on_test(whole, problem, fits[1], covariance, free_axis=free_axis)
+        noise, open_ = noise_on_test(whole, problem, fits[1], covariance, free_axis=free_axis)
         samples = test.counts.sum(axis=1) * min(problem.segments[0].period_s / CORRELATION_S, 1.0)
-        splits.append(("test", [test.rmse(0), test.rmse(1)], noise, samples))
+        splits.append(("test", [test.rmse(0), test.rmse(1)], noise, open_, samples))
     found = []
     for result in results:
-        stage = result.stage
-        elsewhere = [
-            Excess(name, _beyond(before[stage], noise[stage]), _beyond(after[stage], noise[stage]), samples[stage])
-            for name, (before, after), noise, samples in splits
-            if np.isfinite(noise[stage]) and np.isfinite(after[stage])
-        ]
+        k = result.stage
+        elsewhere = []
+        for name, errors, noise, left_open, samples in splits:
+            if np.isfinite(noise[k]) and np.isfinite(errors[1][k]):
+                own = float(np.hypot(noise[k], left_open[k]))
+                beyond = (_beyond(error[k], own) for error in errors)
+                elsewhere.append(Excess(name, *beyond, samples[k], float(noise[k]), float(left_open[k])))
         found.append(replace(result, elsewhere=tuple(elsewhere)))
     return found
 

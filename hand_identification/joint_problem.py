@@ -80,6 +80,7 @@ class JointProblem:
     switched: rows that have their nominal values while Segment.acts is False; the prediction is that of the plant
     without them there, and that of the plant that always had them elsewhere.
     holds_out: whether there are validation blocks; without, every block is fitted.
+    spared: first sample and the one behind the last of the test data of the only recording; None: the usual ones.
     """
 
     joint: str
@@ -92,6 +93,7 @@ class JointProblem:
     floor: Array = field(default_factory=lambda: np.array(FLOOR))
     switched: tuple[int, ...] = ()
     holds_out: bool = True
+    spared: tuple[int, int] | None = None
 
     @property
     def claimable(self) -> Array:

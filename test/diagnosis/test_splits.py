@@ -11,7 +11,7 @@ from hand_diagnosis import diagnosis, read_recording
 from hand_diagnosis.diagnosis import diagnose
 from hand_diagnosis.report import document
 from hand_diagnosis.search import search_joint
-from hand_diagnosis.splits import evaluate_test, first_test_samples, fit_part, spared_last
+from hand_diagnosis.splits import evaluate_test, fit_part, spans_of_test, spared_last
 from hand_diagnosis.task import Task
 from hand_identification.map_fit import map_fit
 from hand_model.description import Hand
@@ -30,7 +30,7 @@ def signals(hand: Hand) -> Signals:
 def test_the_last_fifth_or_a_whole_recording_is_spared(hand: Hand, signals: Signals) -> None:
     """Fails when test data are too few, reach into the fit part, or are taken from every one of many recordings."""
     whole = Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem
-    cut = first_test_samples(whole)[0]
+    cut = spans_of_test(whole)[0][0]
     assert 0.7 < cut / signals.samples <= 0.8  # the cut is at the border of a block
     part = fit_part(whole)
     assert len(part.segments[0].angle_rad) == cut

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from hand_diagnosis.diagnosis import Diagnosis, diagnose
-from hand_diagnosis.splits import first_test_samples, noise_law
+from hand_diagnosis.noise import noise_law
+from hand_diagnosis.splits import spans_of_test
 from hand_identification.joint_data import joint_problem
 from hand_model.arrays import Array
 from hand_model.description import Hand
@@ -56,7 +57,7 @@ def bump(signals: Signals, hand: Hand) -> Array:
 
 def wave(signals: Signals, hand: Hand) -> Array:
     """A slow wave (T,) [rad] that begins with the test data."""
-    cut = first_test_samples(joint_problem([signals], hand, JOINT))[0]
+    cut = spans_of_test(joint_problem([signals], hand, JOINT))[0][0]
     after_s = np.maximum(np.arange(signals.samples) - cut, 0) * signals.period_s
     return np.asarray(SIZE_RAD * np.sin(2.0 * np.pi * after_s / 5.0))
 

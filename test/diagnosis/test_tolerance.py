@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from hand_diagnosis.diagnosis import _tolerant, diagnose
-from hand_diagnosis.task import Task
+from hand_diagnosis.diagnosis import diagnose
+from hand_diagnosis.task import Task, tolerant
 from hand_identification.free_parameters import NOMINAL_KEYS
 from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
@@ -32,7 +32,7 @@ def recorded(true: Hand, nominal: Hand, share: float) -> tuple[Signals, Hand]:
 def tolerance_of(true: Hand, nominal: Hand, share: float, joints: list[str]) -> float:
     """The tolerance with which the joints are diagnosed."""
     signals, model = recorded(true, nominal, share)
-    return _tolerant(Task([signals], model, joints, [], TOLERANCE, 0, {}))[0].tolerance
+    return tolerant(Task([signals], model, joints, [], TOLERANCE, 0, {}))[0].tolerance
 
 
 def test_wrong_numbers_of_all_joints_are_no_effects(hand: Hand) -> None:

@@ -44,8 +44,8 @@ def test_even_odds_where_the_tolerated_error_is_left() -> None:
 @pytest.mark.parametrize("split", ["train", "test"])
 def test_what_is_left_counts_wherever_it_is(split: str) -> None:
     """Fails when an error that only training or only test data show is no remainder, or its split is not named."""
-    quiet = replace(result(20.0, 0.1), elsewhere=(Excess(split, 20.0, 0.5, 40.0),))
+    quiet = replace(result(20.0, 0.1), elsewhere=(Excess(split, 20.0, 0.5, 40.0, 1.0),))
     assert not quiet.remains and quiet.other_physics < 0.2
-    loud = replace(quiet, elsewhere=(Excess(split, 20.0, 15.0, 40.0),))
+    loud = replace(quiet, elsewhere=(Excess(split, 20.0, 15.0, 40.0, 1.0),))
     assert loud.remains and loud.other_physics > 0.8
     assert loud.most_left.split == split and loud.claimed, "what validation data confirm stays a finding"
