@@ -312,6 +312,11 @@ def _refit_below_floor(found: JointSearch, rng: np.random.Generator) -> None:
         if found.laws:
             _learn_below_floor(found, rng)
             found.accepted = completed(found.problem, found.accepted, rng)
+        if any(STAGES[hypothesis.stage] == "pressure" for hypothesis in found.accepted):
+            # The last fits may have changed the valve, by whose model the joint is driven.
+            shape_driving(found.problem, found.final.free, found.final.z)
+            last = found.accepted[-1]
+            found.accepted[-1] = replace(last, fit=refit_below_floor(found.problem, last.fit))
     found.nominal = refit_below_floor(found.problem, found.nominal)
 
 

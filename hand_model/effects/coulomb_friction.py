@@ -85,7 +85,7 @@ EFFECT = Effect(
         Parameter(
             "coulomb_friction.presliding_deg",
             0.01,
-            1.0,
+            10.0,
             "motion that builds it up to 1 - 1/e; rigid at 0.02",
             DEGREE,
             0.01,
