@@ -192,9 +192,14 @@ def _runs(flags: Flags) -> Iterator[tuple[int, int]]:
 def repeatability(signals: Sequence[Signals], reruns: Sequence[Signals]) -> dict[str, Array]:
     """Repeatability (OUTPUTS,) [Pa, rad, N] of each joint: the largest of its re-runs, at least the practical floor.
 
+    An axis of a machine that turns further than once repeats to the same share of its travel.
     Raises ValueError, one line, for a re-run whose commands are those of no recording.
     """
     found: dict[str, Array] = {}
+    for recording in (each for each in signals if each.machine):
+        for k, joint in enumerate(recording.joints):
+            turns = max(float(np.ptp(recording.angle_rad[:, k])) / (2.0 * np.pi), 1.0)
+            found[joint] = np.maximum(found.get(joint, np.array(FLOOR)), np.array(FLOOR) * (1.0, turns, 1.0))
     for rerun in reruns:
         first = next((recording for recording in signals if _lag(recording, rerun) is not None), None)
         if first is None:

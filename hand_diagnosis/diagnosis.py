@@ -279,9 +279,7 @@ def _searched(
     found = isolability(problem, search.nominal, separable) if search.accepted else None
     search.forget_sensitivities()
     everything = _fitted_to_everything(whole, search, rng) if task.signals[0].machine else None
-    result = JointDiagnosis(
-        joint, search, tuple(results), wording, test, onset, whole, everything, found, withdrawn
-    )
+    result = JointDiagnosis(joint, search, tuple(results), wording, test, onset, whole, everything, found, withdrawn)
     return replace(result, certificates=_certified(result), left_out=left_out)
 
 

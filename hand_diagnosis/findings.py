@@ -144,8 +144,17 @@ def _lost(recording: Signals) -> float:
 
 
 def joint_findings(result: JointResult) -> list[Finding]:
-    """A finding for every accepted effect of a joint that is claimed."""
-    return [_finding(result, index) for index in result.claimed()]
+    """A finding for every accepted effect of a joint that is claimed.
+
+    In the order of acceptance; those of one signal change places so that what explains most of it comes first.
+    """
+    found = [_finding(result, index) for index in result.claimed()]
+    for signal in {finding.signal for finding in found}:
+        places = [k for k, finding in enumerate(found) if finding.signal == signal]
+        by_share = sorted((found[k] for k in places), key=lambda finding: -finding.explains)
+        for k, finding in zip(places, by_share, strict=True):
+            found[k] = finding
+    return found
 
 
 def _finding(result: JointResult, index: int) -> Finding:

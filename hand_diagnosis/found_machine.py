@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from hand_diagnosis.completion import standard_errors
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
 from hand_diagnosis.findings import Number

@@ -67,7 +67,7 @@ class Hypothesis:
 def log_likelihood(problem: JointProblem, squares: Array, blocks: Flags) -> float:
     """Log likelihood of the blocks chosen (blocks,), from sums of squares (OUTPUTS, blocks) in SI."""
     counts = np.maximum(problem.effective_counts(blocks), 1.0)
-    chi2 = problem.weight * squares[:, blocks].sum(axis=1)
+    chi2 = (problem.block_weights * squares)[:, blocks].sum(axis=1)
     return float(-0.5 * (counts * np.log1p(chi2 / counts)).sum())
 
 
@@ -81,7 +81,7 @@ def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[Sequence
     """
     train = ~problem.held_out
     counts = np.maximum(problem.effective_counts(train), 1.0)
-    chi2 = problem.weight * fit.squares[:, train].sum(axis=1)
+    chi2 = (problem.block_weights * fit.squares)[:, train].sum(axis=1)
     # Far above the floor the noise is larger than its weight says; the curvature shrinks by the same ratio.
     shrink = float((counts.sum()) / (counts.sum() + chi2.sum()))
     precision = np.eye(len(fit.z)) + shrink * fit.normal
@@ -198,7 +198,7 @@ def _gains(problem: JointProblem, fit: MapFit, changed: Sequence[Array]) -> tupl
     ss, sr = np.zeros(count), np.zeros(count)
     cross, slope = np.zeros((count, free)), np.zeros(free)
     for segment, residual, slopes, other in zip(problem.segments, fit.residuals, fit.sensitivity, changed, strict=True):
-        root = np.sqrt(problem.weight)[:, None] * train[segment.block][None]
+        root = segment.trust * np.sqrt(problem.weight)[:, None] * train[segment.block][None]
         r = (residual * root).ravel()
         j = (slopes * root).reshape(free, -1)
         other -= residual  # in place: these arrays are large for recordings of ten minutes

@@ -143,7 +143,7 @@ def _shrink(problem: JointProblem, fit: MapFit) -> float:
     """Ratio of the floor's variance to that of the error."""
     train = ~problem.held_out
     counts = np.maximum(problem.effective_counts(train), 1.0)
-    chi2 = problem.weight * fit.squares[:, train].sum(axis=1)
+    chi2 = (problem.block_weights * fit.squares)[:, train].sum(axis=1)
     return float(counts.sum() / (counts.sum() + chi2.sum()))
 
 

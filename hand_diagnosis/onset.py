@@ -173,7 +173,7 @@ def _profile(problem: JointProblem, on: Array, off: Array, begins: bool) -> tupl
     first, last = (off, on) if begins else (on, off)
     before = np.cumsum(first, axis=1)
     after = last.sum(axis=1, keepdims=True) - np.cumsum(last, axis=1)
-    counts = np.maximum(segment.use.sum(axis=1) * min(segment.period_s / CORRELATION_S, 1.0), 1.0)[:, None]
+    counts = np.maximum(segment.use.sum(axis=1) * min(segment.period_s / problem.correlation_s, 1.0), 1.0)[:, None]
     score = -0.5 * (counts * np.log1p((before + after) / counts)).sum(axis=0)
     times = np.arange(1, on.shape[1] + 1) * segment.period_s
     inside = (times >= SETTINGS.min_onset_s) & (times <= times[-1] - SETTINGS.min_onset_s)
@@ -185,7 +185,9 @@ def _candidates(search: JointSearch, results: Sequence[StageResult]) -> list[Ons
     problem, found = search.problem, []
     if search.accepted:
         on, off = _both(problem, search.final, sorted({ROW[key] for key in search.effect_keys}))
-        counts = np.maximum(problem.segments[0].use.sum(axis=1) * problem.segments[0].period_s / CORRELATION_S, 1.0)
+        counts = np.maximum(
+            problem.segments[0].use.sum(axis=1) * problem.segments[0].period_s / problem.correlation_s, 1.0
+        )
         always = -0.5 * float((counts * np.log1p(on.sum(axis=1) / counts)).sum())
         for begins in (True, False):
             times, score = _profile(problem, on, off, begins)

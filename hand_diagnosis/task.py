@@ -20,7 +20,7 @@ from hand_identification.driving import accelerations, inflow, shape_driving
 from hand_identification.free_parameters import FreeParameter, nominal_free_parameters, speed_free_parameters
 from hand_identification.joint_data import driving_pressure, joint_problem
 from hand_identification.joint_problem import FLOOR, JointProblem, Segment
-from hand_identification.map_fit import MapFit, map_fit
+from hand_identification.map_fit import MapFit, correlation_s, map_fit
 from hand_model.arrays import Array
 from hand_model.effects import CATALOGUE, EFFECTS
 from hand_model.effects.effect import INFLOW, NEIGHBOUR, PARTNER, Effect
@@ -161,6 +161,8 @@ class Task:
             fit = map_fit(fitted, free, np.zeros(len(free)), SETTINGS.rough_iterations)
             _choose_neighbour([self.signals[number] for number in self._holding(joint)], joint, problem, fitted, fit)
             shape_driving(problem, free, fit.z)
+            if self.signals[0].machine:  # how fast a hand's residuals change is known, and its thresholds go with it
+                problem.correlation_s = correlation_s(fitted, fit)
             self._rough[joint] = Prepared(problem, free, fit.z)
         return self._rough[joint]
 

@@ -22,7 +22,7 @@ from hand_diagnosis.laws import posterior_covariance
 from hand_diagnosis.noise import noise_on, noise_on_test
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.splits import ErrorsOnTest, residuals_on_test
-from hand_identification.joint_problem import CORRELATION_S, STAGES, JointProblem, Segment
+from hand_identification.joint_problem import STAGES, JointProblem, Segment
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array, Flags
 from hand_model.effects.effect import SPEED
@@ -180,7 +180,7 @@ def with_other_splits(
     if test is not None:
         covariance = posterior_covariance(problem, fits[1])
         noise, open_ = noise_on_test(whole, problem, fits[1], covariance, free_axis=free_axis)
-        samples = test.counts.sum(axis=1) * min(problem.segments[0].period_s / CORRELATION_S, 1.0)
+        samples = test.counts.sum(axis=1) * min(problem.segments[0].period_s / problem.correlation_s, 1.0)
         splits.append(("test", [test.rmse(0), test.rmse(1)], noise, open_, samples))
     found = []
     for result in results:

@@ -130,7 +130,7 @@ def speed_free_parameters(speeds: Sequence[float]) -> list[FreeParameter]:
     free = []
     for row, speed in enumerate(speeds, START_CREEP + 1):
         if speed != 0.0:
-            scale = 0.05 + 0.01 * abs(speed)
+            scale = 0.1 + 0.05 * abs(speed)
             free.append(FreeParameter(row, speed, scale, False, speed - FARTHEST * scale, speed + FARTHEST * scale))
     return free
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial.polynomial import polyfit
@@ -26,6 +27,8 @@ from hand_recording.signals import (
     SMOOTHED_S,
     Signals,
     derivatives,
+    half_window,
+    in_band,
     slopes_over,
     smoothing_span,
     white_noise,
@@ -53,7 +56,11 @@ def joint_problem(
         if joint in recording.joints:
             segments.append(_segment(recording, hand, joint, first))
             first = int(segments[-1].block[-1]) + 1
-    noise = np.max([_noise(segment) for segment in segments], axis=0)
+    noises = np.array([_noise(segment) for segment in segments])
+    noise = np.max(noises, axis=0)
+    if signals[0].machine:
+        segments = _trusted(segments, [recording for recording in signals if joint in recording.joints])
+        noise = np.min(noises, axis=0)
     return JointProblem(
         joint,
         segments,
@@ -65,9 +72,25 @@ def joint_problem(
     )
 
 
+def _trusted(segments: Sequence[Segment], signals: Sequence[Signals]) -> list[Segment]:
+    """The recordings of a machine, each with the trust that the noise of its predicted signal leaves it.
+
+    Below the practical repeatability, noise makes no recording worse than another.
+    """
+    stage = 2 if signals[0].driven else 1
+    readings = [(each.force_n if each.driven else each.angle_rad)[:, 0] for each in signals]
+    # A cubic over n samples leaves 1.5 / sqrt(n) of white noise (Savitzky and Golay, 1964).
+    kept = [1.5 * (each.period_s / each.band_s) ** 0.5 if each.band_s > each.period_s else 1.0 for each in signals]
+    sizes = [
+        float(np.hypot(share * white_noise(np.nan_to_num(values)), FLOOR[stage]))
+        for share, values in zip(kept, readings, strict=True)
+    ]
+    return [replace(segment, trust=min(sizes) / size) for segment, size in zip(segments, sizes, strict=True)]
+
+
 def _segment(signals: Signals, hand: JointModel, joint: str, first_block: int) -> Segment:
     j = signals.joints.index(joint)
-    force = signals.force_n[:, j]
+    force = in_band(signals.force_n[:, j], signals.period_s, signals.band_s)
     driving, windows = driving_pressure(signals, j)
     start = np.zeros(STATES)
     start[P], start[PHI] = signals.pressure_pa[0, j], signals.angle_rad[0, j]
@@ -91,6 +114,7 @@ def _segment(signals: Signals, hand: JointModel, joint: str, first_block: int) -
         signals.jitter_s,
         added=_added(signals.added),
         derivative_s=signals.derivative_s,
+        band_s=signals.band_s,
     )
 
 
@@ -158,7 +182,7 @@ def _use(signals: Signals, j: int, force: Array) -> Flags:
     use[1] = known & bool(signals.has_pressure[j])
     if signals.driven:
         # Derivatives at the end of a recording are extrapolated by the last whole window.
-        whole = np.arange(signals.samples) < signals.samples - 0.5 * signals.derivative_s / signals.period_s
+        whole = np.arange(signals.samples) < signals.samples - half_window(signals.period_s, signals.derivative_s)
         use[1], use[2] = False, known & whole & np.isfinite(force)
         return use
     use[2] = known & np.isfinite(force) & (np.nan_to_num(force) > TOUCHING_N)

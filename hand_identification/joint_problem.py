@@ -14,10 +14,11 @@ from hand_model.arrays import Array, Flags
 from hand_model.kernel.layout import CREEP, OMEGA
 from hand_model.kernel.open_loop import OUTPUTS, MeasuredInputs, open_loop
 from hand_recording.local_smoothing import Windows
-from hand_recording.signals import SMOOTHING_S
+from hand_recording.signals import SMOOTHING_S, in_band
 
 STAGES = ("pressure", "angle", "force")
 """The signal that each stage predicts, in the order of the model's outputs."""
+FORCE = STAGES.index("force")
 FLOOR = (300.0, np.radians(0.05), 0.05)
 """Practical repeatability of each signal (Pa, rad, N), correlated over CORRELATION_S; smaller differences are not
 attributed to any cause."""
@@ -29,6 +30,8 @@ SETTLING_S = 0.5
 BLOCK_S = 1.25
 """Length of the blocks into which a recording is divided for validation data and the bootstrap."""
 HELD_OUT_EVERY = 3
+DIVERGED = 1e60
+"""Size of a residual at which its simulation has diverged; sums of squares of slopes of larger ones would overflow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +44,9 @@ class Segment:
     samples.  windows: (T,) of the smoothing, see local_smoothing.Windows.  known: (T,) where readings were.
     late_s: by how much the pressures were read after the other signals.  jitter_s: standard deviation of the times at
     which the samples were taken.  added: (rows,) what the load of this recording adds to the parameters; None: nothing.
-    derivative_s: window of the derivatives of the angle.  acts: (T,) samples at which JointProblem.switched act; None:
-    at all.
+    derivative_s: window of the derivatives of the angle.  band_s: window of the force, see Signals.band_s.
+    acts: (T,) samples at which JointProblem.switched act; None: at all.
+    trust: factor of its residuals in the cost, below 1 where the recording is noisier than another.
     use: (OUTPUTS, T) samples that count.  block: (T,) number of the block of each sample, over all recordings.
     """
 
@@ -65,6 +69,8 @@ class Segment:
     acts: Flags | None = None
     added: Array | None = None
     derivative_s: float = SMOOTHING_S
+    band_s: float = 0.0
+    trust: float = 1.0
 
     @property
     def measured(self) -> Array:
@@ -81,6 +87,7 @@ class JointProblem:
     without them there, and that of the plant that always had them elsewhere.
     holds_out: whether there are validation blocks; without, every block is fitted.
     spared: first sample and the one behind the last of the test data of the only recording; None: the usual ones.
+    correlation_s: distance of samples that count as independent.
     """
 
     joint: str
@@ -94,6 +101,7 @@ class JointProblem:
     switched: tuple[int, ...] = ()
     holds_out: bool = True
     spared: tuple[int, int] | None = None
+    correlation_s: float = CORRELATION_S
 
     @property
     def claimable(self) -> Array:
@@ -140,6 +148,7 @@ class JointProblem:
                 without = own.copy()
                 without[:, list(self.switched)] = self.nominal[list(self.switched)]
                 predicted[:, :, ~segment.acts] = self._open_loop(without, start, inputs)[:, :, ~segment.acts]
+            predicted[:, FORCE] = in_band(predicted[:, FORCE], segment.period_s, segment.band_s)
             out.append(predicted)
         return out
 
@@ -151,6 +160,7 @@ class JointProblem:
         residuals = self.predict(columns, starts)
         for segment, predicted in zip(self.segments, residuals, strict=True):
             np.subtract(segment.measured, predicted, out=predicted)
+            np.clip(predicted, -DIVERGED, DIVERGED, out=predicted)
             predicted[:, ~segment.use] = 0.0
         return residuals
 
@@ -166,6 +176,14 @@ class JointProblem:
         return total
 
     @property
+    def block_weights(self) -> Array:
+        """Weights of squared residuals (OUTPUTS, blocks), with the trust in each recording."""
+        weights = np.repeat(self.weight[:, None], self.blocks, axis=1)
+        for segment in self.segments:
+            weights[:, int(segment.block[0]) : int(segment.block[-1]) + 1] *= segment.trust**2
+        return weights
+
+    @property
     def block_counts(self) -> Array:
         """Number of samples that count, (OUTPUTS, blocks)."""
         counts = np.zeros((OUTPUTS, self.blocks))
@@ -176,8 +194,8 @@ class JointProblem:
         return counts
 
     def effective_counts(self, blocks: Flags) -> Array:
-        """Number of independent samples of each stage (OUTPUTS,) in the chosen blocks (blocks,), see CORRELATION_S."""
-        per_sample = self.segments[0].period_s / CORRELATION_S
+        """Number of independent samples of each stage (OUTPUTS,) in the chosen blocks (blocks,), see correlation_s."""
+        per_sample = self.segments[0].period_s / self.correlation_s
         counts: Array = self.block_counts[:, blocks].sum(axis=1) * min(per_sample, 1.0)
         return counts
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hand_identification.free_parameters import START_CREEP, FreeParameter
-from hand_identification.joint_problem import JointProblem
+from hand_identification.joint_problem import CORRELATION_S, DIVERGED, JointProblem
 from hand_model.arrays import Array
 from hand_recording.signals import white_noise
 
@@ -23,6 +23,8 @@ DAMPING = (0.0, 1e-2, 0.1, 1.0, 30.0)
 BOLD = (0.0, 0.1, 30.0)
 """Dampings of the trial steps, which are simulated together; bold steps may be longer. Eight trials fill two blocks of
 lanes."""
+UNCORRELATED = 0.05
+"""Autocorrelation below which residuals count as uncorrelated."""
 LONGEST_STEP, LONGEST_BOLD = 0.7, 4.0
 """Longest change of a coordinate in one step, in prior standard deviations; farther away slopes are not reliable."""
 
@@ -162,7 +164,7 @@ def _normal_equations(
     for segment, residual, slopes in zip(problem.segments, residuals, sensitivity, strict=True):
         counted = train[segment.block]
         for stage in np.flatnonzero(segment.use.any(axis=1)):  # stage by stage: smaller arrays
-            root = np.sqrt(problem.weight[stage]) * counted
+            root = segment.trust * np.sqrt(problem.weight[stage]) * counted
             j = slopes[:, stage] * root
             normal += j @ j.T
             slope += j @ (residual[stage] * root)
@@ -209,8 +211,8 @@ def _simulated(problem: JointProblem, free: Sequence[FreeParameter], points: Arr
     residuals = problem.residuals(*problem.columns(free, points))
     squares = problem.block_squares(residuals)
     counted = np.where(problem.held_out, 0.0, squares)  # of a simulation that diverges, squares are infinite
-    costs: Array = (problem.weight[None, :, None] * counted).sum(axis=(1, 2)) + (points**2).sum(axis=1)
-    return np.where(np.isfinite(costs), costs, np.inf), squares, residuals
+    costs: Array = (problem.block_weights[None] * counted).sum(axis=(1, 2)) + (points**2).sum(axis=1)
+    return np.where(costs < DIVERGED, costs, np.inf), squares, residuals
 
 
 def residual_is_correlated(problem: JointProblem, fit: MapFit, ratio: float) -> bool:
@@ -221,3 +223,22 @@ def residual_is_correlated(problem: JointProblem, fit: MapFit, ratio: float) -> 
             if float(np.sqrt(np.mean(left**2))) > ratio * white_noise(left):
                 return True
     return False
+
+
+def correlation_s(problem: JointProblem, fit: MapFit) -> float:
+    """Distance [s] of samples of the residuals of a fit that count as independent, at most CORRELATION_S.
+
+    The integrated autocorrelation time, up to the first lag at which nothing is correlated (Sokal, Monte Carlo methods
+    in statistical mechanics, 1997), of the signal in which it is longest. What the model lacks lengthens it.
+    """
+    longest = 0.0
+    for segment, residual in zip(problem.segments, fit.residuals, strict=True):
+        lags = min(round(CORRELATION_S / segment.period_s), len(segment.angle_rad) // 4)
+        for stage in np.flatnonzero(segment.use.any(axis=1)):
+            left = np.where(segment.use[stage], residual[stage], 0.0)
+            power = float(left @ left)
+            alike = np.array([float(left[lag:] @ left[: len(left) - lag]) for lag in range(1, lags + 1)])
+            if power > 0.0:
+                end = int(np.argmax(np.r_[alike < UNCORRELATED * power, True]))
+                longest = max(longest, segment.period_s * (1.0 + 2.0 * float(alike[:end].sum()) / power))
+    return min(longest, CORRELATION_S) or CORRELATION_S

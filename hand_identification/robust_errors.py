@@ -38,7 +38,7 @@ def _scores(problem: JointProblem, fit: MapFit) -> Array:
     for segment, residual, slopes in zip(problem.segments, fit.residuals, fit.sensitivity, strict=True):
         first, last = int(segment.block[0]), int(segment.block[-1])
         starts = np.searchsorted(segment.block, np.arange(first, last + 1))
-        product = np.einsum("fst,st,s->ft", slopes, residual, problem.weight)
+        product = np.einsum("fst,st,s->ft", slopes, residual, segment.trust**2 * problem.weight)
         total[first : last + 1] += np.add.reduceat(product, starts, axis=1).T
     return total
 

@@ -4,9 +4,9 @@ A short window amplifies the noise of the readings, and a long one flattens what
 the one with the lowest sum of both is taken, as in Goldenshluger and Lepski (2011): the error of a window by flattening
 is how far its acceleration is from those of all shorter windows, beyond what their noise explains.
 
-Where the force is measured too, and a model is fitted to it, the force decides: the window is taken from whose motion a
-regression explains it best. Noise of the position that is not white, as steps of an encoder or irregular times, shows
-there and not in the position alone.
+Where the force is measured too, and a model is fitted to it, the force decides: the shortest window is taken from
+whose motion a regression explains it nearly best. Noise of the position that is not white, as steps of an encoder or
+irregular times, shows there and not in the position alone.
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ DIFFERENCES = 6
 """Order of the differences that show the noise: a motion up to a tenth of the sample rate hardly affects them."""
 DOUBT = 3.0
 """Standard errors by which two windows must differ more than their noise explains."""
+AS_GOOD = 1.05
+"""What a window may leave of the force, relative to the best one."""
 DIRECTION = 0.05
 """Speed, in its standard deviations, around which the direction changes in the regression of the force."""
 MIN_SAMPLES = 50
@@ -79,12 +81,15 @@ def _padded(kernel: Array, span: int) -> Array:
 
 
 def fitting_window_s(described: MachineDescription, tables: Sequence[Readings]) -> float:
-    """Window [s] for all recordings of an imposed motion: the one whose motion explains the measured force best."""
+    """Window [s] for all recordings of an imposed motion: the shortest whose motion explains the measured force well.
+
+    The measured force is smoothed over it, too, and a long one would blur what it does at a turn.
+    """
     shortest = 2 * HALF_SAMPLES * max(table.period_s for table in tables)
     longest = max(LONGEST_S, shortest)
     windows = shortest * GROWTH ** np.arange(math.floor(math.log(longest / shortest) / math.log(GROWTH)) + 1)
     left = [_unexplained(described, tables, float(window_s)) for window_s in windows]
-    return float(windows[int(np.argmin(left))])
+    return float(windows[int(np.argmax(np.array(left) <= AS_GOOD**2 * min(left)))])
 
 
 def _unexplained(described: MachineDescription, tables: Sequence[Readings], window_s: float) -> float:

@@ -5,6 +5,7 @@ Positive input drives towards positive position; a measured force is what the ax
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from hand_model.yaml_reader import Section, read_yaml
 
 KEYS = (
     *("schema", "name", "motion", "imposed", "gain", "stiffness", "damping", "inertia", "weight", "has", "columns"),
-    *("recordings", "reference_temperature", "derivative_window", "effects", "sizes"),
+    *("controller", "recordings", "reference_temperature", "derivative_window", "effects", "sizes"),
 )
 COLUMNS = ("time", "input", "position", "force")
 PARTS = ("supply", "valve", "chamber", "soft_material", "magnetic_sensor", "input_sensor", "force_sensing_resistor")
@@ -24,6 +25,12 @@ PARTS = ("supply", "valve", "chamber", "soft_material", "magnetic_sensor", "inpu
 NUMBERS = ("gain", "stiffness", "damping", "inertia")
 """Numbers that a fit may change, each within its own tolerance unless it is exact; the weight only within its own."""
 PRESSURES = ("gauge", "absolute")
+COLUMN, OF_INPUT = ("column", "scale", "offset"), ("pressure", "delay", "limits")
+"""Keys of a column, and those that only the input has."""
+MAX_DELAY_S = 10.0
+CONTROLLER = ("stiffness", "damping")
+UNKNOWN = 1.0
+"""Relative tolerance of a number of an axis beside a controller's, where it has none of its own."""
 NUMBER = ("value", "exact", "tolerance")
 WARM = ("gain", "stiffness", "damping")
 """Numbers that may depend on the temperature of a recording."""
@@ -47,12 +54,17 @@ class Column:
     """A column of the recordings and the factor that turns it into SI. scale_given: whether the file states it.
 
     pressure: of PRESSURES, whether a pressure is gauge or absolute; "" where the file does not say so.
+    offset: added after the scale [SI].  delay_s: time from a command to its action.  low, high: limits of the input.
     """
 
     name: str
     scale: float
     scale_given: bool = True
     pressure: str = ""
+    offset: float = 0.0
+    delay_s: float = 0.0
+    low: float = -math.inf
+    high: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +81,7 @@ class MachineDescription:
     recordings: numbers of OWN_NUMBERS by the name of a recording's file, those that it has.
     per_kelvin: relative change of numbers of WARM [1/K] from reference_c [deg C] on.
     sizes: force, position and input [SI] to which the fit that found them was scaled; None: as the recordings ask.
+    controller: stiffness and damping of a position controller, which the numbers above contain; empty without one.
     derivative_window_s: over which an imposed motion is differentiated; None: as the recordings ask.
     """
 
@@ -88,6 +101,7 @@ class MachineDescription:
     recordings: Mapping[str, Mapping[str, float]]
     sizes: tuple[float, float, float] | None
     derivative_window_s: float | None
+    controller: Mapping[str, float]
     per_kelvin: Mapping[str, float]
     reference_c: float
 
@@ -129,8 +143,10 @@ def load_description(path: Path) -> MachineDescription:
     top.integer("schema", 1, 1)
     linear = top.choice("motion", ["linear", "rotary"]) == "linear"
     imposed = bool(top.raw("imposed", "true or false", False))
-    least = {"gain": (SMALLEST_GAIN, 1.0 if imposed else None)}
+    controller = _controller(top, imposed=imposed)
+    least = {"gain": (SMALLEST_GAIN, 1.0 if imposed or controller else None)}
     read = {key: _number(top, key, *least.get(key, (0.0, 0.0))) for key in NUMBERS}
+    read |= _under_control(read, controller)
     read["weight"] = _number(top, "weight", 0.0, 0.0, largest=0.0 if linear else LARGEST)
     return MachineDescription(
         path,
@@ -145,6 +161,7 @@ def load_description(path: Path) -> MachineDescription:
         recordings=_recordings(top, linear=linear),
         sizes=_sizes(top),
         derivative_window_s=_derivative_window_s(top),
+        controller=controller,
         per_kelvin={key: _per_kelvin(top, key) for key in WARM if _has_per_kelvin(top, key)},
         reference_c=top.number("reference_temperature", COLDEST_C, HOTTEST_C, ROOM_C),
     )
@@ -206,6 +223,40 @@ def _sizes(top: Section) -> tuple[float, float, float] | None:
     return force, position, of_input
 
 
+def _controller(top: Section, *, imposed: bool) -> dict[str, float]:
+    """Stiffness and damping of the controller that follows a position command; empty where the input is a force."""
+    if "controller" not in top:
+        return {}
+    if imposed:
+        raise top.error("controller", "moves the axis and contradicts imposed: true; give one of them")
+    if "gain" in top:
+        raise top.error("gain", "follows from controller.stiffness; leave it out")
+    section = top.section("controller", CONTROLLER)
+    return {
+        "stiffness": section.number("stiffness", SMALLEST_GAIN, LARGEST),
+        "damping": section.number("damping", 0.0, LARGEST, 0.0),
+    }
+
+
+def _under_control(
+    read: Mapping[str, tuple[float, float | None]], controller: Mapping[str, float]
+) -> dict[str, tuple[float, float | None]]:
+    """Numbers of an axis with a position controller: force = stiffness (command - position) - damping speed.
+
+    The controller's own numbers are exact; a tolerance of the axis becomes one of the sum.
+    """
+    if not controller:
+        return {}
+    found: dict[str, tuple[float, float | None]] = {"gain": (controller["stiffness"], 0.0)}
+    for name in CONTROLLER:
+        own, tolerance = read[name]
+        total = own + controller[name]
+        share = own / total if total > 0.0 else 0.0
+        known = tolerance if tolerance is not None else UNKNOWN
+        found[name] = (total, known * share if controller[name] > 0.0 else tolerance)
+    return found
+
+
 def _derivative_window_s(top: Section) -> float | None:
     if "derivative_window" not in top:
         return None
@@ -255,8 +306,22 @@ def _columns(top: Section, imposed: bool) -> dict[str, Column]:
         wanted.remove("input")
     columns = {}
     for name in wanted:
-        part = section.section(name, ("column", "scale", "pressure") if name == "input" else ("column", "scale"))
-        own = part.raw("column", "the name of a column")
-        pressure = part.choice("pressure", list(PRESSURES)) if "pressure" in part else ""
-        columns[name] = Column(str(own), part.number("scale", -LARGEST, LARGEST, 1.0), "scale" in part, pressure)
+        columns[name] = _column(section.section(name, COLUMN + (OF_INPUT if name == "input" else ())))
     return columns
+
+
+def _column(part: Section) -> Column:
+    own = part.raw("column", "the name of a column")
+    low, high = part.numbers("limits", 2, [-LARGEST, LARGEST])
+    if low >= high:
+        raise part.error("limits", f"is [{low:g}, {high:g}]; the first number must be below the second")
+    return Column(
+        str(own),
+        part.number("scale", -LARGEST, LARGEST, 1.0),
+        "scale" in part,
+        part.choice("pressure", list(PRESSURES)) if "pressure" in part else "",
+        part.number("offset", -LARGEST, LARGEST, 0.0),
+        part.number("delay", 0.0, MAX_DELAY_S, 0.0),
+        low,
+        high,
+    )

@@ -93,7 +93,8 @@ def write_found_model(described: MachineDescription, units: UnitMap, found: Foun
         key = PARAMETER[name]
         value = rest.pop(key, None)
         if value is not None and _is_stated(described, name, key, found):
-            _set_number(document, name, _text(units, key, -value if name == NEGATIVE else value, found))
+            own = (-value if name == NEGATIVE else value) - described.controller.get(name, 0.0) / _shown(units, key)
+            _set_number(document, name, _text(units, key, max(own, 0.0), found))
     if not described.linear and rest.get(WEIGHT, -1.0) >= 0.0:
         _set_number(document, "weight", _text(units, WEIGHT, rest.pop(WEIGHT), found))
     rest = {key: value for key, value in rest.items() if key in found.own or key.split(".")[0] not in UNUSED}

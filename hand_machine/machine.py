@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_machine.balance import balance, smoothed
+from hand_machine.balance import balance, motion, smoothed
 from hand_machine.derivative_window import derivative_window_s, fitting_window_s
 from hand_machine.description import MachineDescription, load_description
 from hand_machine.found_model import PARAMETER, WEIGHT, put_effects
@@ -33,6 +33,8 @@ LEVER_M = TORQUE / FORCE
 EFFECT_SHARE = 0.1
 """Share of the torque of a finger that effects may have."""
 LACKING_QUANTILE = 0.99
+STILL = 0.05
+"""Speed, in its standard deviations, around which the direction of motion changes."""
 GAIN_OVER_TRAVEL = 0.05
 """Relative standard deviation of the gain at one end of the travel from that at the other (area, lever, winding)."""
 WARMING_S = 600.0
@@ -53,8 +55,8 @@ WITHOUT_PART = {
     "end_stop.engagement_deg": DEGREE,
     "supply.pressure_pa": INPUT,
 }
-"""Parameters (SI) of a joint that have no part in a machine: a valve that is not diagnosed, stops out of reach. Laws over
-the input have their knots at shares of the supply, which is the largest input."""
+"""Parameters (SI) of a joint that have no part in a machine: a valve that is not diagnosed, stops out of reach. Laws
+over the input are bent up to the supply, which is the largest input."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +103,8 @@ class Machine:
 def load_machine(path: Path, recordings: Sequence[Path], *, to_fit: bool = False) -> Machine:
     """Read a machine's description and recordings (CSV, Parquet, NPZ or MAT).
 
-    to_fit: whether the measured force may choose the window of derivatives, as for a fit; not where it is predicted.
+    to_fit: whether a model is fitted to the recordings. The measured force then may choose the window of derivatives,
+    and it is judged in the band of the motion; where it is predicted, neither.
     Raises DescriptionError or RecordingError, one line, for what cannot be used.
     """
     described = load_description(path)
@@ -120,7 +123,7 @@ def load_machine(path: Path, recordings: Sequence[Path], *, to_fit: bool = False
         per_force=scales.torque * LEVER_M,
     )
     named = zip(recordings, tables, strict=True)
-    signals = tuple(_signals(recording, table, described, scales) for recording, table in named)
+    signals = tuple(_signals(recording, table, described, scales, to_fit=to_fit) for recording, table in named)
     longest = max(float(np.ptp(table.time_s)) for table in tables)
     model = _model(described, scales, longest, wording.units)
     if not _is_between_stops(signals):
@@ -166,16 +169,24 @@ def _scales(described: MachineDescription, recordings: Sequence[Path], tables: S
 def _lacking(described: MachineDescription, table: Readings) -> float:
     """Largest force [N] or torque [N m] that the nominal model lacks, by its balance over the recorded motion.
 
-    A measured force is smoothed as the motion is: peaks that the motion cannot show are not lacking.
+    Of that force the part counts that depends on position, speed and input, or half of all; the rest may be noise of
+    the acceleration.
     """
-    forces = balance(described, table)
-    if forces is None or not table.known.any():
+    forces, moved = balance(described, table), motion(table)
+    if forces is None or moved is None or not table.known.any():
         return 0.0
     driving, passive = forces
     lacking = driving - passive
     if "force" in table.signals:
         lacking = lacking - smoothed(table, table.signals["force"])
-    return float(np.quantile(np.abs(lacking[table.known]), LACKING_QUANTILE))
+    x, v, a = (part / max(float(np.std(part)), 1e-300) for part in moved)
+    given = table.signals["input"] / max(float(np.std(table.signals["input"])), 1e-300)
+    columns = np.column_stack([np.ones(len(x)), x, x * x, x**3, v, v * np.abs(v), np.tanh(v / STILL), given, a])
+    known = table.known
+    found = np.linalg.lstsq(columns[known], lacking[known], rcond=1e-9)[0]
+    found[-1] = 0.0
+    by_state = np.quantile(np.abs(columns[known] @ found), LACKING_QUANTILE)
+    return float(max(by_state, np.quantile(np.abs(lacking[known]), 0.5)))
 
 
 def _model(described: MachineDescription, scales: Scales, longest_s: float, units: UnitMap) -> AxisModel:
@@ -220,7 +231,9 @@ def _lacks(described: MachineDescription, longest_s: float) -> frozenset[str]:
     return frozenset(NEEDS) - has
 
 
-def _signals(recording: Path, table: Readings, described: MachineDescription, scales: Scales) -> Signals:
+def _signals(
+    recording: Path, table: Readings, described: MachineDescription, scales: Scales, *, to_fit: bool
+) -> Signals:
     own = described.recordings.get(recording.name, {})
     drive = own.get("supply", 1.0) * table.signals["input"][:, None] / scales.input
     force = np.full_like(drive, np.nan)
@@ -243,6 +256,7 @@ def _signals(recording: Path, table: Readings, described: MachineDescription, sc
         machine=True,
         added=_added(recording, described, scales),
         derivative_s=described.derivative_window_s or derivative_window_s(table.signals["position"], table.period_s),
+        band_s=(described.derivative_window_s or 0.0) if to_fit and described.imposed else 0.0,
     )
 
 

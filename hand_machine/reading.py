@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_machine.description import Column, MachineDescription
+from hand_machine.held import find_repeats
 from hand_machine.spikes import find_off_the_motion, find_spikes
 from hand_machine.time_unit import check_time_unit
 from hand_model.arrays import Array, Flags
@@ -68,8 +69,11 @@ def read_machine(described: MachineDescription, path: Path) -> Readings:
     for name, values in columns.items():
         readings = values[kept][rows]
         good, lines = _without_faults(path, name, time_s, readings)
-        signals[name], read = bridge(interpolate(_snapped(grid, time_s[good]), time_s[good], readings[good], max_gap))
-        notes += lines
+        good, held, more = _without_repeats(name, readings, good)
+        late = np.maximum(grid - described.columns[name].delay_s, grid[0])
+        at, longest_s = _snapped(late, time_s[good]), held * max_gap
+        signals[name], read = bridge(interpolate(at, time_s[good], readings[good], longest_s))
+        notes += lines + more
         known &= _settled(read, grid) if name == "input" else read
     return Readings(grid, signals, known, tuple(f"{path.name}: {line}" for line in notes))
 
@@ -84,7 +88,8 @@ def _column(table: Table, path: Path, column: Column) -> Array:
             (line, cell) for line, cell in zip(table.lines, values, strict=True) if cell and not _is_number(cell)
         )
         raise RecordingError(f"{path}: line {line}, column {column.name!r} is {cell!r}; it must be a number")
-    return column.scale * values - (ATMOSPHERE_PA if column.pressure == "absolute" else 0.0)
+    taken_off = ATMOSPHERE_PA if column.pressure == "absolute" else 0.0
+    return np.clip(column.scale * values + column.offset - taken_off, column.low, column.high)
 
 
 def _is_number(cell: str) -> bool:
@@ -169,6 +174,17 @@ def _without_faults(path: Path, name: str, time_s: Array, values: Array) -> tupl
             f" up to {height:.3g} away from the median; left out"
         )
     return good, notes
+
+
+def _without_repeats(name: str, values: Array, good: Flags) -> tuple[Flags, float, list[str]]:
+    """The good readings (n,) of a signal that do not only repeat the one before; rows a reading is held for; a line."""
+    if name == "input":  # a command is held until the next one
+        return good, 1.0, []
+    repeats, held = find_repeats(values[good])
+    kept = good.copy()
+    kept[good] = ~repeats
+    line = f"{name}: held for {held:.0f} rows and more at a time; only the rows at which it changes are used"
+    return kept, held, [line] if held > 1.0 else []
 
 
 def _snapped(grid: Array, time_s: Array) -> Array:

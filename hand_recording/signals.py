@@ -43,6 +43,8 @@ class Signals:
     samples only.  jitter_s: standard deviation of the error of the samples' times that is left.
     added: what the load of this recording adds to parameters of the model, by key, SI.
     derivative_s: window over which speeds and accelerations are computed.
+    band_s: window over which a measured force and its prediction are smoothed alike, because the motion shows nothing
+    faster; 0: neither is.
     """
 
     name: str
@@ -64,6 +66,7 @@ class Signals:
     jitter_s: float = 0.0
     added: Mapping[str, float] = field(default_factory=dict)
     derivative_s: float = SMOOTHING_S
+    band_s: float = 0.0
 
     @property
     def commanded_pa(self) -> Array:
@@ -81,15 +84,27 @@ class Signals:
         return np.asarray(np.arange(self.samples) * self.period_s, dtype=np.float64)
 
 
+def half_window(period_s: float, window_s: float) -> int:
+    """Half of the window of derivatives, in samples."""
+    return max(2, round(window_s / period_s / 2.0))
+
+
 def derivatives(angle_rad: Array, period_s: float, window_s: float = SMOOTHING_S) -> tuple[Array, Array]:
     """Speed [rad/s] and acceleration [rad/s^2], (T, J) each, from angles (T, J) by a cubic over a moving window."""
-    half = max(2, round(window_s / period_s / 2.0))
-    window = min(2 * half + 1, (len(angle_rad) - 1) // 2 * 2 + 1)
+    window = min(2 * half_window(period_s, window_s) + 1, (len(angle_rad) - 1) // 2 * 2 + 1)
     if window < 5:
         return np.zeros_like(angle_rad), np.zeros_like(angle_rad)
     speed: Array = savgol_filter(angle_rad, window, 3, deriv=1, delta=period_s, axis=0)
     acceleration: Array = savgol_filter(angle_rad, window, 3, deriv=2, delta=period_s, axis=0)
     return speed, acceleration
+
+
+def in_band(force: Array, period_s: float, window_s: float) -> Array:
+    """Forces (..., T) by a cubic over a moving window, as accelerations are computed; as they are for a window of 0."""
+    window = min(2 * half_window(period_s, window_s) + 1, (force.shape[-1] - 1) // 2 * 2 + 1)
+    if window_s == 0.0 or window < 5:
+        return force
+    return np.asarray(savgol_filter(force, window, 3, axis=-1), dtype=np.float64)
 
 
 def white_noise(values: Array, known: Flags | None = None) -> float:

@@ -50,13 +50,54 @@ def test_a_fast_axis_gets_a_shorter_window_than_a_slow_one() -> None:
     assert derivative_window_s(np.arange(6.0), PERIOD_S) == pytest.approx(4.0 * PERIOD_S)
 
 
+def rig(folder: Path, position: np.ndarray, force: np.ndarray) -> Path:
+    """A recording of a mass that a rig moves, and its machine file."""
+    columns = {"time": {"column": "t"}, "position": {"column": "x"}, "force": {"column": "f"}}
+    file = {"schema": 1, "name": "rig", "motion": "linear", "imposed": True, "inertia": 2.0, "columns": columns}
+    (folder / "rig.yaml").write_text(json.dumps(file), encoding="utf-8")
+    np.savez(folder / "run.npz", t=PERIOD_S * np.arange(len(position)), x=position, f=force)
+    return folder / "rig.yaml"
+
+
+def test_the_measured_force_chooses_the_window_of_a_fit(tmp_path: Path) -> None:
+    """Fails when the steps of an encoder, no white noise, leave the window too short, or a prediction uses it."""
+    position, acceleration = moved(3.0, 0.0)
+    coarse = np.round(position / 2e-3) * 2e-3
+    machine_file = rig(tmp_path, coarse, -2.0 * acceleration)
+    fitted = load_machine(machine_file, [tmp_path / "run.npz"], to_fit=True)
+    predicted = load_machine(machine_file, [tmp_path / "run.npz"])
+
+    def error(window_s: float) -> float:
+        found = derivatives(coarse[:, None], PERIOD_S, window_s)[1][:, 0]
+        return float(np.sqrt(np.mean((found - acceleration)[100:-100] ** 2)))
+
+    best = min(error(2.0 * half * PERIOD_S) for half in range(2, int(LONGEST_S / PERIOD_S / 2.0)))
+    assert error(fitted.signals[0].derivative_s) < 1.2 * best
+    assert fitted.signals[0].band_s == fitted.signals[0].derivative_s == fitted.description.derivative_window_s
+    assert predicted.signals[0].band_s == 0.0
+    assert predicted.description.derivative_window_s is None
+
+
+def test_measured_and_predicted_force_are_smoothed_alike(tmp_path: Path) -> None:
+    """Fails when a ripple that the motion cannot show counts as an error, or only one side is smoothed."""
+    position, acceleration = moved(1.0, 1e-5)
+    ripple = 30.0 * np.sin(2.0 * np.pi * 60.0 * PERIOD_S * np.arange(len(position)))
+    machine_file = rig(tmp_path, position, ripple - 2.0 * acceleration)
+    left = {}
+    for to_fit in (True, False):
+        machine = load_machine(machine_file, [tmp_path / "run.npz"], to_fit=to_fit)
+        problem = joint_problem(machine.signals, machine.model, "axis")
+        residual = problem.residuals(*problem.columns([], np.zeros((1, 0))))[0][0, 2]
+        force_n = machine.wording.signal_units[2][0]
+        left[to_fit] = force_n * float(np.sqrt(np.mean(residual[problem.segments[0].use[2]] ** 2)))
+    assert left[False] == pytest.approx(30.0 / np.sqrt(2.0), rel=0.05)
+    assert left[True] < 0.4 * left[False]
+
+
 def test_the_force_of_an_imposed_motion_is_predicted_with_this_window(tmp_path: Path) -> None:
     """Fails when the diagnosis differentiates a machine's motion over a constant window, or its end is evaluated."""
     position, acceleration = moved(8.0, 1e-6)
-    columns = {"time": {"column": "t"}, "position": {"column": "x"}, "force": {"column": "f"}}
-    rig = {"schema": 1, "name": "rig", "motion": "linear", "imposed": True, "inertia": 2.0, "columns": columns}
-    (tmp_path / "rig.yaml").write_text(json.dumps(rig), encoding="utf-8")
-    np.savez(tmp_path / "run.npz", t=PERIOD_S * np.arange(len(position)), x=position, f=-2.0 * acceleration)
+    rig(tmp_path, position, -2.0 * acceleration)
     machine = load_machine(tmp_path / "rig.yaml", [tmp_path / "run.npz"])
     problem = joint_problem(machine.signals, machine.model, "axis")
     columns_, starts = problem.columns([], np.zeros((1, 0)))

@@ -89,7 +89,7 @@ def test_the_model_predicts_what_its_fit_gave(diagnosed: Diagnosed) -> None:
     where the slide has stopped: single samples may differ more than all together.
     """
     joint = diagnosed.result.joints[0]
-    residual, segment = joint.search.final.residuals[0][1], joint.search.problem.segments[0]
+    residual, segment = joint.reported.final.residuals[0][1], joint.reported.problem.segments[0]
     machine = load_machine(diagnosed.folder / "model.yaml", [diagnosed.folder / "fitted.npz"])
     found = predict(machine.signals, machine.model, wording=machine.wording).joints[0]
     count = len(residual)

@@ -13,9 +13,12 @@ from scipy.io import savemat
 from typer.testing import CliRunner
 
 from hand_machine.description import load_description
+from hand_machine.held import find_repeats
 from hand_machine.machine import load_machine
-from hand_machine.reading import Readings, find_spikes, read_machine
+from hand_machine.reading import Readings, read_machine
+from hand_machine.spikes import find_off_the_motion, find_spikes
 from hand_machine.suggestion import suggest_map
+from hand_model.yaml_loader import DescriptionError
 from hand_recording.recording_files import RecordingError
 from hand_recording.signals import LONGEST
 from hand_tool.cli import app
@@ -148,6 +151,62 @@ def test_noise_steps_and_pulses_of_the_input_are_no_spikes(seed: int) -> None:
     assert not find_spikes(pulse, pulses=True).any()
     walk[[50, 2000, 2001]] += [9.0, -9.0, -9.0]
     assert np.flatnonzero(find_spikes(walk)).tolist() == [50, 2000, 2001]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_small_spikes_of_a_position_are_found_and_turns_are_not(seed: int, motion: dict[str, np.ndarray]) -> None:
+    """Fails when a reading beside the motion stays, or turns, steps or a fast motion lose readings; see the seed."""
+    print(f"seed {seed}")
+    rng = np.random.default_rng(seed)
+    time, noise = motion["t"], 2e-5 * rng.standard_normal(len(motion["t"]))
+    where = np.sort(rng.choice(np.arange(10, len(time) - 10, 12), 20, replace=False))
+    spoilt = motion["x"] + noise
+    spoilt[where] += 1.5e-3 * rng.choice([-1.0, 1.0], len(where))
+    assert np.flatnonzero(find_off_the_motion(time, spoilt)).tolist() == where.tolist()
+    triangle = np.abs(time % 2.0 - 1.0) + noise
+    fast = np.sin(2.0 * np.pi * 37.0 * time) + noise
+    for values in (motion["x"] + noise, triangle, np.round(motion["x"] / 5e-4) * 5e-4, fast, np.zeros(200)):
+        assert not find_off_the_motion(np.arange(len(values)) * PERIOD_S, values).any()
+
+
+def test_repeated_readings_of_a_slow_sensor_count_once(tmp_path: Path, motion: dict[str, np.ndarray]) -> None:
+    """Fails when a held reading counts as a standstill, or the steps of an encoder or an axis at rest count as held."""
+    rng = np.random.default_rng(0)
+    updates = np.unique(np.r_[0, np.cumsum(rng.integers(3, 7, 400))])
+    updates = updates[updates < len(motion["t"])]
+    latest = updates[np.searchsorted(updates, np.arange(len(motion["t"])), side="right") - 1]
+    found = read(tmp_path, motion | {"x": motion["x"][latest]})
+    assert any("position: held for" in note for note in found.notes)
+    assert (
+        np.abs(found.signals["position"] - motion["x"])[found.known].max()
+        < 0.15 * np.abs(np.diff(motion["x"][::5])).max()
+    )
+    assert found.known.mean() > 0.95
+    encoder = np.round(motion["x"] / 2e-3) * 2e-3
+    assert not find_repeats(encoder)[0].any()
+    stopped = np.r_[motion["x"][latest][:600], np.full(600, motion["x"][latest][599])]
+    assert not find_repeats(stopped)[0][650:].any()
+
+
+def test_offset_delay_and_limits_of_columns(tmp_path: Path, motion: dict[str, np.ndarray]) -> None:
+    """Fails when a stated offset, dead time or limit is not applied, or nonsense is not refused in a line."""
+    stated = {
+        "time": COLUMNS["time"],
+        "input": {"column": "u", "offset": 0.25, "delay": 0.1, "limits": [-0.8, 0.9]},
+        "position": {"column": "x", "offset": -0.01},
+    }
+    found = read(tmp_path, motion, SLIDE | {"columns": stated})
+    late = 10
+    expected = np.clip(motion["u"] + 0.25, -0.8, 0.9)
+    assert np.allclose(found.signals["input"][late:], expected[:-late], atol=1e-12)
+    assert np.allclose(found.signals["position"], motion["x"] - 0.01, atol=1e-12)
+    wrong = {"limits": [1.0, 1.0]}, {"delay": -0.1}, {"delay": 1e3}
+    for part in wrong:
+        columns = COLUMNS | {"input": {"column": "u"} | part}
+        with pytest.raises(DescriptionError, match=f"columns.input.{next(iter(part))}"):
+            read(tmp_path, motion, SLIDE | {"columns": columns})
+    with pytest.raises(DescriptionError, match=r"columns\.position\.delay is not a known key"):
+        read(tmp_path, motion, SLIDE | {"columns": COLUMNS | {"position": {"column": "x", "delay": 0.1}}})
 
 
 def changed(motion: dict[str, np.ndarray], case: str) -> tuple[dict[str, np.ndarray], dict[str, object]]:

@@ -97,7 +97,7 @@ def _older(machine: reality.Machine, out: Path) -> Case:
         folder.name,
         machine.name,
         folder / "machine.yaml",
-        {path.name: {"path": str(path)} for path in recordings},
+        {path.name: {"path": str(path.resolve())} for path in recordings},
         tuple(f"{name}.npz" for name in test),
         tuple(frozenset({name}) for name in machine.known),
         machine.decoys,
