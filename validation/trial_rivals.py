@@ -46,7 +46,8 @@ NOTHING = "nothing"
 COMMAND = "python -m validation.trial_rivals FOLDER --train FOLDER"
 _AXIS = MachineDescription(
     Path(), "joint", linear=True, imposed=True, gain=1.0, stiffness=0.0, damping=0.0, inertia=0.0, weight=0.0,
-    has=frozenset(), columns={}, tolerances={}, effects={}, recordings={}, sizes=None, per_kelvin={}, reference_c=20.0,
+    has=frozenset(), columns={}, tolerances={}, effects={}, recordings={}, sizes=None,
+    derivative_window_s=None, controller={}, per_kelvin={}, reference_c=20.0,
 )  # fmt: skip
 """What the rivals need to know of a joint whose predicted motion is given: the angle is regressed, not simulated."""
 

@@ -55,7 +55,7 @@ def test_the_report_has_a_limit_of_every_effect(agreeing: Report, tmp_path: Path
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "How small an effect this recording would have shown" in page
     assert (
-        f"<td>coulomb friction</td><td>coulomb_friction.torque_nm</td><td>N m</td><td>{float(f'{friction:.2g}'):g}</td>"
+        f"<td>Coulomb friction</td><td>coulomb_friction.torque_nm</td><td>N m</td><td>{float(f'{friction:.2g}'):g}</td>"
         in page
     )
 
