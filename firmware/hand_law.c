@@ -40,11 +40,20 @@ static hand_real creep_rate(hand_real p, hand_real creep, const hand_real *g, in
     return high_of(extension, 0) + low_of(recovery, 0);
 }
 
+/* True torque over that of the adapted map: the common part of the changes is an error of a2, on average. */
+static hand_real torque_scale(int n, int i, const hand_real *s)
+{
+    const hand_real common = -HAND_C_COMMON / (1 + 2 * HAND_C_COMMON) * (S(D_A1) + S(D_A3));
+    return 1 + bounded(common, -HAND_C_MOST_SCALE, HAND_C_MOST_SCALE);
+}
+
 static void reset_covariance(int n, int i, const hand_real *g, hand_real *s)
 {
     const hand_real variance = G(MAP_UNCERTAINTY) * G(MAP_UNCERTAINTY);
     for (int k = 0; k < 10; k++) s[(HAND_S_C00 + k) * n + i] = 0;
-    S(C00) = S(C11) = S(C22) = S(C33) = variance;
+    S(C00) = G(LOAD_STD) * G(LOAD_STD);
+    S(C11) = S(C22) = S(C33) = (1 + HAND_C_COMMON) * variance;
+    S(C12) = S(C13) = S(C23) = HAND_C_COMMON * variance;
 }
 
 static int contradicted_by_motion(int n, int i, hand_real *s, hand_real reference_speed, hand_real dt)
@@ -87,7 +96,7 @@ static void observe(int n, int i, const hand_real *g, hand_real *s, hand_real ph
 
 static void regressors(int n, int i, const hand_real *g, const hand_real *s, hand_real speed, hand_real r[4])
 {
-    r[0] = G(A0);
+    r[0] = 1;
     r[1] = G(A1) * (S(PHI_2) - S(CREEP) * G(PHI_MAX));
     r[2] = G(A3) * S(Q_2);
     r[3] = -G(VISCOUS) * speed;
@@ -149,15 +158,18 @@ static int adapt(int n, int i, const hand_real *g, hand_real *s, hand_real balan
     hand_real most = high;
     if (G(A3) < 0) most = low_of(high, high_of(-HAND_C_LEVERAGE_SHARE * G(A2) / (G(A3) * G(HIGH)) - 1, 0));
     for (int a = 0; a < 4; a++) {
-        hand_real *change = &s[(HAND_S_D_A0 + a) * n + i];
-        *change = bounded(*change - k[a] * per * balance, low, a == 2 ? most : high);
+        hand_real *change = &s[(HAND_S_OFFSET + a) * n + i];
+        const hand_real after = *change - k[a] * per * balance;
+        if (a == 0) *change = bounded(after, -HAND_C_MOST_LOAD, HAND_C_MOST_LOAD);
+        else *change = bounded(after, low, a == 2 ? most : high);
     }
     hand_real trace = 0;
     for (int a = 0; a < 4; a++) {
         for (int b = a; b < 4; b++) s[row[a][b] * n + i] -= k[a] * k[b] * per;
-        trace += s[row[a][a] * n + i];
+        if (a > 0) trace += s[row[a][a] * n + i];
     }
-    if (trace < 4 * G(MAP_UNCERTAINTY) * G(MAP_UNCERTAINTY)) {
+    S(C00) = low_of(S(C00) + HAND_C_LOAD_DRIFT * HAND_C_LOAD_DRIFT * dt, G(LOAD_STD) * G(LOAD_STD));
+    if (trace < 3 * (1 + HAND_C_COMMON) * G(MAP_UNCERTAINTY) * G(MAP_UNCERTAINTY)) {
         const hand_real grow = 1 + dt / G(MEMORY);
         for (int a = 0; a < 10; a++) s[(HAND_S_C00 + a) * n + i] *= grow;
     }
@@ -198,7 +210,7 @@ static hand_real feed_forward(int n, int i, const hand_real *g, const hand_real 
 /* Pressure of feed-forward and integral with the present map. */
 static hand_real steady_pressure(int n, int i, const hand_real *g, const hand_real *s, const hand_real *u)
 {
-    const hand_real a0 = G(A0) * (1 + S(D_A0)), a1 = G(A1) * (1 + S(D_A1)), a2 = G(A2);
+    const hand_real a0 = G(A0) + S(OFFSET), a1 = G(A1) * (1 + S(D_A1)), a2 = G(A2);
     const hand_real a3 = G(A3) * (1 + S(D_A3)), d = G(VISCOUS) * (1 + S(D_VISCOUS));
     const hand_real here = high_of(leverage(low_of(U(POSITION), G(HIGH)), a2, a3), HAND_C_MIN_LEVERAGE);
     return feed_forward(n, i, g, s, u, a0, a1, a2, a3, d) + S(INTEGRAL) / here;
@@ -249,10 +261,10 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
         return;
     }
     observe(n, i, g, s, phi, p, dt);
-    const hand_real a0 = G(A0) * (1 + S(D_A0)), a1 = G(A1) * (1 + S(D_A1)), a2 = G(A2);
+    const hand_real a0 = G(A0) + S(OFFSET), a1 = G(A1) * (1 + S(D_A1)), a2 = G(A2);
     const hand_real a3 = G(A3) * (1 + S(D_A3)), d = G(VISCOUS) * (1 + S(D_VISCOUS));
     const hand_real creep = S(CREEP), phi_max = G(PHI_MAX);
-    OUT(TORQUE) = torque(p, phi, creep, a0, a1, a2, a3, phi_max) + S(LOAD);
+    OUT(TORQUE) = (torque(p, phi, creep, a0, a1, a2, a3, phi_max) + S(LOAD)) * torque_scale(n, i, s);
     const hand_real speed_2 = (S(PHI_1) - S(PHI_2)) / G(OBSERVER_FILTER);
     const int partner = (int)G(PARTNER);
     hand_real inertial = G(INERTIA) * S(ACCELERATION);
@@ -283,7 +295,8 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
         ki = stiffness * per;
         kd = (d * lag + G(INERTIA)) * per;
     }
-    hand_real ceiling = pressure_for(U(LIMIT) - S(LOAD), at_phi, creep, a0, a1, a2, a3, phi_max), wanted = ceiling;
+    const hand_real largest = U(LIMIT) / torque_scale(n, i, s) - S(LOAD);
+    hand_real ceiling = pressure_for(largest, at_phi, creep, a0, a1, a2, a3, phi_max), wanted = ceiling;
     if (G(TORQUE_MODE) == 0) {
         error = U(REFERENCE) - phi;
         let_go(n, i, s, U(SPEED));

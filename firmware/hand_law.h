@@ -53,6 +53,7 @@ enum {
     HAND_G_MEMORY, /* [s] parameter adaptation_memory_s */
     HAND_G_ADAPT_BOUND, /* parameter adaptation_bound */
     HAND_G_MAP_UNCERTAINTY, /* parameter map_uncertainty */
+    HAND_G_LOAD_STD, /* [N m] parameter load_uncertainty_nm */
     HAND_G_DETECT, /* [0 or 1] parameter contact_detection */
     HAND_G_RESIDUAL_STD, /* [N m] parameter contact_torque_std_nm */
     HAND_G_MAP_ERROR, /* parameter contact_map_error */
@@ -77,20 +78,20 @@ enum {
     HAND_S_Q_1, /* [Pa rad] pressure times angle, filtered once */
     HAND_S_Q_2, /* [Pa rad] pressure times angle, filtered twice */
     HAND_S_ACCELERATION, /* [rad/s^2] acceleration, filtered twice */
-    HAND_S_D_A0, /* relative change of a0 */
+    HAND_S_OFFSET, /* [N m] load, in which an error of a0 is included: the balance cannot tell them apart */
     HAND_S_D_A1, /* relative change of a1 */
     HAND_S_D_A3, /* relative change of a3 */
     HAND_S_D_VISCOUS, /* relative change of viscous */
-    HAND_S_C00, /* covariance of the relative changes */
-    HAND_S_C01, /* covariance of the relative changes */
-    HAND_S_C02, /* covariance of the relative changes */
-    HAND_S_C03, /* covariance of the relative changes */
-    HAND_S_C11, /* covariance of the relative changes */
-    HAND_S_C12, /* covariance of the relative changes */
-    HAND_S_C13, /* covariance of the relative changes */
-    HAND_S_C22, /* covariance of the relative changes */
-    HAND_S_C23, /* covariance of the relative changes */
-    HAND_S_C33, /* covariance of the relative changes */
+    HAND_S_C00, /* covariance of the load [N m] and the relative changes */
+    HAND_S_C01, /* covariance of the load [N m] and the relative changes */
+    HAND_S_C02, /* covariance of the load [N m] and the relative changes */
+    HAND_S_C03, /* covariance of the load [N m] and the relative changes */
+    HAND_S_C11, /* covariance of the load [N m] and the relative changes */
+    HAND_S_C12, /* covariance of the load [N m] and the relative changes */
+    HAND_S_C13, /* covariance of the load [N m] and the relative changes */
+    HAND_S_C22, /* covariance of the load [N m] and the relative changes */
+    HAND_S_C23, /* covariance of the load [N m] and the relative changes */
+    HAND_S_C33, /* covariance of the load [N m] and the relative changes */
     HAND_S_BIAS, /* [N m] slow part of the torque balance */
     HAND_S_SUM, /* sum of the contact detector */
     HAND_S_AGE, /* [s] time since the onset of contact */
@@ -144,9 +145,13 @@ enum {
 #define HAND_C_GATE ((hand_real)3.0) /* standard deviations beyond which a balance is taken for contact, not for the map */
 #define HAND_C_STOPPING ((hand_real)0.5) /* a joint stops when its speed falls below this share of the filtered speed */
 #define HAND_C_MARGIN ((hand_real)0.035) /* [rad] closer to a limit of its angle, a joint may press on its end stop */
-#define HAND_C_BALANCE_STD ((hand_real)0.01) /* [N m] standard deviation of the balance by noise and neglected accelerations */
+#define HAND_C_BALANCE_STD ((hand_real)0.004) /* [N m] standard deviation of the balance by noise and neglected accelerations */
+#define HAND_C_COMMON ((hand_real)1.0) /* variance of the error of a2 over that of the other constants of the map, at the start */
+#define HAND_C_MOST_SCALE ((hand_real)0.2) /* largest relative change of the torque scale by what the changes of the map have in common */
+#define HAND_C_MOST_LOAD ((hand_real)0.1) /* [N m] largest load */
+#define HAND_C_LOAD_DRIFT ((hand_real)0.001) /* [N m/s^0.5] random walk of the load */
 #define HAND_C_PAUSE_TIME ((hand_real)0.1) /* [s] adaptation pauses so long after contact, saturation or a stop: memory of the filters */
-#define HAND_C_LEVERAGE_SHARE ((hand_real)0.9) /* adaptation of a3 may take this share of the leverage at the upper limit */
+#define HAND_C_LEVERAGE_SHARE ((hand_real)0.97) /* adaptation of a3 may take this share of the leverage at the upper limit */
 #define HAND_C_ALLOWANCE ((hand_real)2.0) /* K of the CUSUM: half the smallest contact worth detecting, in standard deviations */
 #define HAND_C_BIAS_TIME ((hand_real)1.0) /* [s] time constant of the slow part of the balance */
 #define HAND_C_RELEASE ((hand_real)1.5) /* standard deviations of torque below which a contact may end */

@@ -1,10 +1,14 @@
-"""On-line adaptation of the static map: recursive least squares with forgetting and bounds.
+"""On-line observer of the load and adaptation of the static map: recursive least squares with forgetting and bounds.
 
-In free motion the filtered torque balance is zero (Eq. 8 without disturbance). Its scale cannot be observed without a
-torque sensor, so a2 is kept, and a0, a1, a3 and d are estimated relative to it, as changes x of their identified
-values:
+In free motion the filtered torque balance is zero (Eq. 8). A load is a state of its own: it is constant, and a0, which
+has the same effect, is part of it. Without a torque sensor the scale of the balance cannot be observed, so a2 is kept,
+and a1, a3 and d are estimated relative to it, as changes x of their identified values:
 
-    balance = a0 (1+x0) + a1 (1+x1) (phi - A phi_max) + a2 p + a3 (1+x2) p phi - d (1+x3) phi' - J phi'' = 0
+    balance = a0 + load + a1 (1+x1) (phi - A phi_max) + a2 p + a3 (1+x2) p phi - d (1+x3) phi' - J phi'' = 0
+
+The errors of a1, a3 and d relative to a2 have the error of a2 in common, so their covariance begins correlated. What
+x1 and x2 have in common is, on average, an error of a2: `law._torque_scale` corrects the torque limit by it, within
+C.most_scale. The load follows a random walk, which lets it change while the map stays.
 
 A joint is adapted while it moves freely; not at rest, in contact, saturated, or near a limit of its angle. Forgetting
 lets the covariance grow to its initial trace and no further, so that a long rest cannot make the estimate jump.
@@ -20,22 +24,25 @@ def reset_covariance(g, s, i):  # type: ignore[no-untyped-def]
     """Keep the map of joint i and return its covariance to the initial one."""
     for k in range(10):
         s[S.c00 + k, i] = 0.0
-    s[S.c00, i] = s[S.c11, i] = s[S.c22, i] = s[S.c33, i] = g[G.map_uncertainty, i] * g[G.map_uncertainty, i]
+    variance = g[G.map_uncertainty, i] * g[G.map_uncertainty, i]
+    s[S.c00, i] = g[G.load_std, i] * g[G.load_std, i]
+    s[S.c11, i] = s[S.c22, i] = s[S.c33, i] = (1.0 + C.common) * variance
+    s[S.c12, i] = s[S.c13, i] = s[S.c23, i] = C.common * variance
 
 
 @compiled
 def reset_map(g, s, i):  # type: ignore[no-untyped-def]
     """Return joint i to the identified map."""
     for k in range(4):
-        s[S.d_a0 + k, i] = 0.0
+        s[S.offset + k, i] = 0.0
     reset_covariance(g, s, i)
 
 
 @inlined
 def _regressors(g, s, i, speed):  # type: ignore[no-untyped-def]
-    """Derivatives [N m] of the balance by the four relative changes."""
+    """Derivatives of the balance by the load [-] and by the three relative changes [N m]."""
     return (
-        g[G.a0, i],
+        1.0,
         g[G.a1, i] * (s[S.phi_2, i] - s[S.creep, i] * g[G.phi_max, i]),
         g[G.a3, i] * s[S.q_2, i],
         -g[G.viscous, i] * speed,
@@ -89,7 +96,7 @@ def adapt(g, s, i, balance, variance, speed, saturated, dt):  # type: ignore[no-
     noise = C.balance_std * C.balance_std * (1.0 + 2.0 * g[G.observer_filter, i] / dt)
     per = 1.0 / (noise + r0 * k0 + r1 * k1 + r2 * k2 + r3 * k3)
     low, high = 1.0 / g[G.adapt_bound, i] - 1.0, g[G.adapt_bound, i] - 1.0
-    s[S.d_a0, i] = min(max(s[S.d_a0, i] - k0 * per * balance, low), high)
+    s[S.offset, i] = min(max(s[S.offset, i] - k0 * per * balance, -C.most_load), C.most_load)
     s[S.d_a1, i] = min(max(s[S.d_a1, i] - k1 * per * balance, low), high)
     s[S.d_a3, i] = min(max(s[S.d_a3, i] - k2 * per * balance, low), _highest_a3(g, i, high))
     s[S.d_viscous, i] = min(max(s[S.d_viscous, i] - k3 * per * balance, low), high)
@@ -97,8 +104,9 @@ def adapt(g, s, i, balance, variance, speed, saturated, dt):  # type: ignore[no-
     c11, c12, c13 = c11 - k1 * k1 * per, c12 - k1 * k2 * per, c13 - k1 * k3 * per
     c22, c23, c33 = c22 - k2 * k2 * per, c23 - k2 * k3 * per, c33 - k3 * k3 * per
     grow = 1.0
-    if c00 + c11 + c22 + c33 < 4.0 * g[G.map_uncertainty, i] * g[G.map_uncertainty, i]:
+    if c11 + c22 + c33 < 3.0 * (1.0 + C.common) * g[G.map_uncertainty, i] * g[G.map_uncertainty, i]:
         grow = 1.0 + dt / g[G.memory, i]
+    c00 = min(c00 + C.load_drift * C.load_drift * dt, g[G.load_std, i] * g[G.load_std, i])
     s[S.c00, i], s[S.c01, i], s[S.c02, i], s[S.c03, i] = c00 * grow, c01 * grow, c02 * grow, c03 * grow
     s[S.c11, i], s[S.c12, i], s[S.c13, i] = c11 * grow, c12 * grow, c13 * grow
     s[S.c22, i], s[S.c23, i], s[S.c33, i] = c22 * grow, c23 * grow, c33 * grow

@@ -100,7 +100,7 @@ class Settings:
     max_torque_rate_nm_per_s: float = _number(
         "N m/s", 3.0, 0.01, 1000.0, "largest rate of the target in torque mode, and of a rising torque limit"
     )
-    reference_bandwidth_rad_per_s: float = _number("rad/s", 12.0, 1.0, 100.0, "bandwidth of the reference filter")
+    reference_bandwidth_rad_per_s: float = _number("rad/s", 13.0, 1.0, 100.0, "bandwidth of the reference filter")
     contact_stiffness_nm_per_rad: float = _number(
         "N m/rad", 30.0, 0.0, 1e5,
         "stiffness of objects: on its first impact the torque stays below the limit of the joint; 0: any speed",
@@ -151,6 +151,9 @@ class Settings:
     )
     map_uncertainty: float = _number(
         "", 0.17, 1e-3, 1.0, "relative standard deviation of the map at the start", row="map_uncertainty"
+    )
+    load_uncertainty_nm: float = _number(
+        "N m", 0.02, 1e-4, 1.0, "standard deviation of an unknown load at the start", row="load_std"
     )
     contact_detection: bool = _switch(True, "detect contact from the torque balance of the motion", row="detect")
     contact_false_alarms_per_hour: float = _number(
@@ -247,7 +250,7 @@ GAINS = (
 )  # fmt: skip
 """Rows of the gains: the model of each joint, the parameters of the law, and the derived threshold."""
 _COVARIANCE = tuple(
-    Row(f"c{i}{j}", "", "covariance of the relative changes") for i in range(4) for j in range(i, 4)
+    Row(f"c{i}{j}", "", "covariance of the load [N m] and the relative changes") for i in range(4) for j in range(i, 4)
 )  # fmt: skip
 STATE = (
     Row("integral", "N m", "integral of the error"),
@@ -264,7 +267,7 @@ STATE = (
     Row("q_1", "Pa rad", "pressure times angle, filtered once"),
     Row("q_2", "Pa rad", "pressure times angle, filtered twice"),
     Row("acceleration", "rad/s^2", "acceleration, filtered twice"),
-    Row("d_a0", "", "relative change of a0"),
+    Row("offset", "N m", "load, in which an error of a0 is included: the balance cannot tell them apart"),
     Row("d_a1", "", "relative change of a1"),
     Row("d_a3", "", "relative change of a3"),
     Row("d_viscous", "", "relative change of viscous"),
@@ -314,9 +317,13 @@ CONSTANTS: dict[str, tuple[float, str, str]] = {
     "gate": (3.0, "", "standard deviations beyond which a balance is taken for contact, not for the map"),
     "stopping": (0.5, "", "a joint stops when its speed falls below this share of the filtered speed"),
     "margin": (0.035, "rad", "closer to a limit of its angle, a joint may press on its end stop"),
-    "balance_std": (0.01, "N m", "standard deviation of the balance by noise and neglected accelerations"),
+    "balance_std": (0.004, "N m", "standard deviation of the balance by noise and neglected accelerations"),
+    "common": (1.0, "", "variance of the error of a2 over that of the other constants of the map, at the start"),
+    "most_scale": (0.2, "", "largest relative change of the torque scale by what the changes of the map have in common"),
+    "most_load": (0.1, "N m", "largest load"),
+    "load_drift": (1e-3, "N m/s^0.5", "random walk of the load"),
     "pause_time": (0.1, "s", "adaptation pauses so long after contact, saturation or a stop: memory of the filters"),
-    "leverage_share": (0.9, "", "adaptation of a3 may take this share of the leverage at the upper limit"),
+    "leverage_share": (0.97, "", "adaptation of a3 may take this share of the leverage at the upper limit"),
     "allowance": (2.0, "", "K of the CUSUM: half the smallest contact worth detecting, in standard deviations"),
     "bias_time": (1.0, "s", "time constant of the slow part of the balance"),
     "release": (1.5, "", "standard deviations of torque below which a contact may end"),

@@ -85,14 +85,21 @@ def _observe(g, s, i, phi, p, dt):  # type: ignore[no-untyped-def]
 
 @inlined
 def _adapted_map(g, s, i):  # type: ignore[no-untyped-def]
-    """a0, a1, a2, a3 and d of joint i with their adapted relative changes."""
+    """a0 with the load, a1, a2, a3 and d of joint i with their adapted relative changes."""
     return (
-        g[G.a0, i] * (1.0 + s[S.d_a0, i]),
+        g[G.a0, i] + s[S.offset, i],
         g[G.a1, i] * (1.0 + s[S.d_a1, i]),
         g[G.a2, i],
         g[G.a3, i] * (1.0 + s[S.d_a3, i]),
         g[G.viscous, i] * (1.0 + s[S.d_viscous, i]),
     )
+
+
+@inlined
+def _torque_scale(s, i):  # type: ignore[no-untyped-def]
+    """True torque over that of the adapted map: the common part of the changes is an error of a2, on average."""
+    common = -C.common / (1.0 + 2.0 * C.common) * (s[S.d_a1, i] + s[S.d_a3, i])
+    return 1.0 + min(max(common, -C.most_scale), C.most_scale)
 
 
 @inlined
@@ -238,7 +245,8 @@ def _joint(g, s, u, i, dt, integrate, drive, out):  # type: ignore[no-untyped-de
         return
     _observe(g, s, i, phi, p, dt)
     a0, a1, a2, a3, d = _adapted_map(g, s, i)
-    out[OUT.torque, i] = torque(p, phi, s[S.creep, i], a0, a1, a2, a3, g[G.phi_max, i]) + s[S.load, i]
+    own = torque(p, phi, s[S.creep, i], a0, a1, a2, a3, g[G.phi_max, i]) + s[S.load, i]
+    out[OUT.torque, i] = own * _torque_scale(s, i)
     filtered_speed = (s[S.phi_1, i] - s[S.phi_2, i]) / g[G.observer_filter, i]
     balance = _torque_balance(g, s, i, a0, a1, a2, a3, d, filtered_speed)
     variance = _balance_variance(g, s, i, filtered_speed)
@@ -264,7 +272,7 @@ def _control(g, s, u, i, a0, a1, a2, a3, d, dt, integrate, out):  # type: ignore
     phi, k = min(u[U.position, i], g[G.high, i]), -stiffness(u[U.pressure, i], a1, a3)
     here = max(leverage(phi, a2, a3), C.min_leverage)
     kp, ki, kd = _pid_gains(g, i, d, k)
-    most = u[U.limit, i] - s[S.load, i]
+    most = u[U.limit, i] / _torque_scale(s, i) - s[S.load, i]
     ceiling = pressure_for_torque(most, phi, s[S.creep, i], a0, a1, a2, a3, g[G.phi_max, i])
     error, wanted = 0.0, ceiling
     # In torque mode the limit is the wanted torque; the valve gives its pressure without an error to integrate.

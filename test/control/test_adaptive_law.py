@@ -103,7 +103,7 @@ def test_neither_anti_windup_winds_up(kind: str) -> None:
 
 def test_adaptation_learns_in_motion_and_is_frozen_otherwise() -> None:
     """Fails when the map does not approach the plant's in motion, or moves at rest or at the torque limit."""
-    rows = slice(S.d_a0, S.d_viscous + 1)
+    rows = slice(S.offset, S.d_viscous + 1)
     loop = Loop(error=0.25, seed=4)
     for target in (0.4, 1.3, 0.4, 1.3, 0.4):
         loop.run(target, 2.0)

@@ -108,7 +108,7 @@ def test_shaping_has_no_overshoot_and_bounded_speed(dt: float) -> None:
     free = Shaper(1)
     for _ in range(round(0.3 / dt)):
         free.step(np.array([1.0]), np.array([0.0]), fast, dt)
-    closed_form = 1.0 - (1.0 + 12.0 * 0.3) * math.exp(-12.0 * 0.3)
+    closed_form = 1.0 - (1.0 + 13.0 * 0.3) * math.exp(-13.0 * 0.3)
     assert free.r[0] == pytest.approx(closed_form, abs=0.02)
 
 

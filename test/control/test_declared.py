@@ -83,7 +83,7 @@ def test_the_model_rows_are_those_of_the_description() -> None:
 
 def test_rows_that_the_law_addresses_in_sequence_are_in_sequence() -> None:
     """Fails when the changes of the map, or their covariance, no longer lie side by side in the state."""
-    assert (S.d_a0, S.d_a1, S.d_a3, S.d_viscous) == tuple(range(S.d_a0, S.d_a0 + 4))
+    assert (S.offset, S.d_a1, S.d_a3, S.d_viscous) == tuple(range(S.offset, S.offset + 4))
     pairs = [f"c{i}{j}" for i in range(4) for j in range(i, 4)]
     assert [getattr(S, pair) for pair in pairs] == list(range(S.c00, S.c00 + 10))
 

@@ -105,7 +105,7 @@ def test_the_law_is_the_law_in_c_in_every_branch() -> None:
         saturated += int(got[OUT.saturated].sum())
         contact += int(got[OUT.contact].sum())
         contradicted += int(((before != 0.0) & (python.state[S.contact] == 0.0)).sum())
-        adapted += int((python.state[S.d_a0] != 0.0).sum())
+        adapted += int((python.state[S.offset] != 0.0).sum())
         bounds |= set(python.state[S.creep, [8, 12]].tolist())
     # The inputs reach what they are meant to reach.
     assert min(saturated, contact, contradicted, adapted) > 20 and bounds >= {
@@ -189,14 +189,14 @@ def test_the_arrays_of_the_law_have_their_rows_and_joints() -> None:
 def test_switching_adaptation_off_forgets_what_it_learnt() -> None:
     """Fails when a map that was adapted stays in use after adaptation is switched off, or is reset by other changes."""
     law = Law(gains_of(joints=2))
-    law.state[S.d_a0] = 0.2
+    law.state[S.offset] = 0.2
     law.change(gains_of({"deadband_pa": 100.0}, joints=2))
-    assert (law.state[S.d_a0] == 0.2).all()
+    assert (law.state[S.offset] == 0.2).all()
     law.change(gains_of({"adaptation": False}, joints=2))
-    assert (law.state[S.d_a0] == 0.0).all() and (law.state[S.take_over] == 1.0).all()
-    law.state[S.d_a0] = 0.1
+    assert (law.state[S.offset] == 0.0).all() and (law.state[S.take_over] == 1.0).all()
+    law.state[S.offset] = 0.1
     law.change(gains_of({"adaptation": False, "deadband_pa": 100.0}, joints=2))
-    assert (law.state[S.d_a0] == 0.1).all()
+    assert (law.state[S.offset] == 0.1).all()
 
 
 def test_release_keeps_what_was_observed() -> None:
@@ -328,7 +328,7 @@ def test_adaptation_keeps_the_pressure_of_a_slow_joint() -> None:
     law.inputs[:] = at(0.6, 0.6, 8e4)
     law.state[S.integral] = rng.uniform(-0.02, 0.02, 20)
     before = np.array([_steady_pressure(g, law.state, law.inputs, i) for i in range(20)])
-    law.state[[S.d_a0, S.d_a1, S.d_a3]] = rng.uniform(-0.2, 0.2, (3, 20))
+    law.state[[S.offset, S.d_a1, S.d_a3]] = rng.uniform(-0.2, 0.2, (3, 20))
     for i in range(20):
         _take_over_map(g, law.state, law.inputs, i, before[i])
     after = [_steady_pressure(g, law.state, law.inputs, i) for i in range(20)]

@@ -19,7 +19,7 @@ from hand_control.shaping import Shaper, approach_speed
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from validation.bench.result import figure
-from validation.bench.rough_plant import FRICTION, PHI, WALL, WALL_AT, WALL_K, P, Q, RoughPlants, draw, partners
+from validation.bench.rough_plant import FRICTION, LOAD, PHI, WALL, WALL_AT, WALL_K, P, Q, RoughPlants, draw, partners
 from validation.paper.step_rig import many_gains
 
 SEED, RATE_HZ = 20261123, 200.0
@@ -173,14 +173,16 @@ class Bench:
             figure(f"{name}: time with a false contact", 100 * float(np.mean(flagged)), None, "%"),
         ]
 
-    def contacts(self, stiffness: float, error: float) -> list[dict[str, Any]]:
+    def contacts(self, stiffness: float, error: float, load_nm: float = 0.0) -> list[dict[str, Any]]:
         """Step onto an obstacle, press, and step back after 4 s: torques on it, detection, release.
 
         stiffness: of the obstacle [N m/rad].  error: largest relative error of the law's model [-], as in `ticks`.
+        load_nm: size [N m] of a load that the model lacks; it resists every other joint and helps the rest.
         """
         rng = np.random.default_rng([self.seed, 2])
         q = draw(self.hand, self.hands, ERROR, rng)
         q[WALL_AT], q[WALL_K] = rng.uniform(np.radians(20.0), np.radians(70.0), self.joints), stiffness
+        q[LOAD] = load_nm * np.where(np.arange(self.joints) % 2, 1.0, -1.0)
         limit = rng.uniform(0.05, 0.2, self.joints)
         touch_s, press_s = 0.2, 4.0
 
@@ -208,6 +210,7 @@ class Bench:
         peak = torque[pressing].max(axis=0) / limit
         ratio = held / limit
         name = f"obstacle of {stiffness:g} N m/rad, model within {100 * error:g} %"
+        name += f", load of {1e3 * load_nm:g} mN m" if load_nm else ""
         goals = (1.3 if stiffness <= 20.0 else 2.0, 0.9 if error < ERROR else 0.7, 1.1 if error < ERROR else 1.3)
         return [
             figure(f"{name}: peak over the limit, median", np.median(peak[touched]), None, ""),

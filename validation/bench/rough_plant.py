@@ -30,17 +30,27 @@ NAMES = {
 """Rows of a plant that the description of the hand has, in SI units."""
 DRAWN = ("delay", "lag", "a0", "a1", "a2", "a3", "inertia", "drag", "t_ext", "t_rec")
 """Rows that `draw` changes independently."""
-ADDED = ("friction", "load", "wall_at", "wall_k")
+ADDED = (
+    "friction", "load", "wall_at", "wall_k", "weight", "attitude", "hole", "overlap", "skin", "rubber", "yielding",
+    "liquid",
+)  # fmt: skip
 """Rows without a number in the description: Coulomb friction [N m], load against flexion [N m], angle [rad] and
-stiffness [N m/rad] of an obstacle."""
+stiffness [N m/rad] of an obstacle; weight of the phalanx [N m] and the angle [rad] at which it hangs; share of the
+absolute pressure [1/s] lost through a hole at sonic speed; pressure error [Pa] that a valve covers; stiffness of a skin
+[N m/rad] to the neighbouring joint; torque of a rubber [N m] that hardens exponentially; shift of the rest angle
+[rad] by retarded elasticity at supply pressure; growth of a chamber filled with a liquid [m^3/Pa], 0 for a gas."""
 ROWS = (*NAMES, *ADDED)
 Q = {name: row for row, name in enumerate(ROWS)}
 (
     DELAY, LAG, A0, A1, A2, A3, INERTIA, DRAG, T_EXT, T_REC, REACH, P_MIN, B1, B0, COUPLING, LOW, HIGH,
-    FRICTION, LOAD, WALL_AT, WALL_K,
+    FRICTION, LOAD, WALL_AT, WALL_K, WEIGHT, ATTITUDE, HOLE, OVERLAP, SKIN, RUBBER, YIELDING, LIQUID,
 ) = range(len(ROWS))  # fmt: skip
-STATES = ("p", "phi", "speed", "creep", "bristle", "torque", "wall")
-P, PHI, SPEED, CREEP, BRISTLE, TORQUE, WALL = range(len(STATES))
+STATES = ("p", "phi", "speed", "creep", "bristle", "torque", "wall", "fast", "slow")
+P, PHI, SPEED, CREEP, BRISTLE, TORQUE, WALL, FAST, SLOW = range(len(STATES))
+FAST_S, SLOW_S = 0.7, 6.0
+"""Retardation times of the rows FAST and SLOW, pressures that follow the pressure."""
+RUBBER_RAD, SKIN_RAD = math.radians(30.0), math.radians(60.0)
+ROOM_PA = 101325.0
 BRISTLE_RAD, STOP_NM_PER_RAD, WALL_DAMPING_S, MEMORY = math.radians(0.1), 5.0, 2e-4, 1024
 STICTION, STRIBECK_RAD_S = 1.5, 0.1
 """Friction at rest over that of motion [-], and the speed over which it falls."""
@@ -84,7 +94,17 @@ def partners(hand: Hand, hands: int) -> NDArray[np.int64]:
 
 
 @njit(cache=True)
-def _advance(q, s, past, count, u, partner, steps):  # type: ignore[no-untyped-def]
+def _lost(p, hole):  # type: ignore[no-untyped-def]
+    """Pressure lost in a second [Pa/s]: flow at sonic speed above 0.9 bar, and below as an ellipse (ISO 6358)."""
+    if hole <= 0.0 or p <= 0.0:
+        return 0.0
+    ratio = ROOM_PA / (p + ROOM_PA)
+    part = 1.0 if ratio < 0.528 else math.sqrt(max(1.0 - ((ratio - 0.528) / 0.472) ** 2, 0.0))
+    return hole * (p + ROOM_PA) * part
+
+
+@njit(cache=True)
+def _advance(q, s, past, count, u, partner, neighbour, steps):  # type: ignore[no-untyped-def]
     h = STEP_S
     for _ in range(steps):
         count += 1
@@ -92,12 +112,26 @@ def _advance(q, s, past, count, u, partner, steps):  # type: ignore[no-untyped-d
             past[count % MEMORY, i] = u[i]
             want = past[(count - round(q[DELAY, i] / h)) % MEMORY, i]
             leverage = q[A2, i] + q[A3, i] * s[PHI, i]
-            s[P, i] += h * (min(max(want, 0.0), SUPPLY_PA) - s[P, i]) / q[LAG, i]
+            error = min(max(want, 0.0), SUPPLY_PA) - s[P, i]
+            if q[OVERLAP, i] > 0.0:  # a rounded edge: the valve sees the error less its covered part
+                error -= q[OVERLAP, i] * math.tanh(error / q[OVERLAP, i])
+            s[P, i] += h * (error / q[LAG, i] - _lost(s[P, i], q[HOLE, i]))
             p, phi, w = s[P, i], s[PHI, i], s[SPEED, i]
+            if q[LIQUID, i] > 0.0:  # what moves in place of the piston raises or lowers the pressure at once
+                s[P, i] -= h * leverage * w / (q[LIQUID, i] * (1.0 + 0.3 * p / SUPPLY_PA))
             up = (q[B1, i] * (p - q[P_MIN, i]) - s[CREEP, i]) / q[T_EXT, i]
             down = (q[B0, i] * p - s[CREEP, i]) / q[T_REC, i]
             s[CREEP, i] += h * (max(up, 0.0) + min(down, 0.0))
-            torque = q[A0, i] + q[A1, i] * (phi - s[CREEP, i] * q[REACH, i]) + leverage * p - q[LOAD, i]
+            s[FAST, i] += h * (p - s[FAST, i]) / FAST_S
+            s[SLOW, i] += h * (p - s[SLOW, i]) / SLOW_S
+            rest = s[CREEP, i] * q[REACH, i] + 0.5 * q[YIELDING, i] * (s[FAST, i] + s[SLOW, i]) / SUPPLY_PA
+            torque = q[A0, i] + q[A1, i] * (phi - rest) + leverage * p - q[LOAD, i]
+            torque -= q[WEIGHT, i] * math.sin(phi - q[ATTITUDE, i])
+            if q[RUBBER, i] != 0.0:
+                x = phi / RUBBER_RAD
+                torque -= q[RUBBER, i] * (math.exp(x) - 1.0 - x)
+            if q[SKIN, i] != 0.0:
+                torque += q[SKIN, i] * SKIN_RAD * math.tanh((s[PHI, neighbour[i]] - phi) / SKIN_RAD)
             if q[FRICTION, i] > 0.0:
                 z = s[BRISTLE, i]
                 level = 1.0 + (STICTION - 1.0) * math.exp(-((w / STRIBECK_RAD_S) ** 2))
@@ -126,6 +160,7 @@ class RoughPlants:
     def __init__(self, q: Array, partner: NDArray[np.int64], period_s: float) -> None:
         """Begin at the rest angle with plants q (ROWS, n); partner (n,): column of the coupled joint, or -1."""
         self._q, self._partner = q, partner
+        self._neighbour = np.where(partner >= 0, partner, np.maximum(np.arange(len(partner)) - 1, 0))
         self._steps, self._count = round(period_s / STEP_S), MEMORY
         self.state = np.zeros((len(STATES), q.shape[1]))
         self.state[PHI] = np.clip(-q[A0] / q[A1], q[LOW], q[HIGH])
@@ -133,5 +168,5 @@ class RoughPlants:
 
     def advance(self, command_pa: Array) -> None:
         """Apply the commands (n,) [Pa] for one period."""
-        args = self._q, self.state, self._past, self._count, command_pa, self._partner, self._steps
+        args = self._q, self.state, self._past, self._count, command_pa, self._partner, self._neighbour, self._steps
         self._count = _advance(*args)
