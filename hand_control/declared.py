@@ -319,7 +319,11 @@ CONSTANTS: dict[str, tuple[float, str, str]] = {
     "margin": (0.035, "rad", "closer to a limit of its angle, a joint may press on its end stop"),
     "balance_std": (0.004, "N m", "standard deviation of the balance by noise and neglected accelerations"),
     "common": (1.0, "", "variance of the error of a2 over that of the other constants of the map, at the start"),
-    "most_scale": (0.2, "", "largest relative change of the torque scale by what the changes of the map have in common"),
+    "most_scale": (
+        0.2,
+        "",
+        "largest relative change of the torque scale by what the changes of the map have in common",
+    ),
     "most_load": (0.1, "N m", "largest load"),
     "load_drift": (1e-3, "N m/s^0.5", "random walk of the load"),
     "pause_time": (0.1, "s", "adaptation pauses so long after contact, saturation or a stop: memory of the filters"),

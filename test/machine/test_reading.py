@@ -166,7 +166,8 @@ def test_small_spikes_of_a_position_are_found_and_turns_are_not(seed: int, motio
     triangle = np.abs(time % 2.0 - 1.0) + noise
     fast = np.sin(2.0 * np.pi * 37.0 * time) + noise
     for values in (motion["x"] + noise, triangle, np.round(motion["x"] / 5e-4) * 5e-4, fast, np.zeros(200)):
-        assert not find_off_the_motion(np.arange(len(values)) * PERIOD_S, values).any()
+        at_s = np.asarray(np.arange(len(values)) * PERIOD_S, dtype=np.float64)
+        assert not find_off_the_motion(at_s, np.asarray(values, dtype=np.float64)).any()
 
 
 def test_repeated_readings_of_a_slow_sensor_count_once(tmp_path: Path, motion: dict[str, np.ndarray]) -> None:
