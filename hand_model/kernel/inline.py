@@ -2,44 +2,68 @@
 
 The compiler may ignore NaN and the sign of zero, which lets it turn min, max and select into vector instructions. It
 may not contract, reassociate or use approximate reciprocals: the result of an equation must not depend on which other
-equations are compiled into the same loop.
+equations are compiled into the same loop. Products are fused with sums as the source of an equation says (fused.py).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 from numba import njit
 from numba.core.registry import CPUDispatcher
 
+from hand_model.kernel.fused import fused
+
 FAST = {"nnan", "nsz"}
 """Flags of LLVM's floating-point arithmetic that equations and loops use."""
-_NO_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
-class _Equation(CPUDispatcher):  # type: ignore[misc]
-    """An equation compiled for loops alone.
+class Equation:
+    """An equation for loops, compiled when the first loop with it is compiled, and not at a start with a cache."""
 
-    Wrappers for callers in Python are left out, because they take two fifths of the compile time. The first call from
-    Python compiles a second copy, which has them.
-    """
+    def __init__(self, function: Callable[..., Any], fastmath: Any) -> None:
+        """fastmath: flags of floating-point arithmetic; none of them for every rounding and NaN of the source."""
+        self.py_func = function
+        self.__doc__, self.__name__ = function.__doc__, function.__name__
+        self._fastmath = fastmath
+
+    @cached_property
+    def _fused(self) -> Callable[..., Any]:
+        return fused(self.py_func) if self._fastmath else self.py_func
+
+    def _compiled(self, **options: Any) -> Any:
+        return njit(forceinline=True, fastmath=self._fastmath, error_model="numpy", **options)(self._fused)
+
+    @cached_property
+    def _for_loops(self) -> Any:
+        """Without wrappers for callers in Python, which take two fifths of the compile time."""
+        return self._compiled(no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+    @cached_property
+    def _for_python(self) -> Any:
+        return self._compiled()
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What numba takes a global name with this value for."""
+        return self._for_loops._numba_type_
 
     def __call__(self, *arguments: Any) -> Any:
-        if not hasattr(self, "_for_python"):
-            options = {name: value for name, value in self.targetoptions.items() if name not in _NO_WRAPPERS}
-            self._for_python = CPUDispatcher(self.py_func, targetoptions=options)
+        """Compute one result; the first call compiles a second copy, which has wrappers for Python."""
         return self._for_python(*arguments)
 
 
 def _inline(fastmath: Any) -> Callable[..., Any]:
-    """Decorator that compiles an equation into the loop that calls it, with flags of floating-point arithmetic."""
+    """Decorator that compiles an equation into the loop that calls it, with flags of floating-point arithmetic.
+
+    Where numba is switched off, the equation remains plain Python.
+    """
 
     def decorate(function: Callable[..., Any]) -> Any:
-        compiled = njit(forceinline=True, fastmath=fastmath, error_model="numpy", **_NO_WRAPPERS)(function)
-        if not isinstance(compiled, CPUDispatcher):  # plain Python where numba is switched off
-            return compiled
-        return _Equation(function, targetoptions=compiled.targetoptions)
+        compiled = njit(function)  # without a call, this compiles nothing
+        return Equation(function, fastmath) if isinstance(compiled, CPUDispatcher) else compiled
 
     return decorate
 
