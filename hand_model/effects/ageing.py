@@ -62,6 +62,7 @@ EFFECT = Effect(
     ),
     reads=("statics.a1_nm_per_rad", "statics.a2_nm_per_pa", "statics.a3_nm_per_pa_rad"),
     memory=("travel",),
+    law_memory=("travel",),
     hooks={"torque": torque, "moved": moved},
     keys=("ageing.stiffness_per_h", "ageing.strength_per_h"),
     probes=((6.0, 0.0), (-6.0, 0.0), (0.0, -3.0), (0.0, 3.0)),

@@ -61,6 +61,7 @@ EFFECT = Effect(
     ),
     prepared=("half", "kept", "slowness"),
     memory={"driven": "angle", "driving": "angle", "inner": "angle"},
+    law_memory=("inner",),
     hooks={"prepare": prepare, "angle_sensor": angle_sensor, "angle_reading": angle_reading},
     keys=("backlash.gap_deg", "backlash.contact_time_s"),
     probes=((0.6, 0.0), (2.5, 0.0)),

@@ -142,6 +142,7 @@ class Effect:
     parameters: its own, whose order is that of their rows.  reads: keys of the plain plant that its equations use.
     prepared: names of the constants that the hook `prepare` returns.
     memory: names, or names with what each starts at (STARTS); 0 where nothing is given.
+    law_memory: names of memory that only law coefficients multiply; loops without laws leave it out.
     hooks: its equations by the name of the hook.
     keys: parameters that a fit may move, own ones and numbers of the plain plant.
     probes: starting points of a search, each a value per key in the key's unit, or Times(factor) of the nominal one.
@@ -170,6 +171,7 @@ class Effect:
     reads: tuple[str, ...] = ()
     prepared: tuple[str, ...] = ()
     memory: Mapping[str, float | str] | tuple[str, ...] = ()
+    law_memory: tuple[str, ...] = ()
     hooks: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
     keys: tuple[str, ...] = ()
     probes: tuple[tuple[float, ...], ...] = ()
@@ -229,6 +231,9 @@ class Effect:
         for memory, start in self.starts.items():
             if start not in STARTS:
                 raise self._error(f"start of memory '{memory}'", str(start), map(str, STARTS))
+        for memory in self.law_memory:
+            if memory not in self.starts:
+                raise self._error("law_memory", memory, self.starts)
 
     def _check_keys(self) -> None:
         known = {*PLANT_ROW, *(parameter.key for parameter in self.parameters)}

@@ -14,18 +14,24 @@ SMALLEST_M3 = 1e-7
 
 
 @inline
+def prepare(q, h):  # type: ignore[no-untyped-def]
+    """Reciprocal of the supply pressure."""
+    return (1.0 / q[7],)
+
+
+@inline
 def pressure_source(q, p, e):  # type: ignore[no-untyped-def]
     """p_abs V^n is constant but for what the valve feeds; dV/dphi = a2 + a3 phi by virtual work.
 
     V also grows with the pressure, by c_V: p_abs' = -n p_abs (a2 + a3 phi) phi' / (V + n c_V p_abs).
     The law multiplies it by gains that change linearly with the pressure and with the angle and are never negative.
     """
-    exponent, vented, growth, gain, per_rad, a2, a3, supply = q
+    exponent, vented, growth, gain, per_rad, a2, a3, _, per_supply = q
     stiff = exponent * (p + ATMOSPHERE_PA)
     volume = max(_volume(p, e[ANGLE], vented, growth, a2, a3), SMALLEST_M3)
     rate = -stiff * _leverage(e[ANGLE], a2, a3) * e[SPEED] / (volume + stiff * growth)
     over_angle = min(max(1.0 + per_rad * e[ANGLE], 0.0), 10.0)
-    return rate * (1.0 + gain * min(max(p / supply, 0.0), 1.0)) * over_angle
+    return rate * (1.0 + gain * min(max(p * per_supply, 0.0), 1.0)) * over_angle
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
@@ -47,7 +53,8 @@ EFFECT = Effect(
         Parameter("gas_compression.gain_per_rad", -5.0, 20.0, "law: growth with the angle", 1.0, 0.0, 0.3, law=True),
     ),
     reads=("statics.a2_nm_per_pa", "statics.a3_nm_per_pa_rad", "supply.pressure_pa"),
-    hooks={"pressure_source": pressure_source},
+    prepared=("per_supply",),
+    hooks={"prepare": prepare, "pressure_source": pressure_source},
     keys=("gas_compression.exponent",),
     probes=((1.0,), (0.3,)),
     spread={"gas_compression.volume_m3": 1.0, "gas_compression.volume_m3_per_pa": 1.0},

@@ -111,6 +111,7 @@ EFFECT = Effect(
     ),
     prepared=("per_scale",),
     memory=("loop", "stop_1", "stop_2", "stop_3", "stop_4", "stop_5", "stop_6"),
+    law_memory=("stop_1", "stop_2", "stop_3", "stop_4", "stop_5", "stop_6"),
     hooks={"prepare": prepare, "torque": torque, "moved": moved},
     keys=("hysteresis.torque_nm", "hysteresis.scale_deg", "hysteresis.sharpness"),
     probes=((0.01, 4.0, 0.0), (0.01, 12.0, 0.0), (0.01, 30.0, 0.0), (0.01, 8.0, 1.0)),

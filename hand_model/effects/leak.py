@@ -13,14 +13,20 @@ BAR_PA = 1e5
 
 
 @inline
+def prepare(q, h):  # type: ignore[no-untyped-def]
+    """Reciprocal of the supply pressure."""
+    return (1.0 / q[3],)
+
+
+@inline
 def pressure_source(q, p, e):  # type: ignore[no-untyped-def]
     """Laminar or turbulent loss. The valve feeds against it, so the pressure stays below its set-point.
 
     The law lets the conductance grow with the pressure, as a gas becomes denser and a gap opens.
     """
-    lost, turbulent, growth, supply = q
+    lost, turbulent, growth, _, per_supply = q
     loss = -lost * ((1.0 - turbulent) * p + turbulent * math.sqrt(BAR_PA * max(p, 0.0)))
-    return loss * (1.0 + growth * min(max(p / supply, 0.0), 1.0))
+    return loss * (1.0 + growth * min(max(p * per_supply, 0.0), 1.0))
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
@@ -38,7 +44,8 @@ EFFECT = Effect(
         Parameter("leak.with_pressure", 0.0, 20.0, "law: growth up to supply pressure", 1.0, 0.0, 0.5, law=True),
     ),
     reads=("supply.pressure_pa",),
-    hooks={"pressure_source": pressure_source},
+    prepared=("per_supply",),
+    hooks={"prepare": prepare, "pressure_source": pressure_source},
     keys=("leak.rate_per_s", "leak.turbulent"),
     probes=((0.2, 0.0), (1.0, 0.0), (0.2, 1.0), (1.0, 1.0)),
     shape=("leak.turbulent",),

@@ -55,10 +55,10 @@ def lag_constants(tau, h):  # type: ignore[no-untyped-def]
     """Constants (kept, slowness) of a first-order lag of time constant tau [s] over a step of h [s].
 
     kept is exp(-h / tau), the share of a deviation that is left after the step: exactly 0 where tau is 0, and it tends
-    to 0 with tau. slowness is tau / h.
+    to 0 with tau. slowness is tau / h; loops compute the reciprocal of their step once.
     """
     kept = 0.0 if tau <= 0.0 else decay(h / tau)
-    return kept, tau / h
+    return kept, tau * (1.0 / h)
 
 
 @inline

@@ -76,6 +76,7 @@ EFFECT = Effect(
     reads=("statics.a1_nm_per_rad",),
     prepared=("approach", "fast_approach", "per_h"),
     memory=("slow", "fast"),
+    law_memory=("fast",),
     hooks={"prepare": prepare, "torque": torque, "moved": moved},
     keys=("thermal_drift.torque_nm", "thermal_drift.softening", "thermal_drift.time_constant_s"),
     probes=((0.01, 0.0, 20.0), (-0.01, 0.0, 20.0), (0.0, 0.1, 20.0), (0.01, 0.0, 150.0), (0.0, -0.1, 60.0)),

@@ -16,10 +16,10 @@ EDGES_PA = (0.0, 1e3, 3e3, 1e4, 3e4, 1e5, 3e5)
 
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
-    """Constants of the second volume, and the reciprocal of the supply pressure."""
+    """Constants of the second volume, the reciprocal of the supply pressure, and constants of the first volume."""
     tau, second = q[0], q[1]
-    _, _, kept, slowness = two_lag_constants(tau, second, h)
-    return kept, slowness, 1.0 / q[9]
+    own_kept, own_slowness, kept, slowness = two_lag_constants(tau, second, h)
+    return kept, slowness, 1.0 / q[9], own_kept, own_slowness
 
 
 @inline
@@ -29,7 +29,7 @@ def _time_constant(q, gap, p):  # type: ignore[no-untyped-def]
     By the law it rises with the difference, from laminar to turbulent flow, and falls with the mean pressure p of the
     tube: the conductance of a gas rises linearly with its density.
     """
-    tau, second, a, b, c, d, e, f, denser, _, _, _, per_supply = q
+    tau, second, a, b, c, d, e, f, denser, _, _, _, per_supply, _, _ = q
     added = a * min(gap * 1e-3, 1.0)
     added += b * min(max(gap * 5e-4 - 0.5, 0.0), 1.0)
     added += c * min(max(gap * (1 / 7e3) - 3 / 7, 0.0), 1.0)
@@ -42,10 +42,15 @@ def _time_constant(q, gap, p):  # type: ignore[no-untyped-def]
 
 @inline
 def actuator_pressure(q, m, p, h):  # type: ignore[no-untyped-def]
-    """A line of one volume, or of two in series; the time constant is that of the middle of the step."""
+    """A line of one volume, or of two in series; the time constant is that of the middle of the step.
+
+    Without a law it is constant, and so are the lag's prepared constants.
+    """
     before, first, output = m
+    constant = max(q[2], q[3], q[4], q[5], q[6], q[7], q[8]) <= 0.0  # none of them is negative
     entry = 0.5 * (before + p)
     kept, slowness = lag_constants(_time_constant(q, abs(entry - first), 0.5 * (entry + first)), h)
+    kept, slowness = q[13] if constant else kept, q[14] if constant else slowness
     between = lagged(first, before, p, kept, slowness)
     output = lagged(output, first, between, q[10], q[11])
     return output, (p, between, output)
@@ -88,7 +93,7 @@ EFFECT = Effect(
         ),
     ),
     reads=("supply.pressure_pa",),
-    prepared=("kept_2", "slowness_2", "per_supply"),
+    prepared=("kept_2", "slowness_2", "per_supply", "kept_1", "slowness_1"),
     memory={"input": "pressure", "first": "pressure", "output": "pressure"},
     hooks={"prepare": prepare, "actuator_pressure": actuator_pressure},
     keys=("tube_lag.time_constant_s", "tube_lag.second"),

@@ -69,6 +69,7 @@ EFFECT = Effect(
     ),
     prepared=("per_width",),
     memory={"behind": 0.0, "last": "pressure", "second": 0.0, "third": 0.0},
+    law_memory=("second", "third"),
     hooks={"prepare": prepare, "set_point": set_point},
     keys=("valve_hysteresis.width_pa", "valve_hysteresis.softness"),
     probes=((3e3, 0.0), (1.5e4, 0.0), (3e3, 1.0), (1.5e4, 1.0)),

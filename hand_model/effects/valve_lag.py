@@ -64,6 +64,7 @@ EFFECT = Effect(
     reads=("valve.time_constant_s",),
     prepared=("kept", "slowness", "per_venting"),
     memory={"lagged": "pressure", "last": "pressure"},
+    law_memory=("last",),
     hooks={"prepare": prepare, "set_point": set_point, "valve_error": valve_error},
     keys=("valve_lag.time_constant_s", "valve.time_constant_s", "valve_lag.venting_ratio"),
     probes=((0.02, Times(1.0), 1.0), (0.08, Times(1.0), 1.0), (0.0, Times(1.6), 1.0), (0.0, Times(0.5), 1.0)),

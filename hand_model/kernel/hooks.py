@@ -8,7 +8,8 @@ Effects that share a signal act in the order of the catalogue; pressure_true inv
 A sensor with memory gets the reading of the effects before it.
 
 Coefficients of learned laws are read where a loop is compiled with laws. Elsewhere they are constants at their neutral
-values, which the compiler removes together with the terms that they multiply.
+values, which the compiler removes together with the terms that they multiply. Memory that only those terms read stays
+as it starts.
 
 A loop that calls these functions and is cached by numba must look them up among its globals and not in a closure, and
 must have `equations_key` in its closure: numba's cache does not see changes of functions that a loop calls.
@@ -114,13 +115,19 @@ class _Writer:
             cells = [repr(fixed[place]) if place in fixed else cell for place, cell in enumerate(cells)]
         return f"({''.join(f'{cell}, ' for cell in cells)})"
 
+    def memory(self, effect: Effect, left_out: str) -> str:
+        """Source of m; left_out: what stands in for memory of laws where they are not read."""
+        names = zip(effect.starts, memory_rows(effect), strict=True)
+        unread = () if self.laws else effect.law_memory
+        return "(" + "".join(left_out if name in unread else f"w[{row}, i], " for name, row in names) + ")"
+
     def call(self, effect: Effect, hook: str) -> str:
         """Source that calls an effect's equation with its parameters, memory and the arguments of the hook."""
         name = f"{effect.name}_{hook}"
         self.equations[name] = effect.hooks[hook]
         arguments = [self._parameters(effect, prepared=hook != "prepare")]
         names = hook_arguments(hook, bool(effect.memory))[1:]
-        arguments += [_cells(memory_rows(effect)) if argument == "m" else argument for argument in names]
+        arguments += [self.memory(effect, "0.0, ") if argument == "m" else argument for argument in names]
         return f"{name}({', '.join(arguments)})"
 
     def function(self, hook: str, body: list[str], arguments: tuple[str, ...] | None = None) -> Any:
@@ -138,7 +145,7 @@ def _signal_body(writer: _Writer, hook: str, effects: tuple[Effect, ...]) -> lis
     for effect in reversed(effects) if hook == "pressure_true" else effects:
         if hook in effect.hooks:
             remembers = hook in _REMEMBERS and effect.memory
-            target = f"{signal}, {_cells(memory_rows(effect))}" if remembers else signal
+            target = f"{signal}, {writer.memory(effect, '_, ')}" if remembers else signal
             body.append(f"{target} = {writer.call(effect, hook)}")
     return [*body, f"return {signal}"]
 
@@ -157,7 +164,7 @@ def _sum_body(writer: _Writer, hook: str, effects: tuple[Effect, ...]) -> list[s
 def _memory_body(writer: _Writer, hook: str, effects: tuple[Effect, ...]) -> list[str]:
     """Each effect's memory after a motion, independent of the others."""
     changing = [effect for effect in effects if hook in effect.hooks]
-    return [*(f"{_cells(memory_rows(effect))} = {writer.call(effect, hook)}" for effect in changing), "return"]
+    return [*(f"{writer.memory(effect, '_, ')} = {writer.call(effect, hook)}" for effect in changing), "return"]
 
 
 def _sensor_body(writer: _Writer, hook: str, effects: tuple[Effect, ...]) -> list[str]:
@@ -167,7 +174,7 @@ def _sensor_body(writer: _Writer, hook: str, effects: tuple[Effect, ...]) -> lis
     body, needed = [], 0
     for effect in effects:
         if hook in effect.hooks:
-            body.append(f"{_cells(memory_rows(effect))} = {writer.call(effect, hook)}")
+            body.append(f"{writer.memory(effect, '_, ')} = {writer.call(effect, hook)}")
             needed = len(body)
         if reading in effect.hooks:
             body.append(f"{signal} = {writer.call(effect, reading)}")
@@ -192,7 +199,7 @@ def _valve_bodies(writer: _Writer, effects: tuple[Effect, ...]) -> tuple[list[st
         names = ", ".join(effect.name for effect in replacing)
         raise ValueError(f"the effects {names} all replace the valve; only one effect may")
     effect = replacing[0]
-    target = f"p, {_cells(memory_rows(effect))}"
+    target = f"p, {writer.memory(effect, '_, ')}"
     return [f"return w[{effect_rows(effect)[0]}, i] != 0.0"], [f"{target} = {writer.call(effect, 'valve')}", "return p"]
 
 

@@ -76,14 +76,15 @@ def against_c(rounds: int) -> list[dict[str, Any]]:
         for reference in references:
             check_agreement(ours(())(commands)[1], reference(commands)[1])
         fits = [fit(step_s) for step_s in FIT_STEPS_S]
-        timed = [*references, ours(()), ours(ANALOG), *fits]
+        timed = [*references, ours(()), ours(ANALOG), ours(ANALOG, laws=True), *fits]
         times = np.array([[run_once(commands)[0] for run_once in timed] for _ in range(rounds)])
-    in_c, plain, whole, *fitted = (float(value) for value in _per_joint_step(np.median(times, axis=0)))
+    in_c, plain, whole, lawful, *fitted = (float(value) for value in _per_joint_step(np.median(times, axis=0)))
     print(f"plant reference: {compiler()} {' '.join(FLAGS)}")
     unit = "ns CPU/joint-step"
     return [
         figure("closed loop, plain plant", plain, 1.3, unit, in_c),
         figure("closed loop, every effect", whole, 2.6, unit, in_c),
+        figure("closed loop, every effect with its law", lawful, 2.6, unit, in_c),
         *(
             figure(f"open loop, {FITTED} parameter sets, step {step_s * 1e3:g} ms", value, None, unit, in_c)
             for step_s, value in zip(FIT_STEPS_S, fitted, strict=True)
@@ -92,11 +93,11 @@ def against_c(rounds: int) -> list[dict[str, Any]]:
 
 
 def _per_joint_step(times: Array) -> Array:
-    """Nanoseconds for one step of one joint or parameter set: the faster C, both closed loops, the fits."""
+    """Nanoseconds for one step of one joint or parameter set: the faster C, the closed loops, the fits."""
     closed = SAMPLES * steps_per_sample(PERIOD_S) * len(default_hand().joints)
     fits = [SAMPLES * steps_per_sample(PERIOD_S, step_s) * FITTED for step_s in FIT_STEPS_S]
     seconds = np.array([times[: len(WIDTHS)].min(), *times[len(WIDTHS) :]])
-    per: Array = seconds / np.array([closed, closed, closed, *fits]) * 1e9
+    per: Array = seconds / np.array([closed, closed, closed, closed, *fits]) * 1e9
     return per
 
 
@@ -138,21 +139,21 @@ def set_points() -> Array:
     return np.repeat(jumps, 20, axis=0)
 
 
-def new_loop(effects: tuple[Effect, ...]) -> ClosedLoop:
-    """The shipped hand at rest; every effect compiled in acts at its typical size."""
+def new_loop(effects: tuple[Effect, ...], laws: bool = False) -> ClosedLoop:
+    """The shipped hand at rest; every effect compiled in acts, in its textbook form or with its law."""
     hand = default_hand()
     parameters = hand.parameters[None].copy()
     for effect in effects:
-        for parameter in effect.parameters:
+        for parameter in (own for own in effect.parameters if laws or not own.law):
             parameters[:, ROW[parameter.key]] += 0.1 * parameter.typical * parameter.scale
     return ClosedLoop(parameters, hand.partner, resting_state(hand)[None], PERIOD_S, effects=effects)
 
 
-def ours(effects: tuple[Effect, ...]) -> Reference:
+def ours(effects: tuple[Effect, ...], laws: bool = False) -> Reference:
     """The closed loop with a set of effects, as a function like those of the references."""
 
     def advance(commands: Array) -> tuple[float, Array]:
-        loop = new_loop(effects)
+        loop = new_loop(effects, laws)
         begin = time.thread_time()
         states = loop.advance(commands[None])
         return time.thread_time() - begin, states[0]
