@@ -50,6 +50,7 @@ PLAUSIBLE: dict[str, dict[str, tuple[float, float]]] = {
         "off its limit": (0.0, 20.0),
         "missed": (0.0, 50.0),
     },
+    "found": {"smooth motion": (0.0, 0.4), "steps": (0.0, 1.5)},
     "firmware": {"flash": (1e3, 64e3), "ram": (1e3, 64e3), "cycles": (1e3, 168e3)},
 }
 """Bounds of values by a part of their name: no time of this machine is among them."""

@@ -35,6 +35,7 @@ BENCHES = (
     "firmware",
     "motion",
     "liquid",
+    "found",
 )
 PROGRAMS = {"plant": ("cc",), "firmware": ("arm-none-eabi-gcc", "qemu-system-arm")}
 """Programs that a bench starts and that this package does not install."""

@@ -1,6 +1,6 @@
-"""Diagnose recordings of the plants of the bench `found` and store the patches: python -m validation.bench.found_models.
+"""Diagnose recordings of the plants of the bench `found`, and store the patches that the diagnoses write.
 
-Each diagnosis takes minutes. Example: python -m validation.bench.found_models friction leak
+python -m validation.bench.found_models [NAME...]; each diagnosis takes minutes. Example: python -m validation.bench.found_models friction leak
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def main() -> int:
     """Write one patch of config/hand.yaml for each effect; exit code 0."""
     parser = argparse.ArgumentParser(
         prog="python -m validation.bench.found_models",
-        description=__doc__,
+        description=(__doc__ or "").splitlines()[0],
         epilog="Example: python -m validation.bench.found_models friction leak",
     )
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(HIDDEN)}; all where none is given")
