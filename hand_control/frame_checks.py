@@ -52,9 +52,10 @@ BAND = 0.1
 """A pressure follows within BAND_PA plus BAND times the expected pressure."""
 FOLLOWING, OVER_PRESSURE, STEPPED, STUCK_HIGH, STUCK_LOW = range(5)
 """Verdicts of `PressureWatch`, the most urgent first after FOLLOWING."""
-STEP_PA, STEP_LAGS, STEP_S = 2.0e4, 2.0, 0.008
+STEP_PA, STEP_LAGS, STEP_S, DRIVE_S = 2.0e4, 2.0, 0.008, 0.02
 """A step changes the difference to the expectation between two frames by STEP_PA and STEP_LAGS times what the valve
-gives, plus what the motion displaces. Half of it is still there after STEP_S: a spike is none."""
+gives, lately, plus what the motion displaces. Half of it is still there after STEP_S: a spike is none. A dead time
+delays what the valve gives, and after a gap the set-points in force are not known."""
 USUAL_S, USUAL_PA = 1.0, 8.0e3
 """A pressure is too low, too, where it falls below its usual difference to the expectation by USUAL_PA plus BAND."""
 RETURN_PA_PER_S = 1.0e6
@@ -72,12 +73,13 @@ UNCERTAIN = 1.5
 SPEED_FILTER_S = 0.02
 SLOWER = 2.0
 """A valve may lag behind by this factor more than described."""
-EXPECTED, _OVER, _HIGH, _LOW, _ANGLE, _SPEED, _WIDER, DRIVEN, _PRESSURE, _HELD_BACK, _SLOW = range(11)
-_OFF, _STEP, _STEP_AGE, _BEFORE, _HIGH_PA_S, _LOW_PA_S, _BELIEVED, _USUAL, _BEHIND = range(11, 20)
+EXPECTED, _OVER, _HIGH, _LOW, _ANGLE, _SPEED, WIDER, DRIVEN, _PRESSURE, _HELD_BACK, _SLOW = range(11)
+_OFF, _STEP, _STEP_AGE, _BEFORE, _HIGH_PA_S, _LOW_PA_S, _BELIEVED, _USUAL, _BEHIND, _DRIVE = range(11, 21)
 """Rows of the state of `watch_pressures`. _SLOW: the expectation of a valve that lags by SLOWER times the time. _OFF:
 difference to the expectation; _BEFORE: before the _STEP that is watched; _USUAL: its mean over USUAL_S. _BELIEVED:
-set-point before the pressure was too low. _BEHIND: whether the set-point is still to return to what is asked."""
-_ROWS = 20
+set-point before the pressure was too low. _BEHIND: whether the set-point is still to return to what is asked.
+_DRIVE: largest change between two frames that the valve gives, of the last DRIVE_S."""
+_ROWS = 21
 (
     _TAU, _VENT, _FILL, _A2, _A3, _LIQUID, _GROWTH, _EXPONENT, _VOLUME, _GAS_GROWTH, _GAS_GAIN, _GAS_PER_RAD, _SUPPLY,
     _LIMIT,
@@ -155,8 +157,8 @@ def _expect(s, v, i, u, angle, dt):  # type: ignore[no-untyped-def]
     slow = valve_pressure(s[_SLOW, i], u, SLOWER * tau, v[_VENT, i], v[_FILL, i], dt)
     s[_SLOW, i] = max(slow + rate * dt, 0.0)
     s[DRIVEN, i] = valve_pressure(s[DRIVEN, i], u, tau, v[_VENT, i], v[_FILL, i], dt)
-    s[_WIDER, i] += dt / (dt + tau) * (wrong * tau - s[_WIDER, i])
-    return BAND_PA + BAND * s[EXPECTED, i] + s[_WIDER, i]
+    s[WIDER, i] += dt / (dt + tau) * (wrong * tau - s[WIDER, i])
+    return BAND_PA + BAND * s[EXPECTED, i] + s[WIDER, i]
 
 
 @njit(cache=True, error_model="numpy")
@@ -188,7 +190,9 @@ def _steps(s, v, i, asked, p, turned, dt):  # type: ignore[no-untyped-def]
         if (off - s[_BEFORE, i]) / s[_STEP, i] < 0.5:
             s[_STEP, i] = 0.0
         return s[_STEP, i] != 0.0 and s[_STEP_AGE, i] > STEP_S
-    most = STEP_PA + STEP_LAGS * abs(asked - s[_PRESSURE, i]) * min(dt / v[_TAU, i], 1.0)
+    drive = abs(asked - s[_PRESSURE, i]) * min(dt / v[_TAU, i], 1.0)
+    s[_DRIVE, i] = max(drive, s[_DRIVE, i] * DRIVE_S / (dt + DRIVE_S))
+    most = STEP_PA + STEP_LAGS * s[_DRIVE, i]
     if abs(off - before) > most and dt > 0.0:
         _, per_rad = _displaced(v, i, s[EXPECTED, i], s[_ANGLE, i], 1.0)
         moved = max(abs(turned), abs(s[_SPEED, i]) * dt)
@@ -222,7 +226,7 @@ def watch_pressures(s, valve, command, pressure, position, dt):  # type: ignore[
         elif stepped:
             found = STEPPED
         elif s[_HIGH, i] > NOT_FOLLOWING_S or s[_HIGH_PA_S, i] > NOT_FOLLOWING_PA_S:
-            found = STUCK_HIGH
+            found = OVER_PRESSURE if s[_OVER, i] > 0.0 else STUCK_HIGH
         elif _is_short(s, i):
             found = STUCK_LOW
         if found != FOLLOWING and (verdict == FOLLOWING or found < verdict):
@@ -258,8 +262,8 @@ def cap_pressures(s, command, dt):  # type: ignore[no-untyped-def]
 class PressureWatch:
     """Compares the pressures of one hand with its set-points, frame by frame.
 
-    expected: pressure of set-points and motion now, (n,) [Pa].  driven: what the set-points alone give, (n,) [Pa]. Each
-    check overwrites both.  arrays: the first arguments of `watch_pressures`.  gap_s: longest time between frames [s]
+    expected: pressure of set-points and motion now, (n,) [Pa].  driven: what the set-points alone give, (n,) [Pa].
+    wider: by how much expected may be wrong by the motion, (n,) [Pa]. Each check overwrites them.  arrays: the first arguments of `watch_pressures`.  gap_s: longest time between frames [s]
     after which nothing starts again.
     """
 
@@ -272,6 +276,7 @@ class PressureWatch:
         self.arrays, self.gap_s = (self._state, constants), GAP_S
         self.expected: Array = self._state[EXPECTED]
         self.driven: Array = self._state[DRIVEN]
+        self.wider: Array = self._state[WIDER]
         self._still = np.zeros(len(hand.joints))
 
     def start(self, pressure: Array, position: Array | None = None) -> None:
@@ -279,6 +284,7 @@ class PressureWatch:
         self._state[:] = 0.0
         self._state[[EXPECTED, DRIVEN, _SLOW, _PRESSURE]] = pressure
         self._state[_BELIEVED] = np.maximum(pressure, 0.0)
+        self._state[_DRIVE] = self.arrays[1][_LIMIT]
         self._state[_ANGLE] = self._still if position is None else position
 
     def check(self, command: Array, pressure: Array, dt: float, position: Array | None = None) -> tuple[int, int]:
@@ -303,6 +309,7 @@ class PressureWatch:
         """Expect the measured state after a gap; how long a pressure has been off is kept."""
         self._state[[EXPECTED, DRIVEN, _SLOW, _PRESSURE]] = pressure
         self._state[[_SPEED, _OFF, _STEP]] = 0.0
+        self._state[_DRIVE] = self.arrays[1][_LIMIT]
         self._state[_ANGLE] = self._still if position is None else position
 
 

@@ -16,6 +16,7 @@ from hand_control.frame_checks import (
     EXPECTED,
     FINE,
     FOLLOWING,
+    WIDER,
     PressureWatch,
     allowed_jump,
     cap_pressures,
@@ -55,7 +56,7 @@ def _frame(  # type: ignore[no-untyped-def]
     high_low, joint = watch_pressures(pressures, valve, command, pressure, position, dt)
     drive = pressures[DRIVEN] if liquid else pressure
     wrong, one, other = check_sensors(
-        sensors, spacing, links, places, liquid, position, pressure, pressures[EXPECTED], drive, dt
+        sensors, spacing, links, places, liquid, position, pressure, pressures[EXPECTED], pressures[WIDER], drive, dt
     )
     passes = high_low == FOLLOWING and wrong == UNSUSPICIOUS
     return passes, verdict, worst, high_low, joint, wrong, one, other
@@ -127,7 +128,7 @@ class FrameWatch:
         self.last_position[:] = position
         followed = self.pressures.check(command, pressure, elapsed_s, position)
         watch = self.pressures
-        found = self.sensors.check(position, pressure, watch.expected, watch.driven, elapsed_s)
+        found = self.sensors.check(position, pressure, watch.expected, watch.driven, elapsed_s, watch.wider)
         return Findings(verdict, worst, *followed, found)
 
     def hold(self, command: Array) -> None:

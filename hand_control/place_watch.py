@@ -226,7 +226,8 @@ def hold_places(s, command, pressure, dt):  # type: ignore[no-untyped-def]
         elif s[_STATE, i] == _WAITS:
             command[i] = min(command[i], s[_HELD_PA, i])
         elif s[_CAREFUL, i] > 0.0:
-            command[i] = min(command[i], s[_HELD_PA, i] + CAUTION_PA_PER_S * dt)
+            armed_with = min(max(pressure[i], 0.0), s[_FROM_PA, i])
+            command[i] = min(command[i], max(s[_HELD_PA, i] + CAUTION_PA_PER_S * dt, armed_with))
         s[_HELD_PA, i] = command[i]
         if s[_STATE, i] == _FREE or s[_STATE, i] == _WAITS:
             s[_BEFORE_PA, i] = command[i]

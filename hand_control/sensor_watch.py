@@ -314,9 +314,9 @@ def _first_motion(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _pressures(s, i, k, expected, pressure, dt):  # type: ignore[no-untyped-def]
+def _pressures(s, i, k, expected, wider, pressure, dt):  # type: ignore[no-untyped-def]
     """Whether the pressures of joints i and k are those that the set-points of the other one give."""
-    share, least = dt / (dt + PRESSURE_S), 2.0 * LEAST_PA * LEAST_PA
+    share, least = dt / (dt + PRESSURE_S), 2.0 * (LEAST_PA + max(wider[i], wider[k])) ** 2
     as_is = (pressure[i] - expected[i]) ** 2 + (pressure[k] - expected[k]) ** 2
     swapped = (pressure[i] - expected[k]) ** 2 + (pressure[k] - expected[i]) ** 2
     s[_PE, i] += share * (as_is - s[_PE, i])
@@ -334,10 +334,10 @@ def _pressures(s, i, k, expected, pressure, dt):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def check_sensors(table, spacing, links, places, liquid, position, pressure, expected, drive, dt):  # type: ignore[no-untyped-def]
+def check_sensors(table, spacing, links, places, liquid, position, pressure, expected, wider, drive, dt):  # type: ignore[no-untyped-def]
     """Verdict, joint and other joint of a frame; updates the arrays of `SensorWatch.arrays` in place.
 
-    position [rad], pressure, expected, drive [Pa]: (joints,), see `SensorWatch.check`.  dt: [s].
+    position [rad], pressure, expected, wider, drive [Pa]: (joints,), see `SensorWatch.check`.  dt: [s].
     """
     n, verdict, joint, other = len(position), FINE, 0, -1
     s, c = table[:_ROWS], table[_ROWS:]
@@ -352,7 +352,7 @@ def check_sensors(table, spacing, links, places, liquid, position, pressure, exp
             verdict, joint = found, i
     for i in range(n):
         k = above[i]
-        if k >= 0 and not liquid and _pressures(s, i, k, expected, pressure, dt):
+        if k >= 0 and not liquid and _pressures(s, i, k, expected, wider, pressure, dt):
             verdict, joint, other = PRESSURES_SWAPPED, i, k
     for i in range(n):
         s[_P_LAST, i] = pressure[i]
@@ -407,6 +407,7 @@ class SensorWatch:
         links = np.array([hand.partner, _next(sensors.pressure_channel), self._places.after], dtype=np.int64)
         self.arrays = (table, self._spacing, links, self._places.state, self._liquid)
         self.held = (self._state, self._places.state)
+        self._none = np.zeros(len(hand.joints))
         self.gap_s, self.elapsed_s = max(3.0 * self._period_s, 0.02), 0.0
 
     def start(self, position: Array, velocity: Array, pressure: Array) -> None:
@@ -448,12 +449,13 @@ class SensorWatch:
         self._spacing[:] = (math.inf, math.inf, math.inf, math.inf, 0.0)
 
     def check(
-        self, position: Array, pressure: Array, expected: Array, driven: Array, elapsed_s: float
+        self, position: Array, pressure: Array, expected: Array, driven: Array, elapsed_s: float, wider: Array | None = None
     ) -> Contradiction | None:
         """What contradicts the motion, elapsed_s [s] after the last frame; None where nothing does.
 
         position (n,) [rad], pressure (n,) [Pa]: measured, finite.  expected: (n,) [Pa], of set-points and motion.
         driven: (n,) [Pa], of the set-points alone; it counts where a liquid lets the motion itself change the pressure.
+        wider: (n,) [Pa], by how much expected may be wrong by what the motion displaces; None: by nothing.
         """
         drive = driven if self._liquid else pressure
         if elapsed_s <= 0.0 or elapsed_s > self.gap_s:
@@ -463,7 +465,9 @@ class SensorWatch:
                 self._places.restart()
             return None
         self.elapsed_s = elapsed_s
-        return self.contradiction(*check_sensors(*self.arrays, position, pressure, expected, drive, elapsed_s))
+        wide = self._none if wider is None else wider
+        found = check_sensors(*self.arrays, position, pressure, expected, wide, drive, elapsed_s)
+        return self.contradiction(*found)
 
     def contradiction(self, verdict: int, joint: int, other: int) -> Contradiction | None:
         """What `check_sensors` has found; None where nothing contradicts the motion."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hand_control.frame_checks import FINE, FOLLOWING, JUMPED, NOT_FINITE, OVER_PRESSURE, STUCK_LOW
+from hand_control.frame_checks import FINE, FOLLOWING, JUMPED, NOT_FINITE, OVER_PRESSURE, STEPPED, STUCK_LOW
 from hand_control.frame_watch import NOTHING, Findings, FrameWatch
 from hand_control.sensor_watch import FROZEN
 from hand_model.arrays import Array
@@ -35,9 +35,12 @@ def frames(fault: str, count: int = 600) -> list[tuple[Array, Array, Array, Arra
             elif fault == "jump" and k == count // 2:
                 position[JOINT] += 0.5
             elif fault == "over":
-                pressure[JOINT] = 1.2 * HAND.limits.max_pressure_pa[JOINT]
+                rise = 5e3 * (k - count // 2)
+                pressure[JOINT] = command[JOINT] = min(1.5e5 + rise, 1.2 * HAND.limits.max_pressure_pa[JOINT])
             elif fault == "low":
-                pressure[JOINT] = 2e4
+                pressure[JOINT] = max(1.5e5 - 5e3 * (k - count // 2), 2e4)
+            elif fault == "stepped":
+                pressure[JOINT] = 0.5 * pressure[JOINT]
             elif fault == "frozen":
                 position[JOINT] = found[count // 2 - 1][0][JOINT]
             elif fault == "gap" and k % 50 == 0:
@@ -62,7 +65,7 @@ def watched(frame_list: list[tuple[Array, Array, Array, Array, float]], by_test:
     return found, np.array(held)
 
 
-@pytest.mark.parametrize("fault", ["none", "nan", "jump", "over", "low", "frozen", "gap"])
+@pytest.mark.parametrize("fault", ["none", "nan", "jump", "over", "low", "stepped", "frozen", "gap"])
 def test_a_call_for_all_finds_what_each_finds(fault: str) -> None:
     """Fails when the call for regular frames differs from test by test: in a verdict, a joint, or a limit."""
     print(f"seed {SEED}")
@@ -81,6 +84,7 @@ def test_a_call_for_all_finds_what_each_finds(fault: str) -> None:
         ("jump", JUMPED, FOLLOWING),
         ("over", FINE, OVER_PRESSURE),
         ("low", FINE, STUCK_LOW),
+        ("stepped", FINE, STEPPED),
     ],
 )
 def test_each_fault_gets_its_verdict(fault: str, plausible: int, pressure: int) -> None:

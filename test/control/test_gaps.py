@@ -80,5 +80,5 @@ def test_a_dead_valve_of_a_hydraulic_hand_is_found() -> None:
     watch = PressureWatch(HAND)
     watch.start(np.zeros(COUNT), np.zeros(COUNT))
     verdicts = [watch.check(np.full(COUNT, 1e5), np.zeros(COUNT), 0.005, np.zeros(COUNT))[0] for _ in range(160)]
-    assert verdicts[20] == FOLLOWING
+    assert verdicts[10] == FOLLOWING
     assert verdicts[-1] == STUCK_LOW

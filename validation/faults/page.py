@@ -69,9 +69,12 @@ def results_table(entry: Mapping[str, Any]) -> str:
         times = "" if result["median_s"] is None else f"{result['median_s']:.3f} / {result['max_s']:.3f} s"
         worst = "" if result["worst"] is None else f"{result['worst']:.3g} {result['unit']}".strip()
         handled = f"{result['handled']:,}"
-        accepts = str(result["false_accepts"])
-        lines.append((result["family"], result["hazard"], f"{result['cases']:,}", handled, accepts, times, worst))
-    header = ("family", "fault", "cases", "handled", "false accepts", "detection median / max", "worst")
+        accepts, bounded = str(result["false_accepts"]), result.get("bounded", 0)
+        lines.append((
+            result["family"], result["hazard"], f"{result['cases']:,}", handled, f"{bounded:,}" if bounded else "", accepts,
+            times, worst,
+        ))  # fmt: skip
+    header = ("family", "fault", "cases", "handled", "bounded", "false accepts", "detection median / max", "worst")
     failed = [
         f"- {r['family']}: {r['hazard']}: {_cell(r['unhandled'][0])}" for r in entry["results"] if not r["passed"]
     ]

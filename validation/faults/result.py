@@ -28,7 +28,8 @@ class FaultResult:
     """The cases of one hazard.
 
     family: module of validation.faults.  hazard: what was injected.  cases: how often.  handled: how often the reaction
-    was the required one.  unhandled: names of the others, at most MOST_NAMED.  false_accepts: damaged inputs that
+    was the required one.  bounded: how often nothing was found because the fault stayed within what the model allows, and
+    its consequence was small.  unhandled: names of the others, at most MOST_NAMED.  false_accepts: damaged inputs that
     passed as good.  median_s, max_s: time from the fault to the reaction [s], None where the reaction takes no time.
     worst, unit: the largest excess that the cases reached, for example a pressure or an angle error.  seed: of the
     random numbers.  real_time: times were measured on this machine's clock and depend on its load.  note: one line.
@@ -47,11 +48,12 @@ class FaultResult:
     seed: int = 0
     real_time: bool = False
     note: str = ""
+    bounded: int = 0
 
     @property
     def passed(self) -> bool:
-        """Whether every case was handled and nothing damaged was accepted."""
-        return self.cases > 0 and self.handled == self.cases and not self.false_accepts
+        """Whether every case was handled or bounded, and nothing damaged was accepted."""
+        return self.cases > 0 and self.handled + self.bounded == self.cases and not self.false_accepts
 
     def as_dict(self) -> dict[str, Any]:
         """The result as it is stored in faults.json."""
@@ -72,14 +74,21 @@ class Tally:
     false_accepts: int = 0
     worst: float | None = None
     note: str = ""
+    bounded: int = 0
     _unhandled: list[str] = field(default_factory=list)
     _times_s: list[float] = field(default_factory=list)
 
-    def case(self, name: str, handled: bool, time_s: float | None = None, worst: float | None = None) -> None:
-        """Count one case: time_s [s] from the fault to the reaction, worst in the unit of this tally."""
+    def case(
+        self, name: str, handled: bool, time_s: float | None = None, worst: float | None = None, bounded: bool = False
+    ) -> None:
+        """Count one case: time_s [s] from the fault to the reaction, worst in the unit of this tally.
+
+        bounded: not handled, but its consequence was small.
+        """
         self.cases += 1
         self.handled += handled
-        if not handled and len(self._unhandled) < MOST_NAMED:
+        self.bounded += bounded and not handled
+        if not handled and not bounded and len(self._unhandled) < MOST_NAMED:
             self._unhandled.append(name[:MOST_LETTERS])
         if time_s is not None:
             self._times_s.append(time_s)
@@ -99,5 +108,5 @@ class Tally:
         return FaultResult(
             self.family, self.hazard, self.cases, self.handled, tuple(self._unhandled), self.false_accepts,
             median(times_s) if times_s else None, max(times_s) if times_s else None,
-            self.worst, self.unit, self.seed, self.real_time, self.note,
+            self.worst, self.unit, self.seed, self.real_time, self.note, self.bounded,
         )  # fmt: skip
