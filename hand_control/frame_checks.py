@@ -263,8 +263,8 @@ class PressureWatch:
     """Compares the pressures of one hand with its set-points, frame by frame.
 
     expected: pressure of set-points and motion now, (n,) [Pa].  driven: what the set-points alone give, (n,) [Pa].
-    wider: by how much expected may be wrong by the motion, (n,) [Pa]. Each check overwrites them.  arrays: the first arguments of `watch_pressures`.  gap_s: longest time between frames [s]
-    after which nothing starts again.
+    wider: by how much expected may be wrong by the motion, (n,) [Pa]. Each check overwrites them.  arrays: the first
+    arguments of `watch_pressures`.  gap_s: longest time between frames [s] after which nothing starts again.
     """
 
     def __init__(self, hand: Hand) -> None:

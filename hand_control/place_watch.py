@@ -12,10 +12,10 @@ A motion u of w has the mean w and the variance (MODEL w)^2 + FLOOR_RAD^2. Where
 nothing decides, and nothing is lost by an exchange until they are asked to part.
 
 A push on k while an obstacle blocks i looks the same. A suspected joint is therefore asked: its set-point returns
-towards the pressure that it was armed with, until it is to have fallen by FALL_RAD, and that of k is held. If k goes back as i should, and i as k should, they are
-exchanged, once this has happened QUESTIONS times; a push knows nothing of the pressure, unless it comes in the rhythm
-of the questions. Until a joint has first moved as its pressure asks, its set-point rises slowly, and for ALIKE_S longer
-where the joint beside it moves alike.
+towards the pressure that it was armed with, until it is to have fallen by FALL_RAD, and that of k is held. If k goes
+back as i should, and i as k should, they are exchanged, once this has happened QUESTIONS times; a push knows nothing of
+the pressure, unless it comes in the rhythm of the questions. Until a joint has first moved as its pressure asks, its
+set-point rises slowly, and for ALIKE_S longer where the joint beside it moves alike.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ CROSSING_RAD, CROSSING_S = math.radians(0.5), 0.05
 speeds are exchanged, too."""
 NONE = -1
 _CAREFUL, _MOVED_S, _FROM_PA, _HELD_PA, _STATE, _UNSETTLED, _BEFORE_PA = range(7)
-"""Rows of a joint; _STATE: free, asked, asked and far enough, or held because its neighbour is asked; _UNSETTLED: whether a
-pair is open; _BEFORE_PA: set-point before the question."""
+"""Rows of a joint; _STATE: free, asked, asked and far enough, or held because its neighbour is asked; _UNSETTLED:
+whether a pair is open; _BEFORE_PA: set-point before the question."""
 _OPEN, _SUSPECT_S, _ASKED, _ASKED_S, _ANSWER_S, _MODEL_I, _MODEL_K, _OF_I, _OF_K, _MISSED, _CONFIRMED = range(7, 18)
 _TOGETHER_S, _OLD = 18, 19
 """Rows of a pair, in the column of its first joint; from _OLD on, what its four motions were when the angles met."""

@@ -449,7 +449,13 @@ class SensorWatch:
         self._spacing[:] = (math.inf, math.inf, math.inf, math.inf, 0.0)
 
     def check(
-        self, position: Array, pressure: Array, expected: Array, driven: Array, elapsed_s: float, wider: Array | None = None
+        self,
+        position: Array,
+        pressure: Array,
+        expected: Array,
+        driven: Array,
+        elapsed_s: float,
+        wider: Array | None = None,
     ) -> Contradiction | None:
         """What contradicts the motion, elapsed_s [s] after the last frame; None where nothing does.
 
