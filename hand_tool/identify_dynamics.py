@@ -20,12 +20,18 @@ if TYPE_CHECKING:
     from hand_recording.signals import Signals
 
 
+MOVES_DEG = 2.0
+"""Range of a joint's angle above which it is identified without being named."""
+NOT_DETERMINED = "not determined"
+"""Verdict of a number about which the recording says nothing; its standard error has no meaning."""
+
+
 def dynamics(
     *,
     recordings: Annotated[list[Path], typer.Argument(help="rosbag2 folders or .mcap/.db3 files.")],
     out: Annotated[Path, typer.Option(help="Folder for model.yaml, dynamics.json and one figure per joint.")],
     model: Model = None,
-    joints: Annotated[str, typer.Option(help="Comma-separated joints. Default: all that were recorded.")] = "",
+    joints: Annotated[str, typer.Option(help="Comma-separated joints. Default: all that move.")] = "",
     statics: Annotated[bool, typer.Option("--statics", help="Fit a0 to a3 of Eq. 6, too.")] = False,
     sensor_curve: Annotated[
         bool, typer.Option(help="Remove the described Hall characteristic from the angles.")
@@ -58,7 +64,7 @@ def dynamics(
 
         hand = load_hand(chosen.path)
         signals = _signals(recordings, hand, sensor_curve)
-        wanted = _joints(joints, hand, signals)
+        wanted, resting = _joints(joints, hand, signals)
         chosen.print(as_json)
         keys = (*DYNAMIC_KEYS, *MATERIAL_KEYS, *(STATIC_KEYS if statics else ()))
         with progress_bar(as_json, counted=True) as progress:
@@ -78,7 +84,7 @@ def dynamics(
         written = {} if write is None else {"written": str(write), "diff": diff}
         print(json.dumps(_document(found) | {"model_file": chosen.as_json()} | written))
         return
-    _print(found, out)
+    _print(found, resting, out)
     if write is not None:
         print_written(write, diff)
 
@@ -91,13 +97,31 @@ def _signals(recordings: list[Path], hand: Hand, sensor_curve: bool) -> list[Sig
     return [without_sensor_curve(recorded, hand) for recorded in signals] if sensor_curve else signals
 
 
-def _joints(text: str, hand: Hand, signals: list[Signals]) -> list[str]:
+def _joints(text: str, hand: Hand, signals: list[Signals]) -> tuple[list[str], list[str]]:
+    """The joints to identify, and those that are left out because they do not move. ValueError, one line."""
     recorded = [joint for joint in hand.joints if any(joint in part.joints for part in signals)]
     wanted = [name.strip() for name in text.split(",") if name.strip()]
     for name in wanted:
         if name not in recorded:
             raise ValueError(f"--joints: {name!r} was not recorded; the recording has: {', '.join(recorded)}")
-    return wanted or recorded
+    if wanted:
+        return wanted, []
+    moving = [joint for joint in recorded if any(_travel_deg(part, joint) > MOVES_DEG for part in signals)]
+    if not moving:
+        raise ValueError(
+            f"no joint moves by more than {MOVES_DEG:g} degrees; record steps with: hand excite steps --live"
+        )
+    return moving, [joint for joint in recorded if joint not in moving]
+
+
+def _travel_deg(signals: Signals, joint: str) -> float:
+    """The range of a joint's angle [degree]; 0 where it was not recorded."""
+    import numpy as np
+
+    if joint not in signals.joints:
+        return 0.0
+    angle = signals.angle_rad[:, signals.joints.index(joint)]
+    return float(np.degrees(np.nanmax(angle) - np.nanmin(angle)))
 
 
 def _document(found: list[JointDynamics]) -> dict[str, object]:
@@ -122,23 +146,31 @@ def _document(found: list[JointDynamics]) -> dict[str, object]:
     }
 
 
-def _print(found: list[JointDynamics], out: Path) -> None:
+def _print(found: list[JointDynamics], resting: list[str], out: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 
     from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 
     console = Console()
+    longest = max((len(e.key) for result in found for e in result.estimates), default=0)
     for result in found:
         errors_rad = (result.rmse_before.get("angle", float("nan")), result.held_out_after.get("angle", float("nan")))
         before, after = (57.2958 * error for error in errors_rad)
-        table = Table(title=f"{result.joint}: angle {before:.3f} -> {after:.3f} degree RMS on held-out data")
-        for column in ("parameter", "value", "std", "verdict", "to determine it, record"):
+        title = (
+            f"{result.joint}: error of the angle {before:.3f} -> {after:.3f} degree RMS on data that were not fitted"
+        )
+        table = Table(title=title)
+        table.add_column("parameter", no_wrap=True, min_width=longest)
+        for column in ("value", "standard error", "verdict", "to determine it, record"):
             table.add_column(column)
         for e in result.estimates:
             scale = JOINT_PARAMETERS[ROW[e.key]].scale
-            table.add_row(e.key, f"{e.value / scale:.5g}", f"{e.std / scale:.2g}", e.verdict, e.record)
+            std = "" if e.verdict == NOT_DETERMINED else f"{e.std / scale:.2g}"
+            table.add_row(e.key, f"{e.value / scale:.4g}", std, e.verdict, e.record)
         console.print(table)
+    if resting:
+        print(f"not identified, moved less than {MOVES_DEG:g} degrees: {', '.join(resting)}")
     print(f"written: {out / 'model.yaml'}, {out / 'dynamics.json'}, one figure per joint")
 
 

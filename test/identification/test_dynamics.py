@@ -16,6 +16,7 @@ from hand_model.description import Hand, load_hand
 from hand_model.kernel.rows import ROW
 from hand_recording.hand_signals import hand_signals
 from hand_recording.loader import load_recording
+from hand_recording.replay import record_offline
 from hand_recording.signals import Signals, white_noise
 from hand_sim.plant import PHI, HandPlant, P
 from hand_tool.cli import app
@@ -153,6 +154,37 @@ def test_the_command_identifies_a_recording(tmp_path: Path, short_recording: Pat
     assert result.exit_code == 0, result.output
     assert load_hand(out / "model.yaml").joints == load_hand(CONFIG).joints
     assert (out / "index_distal.png").stat().st_size > 5000
+
+
+def test_joints_that_rest_are_named_and_left_out(tmp_path: Path) -> None:
+    """Fails when numbers of a joint that did not move are printed, or it is left out in silence.
+
+    The seed of the noise is fixed.
+    """
+    hand = load_hand(CONFIG)
+    steps = np.zeros((1600, len(hand.joints)))
+    steps[:, hand.joints.index("index_distal")] = 1e5 * (1 + np.arange(1600) // 200 % 2)
+    for _ in record_offline(hand, steps, tmp_path / "one.mcap", seed=1):
+        pass
+    command = [
+        "identify",
+        "dynamics",
+        str(tmp_path / "one.mcap"),
+        "--out",
+        str(tmp_path / "out"),
+        "--model",
+        str(CONFIG),
+    ]
+    result = CliRunner().invoke(app, command)
+    assert result.exit_code == 0, result.output
+    assert "not identified, moved less than 2 degrees: thumb_opposition, " in result.output
+    assert "middle_distal: error" not in result.output and "dynamics.inertia_kg_m2" in result.output
+    for _ in record_offline(hand, 0.0 * steps[:800], tmp_path / "rest.mcap", seed=1):
+        pass
+    refused = CliRunner().invoke(
+        app, ["identify", "dynamics", str(tmp_path / "rest.mcap"), "--out", str(tmp_path / "no")]
+    )
+    assert refused.exit_code == 2 and "no joint moves by more than 2 degrees" in refused.output
 
 
 def test_signals_of_a_bag_are_those_that_made_it(short_recording: Path) -> None:
