@@ -19,10 +19,10 @@ COLORS = ("#4d4d4d", "#0072b2", "#009e73")
 class Curves:
     """One plot in degrees."""
 
-    def __init__(self, gui: viser.GuiApi, joints: Sequence[str], names: Sequence[str]) -> None:
-        """Add the choice of the joint and the plot. names: of the curves."""
+    def __init__(self, gui: viser.GuiApi, joints: Sequence[str], names: Sequence[str], first: int = 3) -> None:
+        """Add the choice of the joint and the plot. names: of the curves.  first: index of the joint shown first."""
         self._joints = list(joints)
-        self._choice = gui.add_dropdown("joint", tuple(joints), initial_value=joints[min(3, len(joints) - 1)])
+        self._choice = gui.add_dropdown("joint", tuple(joints), initial_value=joints[min(first, len(joints) - 1)])
         series = [uplot.Series(label="time s")]
         series += [uplot.Series(label=name, stroke=color, width=2) for name, color in zip(names, COLORS, strict=False)]
         self._names, self._off = list(names), gui.add_html("")

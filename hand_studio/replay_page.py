@@ -22,6 +22,11 @@ FRAME_S = 0.04
 BEFORE, AFTER = (0, 114, 178), (0, 158, 115)
 """Colours of the ghosts (Okabe and Ito 2008)."""
 
+LEGEND = (
+    "Solid: the measured hand, coloured where it differs from the model. Ghosts: the model before (blue) and"
+    " {second} (green); they are visible only where they differ from the hand."
+)
+
 
 class ReplayPage:
     """The page of one recording."""
@@ -40,10 +45,13 @@ class ReplayPage:
         ]
         gui = server.gui
         gui.add_html(f'<div style="padding:0.4em 0.8em;font-weight:600">{escape(name)}</div>')
+        second = "after" if after is not before else "what if"
+        gui.add_html(f'<div style="padding:0 0.8em;font-size:0.85em">{LEGEND.format(second=second)}</div>')
         self._play = gui.add_checkbox("Play", initial_value=False)
         step = max(0.01, round(replay.duration_s / 2000.0, 2))
         self._time: Any = gui.add_slider("time s", 0.0, replay.duration_s, step, 0.0)
-        self._curves = Curves(gui, hand.joints, ("measured", "model", "after" if after is not before else "what if"))
+        worst = int(np.argmax(np.nanmax(np.abs(self._mismatch), axis=0)))
+        self._curves = Curves(gui, hand.joints, ("measured", "before", second), worst)
         self._what_if = WhatIf(gui, hand, after.parameters, self._allowed)
 
     def run(self, check: Callable[[], None]) -> None:

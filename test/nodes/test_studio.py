@@ -189,6 +189,16 @@ def test_what_if_changes_the_curve_until_it_is_reset(studio: Studio) -> None:
     studio.client.until(lambda: studio.off_deg() < 1.0)
 
 
+def test_the_hand_goes_on_without_a_browser(studio: Studio) -> None:
+    """Fails when a page that is closed ends the studio, or the next page shows nothing."""
+    studio.page.open("about:blank")
+    studio.client.spin(1.5)
+    assert studio.process.poll() is None and "Traceback" not in studio.log("hand")
+    assert studio.client.statuses
+    studio.page.open(studio.url)
+    studio.page.until_shown("Hz, latency")
+
+
 def test_what_cannot_be_served_is_one_line(studio: Studio) -> None:
     """Fails when a second studio, a second hand or a hand that is not there does not end with code 2 and its reason."""
     expected = {
@@ -238,8 +248,8 @@ def test_a_recording_is_replayed_next_to_the_model_before_and_after(studio: Stud
         assert process.stdout is not None
         try:
             studio.page.open(json.loads(process.stdout.readline())["url"])
-            studio.page.until_shown("RMS difference: model")
-            off_deg = re.search(r"model: ([\d.]+) deg, after: ([\d.]+) deg", studio.page.text())
+            studio.page.until_shown("RMS difference: before")
+            off_deg = re.search(r"before: ([\d.]+) deg, after: ([\d.]+) deg", studio.page.text())
             assert off_deg is not None and float(off_deg[2]) < 0.3 < 3.0 < float(off_deg[1])
             before = studio.still()
             studio.page.press("time s", "End")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import socket
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -136,3 +138,21 @@ def test_the_status_says_once_why_the_hand_does_not_move() -> None:
     assert said(state) == (f"vented: {reason}; press Enable", ("recorder: disk: the disk is full",))
     late = LiveState(statuses={"controller: safety": (1, "sensor data is late")})
     assert said(late) == ("sensor data is late", ())
+
+
+@pytest.mark.parametrize("display", ["", ":0"])
+def test_without_a_display_the_address_is_printed_with_a_way_to_it(
+    display: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Fails when a browser is started where no display is, the line is missing, or it is shown where one is."""
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setenv("DISPLAY", display)
+    page: Any = SimpleNamespace(url="http://127.0.0.1:5678", port=5678)
+    studio._announce(page, "/hand", browser=True, as_json=False)
+    shown = capsys.readouterr()
+    assert shown.out == "/hand in the browser: http://127.0.0.1:5678\n"
+    assert opened == ([page.url] if display else [])
+    assert ("ssh -L 5678:localhost:5678 HOST" in shown.err) == (not display)
+    assert shown.err.count("\n") == (0 if display else 1)
