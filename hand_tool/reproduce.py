@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import asdict
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,8 +14,8 @@ from hand_tool import interrupts
 from hand_tool.chosen_model import choose_model
 from hand_tool.console import progress_bar, require, running
 from hand_tool.options import AsJson, Quiet, Verbose
+from hand_tool.origin import made
 from hand_tool.paths import check_folder
-from hand_tool.version import version
 
 if TYPE_CHECKING:
     from validation.paper.result import Reproduction
@@ -58,10 +57,7 @@ def reproduce(
         for result, picture in results:
             pictures[result.id].write_bytes(picture)
             outputs.complete(pictures[result.id])
-        command = "hand reproduce" + "".join(f" --only {name}" for name in only or ())
-        today = datetime.now().astimezone().date().isoformat()
-        made = f"Made by `{command} --seed {seed}` on {today}, version {version()}."
-        write_page(results, page, made)
+        write_page(results, page, made() | {"seed": seed})
         outputs.complete(page)
         quantities = [asdict(quantity) for result, _ in results for quantity in result.quantities]
         text = json.dumps(quantities, indent=2)

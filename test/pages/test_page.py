@@ -27,11 +27,13 @@ def test_values_are_escaped_and_pictures_embedded(tmp_path: Path) -> None:
     result = {"id": "f", "title": "<script>", "shows": "a", "gets": "b", "differs": "", "quantities": [quantity]}
     picture = png(Figure(figsize=(1.0, 1.0)), 10)
     assert picture.startswith(b"\x89PNG")
-    values = {"results": [(result, picture)], "made": "now", "header": ("<i>",), "overview": [("a",)]}
+    values = {"results": [(result, picture)], "header": ("<i>",), "overview": [("`a<`",)]}
+    values |= {"title": "t", "tiles": [], "made": [("date", "now")]}
     write_html(tmp_path / "page.html", "validation.paper", "page.html", **values)
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "<script>" not in page
-    assert "&lt;script&gt;" in page and "<th>&lt;i&gt;</th>" in page
+    assert "<code>a&lt;</code>" in page
+    assert "&lt;script&gt;" in page and "&lt;i&gt;</th>" in page
     assert "N &amp; m" in page
     assert data_uri(picture) in page
 
@@ -39,7 +41,8 @@ def test_values_are_escaped_and_pictures_embedded(tmp_path: Path) -> None:
 def test_a_missing_value_is_an_error(tmp_path: Path) -> None:
     """Fails when a template silently leaves out what the code does not give it."""
     with pytest.raises(UndefinedError, match="results"):
-        write_html(tmp_path / "page.html", "validation.paper", "page.html", made="now", header=(), overview=())
+        values = dict.fromkeys(("title", "tiles", "made", "header", "overview"), ())
+        write_html(tmp_path / "page.html", "validation.paper", "page.html", **values)
 
 
 @pytest.mark.parametrize("package", PACKAGES)
