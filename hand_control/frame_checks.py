@@ -36,6 +36,7 @@ from hand_control.declared import Settings
 from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 from hand_model.effects.effect import ANGLE, SPEED
+from hand_model.effects.gas_compression import prepare as per_supply
 from hand_model.effects.gas_compression import pressure_source as gas_rate
 from hand_model.effects.hydraulic import prepare as per_volume
 from hand_model.effects.hydraulic import pressure_source as liquid_rate
@@ -136,8 +137,9 @@ def _displaced(v, i, p, angle, speed):  # type: ignore[no-untyped-def]
     around = (0.0, 0.0, 0.0, 0.0, angle, speed, 0.0)
     a2, a3, growth = v[_A2, i], v[_A3, i], v[_GROWTH, i]
     full = liquid_rate((1.0, growth, a2, a3, per_volume((1.0, growth), 0.0)[0]), p, around)
-    chamber = (v[_EXPONENT, i], v[_VOLUME, i], v[_GAS_GROWTH, i], v[_GAS_GAIN, i], v[_GAS_PER_RAD, i])
-    gas = gas_rate((*chamber, a2, a3, v[_SUPPLY, i]), p, around)
+    law = (v[_EXPONENT, i], v[_VOLUME, i], v[_GAS_GROWTH, i], v[_GAS_GAIN, i], v[_GAS_PER_RAD, i])
+    chamber = (*law, a2, a3, v[_SUPPLY, i])
+    gas = gas_rate((*chamber, per_supply(chamber, 0.0)[0]), p, around)
     if v[_LIQUID, i] > 0.0:
         return full * v[_LIQUID, i] + gas, UNCERTAIN * abs(full)
     return gas, abs(full)
