@@ -27,12 +27,13 @@ class Size(IntEnum):
 class FaultResult:
     """The cases of one hazard.
 
-    family: module of validation.faults.  hazard: what was injected.  cases: how often.  handled: how often the reaction
-    was the required one.  bounded: how often nothing was found because the fault stayed within what the model allows,
-    and its consequence was small.  unhandled: names of the others, at most MOST_NAMED.  false_accepts: damaged inputs that
-    passed as good.  median_s, max_s: time from the fault to the reaction [s], None where the reaction takes no time.
-    worst, unit: the largest excess that the cases reached, for example a pressure or an angle error.  seed: of the
-    random numbers.  real_time: times were measured on this machine's clock and depend on its load.  note: one line.
+    family: module of validation.faults.  hazard: what was injected.  cases: how often.  handled: how often the
+    reaction was the required one.  bounded: how often nothing was found, because the fault stayed within what the
+    model allows and its consequence was small.  unhandled: names of the others, at most MOST_NAMED.  false_accepts:
+    damaged inputs that passed as good.  median_s, max_s: time from the fault to the reaction [s], None where the
+    reaction takes no time.  worst, unit: the largest excess that the cases reached, for example a pressure or an
+    angle error.  seed: of the random numbers.  real_time: times were measured on this machine's clock and depend on
+    its load.  note: one line.
     """
 
     family: str
