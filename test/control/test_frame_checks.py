@@ -84,7 +84,7 @@ def watched(command: float, pressures: list[float], joint: int = 2, start: float
 
 def towards(begin: float, end: float) -> list[float]:
     """Readings [Pa] from begin to end in steps that a valve may make."""
-    return np.linspace(begin, end, 2 + int(abs(end - begin) / 5e3)).tolist()[:-1]
+    return [float(p) for p in np.linspace(begin, end, 2 + int(abs(end - begin) / 5e3))[:-1]]
 
 
 def first(verdicts: list[int]) -> tuple[int, int]:
