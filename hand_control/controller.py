@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hand_control.arming_ramp import ArmingRamp
+from hand_control.arming_ramp import RAMP_PA_PER_S, ArmingRamp
 from hand_control.board_watch import BoardWatch
 from hand_control.command_check import (
     JointCommand,
@@ -47,7 +47,7 @@ from hand_control.goals import (
 )
 from hand_control.grasps import Approach, Grasp, Grasping, Outcome
 from hand_control.references import References
-from hand_control.shaping import Shaper, TorqueLimiter, approach_speed
+from hand_control.shaping import Shaper, TorqueLimiter, approach_speed, filling_speed
 from hand_control.supervisor import VENT_S, Phase, Supervisor
 from hand_control.tuning import gains
 from hand_messages.health import Health, Level
@@ -56,6 +56,8 @@ from hand_model.description import Hand
 
 REFUSAL_S = 5.0
 """A refused command is shown on diagnostics for this time."""
+FILLING = 0.4
+"""Share of the ramp's rate that a reference uses while the ramp acts; the rest is left to the feedback."""
 FUTURE_S = 0.1
 """A frame stamped further ahead than this comes from another clock."""
 
@@ -105,6 +107,9 @@ class Controller:
         self._gap = Gap(self._law)
         self._settling = False
         self._inertia = hand.row("dynamics.inertia_kg_m2") + hand.row("dynamics.coupling_inertia_kg_m2")
+        keys = ("a0_nm", "a1_nm_per_rad", "a2_nm_per_pa", "a3_nm_per_pa_rad")
+        a0, a1, a2, a3 = (hand.row(f"statics.{key}") for key in keys)
+        self._statics = a0, a1, a2, a3
         self._shaper = Shaper(count, self._law.inputs, (hand.limits.low_rad, hand.limits.high_rad))
         self._torque = TorqueLimiter(hand.limits.max_torque_nm)
         self._watch = FrameWatch(hand)
@@ -366,7 +371,7 @@ class Controller:
             if self._watch.plausible(*measured, self._max_jump_rad, elapsed_s)[0] != NOT_FINITE:
                 self._arm(*measured, host_ns)
             return
-        found = self._watch.check(measured, self._wanted, self._max_jump_rad, elapsed_s)
+        found = self._watch.check(measured, self._law.watched, self._max_jump_rad, elapsed_s)
         self._starved = ""
         if found is not NOTHING:
             self._react(found, measured)
@@ -458,6 +463,8 @@ class Controller:
             self._shaper.latch(position)  # the angle is free: the reference follows it
         elif not self._watch.limits:  # the reference waits for a joint that is held back
             flexing = approach_speed(self._inertia, self._torque.now, self.settings)
+            if self._ramp.active:  # the reference rises as the pressure may, so that no error grows meanwhile
+                flexing = np.minimum(flexing, filling_speed(self._statics, self._shaper.r, FILLING * RAMP_PA_PER_S))
             self._shaper.step(target, speed, self.settings, dt, flexing)
         inputs = self._law.inputs
         inputs[U.limit], inputs[U.position], inputs[U.pressure] = self._torque.now, position, pressure

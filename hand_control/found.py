@@ -56,6 +56,8 @@ READINGS = ("pressure_gain", "pressure_offset", "tube_lag")
 """Effects between the measured pressure and that of the actuator."""
 SOURCES = ("leak", "gas_compression", "hydraulic", "valve_lag", "valve_deadband", "unnamed_pressure")
 """Effects of the rate of the pressure and of the error to which the valve reacts."""
+DISPLACING = ("gas_compression", "hydraulic")
+"""Those of them that the watch of the pressures expects by itself."""
 LOOP = "valve_hysteresis"
 USED = (*TORQUES, FRICTION, *READINGS, *SOURCES, LOOP)
 """Names of the effects that the law uses in addition to the numbers of the plain plant."""
@@ -89,6 +91,7 @@ free_torque: Any = None
 rub_dry: Any = None
 rub_torque: Any = None
 source: Any = None
+displaced: Any = None
 valve_error: Any = None
 loop_set_point: Any = None
 torque_ahead: Any = None
@@ -176,13 +179,17 @@ def _ahead(key: str) -> Callable[..., Any]:
 def _after(key: str) -> Callable[..., Any]:
     """The loop behind the law, to be specialised."""
 
-    def after(w, u, wanted, sent):  # type: ignore[no-untyped-def]
+    def after(w, u, wanted, sent, watched):  # type: ignore[no-untyped-def]
         _ = key
         for i in range(w.shape[1]):
             around = (0.0, 0.0, 0.0, 0.0, u[U.reference, i], u[U.speed, i], 0.0)
             p, lost = u[U.pressure, i], w[_TAU, i] * source(w, i, wanted[i], around)
             most = MOST * wanted[i] + MOST_PA
             target = wanted[i] + min(max(-lost, -most), most)
+            watched[i] = wanted[i]
+            if wanted[i] > 0.0:
+                moved_pa = -w[_TAU, i] * displaced(w, i, wanted[i], around)
+                watched[i] = max(wanted[i] + min(max(moved_pa, -most), most), 0.0)
             if bends:
                 error = target - p
                 size = max(abs(error), EDGE_PA)
@@ -238,6 +245,7 @@ def _compiled(names: tuple[str, ...], laws: bool) -> _Loops:
         "rub_dry": rub.dry,
         "rub_torque": rub.torque,
         "source": valve.pressure_source,
+        "displaced": hooks(DISPLACING).pressure_source,
         "valve_error": valve.valve_error,
         "loop_set_point": hooks((LOOP,)).set_point,
         "remembers": pushes.uses("moved"),
@@ -263,7 +271,7 @@ def neighbours(partner: NDArray[np.int64]) -> NDArray[np.int64]:
 class FoundPhysics:
     """What the effects of a description add to the law, tick by tick, for n joints.
 
-    shapes: whether set-points differ from wanted pressures.
+    shapes: whether set-points differ from wanted pressures.  watched: set-points (n,) [Pa] as `Law.watched` has them.
     """
 
     def __init__(self, parameters: Array, neighbour: NDArray[np.int64], period_s: float) -> None:
@@ -277,7 +285,7 @@ class FoundPhysics:
         self._neighbour = np.ascontiguousarray(neighbour)
         self._track = np.zeros(parameters.shape[1])
         self._begun = False
-        self.sent = np.zeros(parameters.shape[1])
+        self.sent, self.watched = np.zeros(parameters.shape[1]), np.zeros(parameters.shape[1])
 
     def start(self, position: Array, pressure: Array) -> None:
         """Begin with the memory of a hand that has long been at position (n,) [rad] and pressure (n,) [Pa]."""
@@ -285,6 +293,7 @@ class FoundPhysics:
         for row, kind in STARTS:
             self._w[row] = position if kind == "angle" else pressure
         self._track[:] = position
+        self.watched[:] = 0.0
         self._begun = True
 
     def before(self, state: Array, inputs: Array, dt: float) -> None:
@@ -297,7 +306,7 @@ class FoundPhysics:
 
     def set_points(self, inputs: Array, wanted: Array) -> Array:
         """Set-points (n,) [Pa] with which valve and fluid give the wanted pressures (n,) [Pa]; 0 stays 0."""
-        self._loops.after(self._w, inputs, wanted, self.sent)
+        self._loops.after(self._w, inputs, wanted, self.sent, self.watched)
         return self.sent
 
 
@@ -324,6 +333,11 @@ class FoundLaw(Law):
         """As `Law.set_points`, against leak, displaced fluid, dead band and hysteresis; 0 stays 0."""
         wanted = super().set_points()
         return self.found.set_points(self._given, wanted) if self.found.shapes else wanted
+
+    @property
+    def watched(self) -> Array:
+        """As `Law.watched`: wanted pressures and what displaced fluid needs."""
+        return self.found.watched if self.found.shapes else super().watched
 
 
 def law_of(hand: Hand, settings: Settings) -> Law:

@@ -349,6 +349,12 @@ class Law:
         wanted: Array = self.out[OUT.pressure]
         return wanted
 
+    @property
+    def watched(self) -> Array:
+        """Set-points (n,) [Pa] from which the watch of the pressures expects them; of the plain law those sent."""
+        wanted: Array = self.out[OUT.pressure]
+        return wanted
+
     def reset_map(self) -> None:
         """Return every joint to the map of the description."""
         for i in range(self.state.shape[1]):

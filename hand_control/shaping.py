@@ -91,6 +91,16 @@ def approach_speed(inertia: Array, torque_nm: Array, settings: Settings) -> Arra
     return fastest
 
 
+def filling_speed(statics: tuple[Array, Array, Array, Array], angle: Array, rate_pa_per_s: float) -> Array:
+    """Speed (n,) [rad/s] at which the pressure that holds an angle (n,) [rad] rises by rate_pa_per_s.
+
+    statics: a0 ... a3 of Eq. 6, (n,) each; the pressure is -(a0 + a1 phi) / (a2 + a3 phi).
+    """
+    a0, a1, a2, a3 = statics
+    lever = a2 + a3 * angle
+    return np.asarray(rate_pa_per_s * lever * lever / np.maximum(a0 * a3 - a1 * a2, 1e-12), dtype=np.float64)
+
+
 class Shaper:
     """The shaped reference r [rad], its speed v [rad/s] and acceleration a [rad/s^2], (n,) each."""
 

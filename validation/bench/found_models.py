@@ -1,6 +1,6 @@
 """Diagnose recordings of the plants of the bench `found`, and store the patches that the diagnoses write.
 
-python -m validation.bench.found_models [NAME...]; each diagnosis takes minutes. Example: python -m validation.bench.found_models friction leak
+python -m validation.bench.found_models [NAME...]; each diagnosis takes minutes.
 """
 
 from __future__ import annotations
