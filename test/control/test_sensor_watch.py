@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hand_control.frame_watch import FrameWatch
 from hand_control.sensor_watch import ACTIVE, ANGLES_SWAPPED, JUMPED, SIGN, SensorWatch
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
@@ -64,11 +65,12 @@ def test_operation_without_a_fault_vents_nothing(seed: int) -> None:
         assert world.frame(), world.loop.controller.safety.fault
 
 
-def test_the_set_points_do_not_rise_under_suspicion() -> None:
-    """Fails when the pressure rises on while an angle stands still to the last bit."""
+def test_the_set_points_do_not_rise_under_suspicion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when the hold under suspicion no longer halves the rise of the pressure while an angle is frozen."""
     outcome = found(0.3, "step", 6, "angle frozen", False, 340)
-    assert outcome.excess_pa < 6e4
     assert np.isfinite(outcome.error_deg)
+    monkeypatch.setattr(FrameWatch, "hold", lambda watch, command: None)
+    assert outcome.excess_pa < 0.5 * found(0.3, "step", 6, "angle frozen", False, 340).excess_pa
 
 
 def verdict(rate_hz: float, angle: Array, pressure: Array, hand: Hand = HAND) -> int | None:
