@@ -15,7 +15,7 @@ A push on k while an obstacle blocks i looks the same. A suspected joint is ther
 towards the pressure that it was armed with, until it is to have fallen by FALL_RAD, and that of k is held. If k goes
 back as i should, and i as k should, they are exchanged, once this has happened QUESTIONS times; a push knows nothing of
 the pressure, unless it comes in the rhythm of the questions. Until a joint has first moved as its pressure asks, its
-set-point rises slowly, and for ALIKE_S longer where the joint beside it moves alike.
+set-point rises slowly, and for ALIKE_S longer where its neighbour moves alike.
 """
 
 from __future__ import annotations

@@ -35,12 +35,12 @@ def outcome(
     measured: Measured,
     time_s: float = 4.0,
     asked_pa: Callable[[int], float] = lambda frame: 1e5,
-    beside: float = 0.0,
+    neighbour: float = 0.0,
 ) -> tuple[int, int, float]:
     """Pair found, number of questions and highest set-point [Pa] of three joints, of which the first is to bend.
 
     measured: (frame, angles that the pressures ask for (3,)) -> measured angles (3,) [rad].  asked_pa: of a frame.
-    beside: share of it that the second joint gets.
+    neighbour: share of it that the second joint gets.
     """
     watch = PlaceWatch(np.array([1, 2, -1]))
     pressure, w, u = np.zeros(3), np.zeros(3), np.zeros(3)
@@ -55,7 +55,7 @@ def outcome(
         found = check_places(watch.state, watch.after, w, u, now, model, DT)
         if found != NONE:
             return found, questions, highest
-        command = np.array([asked_pa(frame), beside * asked_pa(frame), 0.0])
+        command = np.array([asked_pa(frame), neighbour * asked_pa(frame), 0.0])
         hold_places(watch.state, command, pressure, DT)
         held = bool(watch.state[_STATE, 0] in (_ANSWERS, _STAYS))
         questions += int(held and not asked)
@@ -72,21 +72,21 @@ def test_an_exchange_is_confirmed_by_two_answers() -> None:
     assert highest < 3e4
 
 
-@pytest.mark.parametrize("beside", [0.2, 0.4])
-def test_an_exchange_is_found_where_both_joints_move(beside: float) -> None:
+@pytest.mark.parametrize("neighbour", [0.2, 0.4])
+def test_an_exchange_is_found_where_both_joints_move(neighbour: float) -> None:
     """Fails when an exchange counts only while one of both joints stands still."""
-    assert outcome(lambda frame, model: model[[1, 0, 2]], beside=beside)[0] == 0
-    assert outcome(lambda frame, model: model, beside=beside)[:2] == (NONE, 0)
+    assert outcome(lambda frame, model: model[[1, 0, 2]], neighbour=neighbour)[0] == 0
+    assert outcome(lambda frame, model: model, neighbour=neighbour)[:2] == (NONE, 0)
 
 
 @pytest.mark.parametrize("factor", [(1.0, 1.0), (0.7, 1.3), (1.3, 0.7)])
 def test_joints_that_move_alike_are_slow_for_a_while_and_not_asked(factor: tuple[float, float]) -> None:
     """Fails when two joints that move alike lose their slow rise at once, never lose it, or are asked."""
     scale = np.array([*factor, 1.0])
-    pair, questions, soon = outcome(lambda frame, model: scale * model, ALIKE_S, beside=1.0)
+    pair, questions, soon = outcome(lambda frame, model: scale * model, ALIKE_S, neighbour=1.0)
     assert (pair, questions) == (NONE, 0)
     assert soon <= CAUTION_PA_PER_S * ALIKE_S
-    assert outcome(lambda frame, model: scale * model, beside=1.0) == (NONE, 0, 1e5)
+    assert outcome(lambda frame, model: scale * model, neighbour=1.0) == (NONE, 0, 1e5)
 
 
 def test_a_question_lets_a_joint_fall_a_little() -> None:
