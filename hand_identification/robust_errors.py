@@ -19,7 +19,7 @@ from hand_model.arrays import Array
 GROUP_SIZES = (1, 4)
 """Blocks of a group; a whole recording is a group, too."""
 LEAST_GROUPS = 3
-"""Fewer groups say nothing about their scatter."""
+"""Fewer groups give no information on their scatter."""
 
 
 def robust_errors(problem: JointProblem, fit: MapFit) -> Array:

@@ -29,7 +29,7 @@ DIFFERENCES = 6
 """Order of the differences that show the noise: a motion up to a tenth of the sample rate hardly affects them."""
 DOUBT = 3.0
 """Standard errors by which two windows must differ more than their noise explains."""
-AS_GOOD = 1.05
+AS_GOOD = 1.01
 """What a window may leave of the force, relative to the best one."""
 DIRECTION = 0.05
 """Speed, in its standard deviations, around which the direction changes in the regression of the force."""
@@ -95,7 +95,8 @@ def fitting_window_s(described: MachineDescription, tables: Sequence[Readings]) 
 def _unexplained(described: MachineDescription, tables: Sequence[Readings], window_s: float) -> float:
     """Mean square of the force that a regression on the motion leaves, over all recordings.
 
-    The direction of the motion is that over the longest window throughout, so that only derivatives differ.
+    Everything is compared in the band of the longest window: a ripple that no window shows must not decide. The
+    direction of the motion is that over the longest window throughout, so that only derivatives differ.
     """
     features, forces = [], []
     for table in tables:
@@ -113,8 +114,8 @@ def _unexplained(described: MachineDescription, tables: Sequence[Readings], wind
         columns += [] if described.linear else [np.sin(x), np.cos(x)]
         inside = table.known.copy()
         inside[: longest // 2], inside[len(inside) - longest // 2 :] = False, False
-        features.append(np.column_stack(columns)[inside])
-        forces.append(table.signals["force"][inside])
+        features.append(savgol_filter(np.column_stack(columns), longest, ORDER, axis=0)[inside])
+        forces.append(savgol_filter(table.signals["force"], longest, ORDER)[inside])
     stacked, force = np.concatenate(features), np.concatenate(forces)
     stacked = stacked / np.maximum(np.sqrt(np.mean(stacked**2, axis=0)), 1e-300)
     left = force - stacked @ np.linalg.lstsq(stacked, force, rcond=1e-9)[0]

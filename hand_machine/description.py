@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from hand_machine.wording import units_of
@@ -29,8 +29,6 @@ COLUMN, OF_INPUT = ("column", "scale", "offset"), ("pressure", "delay", "limits"
 """Keys of a column, and those that only the input has."""
 MAX_DELAY_S = 10.0
 CONTROLLER = ("stiffness", "damping")
-UNKNOWN = 1.0
-"""Relative tolerance of a number of an axis beside a controller's, where it has none of its own."""
 NUMBER = ("value", "exact", "tolerance")
 WARM = ("gain", "stiffness", "damping")
 """Numbers that may depend on the temperature of a recording."""
@@ -100,10 +98,10 @@ class MachineDescription:
     effects: Mapping[str, float]
     recordings: Mapping[str, Mapping[str, float]]
     sizes: tuple[float, float, float] | None
-    derivative_window_s: float | None
-    controller: Mapping[str, float]
     per_kelvin: Mapping[str, float]
     reference_c: float
+    derivative_window_s: float | None = None
+    controller: Mapping[str, float] = field(default_factory=dict)
 
     def warmth(self, recording: Path) -> dict[str, float]:
         """Factors [-] of the numbers that the temperature of a recording changes. Raises DescriptionError below 0."""
@@ -243,7 +241,8 @@ def _under_control(
 ) -> dict[str, tuple[float, float | None]]:
     """Numbers of an axis with a position controller: force = stiffness (command - position) - damping speed.
 
-    The controller's own numbers are exact; a tolerance of the axis becomes one of the sum.
+    The controller's own numbers are exact; a tolerance of the axis becomes one of the sum. Where the axis has none, the
+    sum has that of every number: friction of the axis is part of it.
     """
     if not controller:
         return {}
@@ -251,9 +250,7 @@ def _under_control(
     for name in CONTROLLER:
         own, tolerance = read[name]
         total = own + controller[name]
-        share = own / total if total > 0.0 else 0.0
-        known = tolerance if tolerance is not None else UNKNOWN
-        found[name] = (total, known * share if controller[name] > 0.0 else tolerance)
+        found[name] = (total, tolerance if not tolerance else tolerance * own / total)
     return found
 
 

@@ -104,7 +104,7 @@ def load_machine(path: Path, recordings: Sequence[Path], *, to_fit: bool = False
     """Read a machine's description and recordings (CSV, Parquet, NPZ or MAT).
 
     to_fit: whether a model is fitted to the recordings. The measured force then may choose the window of derivatives,
-    and it is judged in the band of the motion; where it is predicted, neither.
+    and it is evaluated in the band of the motion; where it is predicted, neither.
     Raises DescriptionError or RecordingError, one line, for what cannot be used.
     """
     described = load_description(path)

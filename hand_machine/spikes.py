@@ -66,9 +66,9 @@ def find_off_the_motion(times: Array, values: Array) -> Flags:
         usual = float(np.quantile(missed, MISS_QUANTILE))
         least = max(MISSES * usual, STEPS_OF_RESOLUTION * resolution, MISS_RANGE * float(high - low))
         far = missed > least
-        # Beside a spike, the lines are wrong, too: of neighbours only the one that misses most is taken.
-        beside = np.maximum(np.r_[0.0, missed[:-1]], np.r_[missed[1:], 0.0])
-        taken = kept[far & (missed >= beside)]
+        # Next to a spike, the lines are wrong, too: of neighbours only the one that misses most is taken.
+        nearby = np.maximum(np.r_[0.0, missed[:-1]], np.r_[missed[1:], 0.0])
+        taken = kept[far & (missed >= nearby)]
         if not len(taken):
             return found
         found[taken] = True

@@ -13,8 +13,9 @@ from scipy.integrate import solve_ivp
 from hand_diagnosis.task import Task, effects_without
 from hand_identification.free_parameters import effect_free_parameters, nominal_free_parameters, probe_values
 from hand_machine.description import load_description
-from hand_machine.found_model import PARAMETER, WEIGHT
+from hand_machine.found_model import PARAMETER, WEIGHT, Found, write_found_model
 from hand_machine.machine import Machine, load_machine
+from hand_machine.wording import units_of
 from hand_model.effects import EFFECTS
 from hand_model.kernel.rows import ROW
 from hand_model.yaml_loader import DescriptionError
@@ -156,3 +157,32 @@ def test_a_weight_with_its_own_tolerance_is_free(tmp_path: Path, recording: Path
     assert key not in free({"value": 5.0, "exact": True})
     with pytest.raises(DescriptionError, match=r"weight.value is 5.0; the allowed range is 0 to 0"):
         machine(tmp_path, recording, weight={"value": 5.0, "tolerance": 0.03})
+
+
+def test_a_position_command_with_its_controller(tmp_path: Path) -> None:
+    """Fails when the controller's law is not that of the model, its numbers are fitted, or model.yaml repeats them."""
+    servo = {
+        "schema": 1,
+        "name": "servo",
+        "motion": "rotary",
+        "controller": {"stiffness": 12.0, "damping": 0.4},
+        "stiffness": {"value": 3.0, "tolerance": 0.2},
+        "inertia": 0.05,
+        "columns": {"time": {"column": "t"}, "input": {"column": "goal"}, "position": {"column": "q"}},
+    }
+    (tmp_path / "servo.yaml").write_text(json.dumps(servo), encoding="utf-8")
+    described = load_description(tmp_path / "servo.yaml")
+    assert (described.gain, described.stiffness, described.damping) == (12.0, 15.0, 0.4)
+    assert described.tolerances["gain"] == 0.0
+    assert "damping" not in described.tolerances
+    assert described.tolerances["stiffness"] == pytest.approx(0.2 * 3.0 / 15.0)
+    units = units_of(False, per_torque=1.0, per_angle=1.0, per_input=1.0)
+    found = Found({"statics.a1_nm_per_rad": -15.5}, {}, {"statics.a1_nm_per_rad": 0.01}, frozenset())
+    write_found_model(described, units, found, tmp_path / "model.yaml", "found")
+    again = load_description(tmp_path / "model.yaml")
+    assert again.stiffness == pytest.approx(15.5, abs=0.01)
+    assert again.gain == 12.0
+    for part, key in (({"gain": 2.0}, "gain"), ({"imposed": True}, "controller")):
+        (tmp_path / "servo.yaml").write_text(json.dumps(servo | part), encoding="utf-8")
+        with pytest.raises(DescriptionError, match=f": {key} "):
+            load_description(tmp_path / "servo.yaml")

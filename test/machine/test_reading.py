@@ -155,7 +155,7 @@ def test_noise_steps_and_pulses_of_the_input_are_no_spikes(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_small_spikes_of_a_position_are_found_and_turns_are_not(seed: int, motion: dict[str, np.ndarray]) -> None:
-    """Fails when a reading beside the motion stays, or turns, steps or a fast motion lose readings; see the seed."""
+    """Fails when a reading off the motion stays, or turns, steps or a fast motion lose readings; see the seed."""
     print(f"seed {seed}")
     rng = np.random.default_rng(seed)
     time, noise = motion["t"], 2e-5 * rng.standard_normal(len(motion["t"]))
