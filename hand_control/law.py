@@ -302,22 +302,25 @@ def _control(g, s, u, i, a0, a1, a2, a3, d, dt, integrate, out):  # type: ignore
     return beyond
 
 
+_inlined_joint = inlined(_joint)
+
+
 def _compiled() -> Any:
     """The tick of all joints, compiled.
 
-    Its cache is keyed by every equation it uses, since numba looks at changes of one file alone.
+    Its cache is keyed by every equation it uses, since numba looks at changes of one file alone. Its closure may hold
+    nothing but this key: a compiled function has another identity in every process, which no cache would find.
     """
     names = ("law", "adaptation", "contact", "declared")
     sources = [Path(__file__).with_name(f"{name}.py").read_bytes() for name in names]
     equations = {inspect.getfile(inspect.unwrap(function)) for function in (creep_rate, torque)}
     sources += [Path(file).read_bytes() for file in sorted(equations)]
     key = hashlib.sha256(b"".join(sources)).hexdigest()
-    joint = inlined(_joint)
 
     def tick(g, s, u, dt, integrate, drive, out):  # type: ignore[no-untyped-def]
         _ = key
         for i in range(g.shape[1]):
-            joint(g, s, u, i, dt, integrate, drive, out)
+            _inlined_joint(g, s, u, i, dt, integrate, drive, out)
 
     return njit(cache=True, _nrt=False, error_model="numpy")(tick)
 
