@@ -397,8 +397,8 @@ class Controller:
             self.safety.trip(f"{joint}: over-pressure, {bar:.2f} bar")
         elif verdict == STEPPED:
             self.safety.trip(
-                f"{joint}: its pressure jumped to {bar:.2f} bar, which no valve gives;"
-                " check the pressure sensor, its cable and its channel, and the tube"
+                f"{joint}: its pressure jumped to {bar:.2f} bar, which no valve gives; check whether the sensor is"
+                " exchanged with another, its scale and its cable, and the tube"
             )
         elif verdict == STUCK_HIGH:
             self.safety.trip(f"{joint}: the valve does not follow, the pressure stays at {bar:.2f} bar")
@@ -470,8 +470,8 @@ class Controller:
         inputs[U.limit], inputs[U.position], inputs[U.pressure] = self._torque.now, position, pressure
         if self.board.vented:  # the driver, too, lets the pressure rise from here only, at the same rate
             self._ramp.start(pressure)
-        limited = self._starved or self._settling or self._ramp.active or self._watch.limits or self._watch.short
-        out = self._law.tick(inputs, dt, fresh and not limited)
+        limited = self._settling or self._ramp.active or self._watch.limits
+        out = self._law.tick(inputs, dt, fresh and not limited, frozen=self._watch.pressures.short > 0.0)
         self._ramp.limit(self._wanted, dt)
         if self._settling:
             self._gap.after()

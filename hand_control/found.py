@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from hand_control.declared import S, Settings, U, bounded_dt
 from hand_control.law import Law
 from hand_control.tuning import gains
-from hand_model.arrays import Array
+from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 from hand_model.effects import EFFECTS
 from hand_model.effects.effect import EXOGENOUS, Effect
@@ -319,11 +319,13 @@ class FoundLaw(Law):
         self.found = found
         self._given = self.inputs
 
-    def tick(self, inputs: Array, dt: float, integrate: bool = True, drive: bool = True) -> Array:
+    def tick(
+        self, inputs: Array, dt: float, integrate: bool = True, drive: bool = True, frozen: Flags | None = None
+    ) -> Array:
         """As `Law.tick`; the pressure among the inputs becomes that of the actuator."""
         self.found.before(self.state, inputs, bounded_dt(dt))
         self._given = inputs
-        return super().tick(inputs, dt, integrate, drive)
+        return super().tick(inputs, dt, integrate, drive, frozen)
 
     def restart(self, position: Array, pressure: Array) -> None:
         """Begin the memory of the effects anew at position (n,) [rad] and pressure (n,) [Pa]."""

@@ -8,10 +8,10 @@ Pressures that differ from what the set-points ask for:
                                                                  scale, a tube that is off
     above what the model of the valve expects, NOT_FOLLOWING_S   vent, latched: the joint cannot be released otherwise
     below it                                                     no set-point rises; after SHORT_S a warning, the
-                                                                 integrators stop, and no set-point is above TRUSTED
-                                                                 times the pressure and TRUSTED_PA, until the pressure
-                                                                 follows again: a leak, an empty supply or a closed
-                                                                 valve gives less than commanded
+                                                                 integrator of the joint stops, and no set-point is
+                                                                 above TRUSTED times the pressure and TRUSTED_PA, until
+                                                                 the pressure follows again: a leak, an empty supply or
+                                                                 a closed valve gives less than commanded
 
 Far off counts sooner, by the time integral of what exceeds the band: NOT_FOLLOWING_PA_S, and SHORT_S times BAND_PA.
 The expectation is the set-point through the kernel's valve, whose time constant is lengthened by the dead time, from
@@ -75,12 +75,13 @@ SPEED_FILTER_S = 0.02
 SLOWER = 2.0
 """A valve may lag behind by this factor more than described."""
 EXPECTED, _OVER, _HIGH, _LOW, _ANGLE, _SPEED, WIDER, DRIVEN, _PRESSURE, _HELD_BACK, _SLOW = range(11)
-_OFF, _STEP, _STEP_AGE, _BEFORE, _HIGH_PA_S, _LOW_PA_S, _BELIEVED, _USUAL, _BEHIND, _DRIVE = range(11, 21)
+_OFF, _STEP, _STEP_AGE, _BEFORE, _HIGH_PA_S, _LOW_PA_S, _BELIEVED, _USUAL, _BEHIND, _DRIVE, SHORT = range(11, 22)
 """Rows of the state of `watch_pressures`. _SLOW: the expectation of a valve that lags by SLOWER times the time. _OFF:
 difference to the expectation; _BEFORE: before the _STEP that is watched; _USUAL: its mean over USUAL_S. _BELIEVED:
 set-point before the pressure was too low. _BEHIND: whether the set-point is still to return to what is asked.
-_DRIVE: largest change between two frames that the valve gives, of the last DRIVE_S."""
-_ROWS = 21
+_DRIVE: largest change between two frames that the valve gives, of the last DRIVE_S. SHORT: 1 where the pressure is too
+low for what is asked, or the set-point is still to return, so that an integrator would run away."""
+_ROWS = 22
 (
     _TAU, _VENT, _FILL, _A2, _A3, _LIQUID, _GROWTH, _EXPONENT, _VOLUME, _GAS_GROWTH, _GAS_GAIN, _GAS_PER_RAD, _SUPPLY,
     _LIMIT,
@@ -238,12 +239,11 @@ def watch_pressures(s, valve, command, pressure, position, dt):  # type: ignore[
 
 @njit(cache=True, error_model="numpy")
 def cap_pressures(s, command, dt):  # type: ignore[no-untyped-def]
-    """Limit set-points (joints,) [Pa] in place, dt [s] after the last call, see `PressureWatch.hold`; whether one is
-    lower now.  s: state (rows, joints).
+    """Limit set-points (joints,) [Pa] in place, dt [s] after the last call, see `PressureWatch.hold`.
 
-    While a pressure is too low none is above the last one from before; afterwards they return along a ramp.
+    s: state (rows, joints).  While a pressure is too low none is above the last one from before; afterwards they return
+    along a ramp.
     """
-    limits = False
     for i in range(len(command)):
         asked, short = command[i], s[_LOW, i] > 0.0 or s[_STEP, i] != 0.0
         s[_HELD_BACK, i] = 0.0
@@ -253,20 +253,21 @@ def cap_pressures(s, command, dt):  # type: ignore[no-untyped-def]
             command[i] = min(asked, s[_BELIEVED, i] + RETURN_PA_PER_S * dt)
         s[_BEHIND, i] = 1.0 if command[i] < asked else 0.0
         s[_BELIEVED, i] = max(s[_BELIEVED, i], command[i]) if short else command[i]
-        if short and _is_short(s, i):
+        low = short and _is_short(s, i)
+        if low:
             most = max(TRUSTED * s[_PRESSURE, i], 0.0) + TRUSTED_PA
             s[_HELD_BACK, i] = max(command[i] - most, 0.0)
             command[i] -= s[_HELD_BACK, i]
-        limits |= command[i] < asked
-    return limits
+        s[SHORT, i] = 1.0 if low or command[i] < asked else 0.0
 
 
 class PressureWatch:
     """Compares the pressures of one hand with its set-points, frame by frame.
 
     expected: pressure of set-points and motion now, (n,) [Pa].  driven: what the set-points alone give, (n,) [Pa].
-    wider: by how much expected may be wrong by the motion, (n,) [Pa]. Each check overwrites them.  arrays: the first
-    arguments of `watch_pressures`.  gap_s: longest time between frames [s] after which nothing starts again.
+    wider: by how much expected may be wrong by the motion, (n,) [Pa]. Each check overwrites them.  short: (n,) 1 where
+    a pressure is too low for what is asked, or its set-point is still to return; `hold` overwrites it.  arrays: the
+    first arguments of `watch_pressures`.  gap_s: longest time between frames [s] after which nothing starts again.
     """
 
     def __init__(self, hand: Hand) -> None:
@@ -279,6 +280,7 @@ class PressureWatch:
         self.expected: Array = self._state[EXPECTED]
         self.driven: Array = self._state[DRIVEN]
         self.wider: Array = self._state[WIDER]
+        self.short: Array = self._state[SHORT]
         self._still = np.zeros(len(hand.joints))
 
     def start(self, pressure: Array, position: Array | None = None) -> None:
@@ -300,12 +302,9 @@ class PressureWatch:
         angle = self._still if position is None else position
         return watch_pressures(*self.arrays, command, pressure, angle, dt)  # type: ignore[no-any-return]
 
-    def hold(self, command: Array, dt: float) -> bool:
-        """Limit set-points (n,) [Pa] in place to what the measured pressure justifies, dt [s] after the last frame.
-
-        Returns whether one is lower now.
-        """
-        return bool(cap_pressures(self._state, command, dt))
+    def hold(self, command: Array, dt: float) -> None:
+        """Limit set-points (n,) [Pa] in place to what the measured pressure justifies, dt [s] after the last frame."""
+        cap_pressures(self._state, command, dt)
 
     def _skip(self, pressure: Array, position: Array | None) -> None:
         """Expect the measured state after a gap; how long a pressure has been off is kept."""

@@ -64,24 +64,23 @@ def _frame(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _hold(pressures, sensors, places, command, dt):  # type: ignore[no-untyped-def]
-    """Limit the set-points in place; whether a pressure, and whether a suspected sensor, has lowered one."""
-    short = cap_pressures(pressures, command, dt)
-    return short, hold_sensors(sensors, places, command, dt)
+    """Limit the set-points in place; whether a suspected sensor has lowered one."""
+    cap_pressures(pressures, command, dt)
+    return hold_sensors(sensors, places, command, dt)
 
 
 class FrameWatch:
     """All tests of the frames of one hand.
 
-    pressures, sensors: the watches with their states.  limits, short: whether `hold` has lowered a set-point for a
-    suspected sensor, or for a pressure that is too low, so that an integrator would run away.  last_position: (n,)
-    [rad] of the last frame that counted; NaN: none.
+    pressures, sensors: the watches with their states.  limits: whether `hold` has lowered a set-point for a suspected
+    sensor, so that an integrator would run away.  last_position: (n,) [rad] of the last frame that counted; NaN: none.
     """
 
     def __init__(self, hand: Hand) -> None:
         """Begin without evidence; `start` gives the first measurement."""
         self.pressures, self.sensors = PressureWatch(hand), SensorWatch(hand)
         self.last_position: Array = np.full(len(hand.joints), np.nan)
-        self.limits = self.short = False
+        self.limits = False
         self._period_s = 1.0 / hand.rate_hz
         self._longest_s = min(self.sensors.gap_s, self.pressures.gap_s, 1.5 * self._period_s)
         self._arrays = (self.last_position, *self.pressures.arrays, *self.sensors.arrays)
@@ -133,4 +132,4 @@ class FrameWatch:
 
     def hold(self, command: Array) -> None:
         """Limit set-points (n,) [Pa] in place to what the pressures justify, and the sensors that are believed."""
-        self.short, self.limits = _hold(*self._holds, command, self.sensors.elapsed_s)
+        self.limits = _hold(*self._holds, command, self.sensors.elapsed_s)

@@ -42,7 +42,7 @@ from numba import njit
 from hand_control.adaptation import adapt, map_variance, reset_covariance, reset_map
 from hand_control.contact import contradicted_by_motion, detect
 from hand_control.declared import INPUTS, OUT, OUTPUTS, STATE, C, G, S, U, bounded_dt, inlined
-from hand_model.arrays import Array
+from hand_model.arrays import Array, Flags
 from hand_model.material import creep_rate
 from hand_model.statics import leverage, pressure_for_torque, stiffness, torque
 
@@ -371,12 +371,21 @@ class Law:
             self.state[S.take_over] = 1.0
         self.gains = g
 
-    def tick(self, inputs: Array, dt: float, integrate: bool = True, drive: bool = True) -> Array:
+    def tick(
+        self, inputs: Array, dt: float, integrate: bool = True, drive: bool = True, frozen: Flags | None = None
+    ) -> Array:
         """One tick of every joint after dt [s]; returns the outputs (rows, n), which the next tick overwrites.
 
         A dt below C.min_dt or not finite counts as 0, in which no command can rise; a huge one as C.max_dt.
         inputs: (rows, n), rows as in `declared.INPUTS`; `Law.inputs` is an array of this shape for the caller's use.
         integrate: False stops the integrators and the adaptation.  drive: False observes only, and commands 0 Pa.
+        frozen: (n,) joints whose integrators stop and whose adaptation pauses.
         """
+        stops = frozen is not None and frozen.any()
+        kept = self.state[S.integral, frozen] if stops else None
+        if stops:
+            self.state[S.pause, frozen] = C.pause_time
         _tick(self.gains, self.state, inputs, bounded_dt(dt), integrate, drive, self.out)
+        if stops:
+            self.state[S.integral, frozen] = kept
         return self.out

@@ -90,7 +90,7 @@ def test_a_valve_stuck_open_vents_and_latches() -> None:
 
 
 def test_a_starved_joint_is_warned_of_and_recovers() -> None:
-    """Fails when a blocked valve is not reported, winds the integrator up, or vents the hand."""
+    """Fails when a blocked valve is not reported, winds its integrator up, stops those of other joints, or vents."""
     rig = Rig()
     rig.valve = only(INDEX, lambda command: min(command, 2.0e4))
     rig.command(index_proximal=1.0, ring_proximal=1.0)
