@@ -397,8 +397,8 @@ class Controller:
             self.safety.trip(f"{joint}: over-pressure, {bar:.2f} bar")
         elif verdict == STEPPED:
             self.safety.trip(
-                f"{joint}: its pressure jumped to {bar:.2f} bar, which no valve gives; check whether the sensor is"
-                " exchanged with another, its scale and its cable, and the tube"
+                f"{joint}: its pressure jumped to {bar:.2f} bar, which no valve gives;"
+                " check the sensor and its cable, whether it is exchanged with another, and the tube"
             )
         elif verdict == STUCK_HIGH:
             self.safety.trip(f"{joint}: the valve does not follow, the pressure stays at {bar:.2f} bar")

@@ -126,7 +126,7 @@ def test_switching_in_motion_starts_from_the_present_torque_and_pose() -> None:
     """Fails when a change of the mode in mid-motion jumps from the measured pressure, or to an old reference."""
     rig = Rig()
     rig.command(["index_proximal"], [1.5])
-    rig.run(0.25)
+    rig.run(0.25)  # the first rise after enabling is slow
     torque, pressure = rig.tick.torque_estimate[INDEX], rig.pressures[-1][INDEX]
     rig.mode("torque")
     rig.run(STEP_S)
