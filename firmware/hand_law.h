@@ -78,7 +78,7 @@ enum {
     HAND_S_Q_1, /* [Pa rad] pressure times angle, filtered once */
     HAND_S_Q_2, /* [Pa rad] pressure times angle, filtered twice */
     HAND_S_ACCELERATION, /* [rad/s^2] acceleration, filtered twice */
-    HAND_S_OFFSET, /* [N m] load, in which an error of a0 is included: the balance cannot tell them apart */
+    HAND_S_OFFSET, /* [N m] load, in which an error of a0 is included: the balance cannot separate them */
     HAND_S_D_A1, /* relative change of a1 */
     HAND_S_D_A3, /* relative change of a3 */
     HAND_S_D_VISCOUS, /* relative change of viscous */

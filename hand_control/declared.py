@@ -267,7 +267,7 @@ STATE = (
     Row("q_1", "Pa rad", "pressure times angle, filtered once"),
     Row("q_2", "Pa rad", "pressure times angle, filtered twice"),
     Row("acceleration", "rad/s^2", "acceleration, filtered twice"),
-    Row("offset", "N m", "load, in which an error of a0 is included: the balance cannot tell them apart"),
+    Row("offset", "N m", "load, in which an error of a0 is included: the balance cannot separate them"),
     Row("d_a1", "", "relative change of a1"),
     Row("d_a3", "", "relative change of a3"),
     Row("d_viscous", "", "relative change of viscous"),

@@ -322,23 +322,23 @@ class FoundLaw(Law):
     def tick(
         self, inputs: Array, dt: float, integrate: bool = True, drive: bool = True, frozen: Flags | None = None
     ) -> Array:
-        """As `Law.tick`; the pressure among the inputs becomes that of the actuator."""
+        """As `Law.tick`: outputs (rows, n) of inputs (rows, n), whose pressure becomes the actuator's, after dt [s]."""
         self.found.before(self.state, inputs, bounded_dt(dt))
         self._given = inputs
         return super().tick(inputs, dt, integrate, drive, frozen)
 
     def restart(self, position: Array, pressure: Array) -> None:
-        """Begin the memory of the effects anew at position (n,) [rad] and pressure (n,) [Pa]."""
+        """Restart the memory of the effects at position (n,) [rad] and pressure (n,) [Pa]."""
         self.found.start(position, pressure)
 
     def set_points(self) -> Array:
-        """As `Law.set_points`, against leak, displaced fluid, dead band and hysteresis; 0 stays 0."""
+        """Set-points (n,) [Pa] against leak, displaced fluid, dead band and hysteresis; 0 stays 0."""
         wanted = super().set_points()
         return self.found.set_points(self._given, wanted) if self.found.shapes else wanted
 
     @property
     def watched(self) -> Array:
-        """As `Law.watched`: wanted pressures and what displaced fluid needs."""
+        """As `Law.watched`, (n,) [Pa]: wanted pressures and what displaced fluid needs."""
         return self.found.watched if self.found.shapes else super().watched
 
 

@@ -18,7 +18,6 @@ from hand_model.description import Hand, load_hand
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_model.statics import pressure_for_torque
 from hand_sim.plant import PHI, HandPlant, P
-from validation.bench.__main__ import quick_results
 
 HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
 SETTINGS = Settings.of(HAND, {})
@@ -149,10 +148,3 @@ def test_the_controller_sends_what_the_described_valve_needs() -> None:
     assert np.degrees(np.abs(plant.state[PHI] - 0.7)).max() < 1.0
     assert (tick.pressure_command > 1.2 * plant.state[P]).all()
     assert not any("does not follow" in health.message for health in controller.health(800 * 5_000_000))
-
-
-def test_what_a_diagnosis_found_reaches_the_controller() -> None:
-    """Fails when the stored model of a diagnosis of friction no longer halves the error of smooth motion."""
-    results = {result["name"]: result for result in quick_results("found")}
-    ratio = results["friction: RMS error of smooth motion (reference: nominal description)"]["ratio"]
-    assert 0.0 < ratio < 0.5

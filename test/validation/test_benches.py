@@ -99,6 +99,13 @@ def check_schema(result: dict[str, Any]) -> None:
     reached(result)
 
 
+def test_what_a_diagnosis_found_reaches_the_controller() -> None:
+    """Fails when the stored model of a diagnosis of friction no longer halves the error of smooth motion."""
+    results = {result["name"]: result for result in quick_results("found")}
+    ratio = results["friction: RMS error of smooth motion (reference: nominal description)"]["ratio"]
+    assert 0.0 < ratio < 0.5
+
+
 def test_every_bench_is_listed() -> None:
     """Fails when a module of validation.bench is not run by `python -m validation.bench`."""
     modules = {path.stem.removeprefix("bench_") for path in (ROOT / "validation" / "bench").glob("bench_*.py")}

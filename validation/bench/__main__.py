@@ -36,6 +36,7 @@ BENCHES = (
     "motion",
     "liquid",
     "found",
+    "rivals",
 )
 PROGRAMS = {"plant": ("cc",), "firmware": ("arm-none-eabi-gcc", "qemu-system-arm")}
 """Programs that a bench starts and that this package does not install."""

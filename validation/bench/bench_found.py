@@ -77,7 +77,7 @@ def plant_of(hand: Hand, name: str) -> Array:
 
 
 def record(hand: Hand, q: Array) -> Signals:
-    """A recording of RECORDED_S of plants q under stairs, slow triangles and random steps of every joint's pressure."""
+    """A recording of RECORDED_S of plants q (ROWS, joints) under stairs, slow triangles and random steps of pressure."""
     rng = np.random.default_rng([SEED, 1])
     joints, count = len(hand.joints), round(RECORDED_S / PERIOD_S)
     t = np.arange(count) * PERIOD_S
@@ -112,7 +112,7 @@ def found_model(hand: Hand, name: str) -> Hand:
 
 
 def tracking(model: Hand, q: Array) -> tuple[float, float]:
-    """RMS errors [deg] of JOINT in sines and in steps under the whole controller; inf where the hand is vented."""
+    """RMS errors [deg] of JOINT in sines and in steps, on plants q (ROWS, joints); inf where the hand is vented."""
     rng = np.random.default_rng([SEED, 2])
     settings = Settings.of(model, {})
     controller, plants = Controller(model, settings), RoughPlants(q, partners(model, 1), 1.0 / model.rate_hz)
