@@ -26,7 +26,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hand_control.declared import S, Settings, U, bounded_dt
+from hand_control.declared import G, S, Settings, U, bounded_dt
 from hand_control.law import Law
 from hand_control.tuning import gains
 from hand_model.arrays import Array, Flags
@@ -332,9 +332,12 @@ class FoundLaw(Law):
         self.found.start(position, pressure)
 
     def set_points(self) -> Array:
-        """Set-points (n,) [Pa] against leak, displaced fluid, dead band and hysteresis; 0 stays 0."""
+        """Set-points (n,) [Pa] against leak, displaced fluid, dead band and hysteresis, within limits; 0 stays 0."""
         wanted = super().set_points()
-        return self.found.set_points(self._given, wanted) if self.found.shapes else wanted
+        if not self.found.shapes:
+            return wanted
+        sent = self.found.set_points(self._given, wanted)
+        return np.minimum(sent, self.gains[G.p_max], out=sent)
 
     @property
     def watched(self) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hand_control.controller import Controller, Times
-from hand_control.declared import OUT, S, Settings, U
+from hand_control.declared import OUT, G, S, Settings, U
 from hand_control.found import MOST, MOST_PA, FoundLaw, law_of
 from hand_control.law import Law
 from hand_control.shaping import Shaper
@@ -112,11 +112,13 @@ def test_set_points_are_bounded_and_zero_stays_zero() -> None:
     law = law_of(hand, SETTINGS)
     assert isinstance(law, FoundLaw)
     law.tick(inputs(0.5, 2e4, 0.6), DT_S)
+    law.gains[G.p_max, 3] = 2e5
     for wanted in (0.0, 1.0, 1e5, 5e5):
         law.out[OUT.pressure] = wanted
         sent = law.set_points()
         assert (sent >= 0.0).all() and (sent <= min((1.0 + MOST) * wanted + MOST_PA, 6e5) + 1e-6).all()
         assert wanted > 0.0 or not sent.any()
+        assert sent[3] <= 2e5
 
 
 def test_a_broken_measurement_keeps_the_last_command() -> None:
