@@ -212,7 +212,7 @@ def test_what_cannot_be_served_is_one_line(studio: Studio) -> None:
         for words in expected
     ]
     for process, line in zip(started, expected.values(), strict=True):
-        _, error = process.communicate(timeout=WAIT_S)
+        _, error = process.communicate(timeout=3.0 * WAIT_S)
         assert (process.returncode, error.count("\n")) == (2, 1), error
         assert error.startswith("hand studio: ") and line in error
 
