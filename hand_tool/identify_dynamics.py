@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 MOVES_DEG = 2.0
 """Range of a joint's angle above which it is identified without being named."""
 NOT_DETERMINED = "not determined"
-"""Verdict of a number about which the recording says nothing; its standard error has no meaning."""
+"""Verdict of a number that the recording does not determine; its standard error has no meaning."""
 
 
 def dynamics(
