@@ -284,8 +284,12 @@ def _searched(
 
 
 def _fitted_to_everything(whole: JointProblem, search: JointSearch, rng: np.random.Generator) -> JointSearch:
-    """The search with its models fitted to all data, test data included; for the numbers that a machine keeps."""
-    problem, nominal, accepted = on_everything(whole, search.nominal, search.accepted, rng, laws=search.laws)
+    """The search with its models fitted to all data, test data included; for the numbers that a machine keeps.
+
+    Laws are completed only where a whole recording, and perhaps its condition, took no part in the search.
+    """
+    laws = search.laws and len(whole.segments) > len(search.problem.segments)
+    problem, nominal, accepted = on_everything(whole, search.nominal, search.accepted, rng, laws=laws)
     return replace(search, problem=problem, nominal=nominal, accepted=accepted)
 
 
