@@ -29,6 +29,7 @@ LOW_RAD, HIGH_RAD = float(np.radians(30.0)), float(np.radians(80.0))
 SETTLED_DEG, HOLD_S = 1.0, 2.5
 RAMPS_DEG_PER_S = (0.3, 1.0, 3.0, 10.0)
 STIFFNESSES = (5.0, 20.0, 100.0)
+LOAD_NM = 0.03
 FRICTIONS_NM = (0.003, 0.005, 0.010)
 RELEASED = 0.05
 """Share of the held torque below which an obstacle counts as released."""
@@ -48,6 +49,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     for stiffness in STIFFNESSES:
         results += bench.contacts(stiffness, IDENTIFIED)
     results += [*bench.contacts(5.0, ERROR), *bench.contacts(100.0, ERROR)]
+    results += bench.contacts(20.0, IDENTIFIED, LOAD_NM)
     for friction in FRICTIONS_NM:
         results += bench.stick_slip(friction)
     return results
