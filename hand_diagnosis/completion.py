@@ -1,4 +1,4 @@
-"""The last fit of the laws found: all their coefficients at once, from several starts, where more than noise is left.
+"""Further fits where more than noise is left: from other starts, below the practical floor, of all laws at once.
 
 A search frees a law class by class and stops as soon as the cost hardly falls, which is enough to separate classes.
 What is then left on data that were not fitted may be a minimum that is not the best one. The training data fit, the
@@ -17,14 +17,71 @@ from dataclasses import replace
 
 import numpy as np
 
-from hand_diagnosis.hypotheses import Hypothesis, block_bootstrap, validation_rmse
-from hand_diagnosis.laws import posterior_covariance, weighted_by_noise, white_part
-from hand_diagnosis.settings import SETTINGS
+from hand_diagnosis.hypotheses import Hypothesis, block_bootstrap, judged, validation_rmse
+from hand_diagnosis.laws import learn_law, posterior_covariance, weighted_by_noise, white_part
+from hand_diagnosis.settings import SETTINGS, FitPass
 from hand_identification.free_parameters import FreeParameter, law_free_parameters, speed_free_parameters
 from hand_identification.joint_problem import JointProblem
-from hand_identification.map_fit import MapFit, map_fit
+from hand_identification.map_fit import MapFit, map_fit, residual_is_correlated
 from hand_identification.robust_errors import robust_errors
+from hand_identification.starts import Elsewhere, around
 from hand_model.arrays import Array
+from hand_model.kernel.rows import ROW
+
+ELSEWHERE = Elsewhere(SETTINGS.restart_points, SETTINGS.restart_fits, SETTINGS.restart_reach, SETTINGS.restart_change)
+"""Where a fit that leaves more than noise starts again."""
+
+
+def restarted(
+    problem: JointProblem, current: MapFit, rough: Hypothesis, fit_pass: FitPass, rng: np.random.Generator
+) -> Hypothesis:
+    """A hypothesis by the best fit from the cheapest points elsewhere in its own numbers, or as it is."""
+    stepped = replace(problem, step_s=fit_pass.step_s)
+    rows = {ROW[key] for key in rough.effect.keys}
+    fits = [
+        map_fit(stepped, rough.fit.free, start, fit_pass.iterations, fit_pass.tolerance).without_arrays()
+        for start in around(stepped, rough.fit, rows, ELSEWHERE, rng)
+    ]
+    best = min(fits, key=lambda fit: fit.cost, default=rough.fit)
+    return judged(problem, current, rough.effect, best, rng) if best.cost < rough.fit.cost else rough
+
+
+def learned_below_floor(
+    problem: JointProblem, accepted: Sequence[Hypothesis], rng: np.random.Generator
+) -> list[Hypothesis]:
+    """The effects found with free laws, where the validation data confirm what these explain below the floor.
+
+    accepted: in the order in which they were found; the last one holds the fit of all.
+    """
+    done = list(accepted)
+    for k, hypothesis in enumerate(done):
+        final = done[-1].fit
+        correlated = residual_is_correlated(problem, final, SETTINGS.min_correlated_ratio)
+        if not hypothesis.effect.coefficients or hypothesis.freed or not correlated:
+            continue
+        sharp = weighted_by_noise(problem, final)
+        # Evidence and covariance of both laws must come from the same weights.
+        textbook = map_fit(sharp, final.free, final.z, SETTINGS.refit_iterations)
+        law = learn_law(sharp, textbook, hypothesis.effect, rng)
+        if law.preferred:
+            done[k] = replace(done[k], freed=law.freed, textbook=final.without_arrays())
+            done[-1] = replace(done[-1], fit=at_floor(problem, law.fit))
+    return done
+
+
+def refit_below_floor(problem: JointProblem, fit: MapFit) -> MapFit:
+    """The fit continued with the weights of the noise; cost and covariance stay those of the practical floor.
+
+    Which effects are missing is decided against the floor. Once that is decided, there is no reason to leave, for the
+    sake of priors, what the same numbers explain.
+    """
+    sharp = weighted_by_noise(problem, fit)
+    return at_floor(problem, map_fit(sharp, fit.free, fit.z, SETTINGS.refit_iterations))
+
+
+def at_floor(problem: JointProblem, done: MapFit) -> MapFit:
+    """A fit with the larger weights, with the cost and the covariance of the practical floor."""
+    return map_fit(problem, done.free, done.z, 1)
 
 
 def completed(problem: JointProblem, accepted: Sequence[Hypothesis], rng: np.random.Generator) -> list[Hypothesis]:

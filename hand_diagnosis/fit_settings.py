@@ -126,8 +126,9 @@ class FitSettings:
         3, "joints", "Joints from which the tolerance of the nominal numbers is estimated.", CHOICE,
         "An effect on one joint of two may pass as a wrong number.", "Hands with few moving joints keep theirs.")
     tolerance_moved: float = setting(
-        0.9, "tolerances", "RMS change of the nominal numbers of the middle joint from which a larger tolerance is"
-        " tried.", CHOICE, "Slower: larger tolerances are tried for right models.", "Wrong numbers look like effects.")
+        0.9, "tolerances", "RMS change of those nominal numbers of the middle joint that the data determine, from which"
+        " a larger tolerance is tried.", CHOICE, "Slower: larger tolerances are tried for right models.",
+        "Wrong numbers look like effects.")
     tolerance_factors: tuple[float, ...] = setting(
         (2.0, 4.0), "-", "Larger tolerances that are tried, relative to the given one.", CHOICE,
         "Numbers that are far off look like effects.", "Small effects pass as wrong numbers.")
@@ -167,6 +168,9 @@ class FitSettings:
     restart_reach: float = setting(
         2.5, "prior standard deviations", "Range of these points around the mode of the prior.", CHOICE,
         "Large effects are not reached.", "Most points are useless.")
+    restart_change: float = setting(
+        0.01, "-", "Relative change of the cost at such a point below which its numbers do not act.", CHOICE,
+        "Fits return to where they were.", "Useful points are left out.")
     nominal_iterations: int = setting(
         8, "iterations", "Iterations of a fit of the nominal numbers, or of a known set of effects.", CHOICE,
         "The nominal model keeps avoidable error.", "Slower, no other result.")

@@ -19,21 +19,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_diagnosis.settings import SETTINGS, FitPass
-from hand_diagnosis.starts import Screened, around, begin
 from hand_identification.free_parameters import (
     START_CREEP,
     FreeParameter,
     effect_free_parameters,
     law_free_parameters,
+    merged,
     probe_values,
 )
 from hand_identification.joint_problem import JointProblem
-from hand_identification.map_fit import MapFit, map_fit
+from hand_identification.map_fit import MapFit, costs_at, map_fit
+from hand_identification.starts import Way, has_expected_value
 from hand_model.arrays import Array, Flags
 from hand_model.effects import EFFECTS
 from hand_model.effects.effect import Effect
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS
 from hand_model.kernel.rows import ROW
+
+
+@dataclass(frozen=True, slots=True)
+class Screened:
+    """An effect, the fall of the cost that its best probe promises, and where to start: values by row (SI), share."""
+
+    effect: Effect
+    gain: float
+    start: dict[int, float]
+    share: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +233,7 @@ def promising(problem: JointProblem, current: MapFit, effects: Sequence[Effect])
     worth = [found for found in screened if found.gain > SETTINGS.min_promised_gain]
     if not worth or worth[0].gain > SETTINGS.min_promised_share * current.cost:
         return worth[: coarse.most]
-    others = [(float(begin(problem, current, s, coarse)[2].min()), s) for s in screened[len(worth[: coarse.most]) :]]
+    others = [(float(_begin(problem, current, s, coarse)[2].min()), s) for s in screened[len(worth[: coarse.most]) :]]
     limit = current.cost - SETTINGS.min_promised_gain
     others = sorted((pair for pair in others if pair[0] < limit), key=lambda pair: pair[0])
     return worth[: coarse.most] + [found for _, found in others[: coarse.most]]
@@ -232,7 +243,7 @@ def fit_roughly(problem: JointProblem, current: MapFit, screened: Screened, rng:
     """The hypothesis of an effect by the first, coarse pass, from the screen's start and from the cheapest one."""
     coarse = SETTINGS.passes[0]
     rough = replace(problem, step_s=coarse.step_s)
-    free, starts, costs = begin(problem, current, screened, coarse)
+    free, starts, costs = _begin(problem, current, screened, coarse)
     cheapest = starts[1 + int(np.argmin(costs[1:]))]
     tried = [map_fit(rough, free, start, coarse.iterations, coarse.tolerance) for start in (starts[0], cheapest)]
     best = min(tried, key=lambda fit: fit.cost)
@@ -247,20 +258,6 @@ def refined(
     fit = map_fit(stepped, rough.fit.free, rough.fit.z, fit_pass.iterations, fit_pass.tolerance)
     again = judged(problem, current, rough.effect, fit, rng)
     return replace(again, freed=rough.freed, textbook=rough.textbook)
-
-
-def restarted(
-    problem: JointProblem, current: MapFit, rough: Hypothesis, fit_pass: FitPass, rng: np.random.Generator
-) -> Hypothesis:
-    """A hypothesis by the best fit from the cheapest points elsewhere in its own numbers, or as it is."""
-    stepped = replace(problem, step_s=fit_pass.step_s)
-    rows = {ROW[key] for key in rough.effect.keys}
-    fits = [
-        map_fit(stepped, rough.fit.free, start, fit_pass.iterations, fit_pass.tolerance).without_arrays()
-        for start in around(stepped, rough.fit, rows, rng)
-    ]
-    best = min(fits, key=lambda fit: fit.cost, default=rough.fit)
-    return judged(problem, current, rough.effect, best, rng) if best.cost < rough.fit.cost else rough
 
 
 def judged(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, rng: np.random.Generator) -> Hypothesis:
@@ -290,6 +287,41 @@ def amounts(fit: MapFit) -> list[list[int]]:
         if own and parameter.key not in (*EFFECTS[name].shape, *EFFECTS[name].coefficients):
             found.setdefault(name, []).append(k)
     return list(found.values())
+
+
+def _begin(
+    problem: JointProblem, current: MapFit, screened: Screened, fit_pass: FitPass
+) -> tuple[list[FreeParameter], Array, Array]:
+    """Free parameters of the model with an effect, points to start from (k, free), the screen's first, costs (k,)."""
+    free = merged(current.free, effect_free_parameters(screened.effect, problem.nominal))
+    starts = np.array(_starts(problem, current, screened, free))
+    return free, starts, costs_at(replace(problem, step_s=fit_pass.step_s), free, starts)
+
+
+def _starts(
+    problem: JointProblem, current: MapFit, screened: Screened, free: Sequence[FreeParameter]
+) -> list[list[float]]:
+    """Coordinates to start from: the screen's own first, then probes at several shares of the way to them.
+
+    Each of the latter twice: with the nominal numbers as they are, and released to their expected values. A large
+    effect has shifted the nominal numbers; from their expected values the way to the solution is shorter.
+    """
+    columns, _ = problem.columns(current.free, current.z[None])
+    here = {parameter.row: float(z) for parameter, z in zip(current.free, current.z, strict=True)}
+    own = {ROW[key] for key in screened.effect.keys}
+    others = [probe for probe in probe_values(screened.effect, columns[0]) if probe != screened.start]
+    share = min(max(screened.share, SETTINGS.start_share_low), SETTINGS.start_share_high)
+    way = Way(columns[0], here, screened.effect.shape)
+    starts = [[way.coordinate(parameter, screened.start, share) for parameter in free]]
+    for probe in [screened.start, *others][: SETTINGS.probes_tried]:
+        for share in SETTINGS.probe_shares:
+            start = [way.coordinate(parameter, probe, share) for parameter in free]
+            released = [
+                0.0 if parameter.row not in own and has_expected_value(parameter) else z
+                for parameter, z in zip(free, start, strict=True)
+            ]
+            starts += [start, released]
+    return starts
 
 
 @dataclass(frozen=True, slots=True)

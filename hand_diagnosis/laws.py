@@ -231,7 +231,6 @@ def _compared(problem: JointProblem, textbook: MapFit, fit: MapFit, effect: Effe
     rng = np.random.default_rng(SETTINGS.noise_seed)
     fall = block_bootstrap(problem, textbook.squares, fit.squares, stage, rng)
     better = fall[0] > 0.0 and after[stage] < (1.0 - SETTINGS.min_relative_improvement) * before[stage]
-    # What only training blocks show, as an event that is met once, validation data can but not contradict.
     better = better or (evidence > SETTINGS.strong_log_evidence and fall[1] >= 0.0 and _falls(problem, textbook, fit))
     return LearnedLaw(
         effect,
@@ -247,10 +246,9 @@ def _compared(problem: JointProblem, textbook: MapFit, fit: MapFit, effect: Effe
 
 
 def _falls(problem: JointProblem, textbook: MapFit, fit: MapFit) -> bool:
-    """Whether the error of a signal on all fitted data falls by more than may be claimed."""
-    before, after = (fitted_rmse(problem, either.squares) for either in (textbook, fit))
-    with np.errstate(invalid="ignore"):
-        return bool(np.any(before**2 - after**2 > problem.claimable**2))
+    """Whether the error of a signal falls by more than may be claimed where validation data cannot show it as well."""
+    before, after = (np.nan_to_num(fitted_rmse(problem, either.squares)) for either in (textbook, fit))
+    return bool(np.any(before**2 - after**2 > problem.claimable**2))
 
 
 # The law as a curve and in words.

@@ -19,8 +19,9 @@ from typing import Any
 
 import numpy as np
 
+from hand_diagnosis.completion import refit_below_floor
 from hand_diagnosis.hypotheses import amounts, log_evidence
-from hand_diagnosis.search import JointSearch, fit_without, refit_below_floor
+from hand_diagnosis.search import JointSearch, fit_without
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.verdict import StageResult
 from hand_identification.free_parameters import START_CREEP, FreeParameter, merged

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis.data_check import check
-from hand_diagnosis.noise import noise_on
 from hand_diagnosis.settings import SETTINGS
+from hand_diagnosis.splits import noise_on
 from hand_diagnosis.task import Task, moving_joints, not_judged
 from hand_identification.free_parameters import START_CREEP
 from hand_identification.joint_problem import STAGES, JointProblem, Segment

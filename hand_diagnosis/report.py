@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis import settings_table
-from hand_diagnosis.completion import standard_errors
+from hand_diagnosis.completion import at_floor, standard_errors
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis, errors_by_split
 from hand_diagnosis.experiments import next_experiment, simulated_experiment
 from hand_diagnosis.findings import Finding, Number
@@ -22,7 +22,6 @@ from hand_diagnosis.hypotheses import Isolability
 from hand_diagnosis.laws import weighted_by_noise
 from hand_diagnosis.onset import Onset, error_rows, withdrawn_rows
 from hand_diagnosis.remainders import Remainder
-from hand_diagnosis.search import at_floor
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.verdict import Region, locate
 from hand_identification.free_parameters import FARTHEST, START_CREEP

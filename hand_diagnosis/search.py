@@ -7,13 +7,12 @@ effects are removed by backward elimination. All effects are treated alike. The 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hand_diagnosis.acceptance import SCATTER, NotClaimable, error_taken, is_accepted, leaves_much, too_small
-from hand_diagnosis.completion import completed
+from hand_diagnosis.completion import completed, learned_below_floor, refit_below_floor, restarted
 from hand_diagnosis.hypotheses import (
     Hypothesis,
     amounts,
@@ -23,16 +22,9 @@ from hand_diagnosis.hypotheses import (
     log_evidence,
     promising,
     refined,
-    restarted,
     validation_rmse,
 )
-from hand_diagnosis.laws import (
-    begin_law,
-    learn_law,
-    training_evidence,
-    weighted_by_noise,
-    with_nominal_numbers_of,
-)
+from hand_diagnosis.laws import begin_law, learn_law, training_evidence, white_part, with_nominal_numbers_of
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import shape_driving
 from hand_identification.free_parameters import FreeParameter, merged
@@ -41,6 +33,22 @@ from hand_identification.map_fit import MapFit, map_fit, residual_is_correlated
 from hand_model.arrays import Array
 from hand_model.effects.effect import Effect
 from hand_model.kernel.rows import ROW
+
+SCATTER = "the scatter of the fit over its starting points"
+REPEATABILITY = "the repeatability"
+Errors = Callable[[JointProblem, Array], Array]
+"""RMS errors (OUTPUTS,) from squares (OUTPUTS, blocks)."""
+
+
+@dataclass(frozen=True, slots=True)
+class NotClaimable:
+    """An improvement that the validation data confirm and that is too small to be claimed, SI; below: than what."""
+
+    effect: Effect
+    stage: int
+    taken: float
+    floor: float
+    below: str
 
 
 @dataclass(slots=True)
@@ -163,19 +171,19 @@ def _best_of_round(
     found.rounds.append(hypotheses)
     found.evidences.append(evidence)
     for hypothesis in hypotheses:
-        if not is_accepted(problem, current, hypothesis, evidence):
+        if not _is_accepted(problem, current, hypothesis, evidence):
             continue
         best = hypothesis
         if not best.fit.residuals:  # only the coarse passes fitted it
             best = refined(problem, current, best, SETTINGS.passes[-1], rng)
-            if not is_accepted(problem, current, best, evidence):
+            if not _is_accepted(problem, current, best, evidence):
                 continue
         best, scatter = _from_other_starts(problem, current, best, rng)
-        taken = max(error_taken(problem, current, best, rmse) for rmse in (validation_rmse, fitted_rmse))
+        taken = max(_error_taken(problem, current, best, rmse) for rmse in (validation_rmse, fitted_rmse))
         if taken >= scatter:
             return best
         found.not_claimable.append(NotClaimable(best.effect, best.stage, taken, scatter, SCATTER))
-    found.not_claimable += too_small(problem, current, hypotheses)
+    found.not_claimable += _too_small(problem, current, hypotheses)
     return None
 
 
@@ -203,7 +211,7 @@ def _round(
         near = ranked[: fit_pass.most]
         if fit_pass is SETTINGS.passes[-1]:
             near = [h for h in near if h.log_evidence > ranked[0].log_evidence - SETTINGS.max_evidence_gap]
-        elif near and leaves_much(problem, current, near[0].fit):
+        elif near and _leaves_much(problem, current, near[0].fit):
             near = [restarted(problem, current, hypothesis, fit_pass, rng) for hypothesis in near]
         further = [refined(problem, current, hypothesis, fit_pass, rng) for hypothesis in near]
         ranked = _ranked(further + ranked[len(near) :])
@@ -219,7 +227,7 @@ def _with_best_laws(
     leaves clearly more than the noise. Every rival whose coarse fit is near the best one is fitted to the end, so that
     learned laws are compared with learned laws.
     """
-    if not hypotheses or not leaves_much(problem, current, hypotheses[0].fit):
+    if not hypotheses or not _leaves_much(problem, current, hypotheses[0].fit):
         return list(hypotheses)
     coarse = replace(problem, step_s=SETTINGS.passes[0].step_s)
     freed = [k for k, h in enumerate(hypotheses) if h.effect.coefficients][: SETTINGS.law_leaders]
@@ -253,6 +261,56 @@ def _with_best_law(
 
 def _ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     return sorted(hypotheses, key=lambda hypothesis: -hypothesis.log_evidence)
+
+
+def _is_accepted(problem: JointProblem, current: MapFit, hypothesis: Hypothesis, evidence: float) -> bool:
+    """Whether the evidence for an effect over the model without it, of log evidence `evidence`, is enough.
+
+    Either the validation error falls significantly as well, or the evidence is strong; then the error may fall where
+    only training blocks show the effect. In both cases the error that the effect removes is larger than what may be
+    claimed. The evidence counts effective coefficients: in Laplace's determinant a coefficient that the data do not
+    determine has the factor 1.
+    """
+    gain = hypothesis.log_evidence - evidence
+    if gain < SETTINGS.min_log_evidence or hypothesis.fall[1] < 0.0:
+        return False
+    if hypothesis.fall[0] > 0.0 and _large(problem, current, hypothesis, validation_rmse):
+        return True
+    strong = gain >= SETTINGS.strong_log_evidence
+    return strong and any(_large(problem, current, hypothesis, rmse) for rmse in (validation_rmse, fitted_rmse))
+
+
+def _large(problem: JointProblem, current: MapFit, hypothesis: Hypothesis, rmse: Errors) -> bool:
+    """Whether an error falls by a share of itself that counts, and by more than may be claimed."""
+    stage = hypothesis.stage
+    before, after = (float(rmse(problem, fit.squares)[stage]) for fit in (current, hypothesis.fit))
+    large = _error_taken(problem, current, hypothesis, rmse) > float(problem.claimable[stage])
+    return large and before - after > SETTINGS.min_relative_improvement * before
+
+
+def _error_taken(
+    problem: JointProblem, current: MapFit, hypothesis: Hypothesis, rmse: Errors = validation_rmse
+) -> float:
+    """Error that an effect removes, SI: the root of the fall of the mean square, by default on validation data."""
+    before, after = (rmse(problem, fit.squares)[hypothesis.stage] for fit in (current, hypothesis.fit))
+    return float(np.sqrt(max(before**2 - after**2, 0.0)))
+
+
+def _too_small(problem: JointProblem, current: MapFit, hypotheses: Sequence[Hypothesis]) -> list[NotClaimable]:
+    """Improvements that the validation data confirm and that are below the repeatability."""
+    small = []
+    for h in hypotheses:
+        taken, claimable = _error_taken(problem, current, h), float(problem.claimable[h.stage])
+        if h.fall[0] > 0.0 and SETTINGS.min_listed_floors * problem.floor[h.stage] < taken <= claimable:
+            small.append(NotClaimable(h.effect, h.stage, taken, claimable, REPEATABILITY))
+    return small[: SETTINGS.listed_improvements]
+
+
+def _leaves_much(problem: JointProblem, current: MapFit, fit: MapFit) -> bool:
+    """Whether a fit leaves an error clearly above the noise, the white part of the current residuals, of any signal."""
+    rmse = np.fmax(validation_rmse(problem, fit.squares), fitted_rmse(problem, fit.squares))
+    left = {k: rmse[k] ** 2 - white_part(problem, current, int(k)) ** 2 for k in np.flatnonzero(np.isfinite(rmse))}
+    return any(excess > (SETTINGS.law_min_excess * problem.floor[k]) ** 2 for k, excess in left.items())
 
 
 def _from_other_starts(
@@ -310,7 +368,7 @@ def _refit_below_floor(found: JointSearch, rng: np.random.Generator) -> None:
         last = found.accepted[-1]
         found.accepted[-1] = replace(last, fit=refit_below_floor(found.problem, last.fit))
         if found.laws:
-            _learn_below_floor(found, rng)
+            found.accepted = learned_below_floor(found.problem, found.accepted, rng)
             found.accepted = completed(found.problem, found.accepted, rng)
         if any(STAGES[hypothesis.stage] == "pressure" for hypothesis in found.accepted):
             # The last fits may have changed the valve, by whose model the joint is driven.
@@ -318,37 +376,3 @@ def _refit_below_floor(found: JointSearch, rng: np.random.Generator) -> None:
             last = found.accepted[-1]
             found.accepted[-1] = replace(last, fit=refit_below_floor(found.problem, last.fit))
     found.nominal = refit_below_floor(found.problem, found.nominal)
-
-
-def _learn_below_floor(found: JointSearch, rng: np.random.Generator) -> None:
-    """Free the laws of the effects found, where the validation data confirm what they explain below the floor."""
-    problem = found.problem
-    for k, hypothesis in enumerate(found.accepted):
-        if (
-            not hypothesis.effect.coefficients
-            or hypothesis.freed
-            or not residual_is_correlated(problem, found.final, SETTINGS.min_correlated_ratio)
-        ):
-            continue
-        sharp = weighted_by_noise(problem, found.final)
-        # Evidence and covariance of both laws must come from the same weights.
-        textbook = map_fit(sharp, found.final.free, found.final.z, SETTINGS.refit_iterations)
-        law = learn_law(sharp, textbook, hypothesis.effect, rng)
-        if law.preferred:
-            found.accepted[k] = replace(hypothesis, freed=law.freed, textbook=found.final.without_arrays())
-            found.accepted[-1] = replace(found.accepted[-1], fit=at_floor(problem, law.fit))
-
-
-def refit_below_floor(problem: JointProblem, fit: MapFit) -> MapFit:
-    """The fit continued with the weights of the noise; cost and covariance stay those of the practical floor.
-
-    Which effects are missing is decided against the floor. Once that is decided, there is no reason to leave, for the
-    sake of priors, what the same numbers explain.
-    """
-    sharp = weighted_by_noise(problem, fit)
-    return at_floor(problem, map_fit(sharp, fit.free, fit.z, SETTINGS.refit_iterations))
-
-
-def at_floor(problem: JointProblem, done: MapFit) -> MapFit:
-    """A fit with the larger weights, with the cost and the covariance of the practical floor."""
-    return map_fit(problem, done.free, done.z, 1)

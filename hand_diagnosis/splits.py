@@ -2,29 +2,35 @@
 
 Test data are one whole recording where there are SETTINGS.min_recordings_to_spare or more, else the last fifth of each.
 No fit and no choice sees them: a search gets `fit_part`, and `test_part` is evaluated once, after the last choice.
-Within the fit part, validation blocks make the choices (joint_problem.held_out_blocks).
-Where only the last fifth of a recording shows something, the part before it is test data instead (`exchanged`).
+Within the fit part, validation blocks make the choices (joint_problem.held_out_blocks). Where only the last fifth of a
+recording shows something, the part before it is test data instead (`exchanged`).
+No model can fit better than the noise of the reading and of the measured inputs on which a stage runs. A second draw of
+the same input noise moves the predictions by as much as the first one has moved them already.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
-from numba import njit
+from scipy.optimize import nnls
 
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import shape_driving
 from hand_identification.free_parameters import START_CREEP
-from hand_identification.joint_data import speed_at_start
+from hand_identification.joint_data import crept, speed_at_start
 from hand_identification.joint_problem import SETTLING_S, JointProblem, Segment
 from hand_identification.map_fit import MapFit
-from hand_model.arrays import Array
+from hand_model.arrays import Array, Flags
+from hand_model.effects.effect import ACCELERATION, ANGLE, SPEED
 from hand_model.kernel.layout import CREEP, OMEGA, PHI, P
+from hand_model.kernel.open_loop import OUTPUTS
 from hand_model.kernel.rows import ROW
-from hand_model.material import creep_rate
-from hand_recording.signals import Signals
+from hand_recording.interpolation import refine
+from hand_recording.local_smoothing import smoothed_by
+from hand_recording.signals import Signals, derivatives, white_noise
 
 
 def spared_last(signals: Sequence[Signals]) -> list[Signals]:
@@ -96,23 +102,13 @@ def fit_part(problem: JointProblem) -> JointProblem:
 def _without(segment: Segment, begin: int, end: int) -> Segment:
     """A segment without its samples begin ... end - 1; where others follow, those do not count."""
     if end == len(segment.angle_rad):
-        return _slice(segment, 0, begin)
+        return slice_of(segment, 0, begin)
     use = segment.use.copy()
     use[:, begin:end] = False
     return replace(segment, use=use)
 
 
-def beginning(problem: JointProblem, samples: int) -> JointProblem:
-    """The problem with at most about so many samples in all, the same share of each segment from its beginning."""
-    total = sum(len(segment.angle_rad) for segment in problem.segments)
-    if total <= samples:
-        return problem
-    return replace(
-        problem, segments=[_slice(s, 0, max(len(s.angle_rad) * samples // total, 2)) for s in problem.segments]
-    )
-
-
-def _slice(segment: Segment, begin: int, end: int) -> Segment:
+def slice_of(segment: Segment, begin: int, end: int) -> Segment:
     """Samples begin ... end - 1 of a segment."""
     samples = len(segment.angle_rad)
     finer, parts = ((len(fine) - 1) // (samples - 1) for fine in (segment.driving_pa, segment.commanded_pa))
@@ -164,7 +160,7 @@ def evaluate_test(whole: JointProblem, fits: Sequence[MapFit], *, free_axis: boo
     """
     squares, counts = [], np.zeros((0, 0))
     for fit in fits:
-        problem, columns, _ = tested_problem(whole, fit, free_axis=free_axis)
+        problem, columns, _ = _test_problem(whole, fit, free_axis=free_axis)
         if not problem.segments:
             return None
         squares.append(_squares(problem, columns))
@@ -177,9 +173,9 @@ def residuals_on_test(whole: JointProblem, fit: MapFit, *, free_axis: bool) -> l
 
     NaN at samples that are no test data or do not count.
     """
-    problem, columns, numbers = tested_problem(whole, fit, free_axis=free_axis)
+    problem, columns, numbers = _test_problem(whole, fit, free_axis=free_axis)
     found = []
-    for number, segment, (alone, start) in zip(numbers, problem.segments, alone_each(problem), strict=True):
+    for number, segment, (alone, start) in zip(numbers, problem.segments, _alone(problem), strict=True):
         residual = alone.residuals(columns, start)[0][0]
         whole_length = np.full(whole.segments[number].use.shape, np.nan)
         end = spans_of_test(whole)[number][1]
@@ -193,8 +189,8 @@ def predict_test(whole: JointProblem, fit: MapFit, *, free_axis: bool) -> list[t
 
     free_axis: see `evaluate_test`. Empty where the problem has no test data.
     """
-    problem, columns, _ = tested_problem(whole, fit, free_axis=free_axis)
-    return [(part.segments[0], part.predict(columns, start)[0][0]) for part, start in alone_each(problem)]
+    problem, columns, _ = _test_problem(whole, fit, free_axis=free_axis)
+    return [(part.segments[0], part.predict(columns, start)[0][0]) for part, start in _alone(problem)]
 
 
 def swings_freely(problem: JointProblem) -> bool:
@@ -203,7 +199,7 @@ def swings_freely(problem: JointProblem) -> bool:
     return not problem.driven and stiffness <= SETTINGS.min_elasticity_nm_per_rad
 
 
-def tested_problem(whole: JointProblem, fit: MapFit, *, free_axis: bool) -> tuple[JointProblem, Array, list[int]]:
+def _test_problem(whole: JointProblem, fit: MapFit, *, free_axis: bool) -> tuple[JointProblem, Array, list[int]]:
     """The test data as a problem, the parameters (1, rows) of a fit, and the numbers of the segments with test data."""
     warm_s = 0.0 if free_axis else SETTINGS.test_warm_up_s
     free = [parameter for parameter in fit.free if parameter.row < len(ROW)]
@@ -217,13 +213,13 @@ def tested_problem(whole: JointProblem, fit: MapFit, *, free_axis: bool) -> tupl
     columns, _ = problem.columns(free, z[None])
     ratio = _creep_at_start(whole, fit)
     parts = [
-        _test_segment(_slice(problem.segments[k], 0, spans[k][1]), spans[k][0], warm_s, columns[0], ratio)
+        _test_segment(slice_of(problem.segments[k], 0, spans[k][1]), spans[k][0], warm_s, columns[0], ratio)
         for k in numbers
     ]
     return replace(problem, segments=parts, spared=None), columns, numbers
 
 
-def alone_each(problem: JointProblem) -> Iterator[tuple[JointProblem, Array]]:
+def _alone(problem: JointProblem) -> Iterator[tuple[JointProblem, Array]]:
     """Each segment as a problem of its own, with its own creeping ratio and speed at its start (1, 2)."""
     for segment in problem.segments:
         yield replace(problem, segments=[segment]), np.array([[segment.start[CREEP], segment.start[OMEGA]]])
@@ -232,7 +228,7 @@ def alone_each(problem: JointProblem) -> Iterator[tuple[JointProblem, Array]]:
 def _squares(problem: JointProblem, columns: Array) -> Array:
     """Sums of squared residuals (OUTPUTS, blocks); each segment has its own creeping ratio at its start."""
     total = np.zeros(problem.block_counts.shape)
-    for alone, start in alone_each(problem):
+    for alone, start in _alone(problem):
         own = alone.block_squares(alone.residuals(columns, start))[0]
         total[:, : own.shape[1]] += own
     return total
@@ -251,7 +247,7 @@ def _test_segment(segment: Segment, cut: int, warm_s: float, column: Array, rati
     begin = max(0, cut - round(warm_s / segment.period_s))
     if begin > 0:
         begin = int(np.searchsorted(segment.block, segment.block[begin]))
-    part = _slice(segment, begin, len(segment.angle_rad))
+    part = slice_of(segment, begin, len(segment.angle_rad))
     use = part.use.copy()
     settling = round(SETTLING_S / segment.period_s) if warm_s == 0.0 else 0
     use[:, : cut - begin + settling] = False
@@ -260,20 +256,141 @@ def _test_segment(segment: Segment, cut: int, warm_s: float, column: Array, rati
     if begin > 0:
         start[P], start[PHI] = part.driving_pa[0], part.angle_rad[0]
         start[OMEGA] = speed_at_start(part.angle_rad, part.period_s)
-        start[CREEP] = _crept(segment, begin, column, ratio)
+        start[CREEP] = crept(segment, begin, column, ratio)
     return replace(part, use=use, start=start)
 
 
-def _crept(segment: Segment, end: int, column: Array, ratio: float) -> float:
-    """The creeping ratio [-] at a sample, from the measured pressures before it (Eq. 12)."""
-    keys = ("p_min_pa", "b1_per_pa", "extension_time_s", "b0_per_pa", "recovery_time_s")
-    p_min, b1, extension_s, b0, recovery_s = (float(column[ROW[f"material.{key}"]]) for key in keys)
-    rates = (1.0 / extension_s, b0, 1.0 / recovery_s)
-    return float(_creep(segment.pressure_pa[:end], ratio, segment.period_s, p_min, b1, *rates))
+def noise_on(problem: JointProblem, fit: MapFit, chosen: Flags | None = None) -> Array:
+    """Error (OUTPUTS,) [Pa, rad, N] that no model can be below on the chosen blocks (blocks,), or on all of them.
+
+    Of the reading, and of the inputs; of several recordings the noisiest reading. NaN where too few samples count.
+    """
+    columns, starts = problem.columns(fit.free, fit.z[None])
+    blocks = np.ones(problem.blocks, dtype=bool) if chosen is None else chosen
+    counts = [segment.use & blocks[segment.block] for segment in problem.segments]
+    return _noise(problem, columns, starts, counts)
 
 
-@njit(cache=True)
-def _creep(pressure, ratio, period_s, p_min, b1, extension_rate, b0, recovery_rate):  # type: ignore[no-untyped-def]
-    for p in pressure:
-        ratio += period_s * creep_rate(p, ratio, p_min, b1, extension_rate, b0, recovery_rate)
-    return ratio
+def noise_on_test(
+    whole: JointProblem, problem: JointProblem, fit: MapFit, covariance: Array, *, free_axis: bool
+) -> tuple[Array, Array]:
+    """Errors (OUTPUTS,) [Pa, rad, N] on test data: what no model can be below, and what the fit leaves undetermined.
+
+    problem: the fit part.  covariance: (free, free) of the coordinates of the fit. NaN where too few samples are test
+    data.
+    """
+    tested, columns, numbers = _test_problem(whole, fit, free_axis=free_axis)
+    plain = problem.predict(*problem.columns(fit.free, fit.z[None]))
+    fitted = [k for k, (begin, _) in enumerate(spans_of_test(whole)) if begin > 0]
+    known = {k: _laws(s, p[0]) for k, s, p in zip(fitted, problem.segments, plain, strict=True)}
+    noise = np.full(OUTPUTS, np.nan)
+    for number, (alone, start) in zip(numbers, _alone(tested), strict=True):
+        noise = np.fmax(noise, _noise(alone, columns, start, [alone.segments[0].use], known.get(number)))
+    return noise, _undetermined(whole, fit, covariance, free_axis=free_axis)
+
+
+def _undetermined(whole: JointProblem, fit: MapFit, covariance: Array, *, free_axis: bool) -> Array:
+    """RMS (OUTPUTS,) [SI] by which predictions of test data move when parameters move as far as a fit leaves open."""
+    rng = np.random.default_rng(SETTINGS.noise_seed)
+    scale, axes = np.linalg.eigh(covariance)
+    draws = rng.standard_normal((SETTINGS.undetermined_draws, len(fit.z))) * np.sqrt(np.maximum(scale, 0.0)) @ axes.T
+    problem = _test_problem(whole, fit, free_axis=free_axis)[0]
+    kept = [k for k, parameter in enumerate(fit.free) if parameter.row < len(ROW)]
+    z = np.concatenate([np.zeros((1, len(kept))), draws[:, kept]]) + fit.z[kept]
+    moved, _ = problem.columns([fit.free[k] for k in kept], z)
+    squares, count = np.zeros((len(draws), OUTPUTS)), np.zeros(OUTPUTS)
+    for alone, start in _alone(problem):
+        use = alone.segments[0].use
+        predicted = alone.predict(moved, np.repeat(start, len(moved), axis=0))[0]
+        squares += np.sum((predicted[1:] - predicted[0]) ** 2 * use, axis=2)
+        count += use.sum(axis=1)
+    # A draw far outside what the data allow may diverge: the median does not see it.
+    return np.asarray(np.sqrt(np.median(np.nan_to_num(squares, nan=np.inf), axis=0) / np.maximum(count, 1.0)))
+
+
+def _noise(
+    problem: JointProblem,
+    columns: Array,
+    starts: Array,
+    counts: Sequence[Flags],
+    known: Sequence[tuple[float, float]] | None = None,
+) -> Array:
+    """Noise (OUTPUTS,) [SI] of the samples that count, (OUTPUTS, T) of every segment, see `noise_on`.
+
+    known: `_laws` of the readings; None: those of each segment, whatever part of it counts.
+    """
+    rng = np.random.default_rng(SETTINGS.noise_seed)
+    plain = problem.predict(columns, starts)
+    noisy = replace(problem, segments=[_disturbed(segment, rng, problem.driven) for segment in problem.segments])
+    squares, white = np.zeros(OUTPUTS), np.full(OUTPUTS, np.nan)
+    for segment, use, (first,), (second,) in zip(
+        problem.segments, counts, plain, noisy.predict(columns, starts), strict=True
+    ):
+        squares += (((second - first) * use) ** 2).sum(axis=1)
+        laws = known or _laws(segment, first)
+        for stage, (still, by_slope) in enumerate(laws):
+            if use[stage].sum() <= SETTINGS.min_stage_samples:
+                continue
+            own = float(np.sqrt(still + by_slope * np.mean(_slopes(first[stage])[use[stage]] ** 2)))
+            white[stage] = np.fmax(white[stage], own)
+    total = np.sum([use.sum(axis=1) for use in counts], axis=0)
+    return np.asarray(np.hypot(white, np.sqrt(squares / np.maximum(total, 1.0))))
+
+
+def _laws(segment: Segment, predicted: Array) -> list[tuple[float, float]]:
+    """`noise_law` of every reading of a segment, by its predictions (OUTPUTS, T)."""
+    return [noise_law(m - p, p, use) for m, p, use in zip(segment.measured, predicted, segment.use, strict=True)]
+
+
+def _slopes(predicted: Array) -> Array:
+    """Change of a prediction (T,) within a sample, without its sign."""
+    return np.asarray(np.abs(np.gradient(predicted))) if len(predicted) > 1 else np.zeros(len(predicted))
+
+
+def noise_law(residual: Array, predicted: Array, use: Flags) -> tuple[float, float]:
+    """Variance [SI^2] of the white part of a residual (T,) at rest, and its growth with the squared slope [samples^2].
+
+    A sample taken at a wrong time is wrong by the speed of the signal times the time. use: (T,) samples that count.
+    They are parted by the slope of the prediction (T,); in a part, third differences separate noise from structure.
+    """
+    inside = use[3:] & use[2:-1] & use[1:-2] & use[:-3]
+    white = white_noise(residual, use)
+    if inside.sum() < SETTINGS.noise_part_samples * SETTINGS.noise_parts[-1]:
+        return white**2, 0.0
+    slope = _slopes(predicted)
+    slope = np.maximum(slope[1:-2], slope[2:-1])[inside]
+    rough = np.abs(np.diff(residual, 3))[inside] / np.sqrt(SETTINGS.third_difference_variance)
+    order = np.argsort(slope, kind="stable")
+    ends = [len(order) * (k - 1) // k for k in SETTINGS.noise_parts]
+    parts = [order[begin:end] for begin, end in pairwise([*ends, len(order)])]
+    median = [float(np.median(rough[part])) / SETTINGS.median_of_noise for part in parts]
+    if min(median) <= 0.0:
+        return white**2, 0.0
+    rows = np.array([[1.0, float(np.median(slope[part])) ** 2] for part in parts]) / np.square(median)[:, None]
+    still, by_slope = nnls(rows, np.ones(len(rows)))[0]
+    # Steps change by more within a sample than their slope says: what the parts show together is the least.
+    shown = max(white**2, sum(len(part) * m * m for part, m in zip(parts, median, strict=True)) / len(order))
+    scale = max(shown / max(float(still + by_slope * np.mean(slope**2)), 1e-300), 1.0)
+    return scale * float(still), scale * float(by_slope)
+
+
+def _disturbed(segment: Segment, rng: np.random.Generator, driven: bool) -> Segment:
+    """The segment with a second draw of the noise on its inputs, smoothed as the first one was."""
+    white = white_noise(segment.pressure_pa) * rng.standard_normal(len(segment.pressure_pa))
+    kept = white if driven else smoothed_by(white, segment.windows)
+    kept = kept + _moved(segment.pressure_pa, segment, rng)
+    finer = (len(segment.driving_pa) - 1) // (len(kept) - 1)
+    angle = white_noise(segment.angle_rad) * rng.standard_normal(len(white)) + _moved(segment.angle_rad, segment, rng)
+    speed, acceleration = derivatives(angle[:, None], segment.period_s, segment.derivative_s)
+    exogenous = segment.exogenous.copy()
+    exogenous[:, ANGLE] += angle
+    exogenous[:, SPEED] += speed[:, 0]
+    exogenous[:, ACCELERATION] += acceleration[:, 0]
+    return replace(segment, driving_pa=segment.driving_pa + refine(kept, finer), exogenous=exogenous)
+
+
+def _moved(values: Array, segment: Segment, rng: np.random.Generator) -> Array:
+    """Errors (T,) of a signal whose samples were taken at slightly wrong times: its speed times the jitter."""
+    if segment.jitter_s == 0.0:
+        return np.zeros(len(values))
+    return np.gradient(values, segment.period_s) * segment.jitter_s * rng.standard_normal(len(values))

@@ -4,8 +4,8 @@ What is left is compared with the noise on training, validation and test data ap
 lie in blocks that are fitted, and a slow change after them.
 
 Each signal of a joint is tested as a whole, by direction of motion, in thirds of each state and by frequency. A region
-is missed where its error beyond the noise is larger than the repeatability and significant. Squares of blocks, not of
-samples, are compared with the noise, so that correlation within a block does not count one event many times.
+is missed where its error beyond the noise is larger than the repeatability and significant. Squares of blocks are
+compared with the noise, so that correlation within a block does not count one event many times.
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from hand_diagnosis.hypotheses import validation_rmse
 from hand_diagnosis.laws import posterior_covariance
-from hand_diagnosis.noise import noise_on, noise_on_test
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.splits import ErrorsOnTest, residuals_on_test
+from hand_diagnosis.splits import ErrorsOnTest, noise_on, noise_on_test, residuals_on_test
 from hand_identification.joint_problem import STAGES, JointProblem, Segment
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array, Flags
@@ -37,7 +36,7 @@ class Excess:
     """Error [SI] of a signal beyond the noise, before and after, on train, validation or test data.
 
     independent: samples of the split that count as independent (joint_problem.CORRELATION_S).  noise: of the split.
-    undetermined: what the fit leaves open of the predictions there, which counts as noise.
+    undetermined: what the fit leaves open there, which counts as noise.
     """
 
     split: str
@@ -57,9 +56,8 @@ class Excess:
 class StageResult:
     """One signal on the validation data, SI: error before and after, noise, excess over the noise before and after.
 
-    noise: white noise of the reading, and what the noise of the measured inputs makes of the prediction.
-    floor: repeatability.  effects: how many were found on the joint.  independent: samples of the validation data that
-    count as independent (joint_problem.CORRELATION_S).  elsewhere: what is left on training and on test data.
+    noise: of reading and measured inputs.  floor: repeatability.  effects: how many were found on the joint.
+    independent: as in Excess.  elsewhere: on training and on test data.
     """
 
     stage: int
@@ -91,9 +89,8 @@ class StageResult:
     def right_name(self, test_before: float, test_after: float) -> float:
         """Probability, 0 ... 1, that no other effect stands behind the names, by what they leave of this signal.
 
-        test_before, test_after: errors [SI] of the nominal and the final model on test data; NaN without such data. The
-        worse of validation and test data counts: a wrong class with a flexible law fits what it saw and fails
-        elsewhere. Logistic in the logarithm of 1 + x^2 / floor^2, the quantity of hypotheses.log_likelihood.
+        test_before, test_after: errors [SI] of the nominal and the final model on test data, or NaN. The worse split
+        counts: a wrong class with a flexible law fails on what it did not see. Logistic in log(1 + x^2 / floor^2).
         """
         on_test = [float(np.sqrt(max(np.nan_to_num(x) ** 2 - self.noise**2, 0.0))) for x in (test_before, test_after)]
         ratio = max(
@@ -115,12 +112,12 @@ class StageResult:
     def _log_odds(self, excess: Excess) -> float:
         """Of other physics, from the likelihood of the error that is left against the largest that is tolerated.
 
-        The likelihood of n independent samples of correlated noise of unknown scale above the floor is
-        -n/2 log(1 + x^2 / floor^2) (hypotheses.log_likelihood); the odds are even where both errors are equal.
+        Where both (hypotheses.log_likelihood) are equal, the odds are even next to effects, else outside_catalogue.
         """
         limit = self._tolerated(excess.before) if self.effects else SETTINGS.unexplained_floors * self.floor
         left, right = (1.0 + (x / self.floor) ** 2 for x in (excess.after, limit))
-        return 0.5 * excess.independent * float(np.log(left / right)) / SETTINGS.evidence_temperature
+        gain = 0.5 * excess.independent * float(np.log(left / right)) / SETTINGS.evidence_temperature
+        return gain if self.effects else gain - float(np.log(1.0 / SETTINGS.outside_catalogue - 1.0))
 
     @property
     def other_physics(self) -> float:
@@ -135,11 +132,11 @@ class StageResult:
 
     def remains_on(self, split: str) -> bool:
         """The same for training or test data alone."""
-        return any(self._log_odds(each) > 0.0 for each in self.elsewhere if each.split == split)
+        return any(self._log_odds(e) > 0.0 for e in self.elsewhere if e.split == split)
 
     @property
     def claimed(self) -> bool:
-        """Whether the effects remove enough of this signal's error to be findings, and not only parts of an unknown."""
+        """Whether the effects remove enough of this signal's error to be findings, not only parts of an unknown."""
         return not self.remains or min(self.left, self.most_left.left) <= SETTINGS.max_claim_share
 
 
@@ -175,8 +172,7 @@ def with_other_splits(
     train = ~problem.held_out
     counts = problem.block_counts[:, train].sum(axis=1)
     errors = [np.sqrt(fit.squares[:, train].sum(axis=1) / np.maximum(counts, 1.0)) for fit in fits]
-    none = np.zeros(len(counts))
-    splits = [("train", errors, noise_on(problem, fits[1], train), none, problem.effective_counts(train))]
+    splits = [("train", errors, noise_on(problem, fits[1], train), 0.0 * counts, problem.effective_counts(train))]
     if test is not None:
         covariance = posterior_covariance(problem, fits[1])
         noise, open_ = noise_on_test(whole, problem, fits[1], covariance, free_axis=free_axis)

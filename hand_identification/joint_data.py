@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numba import njit
 from numpy.polynomial.polynomial import polyfit
 
 from hand_identification.joint_problem import (
@@ -22,6 +23,7 @@ from hand_model.joint_model import JointModel
 from hand_model.kernel.layout import OMEGA, PHI, P
 from hand_model.kernel.open_loop import OUTPUTS
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STATES
+from hand_model.material import creep_rate
 from hand_recording.local_smoothing import Windows
 from hand_recording.signals import (
     SMOOTHED_S,
@@ -196,3 +198,18 @@ def _noise(segment: Segment) -> Array:
         return white
     speeds = np.gradient(segment.measured, segment.period_s, axis=1)
     return np.asarray(np.hypot(white, segment.jitter_s * np.sqrt(np.mean(speeds**2, axis=1))))
+
+
+def crept(segment: Segment, end: int, column: Array, ratio: float) -> float:
+    """The creeping ratio [-] at a sample, from the measured pressures before it (Eq. 12)."""
+    keys = ("p_min_pa", "b1_per_pa", "extension_time_s", "b0_per_pa", "recovery_time_s")
+    p_min, b1, extension_s, b0, recovery_s = (float(column[ROW[f"material.{key}"]]) for key in keys)
+    rates = (1.0 / extension_s, b0, 1.0 / recovery_s)
+    return float(_creep(segment.pressure_pa[:end], ratio, segment.period_s, p_min, b1, *rates))
+
+
+@njit(cache=True)
+def _creep(pressure, ratio, period_s, p_min, b1, extension_rate, b0, recovery_rate):  # type: ignore[no-untyped-def]
+    for p in pressure:
+        ratio += period_s * creep_rate(p, ratio, p_min, b1, extension_rate, b0, recovery_rate)
+    return ratio

@@ -11,13 +11,14 @@ from hand_diagnosis import diagnosis, read_recording
 from hand_diagnosis.diagnosis import diagnose
 from hand_diagnosis.report import document
 from hand_diagnosis.search import search_joint
-from hand_diagnosis.splits import evaluate_test, fit_part, spans_of_test, spared_last
+from hand_diagnosis.splits import evaluate_test, exchanged, fit_part, spans_of_test, spared_last
 from hand_diagnosis.task import Task
 from hand_identification.map_fit import map_fit
 from hand_model.description import Hand
 from hand_recording.recording_files import RecordingError
 from hand_recording.signals import Signals
-from test.diagnosis.recordings import ANGLE_NOISE_RAD, CONFIG, changed, record
+from test.diagnosis import recordings
+from test.diagnosis.recordings import ANGLE_NOISE_RAD, CONFIG, changed, excitation, record
 
 JOINT = "index_distal"
 
@@ -57,6 +58,56 @@ def test_test_data_change_no_fit(hand: Hand, signals: Signals) -> None:
     np.testing.assert_allclose(fits[0].z, fits[1].z, atol=0.03)
     assert errors[0] < 1.5 * ANGLE_NOISE_RAD
     assert errors[1] > np.radians(1.0)
+
+
+def test_exchanged_test_data_change_no_fit(hand: Hand, signals: Signals) -> None:
+    """Fails when readings of test data inside a recording are fitted, or the end of the recording is not."""
+    spoilt = signals.angle_rad.copy()
+    usual = spans_of_test(Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem)[0]
+    begin = 2 * usual[0] - usual[1]
+    spoilt[begin + 150 : usual[0], hand.joints.index(JOINT)] += np.radians(3.0)
+    fits, errors = [], []
+    for angle in (signals.angle_rad, spoilt):
+        ready = Task([replace(signals, angle_rad=angle)], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT)
+        whole = exchanged(ready.problem)
+        assert whole is not None and exchanged(whole) is None
+        span = spans_of_test(whole)[0]
+        assert begin <= span[0] + 250 and span[1] == usual[0]
+        part = fit_part(whole)
+        assert not part.segments[0].use[:, span[0] : span[1]].any()
+        assert part.segments[0].use[1, usual[0] :].any()
+        fits.append(map_fit(part, ready.free, ready.start, 6))
+        tested = evaluate_test(whole, [fits[-1]], free_axis=False)
+        assert tested is not None
+        errors.append(float(tested.rmse(0)[1]))
+    np.testing.assert_allclose(fits[0].z, fits[1].z, atol=0.03)
+    assert errors[0] < 1.5 * ANGLE_NOISE_RAD
+    assert errors[1] > np.radians(1.0)
+
+
+def test_an_obstacle_met_only_at_the_end_is_found(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when what only the last fifth of a recording shows gets no name, or the report is silent about it."""
+    seed, seconds = 202, 24.0
+    print(f"seed {seed}")
+
+    def gentle_first(rng: np.random.Generator, seconds: float, joints: int) -> np.ndarray:
+        commands = excitation(rng, seconds, joints)
+        commands[: round(0.8 * len(commands))] *= 0.4
+        return commands
+
+    monkeypatch.setattr(recordings, "excitation", gentle_first)
+    column = hand.joints.index(JOINT)
+    plain = record(hand, np.random.default_rng(seed), seconds)
+    last, _ = spans_of_test(Task([plain], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem)[0]
+    before, after = (float(part.max()) for part in (plain.angle_rad[:last, column], plain.angle_rad[last:, column]))
+    print(np.degrees([before, after]))
+    at_rad = before + 0.2 * (after - before)
+    blocked = changed(hand, JOINT, contact__angle_deg=at_rad, contact__stiffness_nm_per_rad=0.5)
+    met = record(blocked, np.random.default_rng(seed), seconds)
+    result = diagnose([met], hand, tolerance=0.05, seed=0, joints=[JOINT], sensor_curve=False)
+    assert result.joints[0].whole is not None and result.joints[0].whole.spared is not None
+    assert {finding.effect for finding in result.findings} & {"contact", "end_stop"}
+    assert any("only the last part of the recording shows" in line for line in result.check)
 
 
 def test_a_joint_that_fails_does_not_cost_the_report(

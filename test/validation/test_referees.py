@@ -133,3 +133,14 @@ def test_conditions_are_those_that_are_named() -> None:
         assert how.off in {0.03, 0.1, 0.2} and how.stated >= 0.05
         assert 0.0 <= how.jitter_s <= 3e-3 and 0.0 <= how.lost <= 0.05
         assert 25 <= how.rate_hz <= 200 and 0.49 < how.noise < 5.1 and how.joints in {1, 4, 11}
+
+
+def test_a_tendon_to_an_unrecorded_joint_is_not_concealed() -> None:
+    """Fails when a trial asks for a coupling of which the recording has one end only."""
+    nominal = Nominal(CONFIG)
+    tendon = next(family for family in development.DEVELOPMENT if family.effect == "joint_coupling")
+    other = next(family for family in development.DEVELOPMENT if family.effect == "stiffening")
+    neighbour = int(nominal.neighbour[1])
+    assert not make._recorded(tendon, 1, [1], nominal)
+    assert make._recorded(tendon, 1, [1, neighbour], nominal)
+    assert make._recorded(other, 1, [1], nominal)

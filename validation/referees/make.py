@@ -179,7 +179,7 @@ def _conceal(
 ) -> None:
     """Give a joint the law of a family at a multiple of its detection limit, and note it in the truth."""
     q, u = plant
-    able = [k for k in joints if k not in taken]
+    able = [k for k in joints if k not in taken and _recorded(family, k, joints, nominal)]
     at_limit = case.kind == "single" and rng.random() < AT_THE_LIMIT
     multiple = 1.0 if at_limit else float(rng.choice(MULTIPLES))
     for joint in rng.permutation(able)[:TRIES]:
@@ -199,6 +199,11 @@ def _conceal(
         case.truth.append(_truth(family, nominal.joints[joint], multiple, size, group))
         return
     case.unplaced.append(family.name)
+
+
+def _recorded(family: Family, joint: int, joints: list[int], nominal: Nominal) -> bool:
+    """Whether a joint's recording can show a law: one between two joints needs readings of both."""
+    return family.effect != "joint_coupling" or int(nominal.neighbour[joint]) in joints
 
 
 def _truth(family: Family, joint: str, multiple: float, size: float, group: list[str]) -> dict[str, Any]:

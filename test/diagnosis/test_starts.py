@@ -1,0 +1,36 @@
+"""Starts elsewhere: a fit that ended in a wrong minimum arrives from one of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hand_diagnosis.completion import ELSEWHERE
+from hand_diagnosis.task import Task
+from hand_identification.free_parameters import effect_free_parameters, merged
+from hand_identification.map_fit import map_fit
+from hand_identification.starts import around
+from hand_model.description import Hand
+from hand_model.effects import EFFECTS
+from hand_model.kernel.rows import ROW
+from test.diagnosis.recordings import changed, record
+
+JOINT = "ring_proximal"
+SEED = 77
+
+
+def test_a_limit_that_does_not_act_is_left(hand: Hand) -> None:
+    """Fails when a fit of a narrow valve that ended without its limit of venting, which has no slope, stays there."""
+    print(f"seed {SEED}")
+    rates = {"valve__fill_rate_pa_per_s": 3e5, "valve__vent_rate_pa_per_s": 2.5e5, "valve_flow_limit__choking": 1.0}
+    signals = record(changed(hand, JOINT, **rates), np.random.default_rng(SEED), 16.0)
+    ready = Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT)
+    effect = EFFECTS["valve_flow_limit"]
+    free = merged(ready.free, effect_free_parameters(effect, ready.problem.nominal))
+    start = [p.coordinate(3e5) if p.key == "valve.fill_rate_pa_per_s" else 0.0 for p in free]
+    wrong = map_fit(ready.problem, free, np.array(start), 10)
+    rows = {ROW[key] for key in effect.keys}
+    points = around(ready.problem, wrong, rows, ELSEWHERE, np.random.default_rng(SEED))
+    again = min(map_fit(ready.problem, free, point, 15).cost for point in points)
+    print(wrong.cost, again)
+    assert len(points) <= ELSEWHERE.kept
+    assert again < 0.05 * wrong.cost
