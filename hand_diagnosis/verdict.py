@@ -185,8 +185,8 @@ def with_other_splits(
         for name, errors, noise, left_open, samples in splits:
             if np.isfinite(noise[k]) and np.isfinite(errors[1][k]):
                 own = float(np.hypot(noise[k], left_open[k]))
-                old, new = (_beyond(error[k], own) for error in errors)
-                elsewhere.append(Excess(name, old, new, samples[k], float(noise[k]), float(left_open[k])))
+                before, after = (_beyond(error[k], own) for error in errors)
+                elsewhere.append(Excess(name, before, after, samples[k], float(noise[k]), float(left_open[k])))
         found.append(replace(result, elsewhere=tuple(elsewhere)))
     return found
 

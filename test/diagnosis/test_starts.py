@@ -7,7 +7,7 @@ import numpy as np
 from hand_diagnosis.completion import ELSEWHERE
 from hand_diagnosis.task import Task
 from hand_identification.free_parameters import effect_free_parameters, merged
-from hand_identification.map_fit import map_fit
+from hand_identification.map_fit import costs_at, map_fit
 from hand_identification.starts import around
 from hand_model.description import Hand
 from hand_model.effects import EFFECTS
@@ -26,11 +26,16 @@ def test_a_limit_that_does_not_act_is_left(hand: Hand) -> None:
     ready = Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT)
     effect = EFFECTS["valve_flow_limit"]
     free = merged(ready.free, effect_free_parameters(effect, ready.problem.nominal))
-    start = [p.coordinate(3e5) if p.key == "valve.fill_rate_pa_per_s" else 0.0 for p in free]
-    wrong = map_fit(ready.problem, free, np.array(start), 10)
+    off = {"valve.vent_rate_pa_per_s", "valve_flow_limit.choking"}
+    part = [p for p in free if p.key not in off]
+    start = [p.coordinate(3e5) if p.key == "valve.fill_rate_pa_per_s" else 0.0 for p in part]
+    known = {p.row: z for p, z in zip(part, map_fit(ready.problem, part, np.array(start), 10).z, strict=True)}
+    wrong = map_fit(ready.problem, free, np.array([known.get(p.row, 0.0) for p in free]), 1)
     rows = {ROW[key] for key in effect.keys}
     points = around(ready.problem, wrong, rows, ELSEWHERE, np.random.default_rng(SEED))
+    costs = costs_at(ready.problem, free, np.array(points))
     again = min(map_fit(ready.problem, free, point, 15).cost for point in points)
-    print(wrong.cost, again)
+    print(wrong.cost, costs, again)
     assert len(points) <= ELSEWHERE.kept
+    assert costs.min() < 0.9 * wrong.cost  # nearer than where the fit stands
     assert again < 0.05 * wrong.cost
