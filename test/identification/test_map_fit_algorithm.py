@@ -29,6 +29,7 @@ class Part:
 
     block: Any
     use: Flags
+    trust: float = 1.0
 
 
 @dataclass
@@ -48,6 +49,10 @@ class Curve:
         per = SAMPLES * 2 // BLOCKS
         blocks = np.arange(2 * SAMPLES) // per
         return [Part(blocks[:SAMPLES], use), Part(blocks[SAMPLES:], use)]
+
+    @property
+    def block_weights(self) -> Array:
+        return np.repeat(self.weight[:, None], BLOCKS, axis=1)
 
     @property
     def held_out(self) -> Flags:
