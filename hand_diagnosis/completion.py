@@ -17,7 +17,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from hand_diagnosis.hypotheses import Hypothesis, block_bootstrap, judged, validation_rmse
+from hand_diagnosis.evidence import block_bootstrap, validation_rmse
+from hand_diagnosis.hypotheses import Hypothesis, judged
 from hand_diagnosis.laws import learn_law, posterior_covariance, weighted_by_noise, white_part
 from hand_diagnosis.settings import SETTINGS, FitPass
 from hand_identification.free_parameters import FreeParameter, law_free_parameters, speed_free_parameters

@@ -24,8 +24,9 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
+from hand_diagnosis.evidence import log_likelihood, validation_rmse
 from hand_diagnosis.headline import effect_words, unit_words
-from hand_diagnosis.hypotheses import Probes, log_likelihood, probes_at, validation_rmse
+from hand_diagnosis.hypotheses import Probes, probes_at
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.splits import slice_of
 from hand_identification.free_parameters import effect_free_parameters

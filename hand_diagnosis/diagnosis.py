@@ -10,8 +10,9 @@ import numpy as np
 from hand_diagnosis.certificate import Certificate, certify
 from hand_diagnosis.completion import on_everything
 from hand_diagnosis.data_check import check, repeatability
+from hand_diagnosis.evidence import log_likelihood
 from hand_diagnosis.findings import Finding, JointResult, ranked_findings
-from hand_diagnosis.hypotheses import Isolability, isolability, log_likelihood
+from hand_diagnosis.hypotheses import Isolability, isolability
 from hand_diagnosis.onset import LeftOut, leave_one_out, search_with_onset, with_onset, withdrawn_rows
 from hand_diagnosis.remainders import Remainder, RemainderLaw, remainders, verdict
 from hand_diagnosis.search import JointSearch, rough_evidence, search_joint

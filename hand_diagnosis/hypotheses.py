@@ -3,21 +3,17 @@
 Screening is of first order. A probe of an effect changes the prediction by s; the residual r is explained by
 alpha s + J dz, with alpha within 0 ... SETTINGS.max_probe_share and dz, the change of the free parameters, under its
 prior. What the free parameters explain alone is not counted for the probe.
-
-The scale of the correlated noise is not known beforehand, only its floor (joint_problem.FLOOR). With n independent
-samples of a signal and the weighted sum of squares chi2, log p = -n/2 log(1 + chi2 / n): a parabola near the floor, and
-a logarithm far above it, where no model fits and differences of squares overstate what is known.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_diagnosis.evidence import block_bootstrap, fitted_rmse, log_evidence, validation_rmse
 from hand_diagnosis.settings import SETTINGS, FitPass
 from hand_identification.free_parameters import (
     START_CREEP,
@@ -30,7 +26,7 @@ from hand_identification.free_parameters import (
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, costs_at, map_fit
 from hand_identification.starts import Way, has_expected_value
-from hand_model.arrays import Array, Flags
+from hand_model.arrays import Array
 from hand_model.effects import EFFECTS
 from hand_model.effects.effect import Effect
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS
@@ -73,79 +69,6 @@ class Hypothesis:
         """Free parameters of the effect and of its learned law around the nominal numbers (rows,)."""
         law = [p for p in law_free_parameters(self.effect, nominal) if p.key in self.freed]
         return effect_free_parameters(self.effect, nominal) + law
-
-
-def log_likelihood(problem: JointProblem, squares: Array, blocks: Flags) -> float:
-    """Log likelihood of the blocks chosen (blocks,), from sums of squares (OUTPUTS, blocks) in SI."""
-    counts = np.maximum(problem.effective_counts(blocks), 1.0)
-    chi2 = (problem.block_weights * squares)[:, blocks].sum(axis=1)
-    return float(-0.5 * (counts * np.log1p(chi2 / counts)).sum())
-
-
-def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[Sequence[int]] = ()) -> float:
-    """Log evidence of a fit by Laplace's approximation, training and validation blocks together.
-
-    The likelihood of the validation blocks at the point fitted without them is added: p(all) = p(train) p(val | train).
-    optional: for each effect, indices of free parameters of which each may be needed or not. The evidence is the mean
-    over these models; each follows from the full one by the ratio of posterior to prior density at the neutral values
-    (Dickey, Ann. Math. Stat. 42(1), 1971), effects taken one by one: a number that is not needed costs nothing.
-    """
-    train = ~problem.held_out
-    counts = np.maximum(problem.effective_counts(train), 1.0)
-    chi2 = (problem.block_weights * fit.squares)[:, train].sum(axis=1)
-    # Far above the floor the noise is larger than its weight says; the curvature shrinks by the same ratio.
-    shrink = float((counts.sum()) / (counts.sum() + chi2.sum()))
-    precision = np.eye(len(fit.z)) + shrink * fit.normal
-    _, logdet = np.linalg.slogdet(precision)
-    likelihood = log_likelihood(problem, fit.squares, train) + log_likelihood(problem, fit.squares, ~train)
-    whole = likelihood - 0.5 * float(fit.z @ fit.z) - 0.5 * float(logdet)
-    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
-    return whole + sum(_mean_over_subsets(fit.z, covariance, group) for group in optional)
-
-
-def _mean_over_subsets(z: Array, covariance: Array, optional: Sequence[int]) -> float:
-    """Log of the mean evidence of the models without some of the optional parameters, over that of the full one."""
-    off = [list(chosen) for k in range(len(optional)) for chosen in combinations(optional, k)]
-    ratios = np.array([_density_ratio(z[chosen], covariance[np.ix_(chosen, chosen)]) for chosen in off])
-    return float(np.logaddexp.reduce(ratios) - np.log(len(ratios)))
-
-
-def _density_ratio(z: Array, covariance: Array) -> float:
-    """Log of posterior over prior density at the neutral point, of coordinates (k,) with a unit prior around it."""
-    if not len(z):
-        return 0.0
-    _, logdet = np.linalg.slogdet(covariance)
-    return -0.5 * float(z @ np.linalg.solve(covariance, z)) - 0.5 * float(logdet)
-
-
-def validation_rmse(problem: JointProblem, squares: Array) -> Array:
-    """RMS error (OUTPUTS,) [Pa, rad, N] over the validation blocks from squares (OUTPUTS, blocks); NaN without data."""
-    held = problem.held_out
-    counts = problem.block_counts[:, held].sum(axis=1)
-    return np.sqrt(np.where(counts > 0, squares[:, held].sum(axis=1) / np.maximum(counts, 1), np.nan))
-
-
-def fitted_rmse(problem: JointProblem, squares: Array) -> Array:
-    """RMS error (OUTPUTS,) [Pa, rad, N] over training and validation blocks together, as `validation_rmse`."""
-    counts = problem.block_counts.sum(axis=1)
-    return np.sqrt(np.where(counts > 0, squares.sum(axis=1) / np.maximum(counts, 1), np.nan))
-
-
-def block_bootstrap(
-    problem: JointProblem, before: Array, after: Array, stage: int, rng: np.random.Generator
-) -> tuple[float, float]:
-    """95 % interval of the relative fall [-] of the validation mean square, by drawing validation blocks in pairs.
-
-    before, after: sums of squares (OUTPUTS, blocks).
-    """
-    held = np.flatnonzero(problem.held_out & (problem.block_counts[stage] > 0))
-    if len(held) < 2:
-        return -np.inf, np.inf
-    drawn = rng.choice(held, size=(SETTINGS.bootstrap_draws, len(held)))
-    a, b = before[stage][drawn].sum(axis=1), after[stage][drawn].sum(axis=1)
-    fall = 1.0 - b / np.maximum(a, 1e-300)
-    low, high = np.quantile(fall, [SETTINGS.bootstrap_tail, 1.0 - SETTINGS.bootstrap_tail])
-    return float(low), float(high)
 
 
 @dataclass(frozen=True, slots=True)

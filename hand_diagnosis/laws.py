@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from hand_diagnosis.hypotheses import block_bootstrap, fitted_rmse, log_likelihood, validation_rmse
+from hand_diagnosis.evidence import block_bootstrap, fitted_rmse, log_likelihood, validation_rmse
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import START_CREEP, FreeParameter, law_free_parameters, probe_values
 from hand_identification.joint_problem import JointProblem

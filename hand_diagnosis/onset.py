@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis.completion import refit_below_floor
-from hand_diagnosis.hypotheses import amounts, log_evidence
+from hand_diagnosis.evidence import log_evidence
+from hand_diagnosis.hypotheses import amounts
 from hand_diagnosis.search import JointSearch, fit_without
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.verdict import StageResult

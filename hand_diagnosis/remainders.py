@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis.completion import at_floor
+from hand_diagnosis.evidence import block_bootstrap, validation_rmse
 from hand_diagnosis.findings import Finding, JointResult, Number, errors_text, parameter_numbers, said, when
-from hand_diagnosis.hypotheses import block_bootstrap, validation_rmse
 from hand_diagnosis.laws import LawCurve, in_words, posterior_covariance, training_evidence, weighted_by_noise
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.splits import evaluate_test, stretch_of_test, swings_freely

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hand_diagnosis.data_check import Checked
-from hand_diagnosis.hypotheses import log_evidence
+from hand_diagnosis.evidence import log_evidence
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.splits import fit_part
 from hand_identification.driving import accelerations, inflow, shape_driving

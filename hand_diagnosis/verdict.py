@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_diagnosis.hypotheses import validation_rmse
+from hand_diagnosis.evidence import validation_rmse
 from hand_diagnosis.laws import posterior_covariance
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.splits import ErrorsOnTest, noise_on, noise_on_test, residuals_on_test

@@ -13,7 +13,7 @@ import pytest
 from hand_diagnosis import Report, diagnose, read_recording
 from hand_diagnosis.detection import detection_limits, limit_table, limits_of
 from hand_diagnosis.diagnosis import JointDiagnosis
-from hand_diagnosis.hypotheses import validation_rmse
+from hand_diagnosis.evidence import validation_rmse
 from hand_diagnosis.report import schema
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.splits import beginning

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hand_diagnosis.hypotheses import log_evidence
+from hand_diagnosis.evidence import log_evidence
 from hand_diagnosis.search import search_joint
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.task import Task
