@@ -337,7 +337,8 @@ class FoundLaw(Law):
         if not self.found.shapes:
             return wanted
         sent = self.found.set_points(self._given, wanted)
-        return np.minimum(sent, self.gains[G.p_max], out=sent)
+        np.minimum(sent, self.gains[G.p_max], out=sent)
+        return sent
 
     @property
     def watched(self) -> Array:

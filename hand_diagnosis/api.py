@@ -19,11 +19,11 @@ from typing import Any
 from hand_diagnosis.detection import detection_limits
 from hand_diagnosis.diagnosis import Diagnosis
 from hand_diagnosis.diagnosis import diagnose as run_diagnosis
-from hand_diagnosis.page import write_page
+from hand_diagnosis.pages.page import write_page
 from hand_diagnosis.patch import write_patch
+from hand_diagnosis.problem import effects_without
 from hand_diagnosis.report import document, write_report
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.task import effects_without
 from hand_model.description import Hand, load_hand
 from hand_recording.signal_files import read_signals
 from hand_recording.signals import Signals

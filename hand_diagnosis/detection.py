@@ -24,11 +24,10 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
-from hand_diagnosis.evidence import log_likelihood, validation_rmse
-from hand_diagnosis.headline import effect_words, unit_words
-from hand_diagnosis.hypotheses import Probes, probes_at
+from hand_diagnosis.pages.headline import effect_words, unit_words
+from hand_diagnosis.problem import log_likelihood, slice_of, validation_rmse
+from hand_diagnosis.search import Probes, probes_at
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.splits import slice_of
 from hand_identification.free_parameters import effect_free_parameters
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, map_fit
@@ -86,7 +85,7 @@ def detection_limits(diagnosis: Diagnosis, effects: Sequence[Effect]) -> list[di
 
 def limits_of(joint: JointDiagnosis, effects: Sequence[Effect]) -> list[Limit]:
     """The limit of every effect that can change a signal of a joint, in the order of the catalogue."""
-    problem, final = _beginning(joint.search.problem, SETTINGS.limit_samples), joint.search.final
+    problem, final = beginning(joint.search.problem, SETTINGS.limit_samples), joint.search.final
     fit = map_fit(problem, final.free, final.z, 1)  # its sensitivities were not kept
     probes = probes_at(problem, fit, effects)
     if not probes.probes:
@@ -283,7 +282,7 @@ def _two_digits(value: float) -> str:
     return f"{float(f'{value:.2g}'):g}"
 
 
-def _beginning(problem: JointProblem, samples: int) -> JointProblem:
+def beginning(problem: JointProblem, samples: int) -> JointProblem:
     """The problem with at most about so many samples in all, the same share of each segment from its beginning."""
     total = sum(len(segment.angle_rad) for segment in problem.segments)
     if total <= samples:

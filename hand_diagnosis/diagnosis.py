@@ -7,39 +7,49 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hand_diagnosis.certificate import Certificate, certify
-from hand_diagnosis.completion import on_everything
-from hand_diagnosis.data_check import check, repeatability
-from hand_diagnosis.evidence import log_likelihood
-from hand_diagnosis.findings import Finding, JointResult, ranked_findings
-from hand_diagnosis.hypotheses import Isolability, isolability
-from hand_diagnosis.onset import LeftOut, leave_one_out, search_with_onset, with_onset, withdrawn_rows
-from hand_diagnosis.remainders import Remainder, RemainderLaw, remainders, verdict
-from hand_diagnosis.search import JointSearch, rough_evidence, search_joint
-from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.splits import (
+from hand_diagnosis.judgement import (
+    Certificate,
+    Finding,
+    JointResult,
+    LeftOut,
+    Remainder,
+    bound_notes,
+    certify,
+    exchange_notes,
+    leave_one_out,
+    ranked_findings,
+    remainders,
+    search_with_onset,
+    stage_results,
+    verdict,
+    with_onset,
+    with_other_splits,
+    withdrawn_rows,
+)
+from hand_diagnosis.problem import (
     ErrorsOnTest,
+    Prepared,
+    Task,
+    check,
+    effects_not_offered,
+    effects_without,
     evaluate_test,
     exchanged,
     fit_part,
-    spared_last,
-    stretch_of_test,
-    swings_freely,
-)
-from hand_diagnosis.task import (
-    Prepared,
-    Task,
-    effects_not_offered,
-    effects_without,
     initial_rest_angle,
+    log_likelihood,
     model_accelerations,
     moving_joints,
     not_judged,
     put_partner,
+    repeatability,
+    spared_last,
+    swings_freely,
     tolerant,
 )
-from hand_diagnosis.verdict import stage_results, with_other_splits
-from hand_identification.free_parameters import FARTHEST, WIDE, FreeParameter, nominal_free_parameters
+from hand_diagnosis.search import Isolability, JointSearch, isolability, on_everything, rough_evidence, search_joint
+from hand_diagnosis.settings import SETTINGS
+from hand_identification.free_parameters import FreeParameter, nominal_free_parameters
 from hand_identification.joint_data import joint_problem
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, map_fit
@@ -47,7 +57,6 @@ from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.effects.effect import PARTNER, Effect
 from hand_model.joint_model import JointModel
-from hand_model.kernel.plant_rows import PLANT_PARAMETERS
 from hand_model.quantities import HAND, Wording
 from hand_recording.hand_signals import without_sensor_curve
 from hand_recording.signals import Signals
@@ -71,21 +80,6 @@ class JointDiagnosis(JointResult):
     def broken(self) -> list[Certificate]:
         """Attacks that succeed on what the findings leave."""
         return [certificate for certificate in self.certificates if certificate.broken]
-
-
-def errors_by_split(joint: JointDiagnosis, stage: int, law: RemainderLaw | None) -> dict[str, tuple[float, float]]:
-    """RMS errors [SI] of a signal by split, of the nominal model and of model.yaml."""
-    problem, counts = joint.search.problem, joint.search.problem.block_counts
-    fits = (joint.search.nominal, joint.search.final if law is None else law.fit)
-    errors = {}
-    for split, blocks in (("train", ~problem.held_out), ("validation", problem.held_out)):
-        total = max(float(counts[stage, blocks].sum()), 1.0)
-        before, after = (float(np.sqrt(fit.squares[stage, blocks].sum() / total)) for fit in fits)
-        errors[split] = (before, after)
-    if joint.test is not None and np.isfinite(joint.test.rmse(0)[stage]):
-        before, after = (float(joint.test.rmse(k)[stage]) for k in (0, 1))
-        errors["test"] = (before, after if law is None or law.test is None else law.test[1])
-    return errors
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,8 +145,8 @@ def diagnose(
             failed[joint] = f"its diagnosis failed: {' '.join(str(error).split()) or type(error).__name__}"
         progress(joint)
     done = _without_unshared(task, _beside_models(task, done))
-    lines += [line for result in done for line in _at_bounds(result)]
-    lines += [line for result in done for line in (*_withdrawals(result), *_exchanges(result))]
+    lines += [line for result in done for line in bound_notes(result)]
+    lines += [line for result in done for line in (*_withdrawals(result), *exchange_notes(result))]
     lines += [each.statement(wording) for result in done for each in result.broken]
     lines += effects_not_offered(model)
     findings, left = ranked_findings(done, signals), remainders(done)
@@ -173,15 +167,6 @@ def _withdrawals(result: JointDiagnosis) -> list[str]:
     """Lines about effects that were withdrawn."""
     rows = withdrawn_rows(result.joint, result.left_out, result.withdrawn)
     return [f"{row['joint']}: {row['effect']} is withdrawn: {row['reason']}" for row in rows]
-
-
-def _exchanges(result: JointDiagnosis) -> list[str]:
-    """A line where not the last part of the recording is test data."""
-    if result.whole is None or result.whole.spared is None:
-        return []
-    begin, end = stretch_of_test(result.whole)
-    why = "only the last part of the recording shows what is found"
-    return [f"{result.joint}: {why}, so it is fitted; the test data are {begin:.1f} to {end:.1f} s"]
 
 
 def _reads_through_curve(
@@ -345,19 +330,6 @@ def _confirm_laws(whole: JointProblem, search: JointSearch, *, free_axis: bool) 
     before, after = (np.nansum(test.rmse(k) ** 2 / whole.floor**2) for k in (0, 1))
     if after >= before:
         search.accepted[:] = textbook.accepted
-
-
-def _at_bounds(result: JointDiagnosis) -> list[str]:
-    """Nominal numbers that reached their bounds: a model that is this far off needs another tolerance."""
-    fit, own = result.search.final, result.search.effect_keys.union(WIDE)
-    far = [
-        parameter.key
-        for parameter, z in zip(fit.free, fit.z, strict=True)
-        if parameter.row < len(PLANT_PARAMETERS) and parameter.key not in own and abs(z) > FARTHEST - 1e-6
-    ]
-    keys = ", ".join(result.wording.units.quantity(key).key for key in far)
-    reason = f"ends {FARTHEST:g} tolerances from its nominal value; a larger --tolerance may be needed"
-    return [f"{result.joint}: {keys} {reason}"] if far else []
 
 
 def _beside_models(task: Task, done: Sequence[JointDiagnosis]) -> list[JointDiagnosis]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hand_diagnosis.diagnosis import Diagnosis
-from hand_diagnosis.findings import Finding
-from hand_diagnosis.hypotheses import Hypothesis
+from hand_diagnosis.judgement import Finding
+from hand_diagnosis.search import Hypothesis
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.excitation import EXPERIMENTS
 from hand_identification.joint_problem import CORRELATION_S, JointProblem

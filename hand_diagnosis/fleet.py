@@ -17,7 +17,7 @@ from typing import Any
 import numba
 
 from hand_diagnosis.diagnosis import diagnose
-from hand_diagnosis.page import write_page
+from hand_diagnosis.pages.page import write_page
 from hand_diagnosis.patch import write_patch
 from hand_diagnosis.report import write_report
 from hand_model.description import load_hand

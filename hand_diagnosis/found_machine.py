@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from hand_diagnosis.completion import standard_errors
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
-from hand_diagnosis.findings import Number
+from hand_diagnosis.judgement import Number
+from hand_diagnosis.search import standard_errors
 from hand_identification.free_parameters import START_CREEP
 from hand_machine.description import MachineDescription
 from hand_machine.found_model import Found, write_found_model

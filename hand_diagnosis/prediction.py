@@ -12,10 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from hand_diagnosis.data_check import check
+from hand_diagnosis.problem import Task, check, moving_joints, noise_on, not_judged
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.splits import noise_on
-from hand_diagnosis.task import Task, moving_joints, not_judged
 from hand_identification.free_parameters import START_CREEP
 from hand_identification.joint_problem import STAGES, JointProblem, Segment
 from hand_identification.map_fit import MapFit

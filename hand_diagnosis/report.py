@@ -14,16 +14,21 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis import settings_table
-from hand_diagnosis.completion import at_floor, standard_errors
-from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis, errors_by_split
+from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
 from hand_diagnosis.experiments import next_experiment, simulated_experiment
-from hand_diagnosis.findings import Finding, Number
-from hand_diagnosis.hypotheses import Isolability
-from hand_diagnosis.laws import weighted_by_noise
-from hand_diagnosis.onset import Onset, error_rows, withdrawn_rows
-from hand_diagnosis.remainders import Remainder
+from hand_diagnosis.judgement import (
+    Finding,
+    Number,
+    Onset,
+    Region,
+    Remainder,
+    error_rows,
+    errors_by_split,
+    locate,
+    withdrawn_rows,
+)
+from hand_diagnosis.search import Isolability, at_floor, standard_errors, weighted_by_noise
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.verdict import Region, locate
 from hand_identification.free_parameters import FARTHEST, START_CREEP
 from hand_identification.joint_problem import (
     BLOCK_S,

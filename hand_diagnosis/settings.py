@@ -251,6 +251,8 @@ class Settings(FitSettings):
         " different motions.", CHOICE, "Delays of commands count as another motion.", "Other motions are compared.")
     page_samples: int = setting(700_000, "samples", "Samples of all curves over time of a page.", CHOICE,
         "Coarser curves.", "Pages above 3 MB.")
+    page_noise: float = setting(1.5, "-", "Multiple of the noise up to which a page calls an error noise.",
+        CHOICE, "Errors of noise are called large.", "Small errors are called noise.")
     page_curves: int = setting(5, "curves", "Curves over time of a signal that are counted for it.", CHOICE,
         "Larger pages.", "Coarser curves.")
     full_tint: float = setting(100.0, "-", "Error in multiples of the noise from which the tint of a joint is full.",

@@ -201,7 +201,10 @@ def _noise(segment: Segment) -> Array:
 
 
 def crept(segment: Segment, end: int, column: Array, ratio: float) -> float:
-    """The creeping ratio [-] at a sample, from the measured pressures before it (Eq. 12)."""
+    """The creeping ratio [-] at a sample, from the measured pressures before it (Eq. 12).
+
+    end: the sample.  column: (rows,) parameters.  ratio: at the first sample [-].
+    """
     keys = ("p_min_pa", "b1_per_pa", "extension_time_s", "b0_per_pa", "recovery_time_s")
     p_min, b1, extension_s, b0, recovery_s = (float(column[ROW[f"material.{key}"]]) for key in keys)
     rates = (1.0 / extension_s, b0, 1.0 / recovery_s)

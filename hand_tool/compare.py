@@ -15,7 +15,7 @@ from hand_tool.origin import made
 from hand_tool.paths import check_exists, check_folder
 
 if TYPE_CHECKING:
-    from hand_diagnosis.compare import Comparison
+    from hand_diagnosis.pages.compare import Comparison
 
 LINES = 12
 
@@ -43,7 +43,7 @@ def compare(
         for path in (first, second):
             check_exists(path)
         check_folder(out)
-        from hand_diagnosis.compare import kind_of, write_comparison
+        from hand_diagnosis.pages.compare import kind_of, write_comparison
 
         kinds = [kind_of(path) for path in (first, second)]
         if kinds[0] != kinds[1]:
@@ -65,7 +65,7 @@ def compare(
 
 
 def _compared(kind: str, first: Path, second: Path, model: Path | None, mapping: Path | None) -> Comparison:
-    from hand_diagnosis.compare import compare_models, compare_recordings, compare_reports, load_report
+    from hand_diagnosis.pages.compare import compare_models, compare_recordings, compare_reports, load_report
     from hand_model.description import load_hand
 
     if kind == "report":

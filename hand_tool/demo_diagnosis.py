@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from hand_diagnosis.headline import effect_words, unit_words
-from hand_diagnosis.page_plots import in_thousands
+from hand_diagnosis.pages.headline import effect_words, unit_words
+from hand_diagnosis.pages.page_plots import in_thousands
 from hand_identification.excitation import EXPERIMENTS
 from hand_model.description import Hand
 from hand_model.kernel.rows import ROW

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hand_diagnosis.headline import effect_words
+from hand_diagnosis.pages.headline import effect_words
 from hand_model.arrays import Array
 from hand_pages.page import write_html
 from hand_pages.plots import Curve, Panel, Plot

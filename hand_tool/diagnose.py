@@ -134,7 +134,7 @@ def diagnose(
         chosen.print(as_json)
         content = result.write(out, page=False, made=origin.document())
         outputs.complete(files[0], *files[2:])
-        from hand_diagnosis.page import write_page
+        from hand_diagnosis.pages.page import write_page
 
         write_page(result.diagnosis, content, out, hand)
     _print(content | {"model_file": chosen.as_json()}, out, as_json, ask)
@@ -191,10 +191,10 @@ def _machine(
     from hand_diagnosis.detection import detection_limits
     from hand_diagnosis.diagnosis import diagnose as run
     from hand_diagnosis.found_machine import write_machine_model
-    from hand_diagnosis.page import write_page
+    from hand_diagnosis.pages.page import write_page
     from hand_diagnosis.patch import write_patch
+    from hand_diagnosis.problem import effects_without
     from hand_diagnosis.report import document, write_json
-    from hand_diagnosis.task import effects_without
     from hand_machine.machine import load_machine
 
     chosen = origin.model
@@ -225,7 +225,7 @@ def _fleet(
 ) -> dict[str, Any]:
     """Diagnose every recording by itself; a recording that has a report is not diagnosed again. The summary."""
     from hand_diagnosis.fleet import Job, run_fleet, write_table
-    from hand_diagnosis.fleet_page import write_index
+    from hand_diagnosis.pages.fleet_page import write_index
 
     names = [f"{number:05d}_{path.stem}" for number, path in enumerate(recordings)]
     work = [
@@ -278,7 +278,7 @@ def _list(text: str) -> list[str]:
 
 def _summary(content: dict[str, Any], out: Path, ask: bool) -> list[str]:
     """At most LINES lines; the next experiment, the notes and the paths are always printed."""
-    from hand_diagnosis.headline import by_reason, title
+    from hand_diagnosis.pages.headline import by_reason, title
 
     lines = [f"verdict: {content['verdict']}"]
     for finding in content["findings"]:

@@ -67,7 +67,7 @@ def predict(
             out.mkdir(parents=True, exist_ok=True)
             files[0].write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
             outputs.complete(files[0])
-            from hand_diagnosis.prediction_page import write_page
+            from hand_diagnosis.pages.prediction_page import write_page
 
             write_page(result, content, out, made())
     print(json.dumps(content | {"model_file": chosen.as_json()}) if as_json else "\n".join(_summary(content, out)))

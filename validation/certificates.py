@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from hand_diagnosis.certificate import Certificate, certify
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis, diagnose
+from hand_diagnosis.judgement import Certificate, certify
 from hand_model.description import Hand, load_hand
 from hand_recording.signals import Signals
 from validation.referees.development import DEVELOPMENT

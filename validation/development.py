@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis.diagnosis import Diagnosis, diagnose
+from hand_diagnosis.judgement import StageResult
+from hand_diagnosis.problem import ErrorsOnTest
 from hand_diagnosis.report import fit_rows
-from hand_diagnosis.splits import ErrorsOnTest
-from hand_diagnosis.verdict import StageResult
 from hand_model.description import Hand, load_hand
 from hand_recording.signals import Signals
 from validation import laws, other_forms

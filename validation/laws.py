@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from hand_diagnosis.laws import LearnedLaw, learn_law, training_evidence
+from hand_diagnosis.search import LearnedLaw, learn_law, training_evidence
 from hand_identification.driving import shape_driving
 from hand_identification.free_parameters import (
     NOMINAL_KEYS,

@@ -1,10 +1,10 @@
 """Rivals of the diagnosis on the recordings of a blind trial: python -m validation.trial_rivals FOLDER --train FOLDER.
 
-Every rival gets the recordings, nominal model and split of `hand diagnose` (hand_diagnosis/splits.py). The numbers of
-the nominal model are fitted again; the other rivals model the angle that it leaves, as a function of the angle, speed,
-pressure and direction that it predicts. Friction models are so in their quasi-static form. A random forest
-(Breiman 2001) learns effects from features of the residuals on other trials whose truth is known. The truth of both is
-opened only to train it and to grade.
+Every rival gets the recordings, nominal model and split of `hand diagnose` (hand_diagnosis/problem/splits.py). The
+numbers of the nominal model are fitted again; the other rivals model the angle that it leaves, as a function of the
+angle, speed, pressure and direction that it predicts. Friction models are so in their quasi-static form. A random
+forest (Breiman 2001) learns effects from features of the residuals on other trials whose truth is known. The truth of
+both is opened only to train it and to grade.
 """
 
 from __future__ import annotations
@@ -20,10 +20,8 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis.api import read_recording
-from hand_diagnosis.data_check import check
+from hand_diagnosis.problem import Task, check, effects_without, fit_part, moving_joints, predict_test
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.splits import fit_part, predict_test
-from hand_diagnosis.task import Task, effects_without, moving_joints
 from hand_identification.joint_problem import Segment
 from hand_identification.map_fit import map_fit
 from hand_machine.description import MachineDescription

@@ -148,5 +148,5 @@ def test_the_controller_sends_what_the_described_valve_needs() -> None:
         plant.advance(tick.pressure_command[None].copy())
     assert controller.safety.phase.value == "controlling"
     assert np.degrees(np.abs(plant.state[PHI] - 0.7)).max() < 1.0
-    assert (tick.pressure_command > 1.2 * plant.state[P]).all()
+    assert tick is not None and (tick.pressure_command > 1.2 * plant.state[P]).all()
     assert not any("does not follow" in health.message for health in controller.health(800 * 5_000_000))

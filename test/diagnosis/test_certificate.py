@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 from jsonschema import validate
 
-from hand_diagnosis.certificate import GAUSSIAN_PROCESS, LAGGED_INPUTS, Certificate, certify
 from hand_diagnosis.diagnosis import Diagnosis, diagnose
+from hand_diagnosis.judgement import GAUSSIAN_PROCESS, LAGGED_INPUTS, Certificate, certify, stage_results
+from hand_diagnosis.problem import evaluate_test, fit_part
 from hand_diagnosis.report import document, schema
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.splits import evaluate_test, fit_part
-from hand_diagnosis.verdict import stage_results
 from hand_identification.free_parameters import nominal_free_parameters
 from hand_identification.joint_data import joint_problem
 from hand_identification.map_fit import map_fit

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hand_diagnosis.data_check import check
 from hand_diagnosis.diagnosis import diagnose
+from hand_diagnosis.problem import check
 from hand_model.description import Hand
 from hand_model.effects import EFFECTS
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW

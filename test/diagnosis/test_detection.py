@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 
 from hand_diagnosis import Report, diagnose, read_recording
-from hand_diagnosis.detection import detection_limits, limit_table, limits_of
+from hand_diagnosis.detection import beginning, detection_limits, limit_table, limits_of
 from hand_diagnosis.diagnosis import JointDiagnosis
-from hand_diagnosis.evidence import validation_rmse
+from hand_diagnosis.problem import validation_rmse
 from hand_diagnosis.report import schema
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.splits import beginning
 from hand_identification.map_fit import map_fit
 from hand_model.effects import EFFECTS
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW

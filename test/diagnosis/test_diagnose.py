@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from hand_diagnosis.diagnosis import Diagnosis, diagnose
-from hand_diagnosis.verdict import locate
+from hand_diagnosis.judgement import locate
 from hand_model.description import Hand
 from hand_model.effects import CATALOGUE
 from hand_model.kernel.rows import ROW

@@ -13,8 +13,8 @@ import pytest
 
 from hand_diagnosis import diagnose
 from hand_diagnosis.experiments import best_experiment, separation_sigma
-from hand_diagnosis.hypotheses import Hypothesis
 from hand_diagnosis.report import schema
+from hand_diagnosis.search import Hypothesis
 from hand_identification.excitation import EXPERIMENTS, pressure_ceiling_pa, set_points
 from hand_identification.free_parameters import effect_free_parameters
 from hand_identification.joint_data import joint_problem

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hand_diagnosis.task import Task
+from hand_diagnosis.problem import Task
 from hand_identification.driving import inflow, shape_driving
 from hand_identification.free_parameters import FreeParameter, nominal_free_parameters
 from hand_identification.joint_data import joint_problem

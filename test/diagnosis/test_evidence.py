@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from hand_diagnosis.evidence import log_evidence
+from hand_diagnosis.problem import Task, log_evidence
 from hand_diagnosis.search import search_joint
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.task import Task
 from hand_identification.free_parameters import effect_free_parameters, merged
 from hand_identification.map_fit import MapFit, map_fit
 from hand_model.description import Hand

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from hand_diagnosis.fleet_page import write_index
+from hand_diagnosis.pages.fleet_page import write_index
 from validation.browser import Browser
 
 MANY = 10_000

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from hand_diagnosis.drawing import tint
-from hand_diagnosis.headline import heat_map, ties, tiles, title, worst_by_joint
+from hand_diagnosis.pages.drawing import tint
+from hand_diagnosis.pages.headline import heat_map, ties, tiles, title, worst_by_joint
 from hand_diagnosis.settings import SETTINGS
 
 FRICTION = {

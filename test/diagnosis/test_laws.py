@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from pytest import approx
 
-from hand_diagnosis.evidence import validation_rmse
-from hand_diagnosis.laws import LearnedLaw, describe, learn_law, posterior_covariance, training_evidence
+from hand_diagnosis.problem import validation_rmse
+from hand_diagnosis.search import LearnedLaw, describe, learn_law, posterior_covariance, training_evidence
 from hand_identification.driving import shape_driving
 from hand_identification.free_parameters import (
     effect_free_parameters,

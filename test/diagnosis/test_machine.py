@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from hand_diagnosis import remainders
 from hand_diagnosis.diagnosis import diagnose
-from hand_diagnosis.findings import Number, joint_findings
+from hand_diagnosis.judgement import Number, joint_findings
+from hand_diagnosis.judgement import remainder as remainders
 from hand_diagnosis.report import schema
 from hand_model.description import Hand
 from hand_model.effects import EFFECTS

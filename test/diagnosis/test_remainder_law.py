@@ -12,10 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 from hand_diagnosis.api import diagnose
-from hand_diagnosis.remainders import RemainderLaw, described, learn_remainder
-from hand_diagnosis.splits import fit_part
-from hand_diagnosis.task import Task
-from hand_diagnosis.verdict import describe
+from hand_diagnosis.judgement import RemainderLaw, describe, described, learn_remainder
+from hand_diagnosis.problem import Task, fit_part
 from hand_identification.map_fit import map_fit
 from hand_model.description import Hand, load_hand
 from hand_model.effects import EFFECTS

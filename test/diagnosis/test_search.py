@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hand_diagnosis.completion import refit_below_floor
 from hand_diagnosis.diagnosis import diagnose
-from hand_diagnosis.splits import fit_part
-from hand_diagnosis.task import Task
+from hand_diagnosis.problem import Task, fit_part
+from hand_diagnosis.search import refit_below_floor
 from hand_identification.map_fit import map_fit
 from hand_model.description import Hand
 from test.diagnosis import recordings

@@ -63,7 +63,7 @@ def test_a_bare_number_is_seen(source: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", sorted((ROOT / "hand_diagnosis").glob("*.py")), ids=lambda path: path.stem if path.stem else "package"
+    "path", sorted((ROOT / "hand_diagnosis").rglob("*.py")), ids=lambda path: f"{path.parent.stem}/{path.stem}"
 )
 def test_every_deciding_number_is_a_setting(path: Path) -> None:
     """Fails when a module of the diagnosis has a threshold of its own instead of one of the settings."""
@@ -76,7 +76,7 @@ def test_every_deciding_number_is_a_setting(path: Path) -> None:
 def test_every_setting_is_documented_and_used() -> None:
     """Fails when a setting lacks its unit, meaning, source or consequences, is unused, or can be changed in place."""
     sources = "\n".join(
-        path.read_text(encoding="utf-8") for path in (ROOT / "hand_diagnosis").glob("*.py") if path.stem != "settings"
+        path.read_text(encoding="utf-8") for path in (ROOT / "hand_diagnosis").rglob("*.py") if path.stem != "settings"
     )
     for entry in fields(Settings):
         about = entry.metadata

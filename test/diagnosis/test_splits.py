@@ -9,10 +9,9 @@ import pytest
 
 from hand_diagnosis import diagnosis, read_recording
 from hand_diagnosis.diagnosis import diagnose
+from hand_diagnosis.problem import Task, evaluate_test, exchanged, fit_part, spans_of_test, spared_last
 from hand_diagnosis.report import document
 from hand_diagnosis.search import search_joint
-from hand_diagnosis.splits import evaluate_test, exchanged, fit_part, spans_of_test, spared_last
-from hand_diagnosis.task import Task
 from hand_identification.map_fit import map_fit
 from hand_model.description import Hand
 from hand_recording.recording_files import RecordingError

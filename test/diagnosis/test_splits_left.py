@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hand_diagnosis.diagnosis import Diagnosis, diagnose
-from hand_diagnosis.splits import noise_law, spans_of_test
+from hand_diagnosis.problem import noise_law, spans_of_test
 from hand_identification.joint_data import joint_problem
 from hand_model.arrays import Array
 from hand_model.description import Hand

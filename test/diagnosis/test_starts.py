@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hand_diagnosis.completion import ELSEWHERE
-from hand_diagnosis.task import Task
+from hand_diagnosis.problem import Task
+from hand_diagnosis.search import ELSEWHERE
 from hand_identification.free_parameters import effect_free_parameters, merged
 from hand_identification.map_fit import costs_at, map_fit
 from hand_identification.starts import around

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hand_diagnosis.findings import Number, said
+from hand_diagnosis.judgement import Number, said
 from hand_model.effects import EFFECTS
 from hand_model.quantities import HAND
 

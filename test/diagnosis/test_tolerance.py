@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hand_diagnosis.diagnosis import diagnose
-from hand_diagnosis.task import Task, tolerant
+from hand_diagnosis.problem import Task, tolerant
 from hand_identification.free_parameters import NOMINAL_KEYS
 from hand_model.description import Hand
 from hand_model.kernel.rows import ROW

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 
+from hand_diagnosis.judgement import Excess, StageResult
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.verdict import Excess, StageResult
 
 FLOOR, NOISE = 1.0, 0.2
 

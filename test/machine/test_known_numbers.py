@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from hand_diagnosis.task import Task, effects_without
+from hand_diagnosis.problem import Task, effects_without
 from hand_identification.free_parameters import effect_free_parameters, nominal_free_parameters, probe_values
 from hand_machine.description import load_description
 from hand_machine.found_model import PARAMETER, WEIGHT, Found, write_found_model

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from hand_diagnosis.diagnosis import Diagnosis, diagnose
-from hand_diagnosis.page import write_page
+from hand_diagnosis.pages.page import write_page
 from hand_diagnosis.report import document
 from hand_machine.description import load_description
 from hand_machine.machine import LEVER_M, Machine, load_machine

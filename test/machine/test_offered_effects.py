@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hand_diagnosis.task import effects_not_offered, effects_without
+from hand_diagnosis.problem import effects_not_offered, effects_without
 from hand_machine.description import PARTS
 from hand_machine.machine import AxisModel, load_machine
 from hand_model.description import load_hand

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 
 from hand_diagnosis.diagnosis import Diagnosis, diagnose
 from hand_diagnosis.found_machine import write_machine_model
-from hand_diagnosis.onset import leave_one_out, withdrawn_rows
+from hand_diagnosis.judgement import leave_one_out, withdrawn_rows
 from hand_diagnosis.prediction import predict
 from hand_diagnosis.report import document, schema
 from hand_identification.joint_data import joint_problem

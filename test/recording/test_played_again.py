@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hand_diagnosis.data_check import check
+from hand_diagnosis.problem import check
 from hand_model.description import load_hand
 from hand_recording.bag_writer import Topic, open_bag
 from hand_recording.hand_signals import hand_signals

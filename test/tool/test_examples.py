@@ -13,7 +13,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from hand_diagnosis.page_plots import time_plots
+from hand_diagnosis.pages.page_plots import time_plots
 from hand_model.kernel.rows import ROW
 from hand_model.yaml_patch import patched_text, read_patch
 from hand_tool.cli import app

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis.diagnosis import JointDiagnosis, diagnose
-from hand_diagnosis.evidence import validation_rmse
+from hand_diagnosis.problem import validation_rmse
 from hand_diagnosis.search import search_joint
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit

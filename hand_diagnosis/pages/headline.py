@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hand_diagnosis.drawing import tint
+from hand_diagnosis.pages.drawing import tint
 
 PROPER = {"coulomb": "Coulomb", "hall": "Hall", "fsr": "FSR"}
 """Words of effects' names that are written otherwise in a sentence."""

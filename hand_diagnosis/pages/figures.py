@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hand_diagnosis.diagnosis import JointDiagnosis
-from hand_diagnosis.page_plots import leading_stage, state_means
+from hand_diagnosis.pages.page_plots import leading_stage, state_means
 
 INK, BLUE, ORANGE, GREY, SHADE = "#1a1a1a", "#0067a5", "#b54708", "#888888", "#f0f0f0"
 

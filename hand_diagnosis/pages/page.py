@@ -10,10 +10,10 @@ from typing import Any
 from hand_diagnosis import patch
 from hand_diagnosis.detection import limit_table
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
-from hand_diagnosis.drawing import hand_drawing
-from hand_diagnosis.figures import joint_figure
-from hand_diagnosis.headline import effect_words, heat_map, ties, tiles, title, unit_words, worst_by_joint
-from hand_diagnosis.page_plots import every_nth, law_plot, leading_stage, state_plot, time_plots
+from hand_diagnosis.pages.drawing import hand_drawing
+from hand_diagnosis.pages.figures import joint_figure
+from hand_diagnosis.pages.headline import effect_words, heat_map, ties, tiles, title, unit_words, worst_by_joint
+from hand_diagnosis.pages.page_plots import every_nth, law_plot, leading_stage, state_plot, time_plots
 from hand_diagnosis.settings import SETTINGS
 from hand_model.description import Hand
 from hand_pages.page import png, write_html

@@ -17,9 +17,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from hand_diagnosis.evidence import block_bootstrap, validation_rmse
-from hand_diagnosis.hypotheses import Hypothesis, judged
-from hand_diagnosis.laws import learn_law, posterior_covariance, weighted_by_noise, white_part
+from hand_diagnosis.problem import block_bootstrap, validation_rmse
+from hand_diagnosis.search.hypotheses import Hypothesis, judged
+from hand_diagnosis.search.laws import learn_law, posterior_covariance, weighted_by_noise, white_part
 from hand_diagnosis.settings import SETTINGS, FitPass
 from hand_identification.free_parameters import FreeParameter, law_free_parameters, speed_free_parameters
 from hand_identification.joint_problem import JointProblem

@@ -10,9 +10,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hand_diagnosis.drawing import tint
-from hand_diagnosis.headline import effect_words, errors, multiple, title, unit_words
-from hand_diagnosis.page_plots import in_thousands, nth_shown
+from hand_diagnosis.pages.drawing import tint
+from hand_diagnosis.pages.headline import effect_words, errors, multiple, title, unit_words
+from hand_diagnosis.pages.page_plots import in_thousands, nth_shown
 from hand_diagnosis.settings import SETTINGS
 from hand_model.arrays import Array
 from hand_model.description import Hand

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hand_diagnosis.diagnosis import JointDiagnosis
-from hand_diagnosis.headline import effect_words
-from hand_diagnosis.laws import LawCurve
+from hand_diagnosis.judgement import describe, states_of
+from hand_diagnosis.pages.headline import effect_words
+from hand_diagnosis.problem import residuals_on_test, spans_of_test, swings_freely
+from hand_diagnosis.search import LawCurve
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.splits import residuals_on_test, spans_of_test, swings_freely
-from hand_diagnosis.verdict import describe, states_of
 from hand_identification.joint_problem import Segment
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array, Flags

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hand_diagnosis.completion import completed, learned_below_floor, refit_below_floor, restarted
-from hand_diagnosis.evidence import fitted_rmse, log_evidence, validation_rmse
-from hand_diagnosis.hypotheses import Hypothesis, amounts, fit_roughly, judged, promising, refined
-from hand_diagnosis.laws import begin_law, learn_law, training_evidence, white_part, with_nominal_numbers_of
+from hand_diagnosis.problem import fitted_rmse, log_evidence, validation_rmse
+from hand_diagnosis.search.completion import completed, learned_below_floor, refit_below_floor, restarted
+from hand_diagnosis.search.hypotheses import Hypothesis, amounts, fit_roughly, judged, promising, refined
+from hand_diagnosis.search.laws import begin_law, learn_law, training_evidence, white_part, with_nominal_numbers_of
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import shape_driving
 from hand_identification.free_parameters import FreeParameter, merged

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.signal import lfilter
 
+from hand_diagnosis.judgement.stage_errors import StageResult
+from hand_diagnosis.problem import predict_test
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.splits import predict_test
-from hand_diagnosis.verdict import StageResult
 from hand_identification.joint_problem import STAGES, JointProblem, Segment
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array

@@ -11,15 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hand_diagnosis.completion import standard_errors
-from hand_diagnosis.hypotheses import Hypothesis
-from hand_diagnosis.laws import LawCurve
-from hand_diagnosis.laws import describe as describe_law
-from hand_diagnosis.onset import Onset
-from hand_diagnosis.search import JointSearch
+from hand_diagnosis.judgement.onset import Onset
+from hand_diagnosis.judgement.residual_structure import describe
+from hand_diagnosis.judgement.stage_errors import StageResult
+from hand_diagnosis.problem import ErrorsOnTest
+from hand_diagnosis.search import Hypothesis, JointSearch, LawCurve, standard_errors
+from hand_diagnosis.search import describe as describe_law
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.splits import ErrorsOnTest
-from hand_diagnosis.verdict import StageResult, describe
 from hand_identification.joint_problem import BLOCK_S, JointProblem
 from hand_identification.map_fit import MapFit
 from hand_model.effects.effect import Effect

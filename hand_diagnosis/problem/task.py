@@ -12,10 +12,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hand_diagnosis.data_check import Checked
-from hand_diagnosis.evidence import log_evidence
+from hand_diagnosis.problem.data_check import Checked
+from hand_diagnosis.problem.evidence import log_evidence
+from hand_diagnosis.problem.splits import fit_part
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.splits import fit_part
 from hand_identification.driving import accelerations, inflow, shape_driving
 from hand_identification.free_parameters import FreeParameter, nominal_free_parameters, speed_free_parameters
 from hand_identification.joint_data import driving_pressure, joint_problem

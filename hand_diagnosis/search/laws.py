@@ -12,23 +12,20 @@ have in them (MacKay, Neural Computation 4(3), 1992).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from hand_diagnosis.evidence import block_bootstrap, fitted_rmse, log_likelihood, validation_rmse
+from hand_diagnosis.problem import block_bootstrap, fitted_rmse, log_likelihood, validation_rmse
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import START_CREEP, FreeParameter, law_free_parameters, probe_values
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, costs_at, map_fit
 from hand_model.arrays import Array
-from hand_model.effects.constitution import STATES
-from hand_model.effects.effect import INFLOW, SPEED, Effect
+from hand_model.effects.effect import Effect
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS
-from hand_model.kernel.rows import ROW, effect_rows
-from hand_model.quantities import HAND, Wording, amount
+from hand_model.kernel.rows import ROW
 from hand_recording.signals import white_noise
 
 
@@ -252,148 +249,3 @@ def _falls(problem: JointProblem, textbook: MapFit, fit: MapFit) -> bool:
 
 
 # The law as a curve and in words.
-
-
-@dataclass(frozen=True, slots=True)
-class LawCurve:
-    """A law over its states, in the units of the machine.
-
-    form: "textbook" or "learned".  over: names of the states.  unit, over_unit: of the law and of its first state.
-    points: (settings.law_points, 5) state, law, lower and upper end of its band, textbook form fitted to the same data.
-    statement: the law in a sentence.
-    """
-
-    form: str
-    over: tuple[str, ...]
-    quantity: str
-    unit: str
-    over_unit: str
-    points: Array
-    statement: str
-
-    def document(self) -> dict[str, Any]:
-        """The entry `law` of a finding in report.json."""
-        return {
-            "form": self.form,
-            "over": list(self.over),
-            "quantity": self.quantity,
-            "unit": self.unit,
-            "over_unit": self.over_unit,
-            "columns": ["state", "law", "low", "high", "textbook"],
-            "points": [[float(f"{value:.4g}") for value in row] for row in self.points],
-            "statement": self.statement,
-        }
-
-
-def describe(
-    problem: JointProblem, effect: Effect, chosen: MapFit, textbook: MapFit | None = None, wording: Wording = HAND
-) -> LawCurve:
-    """The law of an effect over the states that occurred, with its band, and in words.
-
-    chosen: the fit with the law.  textbook: the fit of the textbook form to the same data; None where `chosen` has this
-    form. Raises ValueError for an effect without a learned law.
-    """
-    known = effect.constitution
-    if known is None or known.curve is None:
-        raise ValueError(f"the effect {effect.name} has no learned law")
-    first = _grid(problem, known.over[0], effect, chosen)
-    second = _grid(problem, known.over[1], effect, chosen)[[0, -1]] if len(known.over) > 1 else np.zeros(2)
-    here = _curves(problem, effect, chosen, chosen.z[None], first, second)[0]
-    draws = np.random.default_rng(SETTINGS.noise_seed).multivariate_normal(
-        chosen.z, posterior_covariance(problem, chosen), SETTINGS.law_draws, method="cholesky"
-    )
-    ends = np.quantile(_curves(problem, effect, chosen, draws, first, second)[:, 0], SETTINGS.law_band, axis=0)
-    low, high = np.minimum(ends[0], here[0]), np.maximum(ends[1], here[0])  # a coefficient may stand at its bound
-    plain = here[0] if textbook is None else _curves(problem, effect, textbook, textbook.z[None], first, second)[0, 0]
-    unit, over_unit = (wording.units.quantity(f"law.x_{ending}") for ending in (known.unit, STATES[known.over[0]]))
-    points = np.column_stack([first * over_unit.factor, *(y * unit.factor for y in (here[0], low, high, plain))])
-    quantity, over = wording.sentence(known.quantity, ()), tuple(wording.state(name) for name in known.over)
-    sentence = in_words(quantity, over, points[:, 0], here * unit.factor, unit.unit, over_unit.unit)
-    form = "textbook" if textbook is None else "learned"
-    return LawCurve(form, over, quantity, unit.unit, over_unit.unit, points, sentence)
-
-
-def _curves(problem: JointProblem, effect: Effect, fit: MapFit, z: Array, first: Array, second: Array) -> Array:
-    """Values (k, len(second), len(first)) of the law [SI] at coordinates z (k, free) and at both states."""
-    curve = _curve_of(effect)
-    columns, _ = problem.columns(fit.free, z)
-    out = np.empty((len(z), len(second), len(first)))
-    for k, column in enumerate(columns):
-        q = tuple(float(value) for value in column[list(effect_rows(effect, prepared=False))])
-        if effect.prepared:
-            q = (*q, *effect.hooks["prepare"](q, problem.segments[0].period_s))
-        out[k] = [[curve(q, float(x), float(y)) for x in first] for y in second]
-    return out
-
-
-def _curve_of(effect: Effect) -> Callable[[tuple[float, ...], float, float], float]:
-    if effect.constitution is None or effect.constitution.curve is None:
-        raise ValueError(f"the effect {effect.name} has no learned law")
-    return effect.constitution.curve
-
-
-def _grid(problem: JointProblem, state: str, effect: Effect, fit: MapFit) -> Array:
-    """Values (law_points,) [SI] of a state over the range that occurred."""
-    segments = problem.segments
-
-    def largest(values: Iterable[Array], share: float = SETTINGS.law_range_share) -> float:
-        return max(float(np.quantile(np.abs(value), share)) for value in values)
-
-    if state == "angle":
-        angles = np.concatenate([segment.angle_rad for segment in segments])
-        if effect.name == "backlash":  # way after a reversal
-            return np.linspace(0.0, float(np.ptp(angles)) / 4.0, SETTINGS.law_points)
-        low, high = (
-            float(end) for end in np.quantile(angles, (1.0 - SETTINGS.law_range_share, SETTINGS.law_range_share))
-        )
-        return np.linspace(low, high, SETTINGS.law_points)
-    if state == "state of the loop":
-        return np.linspace(-1.0, 1.0, SETTINGS.law_points)
-    if state == "direction":
-        return np.linspace(0.0, 1.0, SETTINGS.law_points)
-    if state == "time" and effect.place == "valve":
-        return np.linspace(0.0, SETTINGS.law_settled * _time_constant(problem, fit), SETTINGS.law_points)
-    top = {
-        "speed": lambda: largest(segment.exogenous[:, SPEED] for segment in segments),
-        "set-point": lambda: max(float(np.ptp(segment.set_point_pa)) for segment in segments),
-        "pressure": lambda: largest(segment.pressure_pa for segment in segments),
-        "pressure error": lambda: largest(segment.set_point_pa - segment.pressure_pa for segment in segments),
-        "pressure difference": lambda: (
-            largest(np.diff(segment.pressure_pa) for segment in segments) * SETTINGS.law_tube_differences
-        ),
-        "time": lambda: max(len(segment.angle_rad) * segment.period_s for segment in segments),
-        "travel": lambda: max(float(np.abs(np.diff(segment.angle_rad)).sum()) for segment in segments),
-        "inflow": lambda: largest((segment.exogenous[:, INFLOW] for segment in segments), 1.0),
-    }[state]()
-    return np.linspace(0.0, max(top, 1e-12), SETTINGS.law_points)
-
-
-def _time_constant(problem: JointProblem, fit: MapFit) -> float:
-    """Time constant [s] of the valve and its lag in a fit."""
-    columns, _ = problem.columns(fit.free, fit.z[None])
-    return sum(float(columns[0, ROW[key]]) for key in ("valve.time_constant_s", "valve_lag.time_constant_s"))
-
-
-def in_words(quantity: str, over: tuple[str, ...], x: Array, y: Array, unit: str, over_unit: str) -> str:
-    """A law in words. x (points,), y (values of the second state, points), in units and words of the machine."""
-    main, size = y[0], float(np.abs(y).max())
-    change = main - main[0]
-    if size == 0.0:
-        return f"{quantity} is 0"
-    if np.ptp(main) < SETTINGS.law_constant_share * float(np.abs(main).max()):
-        text = f"{quantity} stays at {amount(float(main.mean()), unit)}"
-    elif np.all(np.diff(main) >= -1e-9 * size) or np.all(np.diff(main) <= 1e-9 * size):
-        at = float(x[int(np.argmax(np.abs(change) >= SETTINGS.law_most_share * abs(change[-1])))])
-        verb = "rises" if change[-1] > 0.0 else "falls"
-        ends = f"from {amount(float(main[0]), unit)} to {amount(float(main[-1]), unit)}"
-        early = at < SETTINGS.law_most_share * x[-1]
-        by = f", most of it by a {over[0]} of {amount(at, over_unit)}" if early else ""
-        text = f"{quantity} {verb} {ends} over the {over[0]}{by}"
-    else:
-        ends = f"between {amount(float(main.min()), unit)} and {amount(float(main.max()), unit)}"
-        at = float(x[int(np.argmax(main))])
-        text = f"{quantity} lies {ends}; it is largest at a {over[0]} of {amount(at, over_unit)}"
-    grows = float(y[1].mean() / main.mean() - 1.0) if len(over) > 1 and main.mean() != 0.0 else 0.0
-    if abs(grows) >= SETTINGS.law_constant_share and over[1] != "direction":
-        text += f", and {'grows' if grows > 0.0 else 'falls'} {abs(100.0 * grows):.0f} % with the {over[1]}"
-    return text

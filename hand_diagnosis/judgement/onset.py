@@ -19,12 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from hand_diagnosis.completion import refit_below_floor
-from hand_diagnosis.evidence import log_evidence
-from hand_diagnosis.hypotheses import amounts
-from hand_diagnosis.search import JointSearch, fit_without
+from hand_diagnosis.judgement.stage_errors import StageResult
+from hand_diagnosis.problem import log_evidence
+from hand_diagnosis.search import JointSearch, amounts, fit_without, refit_below_floor
 from hand_diagnosis.settings import SETTINGS
-from hand_diagnosis.verdict import StageResult
 from hand_identification.free_parameters import START_CREEP, FreeParameter, merged
 from hand_identification.joint_problem import CORRELATION_S, JointProblem
 from hand_identification.map_fit import MapFit, map_fit, residual_is_correlated

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_diagnosis.evidence import block_bootstrap, fitted_rmse, log_evidence, validation_rmse
+from hand_diagnosis.problem import block_bootstrap, fitted_rmse, log_evidence, validation_rmse
 from hand_diagnosis.settings import SETTINGS, FitPass
 from hand_identification.free_parameters import (
     START_CREEP,

@@ -8,16 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from hand_diagnosis.headline import by_reason, short
-from hand_diagnosis.page_plots import NOISE_BAND, in_thousands, nth_shown
+from hand_diagnosis.pages.headline import by_reason, short
+from hand_diagnosis.pages.page_plots import NOISE_BAND, in_thousands, nth_shown
 from hand_diagnosis.prediction import JointPrediction, Prediction, Score
+from hand_diagnosis.settings import SETTINGS
 from hand_model.quantities import Wording
 from hand_pages.page import write_html
 from hand_pages.plots import Curve, Panel, Plot
 from hand_pages.results import made_rows
-
-AS_NOISE = 1.5
-"""Multiple of the noise up to which a prediction has no error beyond the noise."""
 
 
 def write_page(
@@ -49,7 +47,7 @@ def headline(content: Mapping[str, Any]) -> str:
         return "No signal could be predicted"
     worst = max(rows, key=lambda row: row["noise_floors"])
     most = short(worst["noise_floors"])
-    if worst["noise_floors"] <= AS_NOISE:
+    if worst["noise_floors"] <= SETTINGS.page_noise:
         return f"The model predicts every signal to within {most} times the noise"
     error = f"{worst['rmse']:.3g} {worst['unit']} RMS, {most} times the noise"
     where = f" in {worst['recording']}" if len(content["recordings"]) > 1 else ""

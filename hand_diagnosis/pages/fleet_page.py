@@ -11,7 +11,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from hand_diagnosis.headline import title, worst_by_joint
+from hand_diagnosis.pages.headline import title, worst_by_joint
 from hand_pages.page import write_html
 from hand_pages.plots import Curve, Kind, Panel, Plot, script_json
 from hand_pages.results import made_rows

@@ -1,0 +1,54 @@
+"""What a fitted model leaves, and what that means: errors against noise, onsets, findings, remainders, certificates."""
+
+from hand_diagnosis.judgement.certificate import GAUSSIAN_PROCESS, LAGGED_INPUTS, Certificate, certify
+from hand_diagnosis.judgement.findings import Finding, JointResult, Number, joint_findings, ranked_findings, said
+from hand_diagnosis.judgement.notes import bound_notes, errors_by_split, exchange_notes
+from hand_diagnosis.judgement.onset import (
+    LeftOut,
+    Onset,
+    error_rows,
+    leave_one_out,
+    search_with_onset,
+    with_onset,
+    withdrawn_rows,
+)
+from hand_diagnosis.judgement.remainder import Remainder, RemainderLaw, described, learn_remainder, remainders, verdict
+from hand_diagnosis.judgement.residual_structure import Region, describe, locate, states_of
+from hand_diagnosis.judgement.stage_errors import Excess, StageResult, stage_results, with_other_splits
+
+__all__ = [
+    "GAUSSIAN_PROCESS",
+    "LAGGED_INPUTS",
+    "Certificate",
+    "Excess",
+    "Finding",
+    "JointResult",
+    "LeftOut",
+    "Number",
+    "Onset",
+    "Region",
+    "Remainder",
+    "RemainderLaw",
+    "StageResult",
+    "bound_notes",
+    "certify",
+    "describe",
+    "described",
+    "error_rows",
+    "errors_by_split",
+    "exchange_notes",
+    "joint_findings",
+    "learn_remainder",
+    "leave_one_out",
+    "locate",
+    "ranked_findings",
+    "remainders",
+    "said",
+    "search_with_onset",
+    "stage_results",
+    "states_of",
+    "verdict",
+    "with_onset",
+    "with_other_splits",
+    "withdrawn_rows",
+]

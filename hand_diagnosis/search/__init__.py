@@ -1,0 +1,33 @@
+"""Which effects, with which laws, explain a joint: hypotheses, their evidence, learned laws, the search."""
+
+from hand_diagnosis.search.completion import ELSEWHERE, at_floor, on_everything, refit_below_floor, standard_errors
+from hand_diagnosis.search.hypotheses import Hypothesis, Isolability, Probes, amounts, isolability, probes_at
+from hand_diagnosis.search.joint_search import JointSearch, fit_without, rough_evidence, search_joint
+from hand_diagnosis.search.law_curves import LawCurve, describe, in_words
+from hand_diagnosis.search.laws import LearnedLaw, learn_law, posterior_covariance, training_evidence, weighted_by_noise
+
+__all__ = [
+    "ELSEWHERE",
+    "Hypothesis",
+    "Isolability",
+    "JointSearch",
+    "LawCurve",
+    "LearnedLaw",
+    "Probes",
+    "amounts",
+    "at_floor",
+    "describe",
+    "fit_without",
+    "in_words",
+    "isolability",
+    "learn_law",
+    "on_everything",
+    "posterior_covariance",
+    "probes_at",
+    "refit_below_floor",
+    "rough_evidence",
+    "search_joint",
+    "standard_errors",
+    "training_evidence",
+    "weighted_by_noise",
+]
