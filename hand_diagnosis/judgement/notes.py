@@ -1,4 +1,4 @@
-"""What a report says about the fit of a joint in addition to its findings: errors by split, exchanged test data, bounds."""
+"""What a report says about the fit of a joint in addition to findings: errors by split, exchanged test data, bounds."""
 
 from __future__ import annotations
 
