@@ -6,7 +6,6 @@ python -m validation.bench.found_models [NAME...]; each diagnosis takes minutes.
 from __future__ import annotations
 
 import argparse
-import shutil
 import sys
 import tempfile
 from pathlib import Path
@@ -39,7 +38,8 @@ def main() -> int:
         )
         with tempfile.TemporaryDirectory() as folder:
             report.write(folder, page=False)
-            shutil.copy(Path(folder) / PATCH, MODELS / f"{name.replace(' ', '_')}.yaml")
+            patch = (Path(folder) / PATCH).read_text(encoding="utf-8").replace(f"{folder}/", "")
+        (MODELS / f"{name.replace(' ', '_')}.yaml").write_text(patch, encoding="utf-8")
         found = ", ".join(f"{each['effect']} {each['probability']:.2f}" for each in report.findings)
         print(f"{name}: {report.verdict}, {found or 'nothing named'}", flush=True)
     return 0
