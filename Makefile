@@ -12,7 +12,7 @@ CHECKING := requirements-analysis.txt requirements-studio.txt requirements-valid
 # WHEELHOUSE=folder: install from this folder alone, without a network; `make wheelhouse` fills it.
 WHEELHOUSE ?=
 OFFLINE := $(if $(WHEELHOUSE),--wheelhouse $(WHEELHOUSE))
-# Test processes. One of them runs the tests in real time, the others use the idle time of the processors meanwhile.
+# Test processes. Tests in real time run one at a time and alone whatever this is.
 WORKERS ?= 2
 # Files or folders of tests to run alone: make test TESTS=test/model
 TESTS ?=
@@ -55,12 +55,12 @@ studio: $(BUILT) $(VIEWED)
 demo: $(BUILT)
 	$(RUN) hand demo --out out/demo
 
-# Lint and types run in the idle time next to the tests, and are shown at the end.
+# Lint and types run next to the first tests, which need no deadlines, and are shown at the end.
 LINT := ruff format --check . && ruff check . && mypy && hadolint Dockerfile
 test: $(BUILT) $(CHECKED) $(ACTIONS)
 	mkdir -p out
-	$(RUN) { (chrt --idle 0 bash -c '$(LINT)' > out/lint.log 2>&1) & lint=$$!; \
-	tests=0; python -m pytest -n $(WORKERS) --no-loadscope-reorder $(if $(LONG),-m '') $(TESTS) || tests=$$?; \
+	$(RUN) { (nice -n 19 bash -c '$(LINT)' > out/lint.log 2>&1) & lint=$$!; \
+	tests=0; python -m pytest -n $(WORKERS) --dist loadfile $(if $(LONG),-m '') $(TESTS) || tests=$$?; \
 	checks=0; wait $$lint || checks=$$?; cat out/lint.log; exit $$((tests > checks ? tests : checks)); }
 
 lint: $(BUILT) $(CHECKED)

@@ -1,9 +1,8 @@
-"""All tests: compiled kernels are those of the sources under test; tests in real time are not disturbed by others.
+"""All tests: compiled kernels are those of the sources under test; tests in real time run alone.
 
 `make test` runs the tests in several processes (pytest-xdist). A test in real time keeps deadlines, and a process that
-is delayed by 0.1 s makes the hand vent. So one process runs all such tests, first and one at a time. The tests of the
-other processes use the idle time of the processors meanwhile (SCHED_IDLE); where the rights for that are missing, they
-wait. A separate process measures how long the machine itself stalls; a failed test states it.
+is delayed by 0.1 s makes the hand vent. So the processes share a lock: a module of such tests holds it alone, all other
+tests hold it together. A separate process measures how long the machine itself stalls; a failed test states it.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -43,8 +41,6 @@ REAL_TIME = (
     "driver/test_c_board",
 )
 """Tests of processes that keep deadlines, by the beginning of their path."""
-LONGEST = ("diagnosis/", "validation/", "control/", "model/", "tool/")
-"""Folders whose files take longest, to begin with."""
 WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
 # A domain per test process, before rclpy is imported: nodes of another process must not be heard.
 _DOMAIN = int(os.environ.get("ROS_DOMAIN_ID") or os.getpid() % 90 + 10)
@@ -59,61 +55,33 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-MAY_RETURN = os.geteuid() == 0 or resource.getrlimit(resource.RLIMIT_NICE)[0] >= 20
-"""Whether a process may leave SCHED_IDLE again (man sched)."""
+class Lock:
+    """Held by one process alone or by several together; who waits for it alone is served before later ones."""
 
-
-class Turn:
-    """Tests in real time run one at a time; other tests run in the idle time of the processors until those are done."""
-
-    def __init__(self, folder: Path, run: str) -> None:
+    def __init__(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         flags = os.O_RDWR | os.O_CREAT
-        self._queue, self._machine = (os.open(folder / name, flags) for name in ("queue.lock", "machine.lock"))
-        self._done = folder / f"real_time_done.{run}"
-        self._held = False
-        self.awaited = False
-        """Whether tests in real time are part of this run."""
+        self._files = [os.open(folder / name, flags) for name in ("queue.lock", "machine.lock")]
+        self._held = ""
 
-    def begin_real_time(self) -> None:
-        """Wait for other tests in real time, and for all others where those cannot run in idle time."""
-        if not self._held:
-            self._lock(fcntl.LOCK_EX)
-            self._held = True
-            self._use(os.SCHED_OTHER)
+    def take(self, how: str) -> None:
+        """Wait until it is held in this way: "alone" or "together"."""
+        if self._held == how:
+            return
+        self.release()
+        queue, machine = self._files
+        fcntl.flock(queue, fcntl.LOCK_EX)
+        fcntl.flock(machine, fcntl.LOCK_EX if how == "alone" else fcntl.LOCK_SH)
+        fcntl.flock(queue, fcntl.LOCK_UN)
+        self._held = how
 
-    def end_real_time(self) -> None:
-        """Let the others have the processors."""
-        self._done.touch()
-        fcntl.flock(self._machine, fcntl.LOCK_UN)
-        self._held = False
-
-    def begin_other(self) -> None:
-        """Run in idle time until the tests in real time are done; without the rights for that, wait for them."""
-        if MAY_RETURN:
-            self._use(os.SCHED_IDLE if self.awaited and not self._done.exists() else os.SCHED_OTHER)
-        else:
-            self._lock(fcntl.LOCK_SH)
-
-    def end_other(self) -> None:
-        """Let a test in real time begin."""
-        if not MAY_RETURN:
-            fcntl.flock(self._machine, fcntl.LOCK_UN)
-
-    def _lock(self, how: int) -> None:
-        """Take the lock; who waits for it alone is served before later ones."""
-        fcntl.flock(self._queue, fcntl.LOCK_EX)
-        fcntl.flock(self._machine, how)
-        fcntl.flock(self._queue, fcntl.LOCK_UN)
-
-    @staticmethod
-    def _use(policy: int) -> None:
-        """Run this thread, and what it starts, under a scheduling policy."""
-        if MAY_RETURN:
-            os.sched_setscheduler(0, policy, os.sched_param(0))
+    def release(self) -> None:
+        if self._held:
+            fcntl.flock(self._files[1], fcntl.LOCK_UN)
+            self._held = ""
 
 
-TURN = Turn(ROOT / ".pytest_cache", os.environ.get("PYTEST_XDIST_TESTRUNUID", str(os.getpid())))
+LOCK = Lock(ROOT / ".pytest_cache")
 STALL_CODE = """
 import os, time
 parent = os.getppid()
@@ -163,40 +131,13 @@ STALL_WATCH: list[StallWatch] = []
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Remove what former runs have left, once a run."""
-    if "PYTEST_XDIST_WORKER" not in os.environ:
-        for done in (ROOT / ".pytest_cache").glob("real_time_done.*"):
-            done.unlink()
-    config.addinivalue_line("markers", "real_time: keeps deadlines and is not disturbed (by its path, conftest.py)")
+    config.addinivalue_line("markers", "real_time: keeps deadlines and therefore runs alone (by its path, conftest.py)")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests in real time and begin with them, and with those that take long."""
     for item in items:
         if item.path.relative_to(ROOT / "test").as_posix().startswith(REAL_TIME):
             item.add_marker(pytest.mark.real_time)
-            TURN.awaited = True
-    items.sort(key=lambda item: _place(item.path.relative_to(ROOT / "test").as_posix()))
-
-
-def _place(path: str) -> int:
-    """The place of a test file in the order: real time, then LONGEST, then the others."""
-    if path.startswith(REAL_TIME):
-        return 0
-    return next((1 + at for at, folder in enumerate(LONGEST) if path.startswith(folder)), 1 + len(LONGEST))
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
-    """One process gets all tests in real time, as one unit of work; all other files are units of their own."""
-    from xdist.scheduler import LoadFileScheduling  # noqa: PLC0415 - only where several processes were asked for
-
-    class OneRealTimeProcess(LoadFileScheduling):  # type: ignore[misc]
-        def _split_scope(self, nodeid: str) -> str:
-            file = nodeid.split("::", 1)[0]
-            return "real time" if file.removeprefix("test/").startswith(REAL_TIME) else file
-
-    return OneRealTimeProcess(config, log)
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
@@ -221,17 +162,14 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> Iterator[None]:
-    """Take turns; tests in real time keep theirs until the last one, because their fixtures keep processes running."""
-    real_time = item.get_closest_marker("real_time") is not None
-    begin = TURN.begin_real_time if real_time else TURN.begin_other
-    begin()
+    """Hold the lock during a test; a module in real time keeps it, because its fixtures keep processes running."""
+    alone = item.get_closest_marker("real_time") is not None
+    LOCK.take("alone" if alone else "together")
     try:
         return (yield)
     finally:
-        if not real_time:
-            TURN.end_other()
-        elif nextitem is None or nextitem.get_closest_marker("real_time") is None:
-            TURN.end_real_time()
+        if not (alone and nextitem is not None and nextitem.path == item.path):
+            LOCK.release()
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
