@@ -213,7 +213,8 @@ def test_up_runs_a_board_on_a_serial_line(stack: Stack, terminal: Terminal) -> N
 def test_sigterm_ends_a_hand_that_a_script_started_in_the_background(terminal: Terminal) -> None:
     """Fails when `hand up` ignores SIGTERM where its caller ignores SIGINT, as a shell script does with `&`."""
     command = " ".join([*TOOL, "up", "--sim", "--namespace", "behind"])
-    environment = os.environ | {"ROS_HOME": str(terminal.folder / "behind")}
+    domain = str((int(os.environ["ROS_DOMAIN_ID"]) + 1) % 100)  # the hand of the other tests is not to be heard
+    environment = os.environ | {"ROS_HOME": str(terminal.folder / "behind"), "ROS_DOMAIN_ID": domain}
     started = ["bash", "-c", f"trap '' INT; exec {command}"]
     process = subprocess.Popen(started, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
     assert process.stdout is not None
