@@ -194,7 +194,7 @@ def test_the_command_writes_a_score_and_a_page(diagnosed: Diagnosed) -> None:
     assert 0.5 * NOISE_MM < row["noise_floor"] < 2.0 * NOISE_MM
     assert json.loads((out / "prediction.json").read_text(encoding="utf-8"))["scores"] == content["scores"]
     page = (out / "prediction.html").read_text(encoding="utf-8")
-    assert "times the noise floor" in page
+    assert "times the noise" in page
     assert "position of axis over time: error" in page
 
 
