@@ -83,9 +83,11 @@ class HandClient:
     def spin(self, seconds: float) -> None:
         """Receive messages for some time [s]."""
         try:
-            self._executor.spin_until_future_complete(Future(), timeout_sec=seconds)
-            if not self._ended:  # what ends the program may still wait for an answer
-                self._check()
+            try:
+                self._executor.spin_until_future_complete(Future(), timeout_sec=seconds)
+            finally:  # a signal within a callback is dropped, or becomes an error of the compiled executor
+                if not self._ended:  # what ends the program may still wait for an answer
+                    self._check()
         except BaseException:
             self._ended = True
             raise

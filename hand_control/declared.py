@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from hand_model.arrays import Array
+from hand_model.compile_cache import njit
 from hand_model.description import Hand
 from hand_ros.parameters import NodeParameter, ParameterError
 

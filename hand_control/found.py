@@ -23,13 +23,13 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from hand_control.declared import G, S, Settings, U, bounded_dt
 from hand_control.law import Law
 from hand_control.tuning import gains
 from hand_model.arrays import Array, Flags
+from hand_model.compile_cache import njit
 from hand_model.description import Hand
 from hand_model.effects import EFFECTS
 from hand_model.effects.effect import EXOGENOUS, Effect

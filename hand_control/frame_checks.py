@@ -30,10 +30,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from hand_control.declared import Settings
 from hand_model.arrays import Array, Flags
+from hand_model.compile_cache import njit
 from hand_model.description import Hand
 from hand_model.effects.effect import ANGLE, SPEED
 from hand_model.effects.gas_compression import prepare as per_supply

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hand_control.frame_checks import (
     DRIVEN,
@@ -26,6 +25,7 @@ from hand_control.frame_checks import (
 from hand_control.sensor_watch import FINE as UNSUSPICIOUS
 from hand_control.sensor_watch import Contradiction, SensorWatch, check_sensors, hold_sensors
 from hand_model.arrays import Array
+from hand_model.compile_cache import njit
 from hand_model.description import Hand
 
 

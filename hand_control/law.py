@@ -37,12 +37,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from hand_control.adaptation import adapt, map_variance, reset_covariance, reset_map
 from hand_control.contact import contradicted_by_motion, detect
 from hand_control.declared import INPUTS, OUT, OUTPUTS, STATE, C, G, S, U, bounded_dt, inlined
 from hand_model.arrays import Array, Flags
+from hand_model.compile_cache import njit
 from hand_model.material import creep_rate
 from hand_model.statics import leverage, pressure_for_torque, stiffness, torque
 

@@ -23,10 +23,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from hand_model.arrays import Array
+from hand_model.compile_cache import njit
 
 LEAST_RAD = math.radians(2.0)
 """Motions below are no evidence."""

@@ -43,11 +43,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from hand_control.place_watch import ALIKE, ENOUGH_S, NONE, RECENT_S, PlaceWatch, check_places, hold_places
 from hand_model.arrays import Array
+from hand_model.compile_cache import njit
 from hand_model.description import Hand
 from hand_model.statics import torque
 

@@ -22,10 +22,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from hand_control.declared import Settings, U, bounded_dt
 from hand_model.arrays import Array
+from hand_model.compile_cache import njit
 
 SUBSTEP = 0.1
 """Largest share of the filter's time constant 1/w that one explicit step takes: well inside stability."""

@@ -20,12 +20,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from hand_driver.board import Counts
 from hand_driver.measurement import channel_names
 from hand_model.arrays import Flags
+from hand_model.compile_cache import njit
 from hand_model.description import Hand
 
 FALSE_ALARMS_PER_HOUR = 1e-6

@@ -6,11 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from hand_driver.board import Counts, Frame, Status
 from hand_model.arrays import Array, Flags
+from hand_model.compile_cache import njit
 from hand_model.description import Hand
 from hand_model.sensors import fsr_force, line_angle
 from hand_model.statics import torque

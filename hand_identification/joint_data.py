@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 from numpy.polynomial.polynomial import polyfit
 
 from hand_identification.joint_problem import (
@@ -18,6 +17,7 @@ from hand_identification.joint_problem import (
     initial_weights,
 )
 from hand_model.arrays import Array, Flags
+from hand_model.compile_cache import njit
 from hand_model.effects.effect import ACCELERATION, ANGLE, EXOGENOUS, NEIGHBOUR, PARTNER, SPEED, TIME
 from hand_model.joint_model import JointModel
 from hand_model.kernel.layout import OMEGA, PHI, P

@@ -7,7 +7,7 @@ zero the material holds. Well-posed for b0 >= b1 and p_min > 0; A stays in [0, 1
 
 from __future__ import annotations
 
-from numba import njit
+from hand_model.compile_cache import njit
 
 
 @njit(cache=True, forceinline=True, fastmath={"contract", "nnan", "nsz"})

@@ -11,10 +11,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from hand_model.arrays import Array
+from hand_model.compile_cache import njit
 from hand_model.kernel.inline import inline_exact
 
 

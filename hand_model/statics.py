@@ -7,7 +7,7 @@ All functions take floats or arrays that broadcast, in compiled loops and in Num
 
 from __future__ import annotations
 
-from numba import njit
+from hand_model.compile_cache import njit
 
 _equation = njit(cache=True, forceinline=True, fastmath={"contract"})
 

@@ -1,5 +1,5 @@
 "use strict";
-/* Draws every <figure class="plot"> from the JSON inside it (hand_pages/plots.py) as SVG: panels over one axis, zoomed
+/* Draws every figure of the class plot from the JSON inside it (hand_pages/plots.py) as SVG: panels over one axis, zoomed
    together with all plots of the same group. Drag or +, - zoom; arrow keys move; 0, Escape or a double click show all. */
 (() => {
 const NS = "http://www.w3.org/2000/svg", LEFT = 58, RIGHT = 14, GAP = 12, FOOT = 34, TALL = 56;

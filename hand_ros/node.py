@@ -34,7 +34,7 @@ from std_msgs.msg import Empty
 
 from hand_messages.health import Health, Level
 from hand_ros.fault_file import FaultFile, state_path
-from hand_ros.memory import return_large_blocks, use_profiles
+from hand_ros.memory import return_large_blocks, spare_collections, use_profiles
 from hand_ros.parameters import NodeParameter, ParameterError, check_all
 from hand_ros.processes import processes
 from hand_ros.publishers import Conflict, Publisher, SolePublishers
@@ -195,6 +195,7 @@ class HandNode(LifecycleNode):
             self.get_logger().error(traceback.format_exc())
             return self._failed(f"internal error: {type(error).__name__}: {_one_line(error)}")
         self.problem, self.configured = None, True
+        spare_collections()
         return TransitionCallbackReturn.SUCCESS
 
     def _failed(self, problem: str) -> TransitionCallbackReturn:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from hand_driver.board import Counts
 from hand_model.arrays import Array
+from hand_model.compile_cache import njit
 from hand_model.description import Hand
 from hand_model.kernel.inline import inline_exact
 from hand_model.kernel.layout import OMEGA, PHI, P

@@ -76,7 +76,7 @@ def initial_state(hand: Hand, measured: Measured) -> Array:
     """State (STATES, joints) at the first frame, from what was measured around it.
 
     Angles are taken back through the calibration to the angle that the sensor measured. The creeping ratio is the one
-    that balances Eq. 11 at that angle, speed and pressure; joints at an end stop or not measured count as rested.
+    that balances Eq. 11 at that angle, speed and pressure; joints close to an end stop or not measured count as rested.
     """
     start = (measured.stamp_ns - measured.stamp_ns[0]) * 1e-9 <= REST_S
     position, pressure = _average(measured.position_rad[start]), _average(measured.pressure_pa[start])
@@ -88,7 +88,9 @@ def initial_state(hand: Hand, measured: Measured) -> Array:
     speed = measured.velocity_rad_s[0]
     state[OMEGA] = np.where(known & moving & np.isfinite(speed), speed, 0.0)
     state[P, known] = np.clip(pressure, 0.0, hand.supply_pressure_pa)[known]
-    free = known & (state[PHI] > hand.row("end_stop.low_deg")) & (state[PHI] < hand.row("end_stop.high_deg"))
+    engaged = hand.row("end_stop.engagement_deg")  # a stop that is as close may carry any part of the load
+    low, high = hand.row("end_stop.low_deg") + engaged, hand.row("end_stop.high_deg") - engaged
+    free = known & (state[PHI] > low) & (state[PHI] < high)
     state[CREEP] = np.where(free, _balancing_creep(hand, state), 0.0)
     return state
 

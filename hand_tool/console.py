@@ -50,21 +50,25 @@ def running(
     """
     state = interrupts.begin(interrupts.Outputs(f"hand {name}", outputs))
     try:
-        try:
-            yield state
-        except Exception as error:
-            if interrupts.was_raised():
-                raise interrupts.Interrupted from error
-            raise
-    except ModuleNotFoundError as error:
-        fail(name, _missing(error), 2)
-    except OSError as error:
-        fail(name, _one_line(error), 2)
+        yield state
+    except typer.Exit:  # its line is printed
+        raise
     except Exception as error:
-        if not isinstance(error, (ValueError, *errors)):
+        if interrupts.was_raised():
+            raise interrupts.Interrupted from error
+        if not isinstance(error, (ValueError, OSError, ModuleNotFoundError, *errors)):
             raise
-        line = " ".join(str(error).split())
-        fail(name, line if about is None or str(about) in line else f"{about}: {line}", 2)
+        fail(name, _line(error, about), 2)
+
+
+def _line(error: Exception, about: Path | None) -> str:
+    """One line for an expected error; about: the file that it is about where it names none."""
+    if isinstance(error, ModuleNotFoundError):
+        return _missing(error)
+    if isinstance(error, OSError):
+        return _one_line(error)
+    line = " ".join(str(error).split())
+    return line if about is None or str(about) in line else f"{about}: {line}"
 
 
 def fail(name: str, line: str, code: int) -> None:

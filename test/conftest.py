@@ -8,6 +8,7 @@ tests hold it together. A separate process measures how long the machine itself 
 from __future__ import annotations
 
 import fcntl
+import gc
 import hashlib
 import os
 import signal
@@ -165,9 +166,12 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     """Hold the lock during a test; a module in real time keeps it, because its fixtures keep processes running."""
     alone = item.get_closest_marker("real_time") is not None
     LOCK.take("alone" if alone else "together")
+    if alone:  # a collection takes seconds in a process that has run thousands of tests, and messages wait meanwhile
+        gc.freeze()
     try:
         return (yield)
     finally:
+        gc.unfreeze()
         if not (alone and nextitem is not None and nextitem.path == item.path):
             LOCK.release()
 

@@ -18,7 +18,6 @@ from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.signal import lfilter
@@ -29,6 +28,7 @@ from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import STAGES, JointProblem, Segment
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array
+from hand_model.compile_cache import njit
 from hand_model.effects.effect import NEIGHBOUR, SPEED
 from hand_model.quantities import Wording
 

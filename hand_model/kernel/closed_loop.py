@@ -17,10 +17,10 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import carray, njit, prange
 from numpy.typing import NDArray
 
 from hand_model.arrays import Array
+from hand_model.compile_cache import carray, njit, prange
 from hand_model.effects.effect import Effect
 from hand_model.kernel.compiled import specialise, stack_doubles
 from hand_model.kernel.hooks import Hooks, active_effects, compose, equations_key, has_laws

@@ -11,9 +11,9 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
-from numba import njit
 from numba.core.registry import CPUDispatcher
 
+from hand_model.compile_cache import njit
 from hand_model.kernel.fused import fused
 
 FAST = {"nnan", "nsz"}

@@ -17,9 +17,9 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import carray, njit, prange
 
 from hand_model.arrays import Array
+from hand_model.compile_cache import carray, njit, prange
 from hand_model.effects import CATALOGUE
 from hand_model.effects.effect import ACCELERATION, ANGLE, PARTNER, SPEED, Effect
 from hand_model.kernel.compiled import specialise, stack_doubles

@@ -192,7 +192,7 @@ def textbook_static(q: Any, phi: float, p: float) -> float:
 
 
 TEXTBOOK: dict[str, tuple[str, Callable[[Any, dict[str, Any]], float]]] = {
-    "coulomb_friction": ("dry", lambda q, s: textbook_level(q, s["omega"], s["p"]) * (1.0 - q[15])),
+    "coulomb_friction": ("dry", lambda q, s: textbook_level(q, s["omega"], s["p"]) * (1.0 - q[14])),
     "valve_deadband": ("valve_error", lambda q, s: textbook_band(q, s["error"])),
     "viscous_friction": ("damping", lambda q, s: q[0] * abs(s["omega"])),
     "leak": (

@@ -206,7 +206,8 @@ def test_up_runs_a_board_on_a_serial_line(stack: Stack, terminal: Terminal) -> N
     assert process.stdout is not None
     line = process.stdout.readline()
     process.send_signal(signal.SIGINT)
-    assert end(process)[0] == 0
+    code, _, err = end(process)
+    assert code == 0, err
     assert re.fullmatch(r"driver and controller of 11 joints run in /other at \d+ Hz: vented: not enabled\n", line)
 
 

@@ -1,16 +1,22 @@
-"""Memory of large messages is given back."""
+"""Memory of large messages is given back, and collections do not stop a node."""
 
 from __future__ import annotations
 
+import gc
 import os
 import subprocess
 import sys
+import weakref
+from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 from xml.etree import ElementTree
 
 import pytest
 
-from hand_ros.memory import FROM_FILE, IN_WORKING_FOLDER, PROFILES, use_profiles
+from hand_ros.memory import FROM_FILE, IN_WORKING_FOLDER, PROFILES, spare_collections, use_profiles
+from hand_ros.node import HandNode, TransitionCallbackReturn
 
 FILE = Path(__file__).parents[2] / "config" / "fastdds.xml"
 CODE = """
@@ -67,3 +73,45 @@ def test_the_profiles_name_both_kinds_of_endpoint() -> None:
     }
     assert policies == {"data_writer": "PREALLOCATED_WITH_REALLOC", "data_reader": "DYNAMIC"}
     assert os.access(FILE, os.R_OK)
+
+
+class Link:
+    """An object that may refer to itself."""
+
+    other: object = None
+
+
+@pytest.fixture
+def thawed() -> Iterator[None]:
+    """The collector as it was."""
+    yield
+    gc.unfreeze()
+
+
+@pytest.mark.usefixtures("thawed")
+def test_a_collection_leaves_out_what_a_node_has_set_up() -> None:
+    """Fails when a collection in motion visits the objects of the compiler: it would take longer than 100 ms."""
+    many = [[k] for k in range(1000)]
+    assert any(one is many for one in gc.get_objects())
+    spare_collections()
+    assert not any(one is many for one in gc.get_objects())
+
+
+@pytest.mark.usefixtures("thawed")
+def test_what_an_earlier_setting_up_has_left_is_collected() -> None:
+    """Fails when every configuration of a node keeps the objects of the one before for good."""
+    link = Link()
+    link.other, gone = link, weakref.ref(link)
+    spare_collections()
+    del link
+    spare_collections()
+    assert gone() is None
+
+
+@pytest.mark.usefixtures("thawed")
+def test_a_configured_node_has_done_so() -> None:
+    """Fails when a node is configured without it."""
+    gc.unfreeze()
+    node = SimpleNamespace(values={}, table=(), configure=lambda _: None)
+    assert HandNode.on_configure(cast(Any, node), cast(Any, None)) == TransitionCallbackReturn.SUCCESS
+    assert node.configured and gc.get_freeze_count() > 1000

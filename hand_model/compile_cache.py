@@ -1,0 +1,65 @@
+"""Compiled functions kept on disk: numba's cache, made safe for processes that compile at once and for edited sources.
+
+Numba numbers the files of the compiled variants of one function. Two processes that compile two variants at the same
+time may both take the same number, and each later start loads one variant where it asked for the other: another set of
+effects, and no error. Here a file is named after what it holds, and is complete before the index names it. Numba also
+looks at changes of one source file alone, although a function contains the equations and constants that it takes from
+other modules; here it is compiled again when any source of its package or of hand_model has changed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from numba import carray, njit, prange
+from numba.core import caching
+
+_ROOT = Path(__file__).resolve().parent.parent
+
+
+@cache
+def sources_digest(package: str) -> str:
+    """Hash of the sources of a package next to hand_model, and of hand_model itself."""
+    digest = hashlib.sha256()
+    for folder in sorted({package, "hand_model"}):
+        for path in sorted((_ROOT / folder).rglob("*.py")):
+            digest.update(path.relative_to(_ROOT).as_posix().encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()
+
+
+class CacheFile(caching.IndexDataCacheFile):  # type: ignore[misc]
+    """Index and data files of one function."""
+
+    def save(self, key: Any, data: Any) -> None:
+        """Keep a compiled variant. Of two processes at once, one may have to compile again at its next start."""
+        digest = hashlib.sha256(repr(key).encode()).hexdigest()[:16]
+        name = f"{self._index_name.removesuffix('.nbi')}.{digest}.nbc"
+        self._save_data(name, data)
+        self._save_index(self._load_index() | {key: name})
+
+
+def _with_sources(stamp: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """The stamp of a function's source file, and of what the function may contain of other files."""
+
+    def stamp_of_all(locator: Any) -> Any:
+        package = Path(locator._py_file).resolve().relative_to(_ROOT).parts[0] if _is_ours(locator._py_file) else ""
+        return (stamp(locator), sources_digest(package)) if package else stamp(locator)
+
+    return stamp_of_all
+
+
+def _is_ours(file: str) -> bool:
+    path = Path(file).resolve()
+    return path.is_relative_to(_ROOT) and path.relative_to(_ROOT).parts[0].startswith("hand_")
+
+
+if caching.IndexDataCacheFile is not CacheFile:
+    caching.IndexDataCacheFile = CacheFile
+    _located = caching._SourceFileBackedLocatorMixin
+    _located.get_source_stamp = _with_sources(_located.get_source_stamp)
+
+__all__ = ["CacheFile", "carray", "njit", "prange", "sources_digest"]
