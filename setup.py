@@ -98,7 +98,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/config", [*files("config", "*.yaml"), "config/fastdds.xml"]),
+        (f"share/{NAME}/config", [*files("config", "*.yaml"), *files("config", "*.xml")]),
         (f"share/{NAME}/config/security", files("config/security", "*.xml")),
         (f"share/{NAME}/urdf", files("urdf", "*.xacro")),
         (f"share/{NAME}/config/layouts", files("config/layouts", "*")),

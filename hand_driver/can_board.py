@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import time
-from typing import Any
+from typing import Any, cast
 
 import can
+import serial
 
 from hand_driver.board import BoardError, Frame, LinkLost
 from hand_driver.can_wire import ID_OFFSETS, CanAssembler, CanMessage, encode_offer, encode_set_points
@@ -18,16 +19,62 @@ SEND_TIMEOUT_S = 0.05
 """Time for which a message may wait for a place in the transmit queue before the link counts as lost."""
 
 
+class ReadAhead:
+    """A serial port that is read in blocks. python-can's slcan takes each byte by system calls: half a processor."""
+
+    def __init__(self, port: serial.SerialBase) -> None:
+        """Read an open port."""
+        self._port, self._ahead = port, bytearray()
+        self.write, self.flush = port.write, port.flush
+        self.close, self.fileno = port.close, port.fileno
+
+    @property
+    def in_waiting(self) -> int:
+        """Bytes that can be read at once."""
+        return len(self._ahead) or int(self._port.in_waiting)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the port is open."""
+        return bool(self._port.is_open)
+
+    def read(self, size: int = 1) -> bytes:
+        """At most size bytes; waits for the first as long as the port's time-out."""
+        if not self._ahead:
+            self._ahead += self._port.read(max(size, self._port.in_waiting))
+        taken = bytes(self._ahead[:size])
+        del self._ahead[:size]
+        return taken
+
+    def reset_input_buffer(self) -> None:
+        """Forget what has arrived."""
+        self._ahead.clear()
+        self._port.reset_input_buffer()
+
+    @property
+    def write_timeout(self) -> float | None:
+        """See serial.Serial."""
+        allowed: float | None = self._port.write_timeout
+        return allowed
+
+    @write_timeout.setter
+    def write_timeout(self, allowed_s: float | None) -> None:
+        self._port.write_timeout = allowed_s
+
+
 def open_bus(interface: str, channel: str, bitrate: int) -> can.BusABC:
     """A bus of python-can. BoardError: one line that names interface and channel."""
     options: dict[str, Any] = {"bitrate": bitrate}
     if interface == SLCAN:
         options |= {"sleep_after_open": 0.0, "tty_baudrate": 1_000_000}
     try:
-        return can.Bus(interface=interface, channel=channel, **options)
+        bus: Any = can.Bus(interface=interface, channel=channel, **options)
     except (can.CanError, OSError, ValueError, TypeError, ImportError, NotImplementedError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise BoardError(f"CAN channel {channel} of interface {interface} cannot be opened: {reason}") from None
+    if interface == SLCAN:
+        bus.serialPortOrig = ReadAhead(bus.serialPortOrig)
+    return cast(can.BusABC, bus)
 
 
 def send_message(bus: can.BusABC, message: CanMessage, id_offset: int) -> None:

@@ -34,12 +34,13 @@ from std_msgs.msg import Empty
 
 from hand_messages.health import Health, Level
 from hand_ros.fault_file import FaultFile, state_path
-from hand_ros.memory import return_large_blocks, spare_collections, use_profiles
+from hand_ros.memory import lock_memory, return_large_blocks, spare_collections
 from hand_ros.parameters import NodeParameter, ParameterError, check_all
 from hand_ros.processes import processes
 from hand_ros.publishers import Conflict, Publisher, SolePublishers
 from hand_ros.rate_meter import RateMeter
 from hand_ros.streams import Stream
+from hand_ros.transport import use_profiles
 
 SENSOR_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Of subscriptions to sensor topics: an old sample is not sent again."""
@@ -492,7 +493,8 @@ def run(make_node: Callable[[], HandNode], args: list[str] | None = None) -> int
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set_result(None))
     return_large_blocks()
-    use_profiles(Path(default_config("fastdds.xml")), os.environ, Path.cwd())
+    lock_memory()
+    use_profiles(Path(default_config("fastdds.xml")).parent, os.environ, Path.cwd())
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make_node()

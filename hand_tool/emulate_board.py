@@ -119,12 +119,16 @@ def _endpoint(
 
 def _serve(emulator: Emulator, hand: Hand) -> None:
     """Serve until SIGINT or SIGTERM; raises OSError or BoardError where the port cannot be opened again."""
+    from hand_ros.memory import lock_memory, spare_collections
+
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
     interrupts.release()
     signal.signal(signal.SIGUSR1, lambda *_: emulator.unplug(UNPLUGGED_S))
     signal.signal(signal.SIGUSR2, lambda *_: emulator.restart())
+    lock_memory()
+    spare_collections()
     print(f"ready: {emulator.description}, {hand.channel_count} channels, {hand.rate_hz:g} Hz", flush=True)
     try:
         emulator.run(stopped.is_set)

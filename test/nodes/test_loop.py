@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+import os
+import re
+import resource
 import signal
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -167,6 +171,15 @@ def test_live_equals_offline(stack: Stack, client: Client) -> None:
     error_deg = np.degrees(measured - replayed_angle_rad(result))
     assert np.ptp(np.degrees(measured), axis=0).max() > 40.0
     assert np.sqrt(np.mean(error_deg**2, axis=0)).max() < 0.05
+
+
+@pytest.mark.skipif(resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] < 2**31 and os.geteuid() != 0, reason="ulimit -l")
+def test_the_system_takes_no_memory_from_a_node(stack: Stack, client: Client) -> None:
+    """Fails when code or data of a node that runs may have to be read from a disk again: that stops it for 0.1 s."""
+    process = stack.node("simulation")
+    client.until(lambda: client.joints)
+    status = Path(f"/proc/{process.pid}/status").read_text(encoding="utf-8")
+    assert int(re.findall(r"VmLck:\s+(\d+) kB", status)[0]) > 10_000
 
 
 def test_faster_than_real_time_with_clock(stack: Stack, client: Client) -> None:

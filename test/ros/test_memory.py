@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import os
 import subprocess
 import sys
 import weakref
@@ -11,14 +10,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
-from xml.etree import ElementTree
 
 import pytest
 
-from hand_ros.memory import FROM_FILE, IN_WORKING_FOLDER, PROFILES, spare_collections, use_profiles
+from hand_ros.memory import spare_collections
 from hand_ros.node import HandNode, TransitionCallbackReturn
 
-FILE = Path(__file__).parents[2] / "config" / "fastdds.xml"
+ROOT = Path(__file__).parents[2]
 CODE = """
 import sys
 from pathlib import Path
@@ -44,35 +42,29 @@ def test_large_blocks_go_back_to_the_system() -> None:
     assert int(done.stdout) < 5_000_000
 
 
-def test_our_profiles_are_used_where_the_user_has_none(tmp_path: Path) -> None:
-    """Fails when readers keep the memory of the largest message, or Fast DDS is to use a missing file."""
-    environment: dict[str, str] = {}
-    assert use_profiles(FILE, environment, tmp_path)
-    assert environment == {PROFILES[0]: str(FILE), FROM_FILE: "1"}
-    assert not use_profiles(tmp_path / "missing.xml", environment := {}, tmp_path)
-    assert environment == {}
+def test_memory_in_use_is_locked_and_given_back() -> None:
+    """Fails when the system may take back what a node uses, or a freed block stays locked."""
+    code = """
+from pathlib import Path
+from hand_ros.memory import lock_memory, return_large_blocks
 
+def locked_bytes():
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return 1024 * int(next(line.split()[1] for line in lines if line.startswith("VmLck")))
 
-@pytest.mark.parametrize("name", [*PROFILES, FROM_FILE])
-def test_the_profiles_of_a_user_come_first(name: str, tmp_path: Path) -> None:
-    """Fails when a setting of the user is replaced or mixed with ours."""
-    environment = {name: "theirs"}
-    assert not use_profiles(FILE, environment, tmp_path)
-    assert environment == {name: "theirs"}
-    (tmp_path / IN_WORKING_FOLDER).touch()
-    assert not use_profiles(FILE, {}, tmp_path)
-
-
-def test_the_profiles_name_both_kinds_of_endpoint() -> None:
-    """Fails when a kind of endpoint is left to the defaults of Fast DDS, which refuse messages of unknown size."""
-    policies = {
-        element.tag.rpartition("}")[2]: policy.text
-        for element in ElementTree.parse(FILE).getroot()[0]
-        for policy in element
-        if policy.tag.endswith("historyMemoryPolicy")
-    }
-    assert policies == {"data_writer": "PREALLOCATED_WITH_REALLOC", "data_reader": "DYNAMIC"}
-    assert os.access(FILE, os.R_OK)
+return_large_blocks()
+print(lock_memory(), locked_bytes())
+block = bytes(50_000_000)
+print(locked_bytes())
+del block
+print(locked_bytes())
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    allowed, before, with_block, after = done.stdout.split()
+    if allowed == "False":
+        pytest.skip("this user may not lock memory (ulimit -l)")
+    assert int(before) > 10_000_000
+    assert int(with_block) - int(before) > 45_000_000 > 5_000_000 > abs(int(after) - int(before))
 
 
 class Link:
