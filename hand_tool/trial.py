@@ -37,7 +37,7 @@ _Jobs = Annotated[int, typer.Option(help="Number of processes, 1 to 256.")]
 def make(
     *,
     out: _Folder,
-    cases: Annotated[int, typer.Option(help="Number of recordings, 10 to 100000.")] = 400,
+    cases: Annotated[int, typer.Option(help="Number of recordings, 5 to 100000.")] = 400,
     seed: Annotated[int | None, typer.Option(help="Master seed. Default: a new one, sealed with the truth.")] = None,
     model: Model = None,
     plant: Annotated[str, typer.Option(help=f"Who conceals: {', '.join(PLANTS)}.")] = PLANTS[0],
@@ -59,8 +59,8 @@ def make(
     Exit codes: 0 done, 2 bad usage.
     """
     with running("trial make", out / "recordings", out / "plan.json", errors=(KeyError,)) as outputs:
-        if not 10 <= cases <= 100000:
-            raise ValueError(f"--cases is {cases}; the allowed range is 10 to 100000")
+        if not 5 <= cases <= 100000:
+            raise ValueError(f"--cases is {cases}; the allowed range is 5 to 100000")
         if plant not in PLANTS:
             raise ValueError(f"--plant is {plant!r}; it must be one of {', '.join(PLANTS)}")
         _check_jobs(jobs)

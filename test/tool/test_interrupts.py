@@ -120,7 +120,7 @@ def test_during_imports(
 def trial(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A trial that was made and not run."""
     folder = tmp_path_factory.mktemp("made") / "trial"
-    make = [sys.executable, "-m", "hand_tool", "trial", "make", str(folder), "--cases", "10"]
+    make = [sys.executable, "-m", "hand_tool", "trial", "make", str(folder), "--cases", "5"]
     subprocess.run(make, cwd=ROOT, capture_output=True, check=True)
     return folder
 

@@ -246,7 +246,7 @@ def test_runs_against_plants_of_others_are_added_and_never_replaced(tmp_path: Pa
 def test_a_small_trial_from_end_to_end(tmp_path: Path) -> None:
     """Fails when make, run and score do not fit together, or when run starts although the key is set."""
     folder = tmp_path / "trial"
-    made = hand("trial", "make", str(folder), "--cases", "10", "--seed", "3")
+    made = hand("trial", "make", str(folder), "--cases", "5", "--seed", "3")
     assert made.returncode == 0, made.stderr
     commitment, key = (line.split()[1] for line in made.stdout.splitlines())
     plan = (folder / "plan.json").read_text(encoding="utf-8")
@@ -264,7 +264,7 @@ def test_a_small_trial_from_end_to_end(tmp_path: Path) -> None:
         header = next(line for line in render(result).splitlines() if line.startswith("|"))
         assert header in page
     assert read_run(folder)["trial"]["results"] == result
-    assert result["commitment"] == commitment and result["recordings"] == 10
+    assert result["commitment"] == commitment and result["recordings"] == 5
     assert result["scores"]["joint"]["value"] >= 0.5
     assert (folder / "confusion.png").stat().st_size > 5000
     wrong = hand("trial", "score", str(folder), "--key", new_key().decode())
@@ -274,7 +274,7 @@ def test_a_small_trial_from_end_to_end(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (("make", "nowhere", "--cases", "3"), "--cases is 3; the allowed range is 10 to 100000"),
+        (("make", "nowhere", "--cases", "3"), "--cases is 3; the allowed range is 5 to 100000"),
         (("make", "nowhere", "--jobs", "0"), "--jobs is 0; the allowed range is 1 to 256"),
         (("make", "nowhere", "--plant", "dev"), "--plant is 'dev'; it must be one of trial, development, held_back"),
         (("export", "nowhere", "x"), "nowhere holds no trial (plan.json is missing)"),
