@@ -179,7 +179,7 @@ def _unabsorbed(
     problem: JointProblem, fit: MapFit, prior: Array, changed: Sequence[Array]
 ) -> tuple[list[Array], Array]:
     """What the fitted numbers leave of changes (k, OUTPUTS, T) by segment, and their responses (k, free)."""
-    train = (~problem.held_out).astype(float)
+    train = (~problem.validation).astype(float)
     slope = np.zeros((len(changed[0]), len(fit.z)))
     changes = [np.nan_to_num(new - old, posinf=np.inf) for new, old in zip(changed, fit.residuals, strict=True)]
     for segment, change, slopes in zip(problem.segments, changes, fit.sensitivity, strict=True):
@@ -204,7 +204,7 @@ def _is_shown(
     large = seen[stage] > problem.claimable[stage]
     if not large or before - after <= SETTINGS.min_relative_improvement * before:
         return False, stage
-    train = ~problem.held_out
+    train = ~problem.validation
     gain = 0.5 * float(response @ response)
     for blocks in (train, ~train):
         gain += log_likelihood(problem, fit.squares, blocks) - log_likelihood(problem, fit.squares + squares, blocks)

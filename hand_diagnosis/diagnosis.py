@@ -356,7 +356,7 @@ def _fits_better(whole: JointProblem, fit: MapFit, partner: Sequence[Array]) -> 
     put_partner(whole, partner)
     beside = map_fit(problem, fit.free, fit.z, SETTINGS.rough_iterations)
     put_partner(whole, measured)
-    before, after = (log_likelihood(problem, each.squares, ~problem.held_out) for each in (fit, beside))
+    before, after = (log_likelihood(problem, each.squares, ~problem.validation) for each in (fit, beside))
     return after > before + SETTINGS.min_partner_gain
 
 

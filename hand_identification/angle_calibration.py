@@ -32,14 +32,14 @@ class AngleCalibration:
     """A calibrated sensor.
 
     model: one of MODELS.  numbers: its coefficients (see the module).  rms_deg, largest_deg: errors over all samples.
-    held_out_deg: cross-validation error (RMS) by model.  low_v, high_v: voltages of the calibration.
+    validation_deg: cross-validation error (RMS) by model.  low_v, high_v: voltages of the calibration.
     """
 
     model: str
     numbers: tuple[float, ...]
     rms_deg: float
     largest_deg: float
-    held_out_deg: dict[str, float]
+    validation_deg: dict[str, float]
     low_v: float
     high_v: float
 
@@ -55,10 +55,10 @@ def calibrate_angle(angle_deg: Array, voltage_v: Array) -> AngleCalibration:
     Raises ValueError, one line, for too few samples, a joint that did not move, or angles outside a turn.
     """
     _check(angle_deg, voltage_v)
-    held_out = {model: _held_out_deg(model, angle_deg, voltage_v) for model in MODELS}
+    validation = {model: _validation_deg(model, angle_deg, voltage_v) for model in MODELS}
     chosen = MODELS[0]
     for model in MODELS[1:]:
-        if held_out[model] * MARGIN + MARGIN_DEG < held_out[chosen]:
+        if validation[model] * MARGIN + MARGIN_DEG < validation[chosen]:
             chosen = model
     numbers = _FIT[chosen](angle_deg, voltage_v)
     error = _INVERSE[chosen](numbers, voltage_v) - angle_deg
@@ -67,7 +67,7 @@ def calibrate_angle(angle_deg: Array, voltage_v: Array) -> AngleCalibration:
         tuple(float(x) for x in numbers),
         float(np.sqrt(np.mean(error**2))),
         float(np.abs(error).max()),
-        held_out,
+        validation,
         float(voltage_v.min()),
         float(voltage_v.max()),
     )
@@ -86,7 +86,7 @@ def _check(angle_deg: Array, voltage_v: Array) -> None:
         raise ValueError(f"angle_deg reaches {np.abs(angle_deg).max():g}; the allowed range is -360 to 360")
 
 
-def _held_out_deg(model: str, angle_deg: Array, voltage_v: Array) -> float:
+def _validation_deg(model: str, angle_deg: Array, voltage_v: Array) -> float:
     """Cross-validation error [deg, RMS]: FOLDS interleaved folds of the sorted angles, each left out of one fit."""
     order = np.argsort(angle_deg, kind="stable")
     fold = np.empty(len(order), dtype=int)

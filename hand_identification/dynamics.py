@@ -73,14 +73,14 @@ class JointDynamics:
     """The result of a joint.
 
     rmse_before, rmse_after: RMS error by stage (SI) on training data, with nominal and identified numbers.
-    held_out_after: the same on validation data with identified numbers.
+    validation_after: the same on validation data with identified numbers.
     """
 
     joint: str
     estimates: tuple[Estimate, ...]
     rmse_before: dict[str, float]
     rmse_after: dict[str, float]
-    held_out_after: dict[str, float]
+    validation_after: dict[str, float]
     fit: MapFit
     problem: JointProblem
 
@@ -111,9 +111,9 @@ def identify_joint(
     return JointDynamics(
         joint,
         tuple(_estimates(problem, best)),
-        _rmse(problem, [r[0] for r in nominal], held_out=False),
-        _rmse(problem, best.residuals, held_out=False),
-        _rmse(problem, best.residuals, held_out=True),
+        _rmse(problem, [r[0] for r in nominal], validation=False),
+        _rmse(problem, best.residuals, validation=False),
+        _rmse(problem, best.residuals, validation=True),
         best,
         problem,
     )
@@ -166,7 +166,7 @@ def _estimates(problem: JointProblem, fit: MapFit) -> list[Estimate]:
 
 def _data_covariance(problem: JointProblem, fit: MapFit) -> Array:
     """Covariance of z from the size and the correlation of the residuals instead of the weights and the prior."""
-    train = ~problem.held_out
+    train = ~problem.validation
     count = len(fit.z)
     information = np.zeros((count, count))
     for segment, residual, slopes in zip(problem.segments, fit.residuals, fit.sensitivity, strict=True):
@@ -185,9 +185,9 @@ def _data_covariance(problem: JointProblem, fit: MapFit) -> Array:
     return np.asarray(inverse / np.outer(scale, scale))
 
 
-def _rmse(problem: JointProblem, residuals: Sequence[Array], *, held_out: bool) -> dict[str, float]:
+def _rmse(problem: JointProblem, residuals: Sequence[Array], *, validation: bool) -> dict[str, float]:
     squares = problem.block_squares([r[None] for r in residuals])[0]
-    chosen = problem.held_out if held_out else ~problem.held_out
+    chosen = problem.validation if validation else ~problem.validation
     counts = problem.block_counts
     return {
         stage: float(np.sqrt(squares[k, chosen].sum() / counts[k, chosen].sum()))

@@ -115,9 +115,9 @@ class JointProblem:
         return int(self.segments[-1].block[-1]) + 1
 
     @property
-    def held_out(self) -> Flags:
-        """(blocks,): which blocks are validation data and not fitted, see `held_out_blocks`."""
-        return held_out_blocks(self.blocks) if self.holds_out else np.zeros(self.blocks, dtype=bool)
+    def validation(self) -> Flags:
+        """(blocks,): which blocks are validation data and not fitted, see `validation_blocks`."""
+        return validation_blocks(self.blocks) if self.holds_out else np.zeros(self.blocks, dtype=bool)
 
     def columns(self, free: Sequence[FreeParameter], z: Array) -> tuple[Array, Array]:
         """Parameter sets (k, rows) and starts (k, 1 + segments) of coordinates z (k, free)."""
@@ -201,7 +201,7 @@ class JointProblem:
 
 
 @cache
-def held_out_blocks(blocks: int) -> Flags:
+def validation_blocks(blocks: int) -> Flags:
     """Flags (blocks,) of the validation blocks: one of every HELD_OUT_EVERY, drawn by a fixed seed.
 
     With a regular pattern, a periodic motion could show only one of its phases in the blocks that are fitted.

@@ -158,7 +158,7 @@ def _slopes(
 def _normal_equations(
     problem: JointProblem, residuals: Sequence[Array], sensitivity: Sequence[Array]
 ) -> tuple[Array, Array]:
-    train = (~problem.held_out).astype(float)
+    train = (~problem.validation).astype(float)
     count = len(sensitivity[0])
     normal, slope = np.zeros((count, count)), np.zeros(count)
     for segment, residual, slopes in zip(problem.segments, residuals, sensitivity, strict=True):
@@ -210,7 +210,7 @@ def _simulated(problem: JointProblem, free: Sequence[FreeParameter], points: Arr
     """Costs (k,), squares (k, OUTPUTS, blocks) and residuals (k, OUTPUTS, T) by segment."""
     residuals = problem.residuals(*problem.columns(free, points))
     squares = problem.block_squares(residuals)
-    counted = np.where(problem.held_out, 0.0, squares)  # of a simulation that diverges, squares are infinite
+    counted = np.where(problem.validation, 0.0, squares)  # of a simulation that diverges, squares are infinite
     costs: Array = (problem.block_weights[None] * counted).sum(axis=(1, 2)) + (points**2).sum(axis=1)
     return np.where(costs < DIVERGED, costs, np.inf), squares, residuals
 

@@ -39,5 +39,5 @@ def angle(
     print(f"model {found.model}: {', '.join(f'{x:.6g}' for x in found.numbers)}")
     print(f"residual {found.rms_deg:.3f} degree RMS, at most {found.largest_deg:.3f} degree")
     print(f"valid from {found.low_v:g} to {found.high_v:g} V; no angle is given outside")
-    for model, error_deg in found.held_out_deg.items():
+    for model, error_deg in found.validation_deg.items():
         print(f"  {model:9s} {error_deg:.3f} degree RMS on samples that were left out of the fit")

@@ -140,7 +140,7 @@ def _document(found: list[JointDynamics]) -> dict[str, object]:
             },
             "rmse_before": result.rmse_before,
             "rmse_after": result.rmse_after,
-            "held_out_after": result.held_out_after,
+            "validation_after": result.validation_after,
         }
         for result in found
     }
@@ -155,7 +155,7 @@ def _print(found: list[JointDynamics], resting: list[str], out: Path) -> None:
     console = Console()
     longest = max((len(e.key) for result in found for e in result.estimates), default=0)
     for result in found:
-        errors_rad = (result.rmse_before.get("angle", float("nan")), result.held_out_after.get("angle", float("nan")))
+        errors_rad = (result.rmse_before.get("angle", float("nan")), result.validation_after.get("angle", float("nan")))
         before, after = (57.2958 * error for error in errors_rad)
         title = (
             f"{result.joint}: error of the angle {before:.3f} -> {after:.3f} degree RMS on data that were not fitted"

@@ -131,7 +131,7 @@ def certify(
         known, test = (_samples(parts, stage) for parts in (fitted, tested))
         if known is None or test is None or len(np.unique(test.block)) < SETTINGS.min_test_blocks:
             continue
-        held = problem.held_out[known.block]
+        held = problem.validation[known.block]
         training, validation = (_thinned(known.taken(np.flatnonzero(held == kind))) for kind in (False, True))
         if min(len(training.residual), len(validation.residual)) < SETTINGS.certificate_least_samples:
             continue

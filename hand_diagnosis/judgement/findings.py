@@ -99,7 +99,7 @@ class JointResult:
 
     def rmse(self, fit: MapFit, stage: int) -> float:
         """Validation error of a fit in the unit in which the signal is shown."""
-        held = self.search.problem.held_out
+        held = self.search.problem.validation
         count = max(float(self.search.problem.block_counts[stage, held].sum()), 1.0)
         return self.wording.signal_units[stage][0] * float(np.sqrt(fit.squares[stage, held].sum() / count))
 

@@ -16,7 +16,7 @@ def errors_by_split(joint: JointResult, stage: int, law: RemainderLaw | None) ->
     problem, counts = joint.search.problem, joint.search.problem.block_counts
     fits = (joint.search.nominal, joint.search.final if law is None else law.fit)
     errors = {}
-    for split, blocks in (("train", ~problem.held_out), ("validation", problem.held_out)):
+    for split, blocks in (("train", ~problem.validation), ("validation", problem.validation)):
         total = max(float(counts[stage, blocks].sum()), 1.0)
         before, after = (float(np.sqrt(fit.squares[stage, blocks].sum() / total)) for fit in fits)
         errors[split] = (before, after)

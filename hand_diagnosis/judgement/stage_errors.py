@@ -134,8 +134,8 @@ class StageResult:
 def stage_results(problem: JointProblem, nominal: MapFit, final: MapFit, effects: int) -> list[StageResult]:
     """Pressure, angle and force, those that the recording holds. effects: how many the final model has."""
     before, after = validation_rmse(problem, nominal.squares), validation_rmse(problem, final.squares)
-    noise = np.nan_to_num(noise_on(problem, final, problem.held_out))
-    independent = problem.effective_counts(problem.held_out)
+    noise = np.nan_to_num(noise_on(problem, final, problem.validation))
+    independent = problem.effective_counts(problem.validation)
     results = []
     for stage in range(len(STAGES)):
         if not np.isfinite(before[stage]):
@@ -160,7 +160,7 @@ def with_other_splits(
 
     whole: the problem with its test data.  free_axis: see splits.evaluate_test.
     """
-    train = ~problem.held_out
+    train = ~problem.validation
     counts = problem.block_counts[:, train].sum(axis=1)
     errors = [np.sqrt(fit.squares[:, train].sum(axis=1) / np.maximum(counts, 1.0)) for fit in fits]
     splits = [("train", errors, noise_on(problem, fits[1], train), 0.0 * counts, problem.effective_counts(train))]

@@ -23,7 +23,7 @@ def joint_figure(joint: JointDiagnosis) -> Figure:
     grid = figure.add_gridspec(2, 3, height_ratios=(3, 2))
     top, left, right = (figure.add_subplot(grid[where]) for where in (np.s_[0, :], np.s_[1, :2], np.s_[1, 2]))
     time_s = np.arange(len(segment.angle_rad)) * segment.period_s
-    shade = joint.search.problem.held_out[segment.block]
+    shade = joint.search.problem.validation[segment.block]
     for axis in (top, left):
         axis.fill_between(time_s, 0, 1, where=shade, transform=axis.get_xaxis_transform(), color=SHADE, lw=0)
     for axis in (top, left, right):

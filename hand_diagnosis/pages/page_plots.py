@@ -239,7 +239,7 @@ def _spans(joint: JointDiagnosis, k: int) -> list[tuple[float, float, str]]:
     held: Flags = np.zeros(len(segment.angle_rad), dtype=bool)
     if k in _fitted(joint):
         part = joint.search.problem.segments[_fitted(joint).index(k)]
-        held[: len(part.block)] = joint.search.problem.held_out[part.block]
+        held[: len(part.block)] = joint.search.problem.validation[part.block]
         held[begin:end] = False
     spans = [(period * first, period * last, "validation") for first, last in runs(held)]
     return [*spans, (period * begin, period * end, "test")] if begin < end else spans

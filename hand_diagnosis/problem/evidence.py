@@ -33,7 +33,7 @@ def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[Sequence
     over these models; each follows from the full one by the ratio of posterior to prior density at the neutral values
     (Dickey, Ann. Math. Stat. 42(1), 1971), effects taken one by one: a number that is not needed costs nothing.
     """
-    train = ~problem.held_out
+    train = ~problem.validation
     counts = np.maximum(problem.effective_counts(train), 1.0)
     chi2 = (problem.block_weights * fit.squares)[:, train].sum(axis=1)
     # Far above the floor the noise is larger than its weight says; the curvature shrinks by the same ratio.
@@ -63,7 +63,7 @@ def _density_ratio(z: Array, covariance: Array) -> float:
 
 def validation_rmse(problem: JointProblem, squares: Array) -> Array:
     """RMS error (OUTPUTS,) [Pa, rad, N] over the validation blocks from squares (OUTPUTS, blocks); NaN without data."""
-    held = problem.held_out
+    held = problem.validation
     counts = problem.block_counts[:, held].sum(axis=1)
     return np.sqrt(np.where(counts > 0, squares[:, held].sum(axis=1) / np.maximum(counts, 1), np.nan))
 
@@ -81,7 +81,7 @@ def block_bootstrap(
 
     before, after: sums of squares (OUTPUTS, blocks).
     """
-    held = np.flatnonzero(problem.held_out & (problem.block_counts[stage] > 0))
+    held = np.flatnonzero(problem.validation & (problem.block_counts[stage] > 0))
     if len(held) < 2:
         return -np.inf, np.inf
     drawn = rng.choice(held, size=(SETTINGS.bootstrap_draws, len(held)))

@@ -2,7 +2,7 @@
 
 Test data are one whole recording where there are SETTINGS.min_recordings_to_spare or more, else the last fifth of each.
 No fit and no choice sees them: a search gets `fit_part`, and `test_part` is evaluated once, after the last choice.
-Within the fit part, validation blocks make the choices (joint_problem.held_out_blocks). Where only the last fifth of a
+Within the fit part, the blocks of joint_problem.validation_blocks make the choices. Where only the last fifth of a
 recording shows something, the part before it is test data instead (`exchanged`).
 No model can fit better than the noise of the reading and of the measured inputs on which a stage runs. A second draw of
 the same input noise moves the predictions by as much as the first one has moved them already.

@@ -127,7 +127,7 @@ def _relief(fit: MapFit, effect: Effect) -> float:
 
 def _gains(problem: JointProblem, fit: MapFit, changed: Sequence[Array]) -> tuple[Array, Array]:
     """Fall of the cost by each probe and the share of it that brings most, (probes,) each."""
-    train = (~problem.held_out).astype(float)
+    train = (~problem.validation).astype(float)
     count, free = len(changed[0]), len(fit.z)
     ss, sr = np.zeros(count), np.zeros(count)
     cross, slope = np.zeros((count, free)), np.zeros(free)

@@ -109,7 +109,7 @@ def _added(problem: JointProblem, textbook: MapFit, effect: Effect) -> list[Free
 
 def training_evidence(problem: JointProblem, fit: MapFit) -> float:
     """Log evidence of a fit by Laplace's approximation, training data alone."""
-    train = ~problem.held_out
+    train = ~problem.validation
     _, logdet = np.linalg.slogdet(np.eye(len(fit.z)) + _shrink(problem, fit) * fit.normal)
     return log_likelihood(problem, fit.squares, train) - 0.5 * float(fit.z @ fit.z) - 0.5 * float(logdet)
 
@@ -138,7 +138,7 @@ def posterior_covariance(problem: JointProblem, fit: MapFit) -> Array:
 
 def _shrink(problem: JointProblem, fit: MapFit) -> float:
     """Ratio of the floor's variance to that of the error."""
-    train = ~problem.held_out
+    train = ~problem.validation
     counts = np.maximum(problem.effective_counts(train), 1.0)
     chi2 = (problem.block_weights * fit.squares)[:, train].sum(axis=1)
     return float(counts.sum() / (counts.sum() + chi2.sum()))

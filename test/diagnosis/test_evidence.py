@@ -49,7 +49,7 @@ def test_validation_blocks_are_evidence(hand: Hand) -> None:
     fit, task, _ = _fit(hand, extra=False)
     problem = task.prepare(JOINT).problem
     worse = fit.squares.copy()
-    worse[:, problem.held_out] *= 4.0
+    worse[:, problem.validation] *= 4.0
     assert log_evidence(problem, replace(fit, squares=worse)) < log_evidence(problem, fit) - 4.0
 
 

@@ -25,7 +25,7 @@ def test_the_last_fit_goes_below_the_practical_floor(hand: Hand, monkeypatch: py
     ready = Task([record(hand, rng, 16.0)], nominal, [JOINT], [], 0.05, 0, {}).prepare(JOINT)
     fit = map_fit(ready.problem, ready.free, ready.start, 12, 1e-4)
     last = refit_below_floor(ready.problem, fit)
-    train = ~ready.problem.held_out
+    train = ~ready.problem.validation
     print(last.squares[1, train].sum() / fit.squares[1, train].sum(), last.cost - fit.cost)
     assert last.squares[1, train].sum() < 0.95 * fit.squares[1, train].sum()
     assert last.z @ last.z > fit.z @ fit.z

@@ -47,7 +47,7 @@ def bump(signals: Signals, hand: Hand) -> Array:
     """A half sine (T,) [rad] inside a block that is fitted, in the middle of the recording."""
     problem = joint_problem([signals], hand, JOINT)
     block = problem.segments[0].block
-    trained = [k for k in np.unique(block) if not problem.held_out[k] and k > problem.blocks // 3]
+    trained = [k for k in np.unique(block) if not problem.validation[k] and k > problem.blocks // 3]
     inside = np.flatnonzero(block == trained[0])
     added = np.zeros(signals.samples)
     added[inside] = 4.0 * SIZE_RAD * np.sin(np.pi * np.arange(len(inside)) / len(inside))

@@ -83,7 +83,7 @@ def test_every_parameter_is_recovered_within_5_percent() -> None:
             error = estimate.value / truth.parameters[ROW[estimate.key], index] - 1.0
             assert abs(error) < 0.05, f"{joint} {estimate.key} {error:+.3f}"
             assert estimate.verdict == "determined", estimate
-        assert np.degrees(found.held_out_after["angle"]) < 0.06
+        assert np.degrees(found.validation_after["angle"]) < 0.06
 
 
 def test_a_hold_determines_no_inertia() -> None:

@@ -73,7 +73,7 @@ def free(problem: JointProblem) -> list[FreeParameter]:
 def residual_vector(problem: JointProblem, free: list[FreeParameter], z: Array) -> Array:
     """Weighted residuals of the training blocks, then the prior's: half their squares is half the cost of map_fit."""
     residuals = problem.residuals(*problem.columns(free, z[None]))
-    train = ~problem.held_out
+    train = ~problem.validation
     root = np.sqrt(problem.weight)[:, None]
     parts = [(root * r[0] * train[s.block]).ravel() for r, s in zip(residuals, problem.segments, strict=True)]
     return np.concatenate([*parts, z])
@@ -148,14 +148,14 @@ def test_cost_is_weighted_squares_and_prior(problem: JointProblem, free: list[Fr
 def test_validation_data_are_not_fitted(problem: JointProblem, free: list[FreeParameter]) -> None:
     """Fails when a validation block has any influence on the fit."""
     segment = problem.segments[0]
-    spoilt = segment.angle_rad + 0.1 * problem.held_out[segment.block]
+    spoilt = segment.angle_rad + 0.1 * problem.validation[segment.block]
     other = replace(problem, segments=[replace(segment, angle_rad=spoilt)])
     zero = np.zeros(len(free))
     here, there = map_fit(problem, free, zero, 4), map_fit(other, free, zero, 4)
     assert np.array_equal(here.z, there.z)
     assert here.cost == there.cost
     assert np.array_equal(here.normal, there.normal)
-    assert there.squares[1, problem.held_out].sum() > 10.0 * here.squares[1, problem.held_out].sum()
+    assert there.squares[1, problem.validation].sum() > 10.0 * here.squares[1, problem.validation].sum()
 
 
 def test_a_start_that_does_not_simulate_is_moved_towards_the_prior(problem: JointProblem) -> None:

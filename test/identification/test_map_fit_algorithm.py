@@ -55,7 +55,7 @@ class Curve:
         return np.repeat(self.weight[:, None], BLOCKS, axis=1)
 
     @property
-    def held_out(self) -> Flags:
+    def validation(self) -> Flags:
         return np.isin(np.arange(BLOCKS), self.held)
 
     def columns(self, free: Sequence[FreeParameter], z: Array) -> tuple[Array, Array]:

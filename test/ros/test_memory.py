@@ -12,9 +12,10 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
+from rclpy.lifecycle import TransitionCallbackReturn
 
 from hand_ros.memory import spare_collections
-from hand_ros.node import HandNode, TransitionCallbackReturn
+from hand_ros.node import HandNode
 
 ROOT = Path(__file__).parents[2]
 CODE = """

@@ -120,7 +120,7 @@ def _sparse_share(problem: JointProblem, fit: MapFit) -> float:
     direction, one = np.tanh(speed / STANDING_RAD_S), np.ones_like(angle)
     static = (one, angle, pressure, angle**2, angle * pressure, pressure**2, angle**3)
     table = np.column_stack([*static, speed, direction, pressure * direction, speed * np.abs(speed)])
-    target, held = residual[1][use], problem.held_out[segment.block[use]]
+    target, held = residual[1][use], problem.validation[segment.block[use]]
     scale, rms = np.abs(table).max(axis=0), float(np.sqrt(np.mean(target**2)))
     fitted = STLSQ(threshold=0.05, alpha=1e-3).fit((table / scale)[~held], (target / rms)[~held, None])
     left = target[held] - rms * (table / scale)[held] @ np.ravel(fitted.coef_)
