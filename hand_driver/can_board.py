@@ -59,6 +59,7 @@ class ReadAhead:
 
     @write_timeout.setter
     def write_timeout(self, allowed_s: float | None) -> None:
+        """See serial.Serial."""
         self._port.write_timeout = allowed_s
 
 

@@ -85,9 +85,9 @@ def thawed() -> Iterator[None]:
 def test_a_collection_leaves_out_what_a_node_has_set_up() -> None:
     """Fails when a collection in motion visits the objects of the compiler: it would take longer than 100 ms."""
     many = [[k] for k in range(1000)]
-    assert any(one is many for one in gc.get_objects())
+    assert any(known is many for known in gc.get_objects())
     spare_collections()
-    assert not any(one is many for one in gc.get_objects())
+    assert not any(known is many for known in gc.get_objects())
 
 
 @pytest.mark.usefixtures("thawed")
