@@ -108,8 +108,8 @@ def true_angle(hand: Hand, measured_rad: Array) -> Array:
 def replay(hand: Hand, measured: Measured, commands: Commands) -> tuple[Ticks, Array]:
     """States (N, STATES, joints) of the plant at each recorded frame, driven by the recorded commands.
 
-    Where the hand was under pressure before the first recorded command, its cause is unknown: the replay
-    then begins at that command, and so do the ticks.
+    Where the hand was under pressure before the first recorded command, or this is not to vent, others came before it:
+    the replay then begins at that command, and so do the ticks.
     """
     measured = measured.since(_first_known(measured, commands))
     ticks = rebuild_ticks(measured.stamp_ns, hand.rate_hz)
@@ -160,7 +160,9 @@ def _first_known(measured: Measured, commands: Commands) -> int:
     first = min(int(np.searchsorted(measured.stamp_ns, commands.sent_ns[0])), len(measured.stamp_ns) - 2)
     before = measured.stamp_ns[first] - measured.stamp_ns[: first + 1] <= REST_S * 1e9
     mean = _average(measured.pressure_pa[: first + 1][before])
-    return max(first, 0) if np.nanmax(mean, initial=0.0) > VENTED_PA else 0
+    late = (commands.sent_ns[0] - measured.stamp_ns[0]) * 1e-9 > REST_S
+    missed = late and commands.pressure_pa[0].max() > 0.0  # a controller begins with 0
+    return first if missed or np.nanmax(mean, initial=0.0) > VENTED_PA else 0
 
 
 def without_noise(hand: Hand) -> Hand:

@@ -74,7 +74,7 @@ def perform(
         publisher = node.create_publisher(JointTrajectory, "joint_trajectory", QUEUED_QOS)
         end = time.monotonic() + READY_S
         # The recorder must hear the commands from the first on: nothing moves before it listens, too.
-        recorded = ("joint_trajectory", "valve_command")
+        recorded = ("joint_trajectory", "valve_command", "joint_states", "pressures", "contact_forces", "adc")
         while seen[0] == 0 or publisher.get_subscription_count() < 2 or not _recorded(node, recorded):
             _spin(executor, TICK_S)
             healthy()
