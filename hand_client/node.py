@@ -31,7 +31,8 @@ RUNNING_S = 5.0
 """Longest wait for a hand that runs already; discovery takes up to 2.7 s."""
 STARTING_S = 15.0
 """Longest wait for a controller where a driver runs already: both were just started."""
-ANSWER_S = 5.0
+ANSWER_S, AGAIN_S = 5.0, 1.0
+"""Longest wait for an answer, and time after which a service is called again; each may be called twice."""
 CANCEL_S = 2.0
 TICK_S = 0.02
 STREAM_QOS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -221,7 +222,12 @@ class HandClient:
         client = self._node.create_client(kind, name)
         if not self.until(client.service_is_ready, ANSWER_S):
             raise NoHandError(f"nobody offers the service {self.namespace}/{name}")
-        return self._wait(client.call_async(request))
+        calls: list[Future] = []
+        for _ in range(round(ANSWER_S / AGAIN_S)):  # an answer is lost where the server has not heard of us yet
+            calls.append(client.call_async(request))
+            if self.until(lambda: any(call.done() for call in calls), AGAIN_S):
+                return next(call.result() for call in calls if call.done())
+        raise NoHandError(f"{self.namespace}/{name} does not answer within {ANSWER_S:g} s")
 
     def _wait(self, future: Future) -> Any:
         if not self.until(future.done, ANSWER_S):

@@ -19,6 +19,7 @@ import rclpy
 from ament_index_python.packages import get_package_prefix
 from diagnostic_msgs.msg import DiagnosticArray
 from hand_msgs.msg import ControllerState, ValveCommand
+from lifecycle_msgs.srv import GetState
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -29,6 +30,8 @@ NODES = Path(get_package_prefix("fluidic_hand")) / "lib" / "fluidic_hand"
 TOOL = (sys.executable, "-m", "hand_tool")
 BEST_EFFORT = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 WAIT_S = 30.0
+HEARD_S = 3.0
+"""Time in which nodes that have started together hear of each other; discovery takes up to 2.7 s."""
 Started = subprocess.Popen[bytes]
 STALLED = ("no usable sensor data", "the board reports that it is vented, although")
 """Reasons for which a hand vents where its processes do not run for 0.1 s."""
@@ -169,6 +172,7 @@ class Client:
     def controlling(self) -> None:
         """Wait until the controller drives the hand."""
         self.until(lambda: self.said("controller", "safety", "controlling"))
+        self.call(GetState, "controller/get_state", GetState.Request())  # it has heard of this client, too
         self.until(lambda: self.joints and self.valves and self.states)
         self.until(lambda: self.commands.get_subscription_count() > 0)
         self.until(lambda: self.trajectories.get_subscription_count() > 0)
@@ -189,9 +193,21 @@ class Client:
     def call(self, kind: Any, name: str, request: Any) -> Any:
         client = self.node.create_client(kind, name)
         assert client.wait_for_service(timeout_sec=WAIT_S)
-        future = client.call_async(request)
-        self.until(future.done)
-        return future.result()
+        calls: list[Any] = []
+        begun = time.monotonic()
+
+        def answered() -> bool:
+            """Call again where no answer comes: it is lost where the server has not heard of this client yet."""
+            if time.monotonic() - begun >= HEARD_S * len(calls):
+                calls.append(client.call_async(request))
+            return any(call.done() for call in calls)
+
+        self.until(answered)
+        return next(call.result() for call in calls if call.done())
+
+    def heard(self) -> None:
+        """Wait until every node has heard of every other one, which no node can ask for."""
+        self.spin(HEARD_S)
 
     def trigger(self, name: str) -> Any:
         return self.call(Trigger, name, Trigger.Request())

@@ -164,7 +164,7 @@ def test_a_missing_heartbeat_vents(stack: Stack, client: Client) -> None:
     assert not refused.success and "no heartbeat for 0.5 s" in refused.message
     publisher = client.node.create_publisher(Empty, "heartbeat", 1)
     timer = client.node.create_timer(0.1, lambda: publisher.publish(Empty()))
-    client.spin(0.5)
+    client.heard()
     assert client.enable(True).success
     client.controlling()
     client.command(index_proximal=0.8)

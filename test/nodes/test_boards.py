@@ -22,6 +22,7 @@ def test_the_same_controller_on_real_bytes(stack: Stack, client: Client, link: s
     stack.node("driver", transport=link, **where)
     stack.node("controller")
     client.controlling()
+    client.heard()  # a command is lost on a controller that has not heard of this client
     client.command(index_proximal=0.7)
     client.until(lambda: abs(client.angle("index_proximal") - 0.7) < 0.02)
     assert client.level("driver", "link") == 0

@@ -161,6 +161,7 @@ def test_live_equals_offline(stack: Stack, client: Client) -> None:
     started(stack, client)
     client.until(lambda: client.node.count_subscribers("valve_command") >= 3)
     client.until(lambda: client.commands.get_subscription_count() >= 2)
+    client.heard()  # the recorder, too: from the first motion on
     for angle in (0.9, 0.3, 1.2):
         client.command(index_proximal=angle, index_distal=angle / 2, thumb_opposition=angle)
         client.spin(1.5)

@@ -32,6 +32,7 @@ from validation.faults.closed_loop import description
 
 WAIT_S = 120.0
 """Longest wait for nodes to start and to find each other."""
+AGAIN_S = 2.0
 SPIN_S = 0.005
 STOP_S = 20.0
 MOVING_DEG = (15.0, 55.0)
@@ -234,9 +235,17 @@ class User:
         client = self.node.create_client(kind, name)
         try:
             self.until(client.service_is_ready, f"the service {name} is not there")
-            future = client.call_async(request)
-            self.until(future.done, f"the service {name} does not answer")
-            return future.result()
+            calls: list[Any] = []
+            begun = time.monotonic()
+
+            def answered() -> bool:
+                """Call again where no answer comes: it is lost where the server has not heard of us yet."""
+                if time.monotonic() - begun >= AGAIN_S * len(calls):
+                    calls.append(client.call_async(request))
+                return any(call.done() for call in calls)
+
+            self.until(answered, f"the service {name} does not answer")
+            return next(call.result() for call in calls if call.done())
         finally:
             self.node.destroy_client(client)
 
