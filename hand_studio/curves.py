@@ -12,8 +12,8 @@ from hand_model.arrays import Array
 
 POINTS = 400
 """Points of a curve; more are not seen in a plot of this width."""
-COLORS = ("#4d4d4d", "#0072b2", "#009e73")
-"""Measured, model, another model: distinct for the colour blind (Okabe and Ito 2008)."""
+COLORS = ("#808080", "#0072b2", "#009e73")
+"""Measured, model, another model: distinct for the colour blind (Okabe and Ito 2008), 3:1 on white and on dark."""
 
 
 class Curves:

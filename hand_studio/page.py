@@ -5,19 +5,34 @@ from __future__ import annotations
 import ipaddress
 import logging
 import socket
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from contextlib import redirect_stdout
 from io import StringIO
 from typing import Any
 from urllib.parse import urlsplit
 
 import viser
+from viser import _messages
 
 LOCAL = "127.0.0.1"
 FIRST_PORT, LAST_PORT = 1024, 65535
 TITLE = "hand studio"
 EYE_M, MIDDLE_M = (0.07, -0.27, 0.14), (0.01, 0.0, 0.08)
 """Where the page is seen from, and what it looks at; the wrist of the hand is the origin."""
+
+READ_ONLY = (
+    "This page only shows the hand. It can be driven from the machine that runs the studio, or with --allow-others."
+)
+SHOWN_S = 6.0
+"""Time for which this line is shown."""
+CONTROLS = (
+    _messages.GuiUpdateMessage, _messages.GuiButtonHoldMessage, _messages.GuiFormSubmitMessage,
+    _messages.GuiFormDirtyMessage, _messages.FileTransferStartUpload, _messages.FileTransferPart,
+    _messages.CommandTriggerMessage,
+)  # fmt: skip
+"""All messages by which a client changes a control."""
+Handler = Callable[[Any, Any], Coroutine[Any, Any, Any] | None]
 
 
 class Page:
@@ -39,11 +54,14 @@ class Page:
             self.close()
             raise ValueError(f"port {port} of {listen} is taken; give another --port, or none for a free one")
         self._drivers: dict[int, bool] = {}
+        self._told_s: dict[int, float] = {}
+        self._for_all: set[str] = set()
+        self._guard()
         self.server.on_client_disconnect(self._forget)
-        self.server.gui.configure_theme(
-            control_layout="fixed", control_width="large", show_logo=False, show_share_button=False
-        )
+        _theme(self.server.gui, dark=False)
+        self.server.gui.main_panel.dock_right()
         self.server.gui.set_panel_label(TITLE)
+        self._dark: set[int] = set()
         scene, camera = self.server.scene, self.server.initial_camera
         scene.set_up_direction("+z")
         scene.configure_default_lights(cast_shadow=False)  # shadows are slow where no graphics card draws them
@@ -56,16 +74,56 @@ class Page:
         host = LOCAL if ipaddress.ip_address(self._listen).is_unspecified else self._listen
         return f"http://[{host}]:{self.port}" if ":" in host else f"http://{host}:{self.port}"
 
-    def drives(self, client_id: int | None) -> bool:
-        """Whether a client may drive the hand; None is the studio itself, which only shows values."""
-        if client_id is None:
-            return False
+    def drives(self, client_id: int) -> bool:
+        """Whether a client may drive the hand."""
         if client_id not in self._drivers:
             self._drivers[client_id] = self._may_drive(client_id)
         return self._drivers[client_id]
 
+    def add_dark(self) -> None:
+        """Add a button that makes the page dark, or light again, in the browser where it is pressed."""
+        button = self.server.gui.add_button("Dark or light", color="gray")
+        button.on_click(self._turn)
+        self._for_all.add(button._impl.uuid)
+
+    def _turn(self, event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
+        if event.client is not None:
+            self._dark ^= {event.client.client_id}
+            _theme(event.client.gui, dark=event.client.client_id in self._dark)
+
+    def _guard(self) -> None:
+        """Drop whatever a client changes that may not drive: the server would keep its values, and others see them."""
+        endpoint = self.server._websock_server
+        for kind in CONTROLS:
+            handlers = endpoint._incoming_handlers.get(kind)
+            if not handlers:
+                raise RuntimeError(f"viser {viser.__version__} does not handle {kind.__name__}")
+            endpoint.unregister_handler(kind)
+            endpoint.register_handler(kind, self._guarded(handlers))
+
+    def _guarded(self, handlers: Sequence[Handler]) -> Handler:
+        async def handle(client_id: int, message: Any) -> None:
+            if getattr(message, "uuid", "") not in self._for_all and not self.drives(client_id):
+                self._refuse(client_id)
+                return
+            for handler in handlers:
+                answer = handler(client_id, message)
+                if answer is not None:
+                    await answer
+
+        return handle
+
+    def _refuse(self, client_id: int) -> None:
+        """Inform a client that it only sees the hand, not more often than the line is shown."""
+        client, now_s = self.server.get_clients().get(client_id), time.monotonic()
+        if client is not None and now_s - self._told_s.get(client_id, -SHOWN_S) >= SHOWN_S:
+            self._told_s[client_id] = now_s
+            client.add_notification("Read only", READ_ONLY, auto_close_seconds=SHOWN_S)
+
     def _forget(self, client: viser.ClientHandle) -> None:
         self._drivers.pop(client.client_id, None)
+        self._told_s.pop(client.client_id, None)
+        self._dark.discard(client.client_id)
 
     def _may_drive(self, client_id: int) -> bool:
         connection: Any = self.server._websock_server._live_connections.get(client_id)
@@ -77,6 +135,10 @@ class Page:
         """End the server."""
         with redirect_stdout(StringIO()):
             self.server.stop()
+
+
+def _theme(gui: viser.GuiApi, *, dark: bool) -> None:
+    gui.configure_theme(control_width="large", show_logo=False, show_share_button=False, dark_mode=dark)
 
 
 def may_drive(address: str, headers: Mapping[str, str], allow_others: bool) -> bool:

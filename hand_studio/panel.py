@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import Any
 
@@ -19,9 +19,6 @@ from hand_studio.inbox import Inbox
 from hand_studio.page import Page
 from hand_studio.what_if import ALL, WhatIf
 
-READ_ONLY = (
-    "This page only shows the hand. It can be driven from the machine that runs the studio, or with --allow-others."
-)
 SMALLEST_NM = 0.01
 LOOKING = "waiting for the controller"
 FIND = (
@@ -49,11 +46,12 @@ class Panel:
         with tabs.add_tab("Model"):
             self.curves = Curves(gui, hand.joints, ("measured", "model"))
             self._button("Start the model again", "restart")
-            self.what_if = WhatIf(gui, hand, hand.parameters, self._allowed)
+            self.what_if = WhatIf(gui, hand, hand.parameters)
         with tabs.add_tab("Find"):
             self._add_find(gui)
         with tabs.add_tab("Values"):
             self._values = gui.add_html("")
+        page.add_dark()
 
     def _add_drive(self, gui: viser.GuiApi, grasps: Sequence[str]) -> None:
         self._button("Enable", "enable")
@@ -61,7 +59,7 @@ class Panel:
         largest = float(self._hand.limits.max_torque_nm.min())
         self._torque = gui.add_slider("torque limit N m", SMALLEST_NM, largest, 0.005, largest)
         choice = gui.add_button_group("grasp", list(grasps))
-        choice.on_click(self._allowed(lambda event: self._inbox.ask("grasp", event.target.value)))
+        choice.on_click(lambda event: self._inbox.ask("grasp", event.target.value))
         with gui.add_folder("Joints, degrees"):
             self._sliders: list[Any] = [self._slider(gui, index) for index in range(len(self._hand.joints))]
 
@@ -69,9 +67,7 @@ class Panel:
         gui.add_html(f'<div style="padding:0.4em 0.8em">{escape(FIND)}</div>')
         joint = gui.add_dropdown("joint", (ALL, *self._hand.joints))
         button = gui.add_button("Record until sure")
-        button.on_click(
-            self._allowed(lambda _: self._inbox.ask("sure", "" if joint.value == ALL else str(joint.value)))
-        )
+        button.on_click(lambda _: self._inbox.ask("sure", "" if joint.value == ALL else str(joint.value)))
         self._sure = gui.add_html("")
 
     def sure(self, content: str) -> None:
@@ -104,7 +100,7 @@ class Panel:
 
     def _button(self, label: str, name: str, what: str = "", color: Any = None) -> viser.GuiButtonHandle:
         button = self._page.server.gui.add_button(label, color=color)
-        button.on_click(self._allowed(lambda _: self._inbox.ask(name, what)))
+        button.on_click(lambda _: self._inbox.ask(name, what))
         return button
 
     def _slider(self, gui: viser.GuiApi, index: int) -> viser.GuiSliderHandle[float]:
@@ -112,23 +108,13 @@ class Panel:
         low, high = (math.degrees(float(limit[index])) for limit in (limits.low_rad, limits.high_rad))
         slider = gui.add_slider(joint, round(low, 1), round(high, 1), 0.1, float(np.clip(0.0, low, high)))
         radians = (float(limits.low_rad[index]), float(limits.high_rad[index]))
-        slider.on_update(
-            self._allowed(
-                lambda event: self._inbox.move(joint, float(np.clip(math.radians(event.target.value), *radians)))
-            )
-        )
+
+        def move(event: viser.GuiEvent[viser.GuiSliderHandle[float]]) -> None:
+            if event.client_id is not None:  # not where the studio itself lets the slider follow the hand
+                self._inbox.move(joint, float(np.clip(math.radians(event.target.value), *radians)))
+
+        slider.on_update(move)
         return slider
-
-    def _allowed(self, action: Callable[[Any], None]) -> Callable[[Any], None]:
-        """The action, for events of clients that may drive the hand."""
-
-        def run(event: Any) -> None:
-            if self._page.drives(event.client_id):
-                action(event)
-            elif event.client is not None:
-                event.client.add_notification("Read only", READ_ONLY, auto_close_seconds=6.0)
-
-        return run
 
 
 def said(state: LiveState) -> tuple[str, tuple[str, ...]]:
@@ -140,7 +126,7 @@ def said(state: LiveState) -> tuple[str, tuple[str, ...]]:
 
 
 def _status(safety: str, problems: Sequence[str], rate: str, note: str = "") -> str:
-    bad = "color:#b3261e;overflow-wrap:anywhere"
+    bad = "color:light-dark(#b3261e,#ff8a80);overflow-wrap:anywhere"
     bold = f"font-weight:600;{bad if safety.startswith('vented') else ''}"
     lines = [f'<div id="safety" style="{bold}">{escape(safety)}</div>', f"<div>{escape(rate)}</div>"]
     lines += [f'<div style="font-size:0.85em;{bad}">{escape(text)}</div>' for text in problems]

@@ -52,7 +52,8 @@ class ReplayPage:
         self._time: Any = gui.add_slider("time s", 0.0, replay.duration_s, step, 0.0)
         worst = int(np.argmax(np.nanmax(np.abs(self._mismatch), axis=0)))
         self._curves = Curves(gui, hand.joints, ("measured", "before", second), worst)
-        self._what_if = WhatIf(gui, hand, after.parameters, self._allowed)
+        self._what_if = WhatIf(gui, hand, after.parameters)
+        page.add_dark()
 
     def run(self, check: Callable[[], None]) -> None:
         """Show the recording until check(), called all the time, raises."""
@@ -87,12 +88,3 @@ class ReplayPage:
         self._measured.tint(tints(self._mismatch[sample]))
         self._ghosts[0].pose(self._before.angle_rad[sample])
         self._ghosts[1].pose(after[sample - cut.start])
-
-    def _allowed(self, action: Callable[[Any], None]) -> Callable[[Any], None]:
-        """The action, for events of clients that may change what is shown."""
-
-        def run(event: Any) -> None:
-            if self._page.drives(event.client_id):
-                action(event)
-
-        return run

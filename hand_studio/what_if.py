@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -39,9 +39,9 @@ def slider_range(key: str, base: float) -> tuple[float, float]:
 class WhatIf:
     """Adds its controls to the page, at the place where it is made."""
 
-    def __init__(self, gui: viser.GuiApi, hand: Hand, base: Array, allowed: Callable[[Any], Any]) -> None:
-        """base: parameters (rows, joints), SI, that Reset restores.  allowed: wraps what events of the page do."""
-        self._gui, self._hand, self._base, self._allowed = gui, hand, base, allowed
+    def __init__(self, gui: viser.GuiApi, hand: Hand, base: Array) -> None:
+        """base: parameters (rows, joints), SI, that Reset restores."""
+        self._gui, self._hand, self._base = gui, hand, base
         self._lock, self._new = threading.Lock(), False
         self._parameters = base.copy()
         self._effect = gui.add_dropdown("effect", CHOICES, initial_value="constant_load")
@@ -50,8 +50,8 @@ class WhatIf:
         self._sliders: dict[str, Any] = {}
         self._reset = gui.add_button("Reset to what was found")
         for choice in (self._effect, self._joint):
-            choice.on_update(allowed(lambda _: self._show_sliders()))
-        self._reset.on_click(allowed(lambda _: self._restore()))
+            choice.on_update(lambda _: self._show_sliders())
+        self._reset.on_click(lambda _: self._restore())
         self._show_sliders()
 
     def take(self) -> Array | None:
@@ -77,12 +77,12 @@ class WhatIf:
                 unit = HAND.units.quantity(key).unit
                 label = key.partition(".")[2]
                 slider = self._gui.add_slider(label, low, high, (high - low) / STEPS, value, hint=f"{key} [{unit}]")
-                slider.on_update(self._allowed(lambda event, key=key: self._set(key, float(event.target.value))))
+                slider.on_update(partial(self._set, key))
                 self._sliders[key] = slider
 
-    def _set(self, key: str, value: float) -> None:
+    def _set(self, key: str, event: viser.GuiEvent[viser.GuiSliderHandle[float]]) -> None:
         with self._lock:
-            self._parameters[ROW[key], self._joints()] = value * PARAMETERS[key].scale
+            self._parameters[ROW[key], self._joints()] = float(event.target.value) * PARAMETERS[key].scale
             self._new = True
 
     def _restore(self) -> None:

@@ -60,7 +60,7 @@ def emulate_board(
 
     Example: hand emulate-board --serial /tmp/hand_board --drop 0.01 --disconnect 10:2
 
-    Then: ros2 run fluidic_hand driver --ros-args -p serial_port:=/tmp/hand_board
+    Then: hand up --serial /tmp/hand_board
 
     SIGUSR1 disconnects the board for 1.5 s, SIGUSR2 restarts it: kill -USR1 PID
 

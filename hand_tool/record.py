@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 WATCH_S = 1.0
 """Time for which a recording that changed lately is watched before it is repaired [s]."""
 HINT = (
-    "hint: does a hand run? Start one with: ros2 launch fluidic_hand simulated_hand.launch.py; its namespace is set "
+    "hint: does a hand run? Start one with: hand up --sim; its namespace is set "
     "with --namespace, and ROS_DOMAIN_ID and ROS_AUTOMATIC_DISCOVERY_RANGE must be those of its nodes"
 )
 

@@ -96,7 +96,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "parameter_file",
                 default_value=PathJoinSubstitution([config, "controller.yaml"]),
-                description="path of a parameter file of the controller",
+                description="path of a parameter file of all nodes",
             ),
             DeclareLaunchArgument("use_sim_time", default_value="false", description="use the time of /clock"),
             DeclareLaunchArgument("log_level", default_value="info", description="debug, info, warn, error or fatal"),
@@ -106,7 +106,7 @@ def generate_launch_description() -> LaunchDescription:
                 package="fluidic_hand",
                 executable="driver",
                 namespace=namespace,
-                parameters=[description, board, common],
+                parameters=[LaunchConfiguration("parameter_file"), description, board, common],
                 ros_arguments=log_level,
                 on_exit=end_unconfigured,
             ),

@@ -83,7 +83,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "parameter_file",
                 default_value=PathJoinSubstitution([config, "controller.yaml"]),
-                description="path of a parameter file of the controller",
+                description="path of a parameter file of all nodes",
             ),
             DeclareLaunchArgument(
                 "use_sim_time",
@@ -97,7 +97,11 @@ def generate_launch_description() -> LaunchDescription:
                 package="fluidic_hand",
                 executable="simulation",
                 namespace=namespace,
-                parameters=[description, {"publish_clock": use_sim_time, "exit_unconfigured": True}],
+                parameters=[
+                    LaunchConfiguration("parameter_file"),
+                    description,
+                    {"publish_clock": use_sim_time, "exit_unconfigured": True},
+                ],
                 ros_arguments=log_level,
                 on_exit=end_unconfigured,
             ),
@@ -114,7 +118,7 @@ def generate_launch_description() -> LaunchDescription:
                 package="fluidic_hand",
                 executable="recorder",
                 namespace=namespace,
-                parameters=[{"use_sim_time": use_sim_time}],
+                parameters=[LaunchConfiguration("parameter_file"), {"use_sim_time": use_sim_time}],
                 ros_arguments=log_level,
                 condition=IfCondition(LaunchConfiguration("record")),
             ),

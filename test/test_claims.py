@@ -20,7 +20,9 @@ from typer.testing import CliRunner
 from hand_tool.cli import app
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "firmware/README.md")]
+PAGES = [
+    ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "firmware/README.md", "examples/README.md")
+]
 PAGES += sorted((ROOT / "docs").glob("*.md"))
 NAMES = [page.relative_to(ROOT).as_posix() for page in PAGES]
 WRITTEN = ("out/", "build/", "install/", "log/", ".venv")

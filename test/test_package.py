@@ -17,6 +17,8 @@ from typing import Any, ClassVar
 
 import pytest
 
+from hand_robot.state_publisher import PACKAGE
+
 ROOT = Path(__file__).resolve().parent.parent
 NODE_PACKAGES = (
     "hand_model", "hand_messages", "hand_ros", "hand_driver", "hand_control", "hand_sim", "hand_recording", "hand_tool",
@@ -127,7 +129,7 @@ def test_nothing_is_declared_that_nothing_imports() -> None:
         else:
             assert name in used, f"{name} is required and never imported"
     keys = {ROSDEP[BROUGHT_BY.get(name, name)] for name in used if name in ROSDEP or name in BROUGHT_BY}
-    assert depends() <= keys | set(tree())
+    assert depends() <= keys | set(tree()) | {PACKAGE}  # which launch files start
 
 
 def test_packages_that_need_extras_are_above_the_nodes() -> None:
@@ -296,6 +298,7 @@ def test_launch_files_describe_their_arguments_and_end_with_a_node_that_cannot_b
             continue
         given = [values for values in node.named["parameters"] if isinstance(values, dict)]
         assert any(values.get("exit_unconfigured") for values in given)
+        assert node.named["parameters"][0].arguments == ("parameter_file",)
         on_exit = node.named["on_exit"]
         (ended,) = on_exit(SimpleNamespace(returncode=2, process_name="controller-1"), None)
         assert "controller-1" in ended.named["reason"]

@@ -231,7 +231,7 @@ def test_ctrl_c_vents_and_ends_the_hand(studio: Studio) -> None:
 
 
 def test_a_recording_is_replayed_next_to_the_model_before_and_after(studio: Studio) -> None:
-    """Fails when time, hand or one of the models of a recording is not shown, or --after is not read from a folder."""
+    """Fails when time, hand or a model of a recording is not shown, --after reads no folder, or nothing gets dark."""
     hand = load_hand(CONFIG)
     rising = np.clip(np.arange(600) / 200.0 - 0.6, 0.0, 1.0)[:, None] * np.full(len(hand.joints), 1.5e5)
     concealed = hand.parameters.copy()
@@ -251,6 +251,10 @@ def test_a_recording_is_replayed_next_to_the_model_before_and_after(studio: Stud
             studio.page.until_shown("RMS difference: before")
             off_deg = re.search(r"before: ([\d.]+) deg, after: ([\d.]+) deg", studio.page.text())
             assert off_deg is not None and float(off_deg[2]) < 0.3 < 3.0 < float(off_deg[1])
+            scheme = "getComputedStyle(document.documentElement).colorScheme"
+            assert studio.page.run(scheme) == "light"
+            studio.page.click("Dark or light")
+            studio.page.until(f"{scheme} === 'dark'")
             before = studio.still()
             studio.page.press("time s", "End")
             studio.client.until(lambda: changed(before, studio.page.scene()) > 0.005)

@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import math
 import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import viser
 import yaml
+from msgspec import msgpack
 from typer.testing import CliRunner
+from websockets.sync.client import connect
+from websockets.typing import Origin, Subprotocol
 
 from hand_client.live_state import ERROR, LiveState
 from hand_model.geometry import Shape, pose, rotation_about
 from hand_studio.hand_meshes import mesh, quaternion
 from hand_studio.inbox import Inbox, Request
-from hand_studio.page import check_address, may_drive
+from hand_studio.page import Page, check_address, may_drive
 from hand_studio.panel import LOOKING, said
 from hand_tool import studio
 from hand_tool.cli import app
@@ -39,6 +46,38 @@ def test_only_the_own_page_on_this_machine_drives() -> None:
         ("example.org:8000", "http://example.org:8000"),
     ):
         assert not may_drive("127.0.0.1", {"Host": host, "Origin": origin}, allow_others=True), (host, origin)
+
+
+def test_who_may_not_drive_changes_no_control() -> None:
+    """Fails when a control keeps what a foreign page sets, or what the page of this machine sets has no effect."""
+    page = Page()
+    try:
+        foreign, own = (page.server.gui.add_slider(name, 0.0, 1.0, 0.1, 0.5) for name in ("foreign", "own"))
+        with (
+            send_value(page, "http://example.org", foreign._impl.uuid, 0.9),
+            send_value(page, page.url, own._impl.uuid, 0.2),
+        ):
+            until(lambda: own.value == 0.2)
+        assert foreign.value == 0.5
+    finally:
+        page.close()
+
+
+@contextmanager
+def send_value(page: Page, origin: str, uuid: str, value: float) -> Iterator[None]:
+    """A client that comes from a page of an origin and sets the value of one control."""
+    version = Subprotocol(f"viser-v{viser.__version__}")
+    with connect(page.url.replace("http", "ws"), origin=Origin(origin), subprotocols=[version]) as connection:
+        message = {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}}
+        connection.send(msgpack.encode(message))
+        yield
+
+
+def until(condition: Callable[[], Any]) -> None:
+    end = time.monotonic() + 10.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
 
 
 def test_an_emergency_stop_removes_what_waits() -> None:
