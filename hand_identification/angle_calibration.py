@@ -11,6 +11,7 @@ The model with the lowest cross-validation error is chosen, the simpler one wher
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -33,6 +34,7 @@ class AngleCalibration:
 
     model: one of MODELS.  numbers: its coefficients (see the module).  rms_deg, largest_deg: errors over all samples.
     validation_deg: cross-validation error (RMS) by model.  low_v, high_v: voltages of the calibration.
+    volts_at_0_deg, volts_at_90_deg: of the two-point line [V], which a description holds, whichever model is chosen.
     """
 
     model: str
@@ -42,6 +44,8 @@ class AngleCalibration:
     validation_deg: dict[str, float]
     low_v: float
     high_v: float
+    volts_at_0_deg: float
+    volts_at_90_deg: float
 
     def angle_deg(self, voltage_v: Array) -> Array:
         """Angles [deg] of voltages (n,); NaN outside the voltages of the calibration."""
@@ -61,6 +65,7 @@ def calibrate_angle(angle_deg: Array, voltage_v: Array) -> AngleCalibration:
         if validation[model] * MARGIN + MARGIN_DEG < validation[chosen]:
             chosen = model
     numbers = _FIT[chosen](angle_deg, voltage_v)
+    start_deg, slope = _fit_line(angle_deg, voltage_v)
     error = _INVERSE[chosen](numbers, voltage_v) - angle_deg
     return AngleCalibration(
         chosen,
@@ -70,6 +75,7 @@ def calibrate_angle(angle_deg: Array, voltage_v: Array) -> AngleCalibration:
         validation,
         float(voltage_v.min()),
         float(voltage_v.max()),
+        *(float((end - start_deg) / slope) if slope else math.nan for end in (0.0, 90.0)),
     )
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
-from ruamel.yaml.comments import CommentedMap
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.constructor import RoundTripConstructor
 from ruamel.yaml.nodes import ScalarNode
 from ruamel.yaml.representer import RoundTripRepresenter
@@ -119,6 +119,14 @@ def _indents(text: str) -> tuple[int, int]:
     return mapping or 2, max(offset, 0)
 
 
+def _insert(entry: MutableMapping[str, Any], name: str, value: Any) -> None:
+    """Put a new key before the last one of an entry."""
+    if isinstance(entry, CommentedMap):
+        entry.insert(max(len(entry) - 1, 1), name, value)
+    else:
+        entry[name] = value
+
+
 class YamlDocument:
     """A YAML file of mappings that is changed key by key and written with its comments, order and number formats."""
 
@@ -135,6 +143,15 @@ class YamlDocument:
         """Put a number (its text, see number_text) into a mapping of `data`."""
         section[key] = _Number(text)
 
+    def set_numbers(self, section: MutableMapping[str, Any], key: str, texts: Sequence[str]) -> None:
+        """Put a list of numbers (their texts) into a mapping of `data`, in one line; a new one as by `group`."""
+        numbers = CommentedSeq([_Number(text) for text in texts])
+        numbers.fa.set_flow_style()
+        if key in section:
+            section[key] = numbers
+        else:
+            _insert(section, key, numbers)
+
     def group(self, entry: MutableMapping[str, Any], name: str, keys: int) -> MutableMapping[str, Any]:
         """The mapping `name` of an entry of `data`; made where it is missing, for about so many keys.
 
@@ -145,10 +162,7 @@ class YamlDocument:
             new = CommentedMap()
             if keys <= FLOW_KEYS:
                 new.fa.set_flow_style()
-            if isinstance(entry, CommentedMap):
-                entry.insert(max(len(entry) - 1, 1), name, new)
-            else:
-                entry[name] = new
+            _insert(entry, name, new)
         found: MutableMapping[str, Any] = entry[name]
         return found
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,19 +18,29 @@ def write_into(model: Path, changes: Changes, comment: str, resolutions: Changes
     """
     from hand_identification.model_file import write_model
     from hand_model.description import load_hand
-    from hand_model.yaml_patch import unified_diff
 
     hand = load_hand(model)
     for joint in changes:
         if joint not in hand.joints:
             raise ValueError(f"{model}: --joint is {joint!r}; the description has: {', '.join(hand.joints)}")
+    return replaced(model, lambda trial: write_model(hand, changes, trial, comment, resolutions=resolutions))
+
+
+def replaced(model: Path, write: Callable[[Path], object]) -> str:
+    """Replace the description `model` by what `write` writes to the path that it is given; return the difference.
+
+    write: raises DescriptionError where the result would not load. ValueError, and nothing written, in this case.
+    """
+    from hand_model.description import DescriptionError
+    from hand_model.yaml_patch import unified_diff
+
     before = model.read_text(encoding="utf-8")
     trial = model.with_name(f".{model.name}.identified")
     try:
-        write_model(hand, changes, trial, comment, resolutions=resolutions)
+        write(trial)
         after = trial.read_text(encoding="utf-8")
         trial.replace(model)
-    except ValueError as error:
+    except DescriptionError as error:
         raise ValueError(
             f"{model} with the identified numbers is no valid description: {str(error).replace(str(trial), model.name)}"
         ) from None
