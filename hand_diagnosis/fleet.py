@@ -17,9 +17,11 @@ from typing import Any
 import numba
 
 from hand_diagnosis.diagnosis import diagnose
+from hand_diagnosis.machine_report import write_machine_report
 from hand_diagnosis.pages.page import write_page
 from hand_diagnosis.patch import write_patch
 from hand_diagnosis.report import write_report
+from hand_machine.machine import load_machine
 from hand_model.description import load_hand
 from hand_model.kernel.hooks import equations_key
 from hand_recording.signal_files import read_signals
@@ -32,7 +34,8 @@ COLUMNS = ("recording", "verdict", "rank", "joint", "place", "effect", "probabil
 class Job:
     """One recording with everything its report depends on, in plain types, so that it can be sent to another computer.
 
-    tolerance: relative standard deviation of the nominal numbers [-].
+    tolerance: relative standard deviation of the nominal numbers [-].  of_machine: whether `model` is the file of
+    another machine than a hand.
     """
 
     recording: str
@@ -44,6 +47,7 @@ class Job:
     joints: tuple[str, ...]
     without: tuple[str, ...]
     sensor_curve: bool | None
+    of_machine: bool = False
 
     @property
     def key(self) -> str:
@@ -64,24 +68,35 @@ def run_job(job: Job) -> list[dict[str, Any]]:
     try:
         key = job.key
         if not (report.exists() and stamp.exists() and stamp.read_text(encoding="utf-8") == key):
-            hand = load_hand(job.model)
-            signals = read_signals([Path(job.recording)], hand, Path(job.mapping) if job.mapping else None)
-            result = diagnose(
-                signals,
-                hand,
-                tolerance=job.tolerance,
-                seed=job.seed,
-                joints=job.joints,
-                without=job.without,
-                sensor_curve=job.sensor_curve,
-            )
-            content, _ = write_report(result, hand, [job.recording], out)
-            write_patch(content, hand.path, out)
-            write_page(result, content, out, hand)
+            (_diagnose_machine if job.of_machine else _diagnose_hand)(job)
             stamp.write_text(key, encoding="utf-8")
         return _rows(job.recording, json.loads(report.read_text(encoding="utf-8")))
     except Exception as error:  # the other recordings are diagnosed whatever this one contains
         return [dict.fromkeys(COLUMNS) | {"recording": job.recording, "verdict": "unusable", "error": str(error)}]
+
+
+def _diagnose_hand(job: Job) -> None:
+    hand = load_hand(job.model)
+    signals = read_signals([Path(job.recording)], hand, Path(job.mapping) if job.mapping else None)
+    result = diagnose(
+        signals,
+        hand,
+        tolerance=job.tolerance,
+        seed=job.seed,
+        joints=job.joints,
+        without=job.without,
+        sensor_curve=job.sensor_curve,
+    )
+    content, _ = write_report(result, hand, [job.recording], Path(job.out))
+    write_patch(content, hand.path, Path(job.out))
+    write_page(result, content, Path(job.out), hand)
+
+
+def _diagnose_machine(job: Job) -> None:
+    machine = load_machine(Path(job.model), [Path(job.recording)], to_fit=True)
+    write_machine_report(
+        machine, [job.recording], Path(job.out), tolerance=job.tolerance, seed=job.seed, without=job.without
+    )
 
 
 def _rows(recording: str, content: dict[str, Any]) -> list[dict[str, Any]]:

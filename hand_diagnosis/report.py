@@ -61,6 +61,7 @@ def document(diagnosis: Diagnosis, recordings: Sequence[str], model: str) -> dic
         "schema": SCHEMA,
         "recordings": list(recordings),
         "model": model,
+        "words": {"whole": diagnosis.wording.whole, "axis": diagnosis.wording.axis},
         "verdict": diagnosis.verdict,
         "findings": [_finding(diagnosis, rank + 1, finding) for rank, finding in enumerate(diagnosis.findings)],
         "fit": fit_rows(diagnosis),

@@ -9,7 +9,7 @@ from pathlib import Path
 from hand_pages.page import write_html
 from hand_pages.plots import Plot
 
-MADE = ("date", "version", "command", "seed", "commit", "machine", "model")
+MADE = ("date", "version", "command", "seed", "commit", "duration", "machine", "model")
 """What a page says about how it was made, in this order."""
 
 
@@ -46,7 +46,7 @@ class Section:
 class Results:
     """A whole page. title: the answer in one sentence.  about: what was done.  tiles: a number and its words each.
 
-    made: what is known of date, version, command, seed, commit, machine and model.
+    made: what is known of date, version, command, seed, commit, duration_s, machine, model and model_sha256.
     """
 
     title: str
@@ -63,4 +63,14 @@ def write_results(path: Path, results: Results) -> None:
 
 def made_rows(made: Mapping[str, object]) -> list[tuple[str, str]]:
     """How a page was made, by name, without what is not known."""
-    return [(name, str(made[name])) for name in MADE if made.get(name) not in (None, "")]
+    known = {name: str(value) for name, value in made.items() if value not in (None, "")}
+    if "duration_s" in known:
+        known["duration"] = f"{known['duration_s']} s"
+    if "model" in known and "model_sha256" in known:
+        known["model"] = with_hash(known["model"], known["model_sha256"])
+    return [(name, known[name]) for name in MADE if name in known]
+
+
+def with_hash(path: object, sha256: str) -> str:
+    """A file with the beginning of its hash, as pages name it."""
+    return f"{path} (sha256 {sha256[:16]})"

@@ -11,7 +11,7 @@ import typer
 from hand_tool.chosen_model import choose_model
 from hand_tool.console import running
 from hand_tool.options import AsJson, Model, Quiet, Verbose
-from hand_tool.origin import made
+from hand_tool.origin import Origin
 from hand_tool.paths import check_exists, check_folder
 
 if TYPE_CHECKING:
@@ -22,12 +22,18 @@ LINES = 12
 
 def compare(
     *,
-    first: Annotated[Path, typer.Argument(metavar="A", help="A folder of hand diagnose, a hand.yaml or a recording.")],
+    first: Annotated[
+        Path,
+        typer.Argument(metavar="A", help="A folder of hand diagnose, a hand.yaml or machine file, or a recording."),
+    ],
     second: Annotated[Path, typer.Argument(metavar="B", help="Another one of the same kind.")],
     out: Annotated[Path, typer.Option(help="Folder for compare.html and compare.json.")],
     model: Model = None,
     mapping: Annotated[
         Path | None, typer.Option("--map", help="YAML that names the columns, where recordings are tables.")
+    ] = None,
+    machine: Annotated[
+        Path | None, typer.Option(help="The file of another machine, where recordings are of one.")
     ] = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -48,10 +54,20 @@ def compare(
         kinds = [kind_of(path) for path in (first, second)]
         if kinds[0] != kinds[1]:
             raise ValueError(f"{first} is a {kinds[0]} and {second} a {kinds[1]}; both must be of one kind")
-        if kinds[0] != "recording" and (model or mapping):
-            raise ValueError("--model and --map are for recordings")
-        compared = _compared(kinds[0], first, second, model, mapping)
-        content = write_comparison(compared, (str(first), str(second)), out, made())
+        if kinds[0] != "recording" and (model or mapping or machine):
+            raise ValueError("--model, --map and --machine are for recordings")
+        if machine and (model or mapping):
+            raise ValueError("--model and --map cannot be used with --machine")
+        origin = Origin(choose_model(machine or model) if kinds[0] == "recording" else None)
+        if origin.model is not None:
+            compared, models = (
+                _recordings(first, second, origin.model.path, mapping, of_machine=machine is not None),
+                "",
+            )
+        else:
+            compared, models = (_models if kinds[0] == "model" else _reports)(first, second)
+        made = {"model": models} | origin.of_page()
+        content = write_comparison(compared, (str(first), str(second)), out, made)
         outputs.complete(out / "compare.json", out / "compare.html")
     if as_json:
         print(json.dumps(content))
@@ -64,15 +80,47 @@ def compare(
     print(f"written: {out / 'compare.html'}, {out / 'compare.json'}")
 
 
-def _compared(kind: str, first: Path, second: Path, model: Path | None, mapping: Path | None) -> Comparison:
-    from hand_diagnosis.pages.compare import compare_models, compare_recordings, compare_reports, load_report
+def _reports(first: Path, second: Path) -> tuple[Comparison, str]:
+    """Two reports compared, and the models that they are about."""
+    from hand_diagnosis.pages.compare import compare_reports, load_report
+    from hand_pages.results import with_hash
+
+    reports = [load_report(path) for path in (first, second)]
+    hashes = [report.get("made", {}).get("model_sha256") for report in reports]
+    models = [
+        with_hash(report["model"], sha256) if sha256 else report["model"]
+        for report, sha256 in zip(reports, hashes, strict=True)
+    ]
+    return compare_reports(*reports), "; ".join(dict.fromkeys(models))
+
+
+def _models(first: Path, second: Path) -> tuple[Comparison, str]:
+    """Two models compared, and their names with hashes."""
+    from hand_diagnosis.pages.compare_models import compare_hands, compare_machines
+    from hand_machine.description import is_machine_file, load_description
+    from hand_model.description import load_hand
+    from hand_pages.results import with_hash
+
+    models = "; ".join(with_hash(path, choose_model(path).sha256) for path in (first, second))
+    of_machine = [is_machine_file(path) for path in (first, second)]
+    if all(of_machine):
+        return compare_machines(load_description(first), load_description(second)), models
+    if any(of_machine):
+        kinds = ["a machine" if each else "a hand" for each in of_machine]
+        raise ValueError(f"{first} describes {kinds[0]} and {second} {kinds[1]}; both must be of one kind")
+    return compare_hands(load_hand(first), load_hand(second)), models
+
+
+def _recordings(first: Path, second: Path, model: Path, mapping: Path | None, *, of_machine: bool) -> Comparison:
+    from hand_diagnosis.pages.compare_recordings import compare_recordings
+
+    if of_machine:
+        from hand_machine.machine import load_machine
+
+        loaded = load_machine(model, [first, second])
+        return compare_recordings(*loaded.signals, wording=loaded.wording)
+    from hand_diagnosis import read_recording
     from hand_model.description import load_hand
 
-    if kind == "report":
-        return compare_reports(load_report(first), load_report(second))
-    if kind == "model":
-        return compare_models(load_hand(first), load_hand(second))
-    from hand_diagnosis import read_recording
-
-    hand = load_hand(choose_model(model).path)
+    hand = load_hand(model)
     return compare_recordings(*(read_recording(path, hand, mapping=mapping) for path in (first, second)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,11 +13,11 @@ from hand_tool import interrupts
 from hand_tool.chosen_model import choose_model
 from hand_tool.console import progress_bar, require, running
 from hand_tool.options import AsJson, Model, Quiet, Verbose
-from hand_tool.origin import Origin, made
+from hand_tool.origin import Origin
 from hand_tool.paths import check_exists, check_file, check_folder
 
 if TYPE_CHECKING:
-    from hand_diagnosis.fleet import Cluster
+    from hand_diagnosis.fleet import Cluster, Job
 
 LINES = 15
 WRITTEN = ("report.html", "report.json", "model.yaml", "patch.yaml")
@@ -92,24 +93,50 @@ def diagnose(
                     "--joints": joints,
                     "--sensor-curve": sensor_curve,
                     "--rerun": rerun,
-                    "--each": each,
-                    "--jobs": jobs > 1,
-                    "--scheduler": scheduler,
                     "--ask": ask,
                 }
             )
-            content = _machine(origin, recordings, out, tolerance=tolerance, without=_list(without), as_json=as_json)
+        names = [str(path) for path in recordings]
+        if fleet:
+            _check_model(chosen.path, of_machine=machine is not None)
+            chosen.print(as_json)
+            from hand_diagnosis.fleet import Job
+
+            template = Job(
+                recording="",
+                model=str(chosen.path),
+                mapping=str(mapping) if mapping else None,
+                out="",
+                tolerance=tolerance,
+                seed=seed,
+                joints=tuple(_list(joints)),
+                without=tuple(_list(without)),
+                sensor_curve=sensor_curve,
+                of_machine=machine is not None,
+            )
+            summary = _fleet(recordings, template, origin, out, jobs, cluster, as_json)
+            _print_fleet(summary | {"model_file": chosen.as_json()}, out, as_json)
+            return
+        if machine is not None:
+            from hand_diagnosis.machine_report import write_machine_report
+            from hand_machine.machine import load_machine
+
+            loaded = load_machine(chosen.path, recordings, to_fit=True)
+            chosen.print(as_json)
+            content = write_machine_report(
+                loaded,
+                names,
+                out,
+                tolerance=tolerance,
+                seed=seed,
+                without=_list(without),
+                made=origin.document,
+            )
             _print(content | {"model_file": chosen.as_json()}, out, as_json, ask=False)
             return
         from hand_model.description import load_hand
 
         hand = load_hand(chosen.path)
-        if fleet:
-            chosen.print(as_json)
-            options = (tolerance, seed, tuple(_list(joints)), tuple(_list(without)), sensor_curve)
-            summary = _fleet(recordings, hand.path, mapping, out, options, jobs, cluster, as_json)
-            _print_fleet(summary | {"model_file": chosen.as_json()}, out, as_json)
-            return
         from hand_diagnosis import diagnose as run
         from hand_diagnosis import read_recording
 
@@ -127,7 +154,7 @@ def diagnose(
                 without=_list(without),
                 sensor_curve=sensor_curve,
                 reruns=repeated,
-                names=[str(path) for path in recordings],
+                names=names,
                 progress=lambda joint: progress.update(bar, advance=1, description=joint),
             )
             progress.update(bar, completed=total)
@@ -170,6 +197,14 @@ def _refuse_with_machine(given: dict[str, object]) -> None:
         raise ValueError(f"{', '.join(wrong)} cannot be used with --machine")
 
 
+def _check_model(path: Path, *, of_machine: bool) -> None:
+    """Refuse a model that cannot be used before many recordings are read."""
+    from hand_machine.description import load_description
+    from hand_model.description import load_hand
+
+    load_description(path) if of_machine else load_hand(path)
+
+
 def _suggest_map(recordings: list[Path]) -> None:
     """Print the section `columns` of a machine file, proposed from the first recording."""
     from hand_machine.suggestion import suggest_map
@@ -178,58 +213,25 @@ def _suggest_map(recordings: list[Path]) -> None:
         print(suggest_map(recordings[0]), end="")
 
 
-def _machine(
-    origin: Origin,
-    recordings: list[Path],
-    out: Path,
-    *,
-    tolerance: float,
-    without: list[str],
-    as_json: bool,
-) -> dict[str, Any]:
-    """Diagnose another machine; report and page in its units, model.yaml with the parameters found."""
-    from hand_diagnosis.detection import detection_limits
-    from hand_diagnosis.diagnosis import diagnose as run
-    from hand_diagnosis.found_machine import write_machine_model
-    from hand_diagnosis.pages.page import write_page
-    from hand_diagnosis.patch import write_patch
-    from hand_diagnosis.problem import effects_without
-    from hand_diagnosis.report import document, write_json
-    from hand_machine.machine import load_machine
-
-    chosen = origin.model
-    loaded = load_machine(chosen.path, recordings, to_fit=True)
-    chosen.print(as_json)
-    result = run(
-        loaded.signals, loaded.model, tolerance=tolerance, seed=origin.seed, without=without, wording=loaded.wording
-    )
-    names = [str(path) for path in recordings]
-    content = document(result, names, str(chosen.path)) | {"made": origin.document()}
-    content["detection_limits"] = detection_limits(result, effects_without(without, loaded.model))
-    write_json(content, out)
-    write_machine_model(result, loaded.description, names, out / "model.yaml")
-    write_patch(content, loaded.description.path, out)
-    write_page(result, content, out)
-    return content
-
-
 def _fleet(
     recordings: list[Path],
-    model: Path,
-    mapping: Path | None,
+    template: Job,
+    origin: Origin,
     out: Path,
-    options: Any,
     jobs: int,
     cluster: Cluster | None,
     as_json: bool,
 ) -> dict[str, Any]:
-    """Diagnose every recording by itself; a recording that has a report is not diagnosed again. The summary."""
-    from hand_diagnosis.fleet import Job, run_fleet, write_table
+    """Diagnose every recording by itself; a recording that has a report is not diagnosed again. The summary.
+
+    template: what all jobs have in common.
+    """
+    from hand_diagnosis.fleet import run_fleet, write_table
     from hand_diagnosis.pages.fleet_page import write_index
 
     names = [f"{number:05d}_{path.stem}" for number, path in enumerate(recordings)]
     work = [
-        Job(str(path), str(model), str(mapping) if mapping else None, str(out / name), *options)
+        replace(template, recording=str(path), out=str(out / name))
         for path, name in zip(recordings, names, strict=True)
     ]
     rows = []
@@ -242,7 +244,9 @@ def _fleet(
             progress.advance(bar)
     summary = write_table(rows, out)
     errors = {row["recording"]: row["error"] for row in rows if row["error"]}
-    write_index([(path, out / name) for path, name in zip(recordings, names, strict=True)], errors, out, made())
+    write_index(
+        [(path, out / name) for path, name in zip(recordings, names, strict=True)], errors, out, origin.of_page()
+    )
     return summary
 
 

@@ -16,19 +16,25 @@ from hand_tool.version import version
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Of a command that runs now, from the moment at which this is made."""
+    """Of a command that runs now, from the moment at which this is made. model, seed: None where it has none."""
 
-    model: ChosenModel
-    seed: int
+    model: ChosenModel | None = None
+    seed: int | None = None
     begun_s: float = field(default_factory=time.monotonic)
 
     def document(self) -> dict[str, Any]:
-        """The entry `made` of report.json."""
-        return made() | {
-            "seed": self.seed,
-            "duration_s": round(time.monotonic() - self.begun_s, 1),
-            "model_sha256": self.model.sha256,
-        }
+        """The entry `made` of report.json, which names the model elsewhere."""
+        document = made()
+        if self.seed is not None:
+            document["seed"] = self.seed
+        document["duration_s"] = round(time.monotonic() - self.begun_s, 1)
+        if self.model is not None:
+            document["model_sha256"] = self.model.sha256
+        return document
+
+    def of_page(self) -> dict[str, Any]:
+        """The same with the path of the model, for hand_pages.results.made_rows."""
+        return self.document() | ({} if self.model is None else {"model": str(self.model.path)})
 
 
 def made() -> dict[str, Any]:

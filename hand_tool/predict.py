@@ -11,7 +11,7 @@ import typer
 from hand_tool.chosen_model import choose_model
 from hand_tool.console import require, running
 from hand_tool.options import AsJson, Model, Quiet, Verbose
-from hand_tool.origin import made
+from hand_tool.origin import Origin
 from hand_tool.paths import check_exists, check_file, check_folder
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ def predict(
         if out is not None:
             check_folder(out)
         chosen = choose_model(model)
+        origin = Origin(chosen)
         wanted = [name.strip() for name in joints.split(",") if name.strip()]
         result = _predict(recordings, chosen.path, mapping, wanted, sensor_curve)
         chosen.print(as_json)
@@ -69,7 +70,7 @@ def predict(
             outputs.complete(files[0])
             from hand_diagnosis.pages.prediction_page import write_page
 
-            write_page(result, content, out, made())
+            write_page(result, content, out, origin.of_page())
     print(json.dumps(content | {"model_file": chosen.as_json()}) if as_json else "\n".join(_summary(content, out)))
 
 

@@ -14,7 +14,7 @@ from hand_tool import interrupts
 from hand_tool.chosen_model import choose_model
 from hand_tool.console import progress_bar, require, running
 from hand_tool.options import AsJson, Quiet, Verbose
-from hand_tool.origin import made
+from hand_tool.origin import Origin
 from hand_tool.paths import check_folder
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ def reproduce(
         check_folder(out)
         require("validation", "skfem", "deap", "cma")
         chosen = choose_model(None)
+        origin = Origin(chosen, seed)
         from validation.paper.page import write_page
 
         chosen.print(as_json)
@@ -57,7 +58,7 @@ def reproduce(
         for result, picture in results:
             pictures[result.id].write_bytes(picture)
             outputs.complete(pictures[result.id])
-        write_page(results, page, made() | {"seed": seed})
+        write_page(results, page, origin.of_page())
         outputs.complete(page)
         quantities = [asdict(quantity) for result, _ in results for quantity in result.quantities]
         text = json.dumps(quantities, indent=2)

@@ -11,7 +11,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from hand_diagnosis.pages.headline import title, worst_by_joint
+from hand_diagnosis.pages.headline import common_words, title, words_of, worst_by_joint
 from hand_pages.page import write_html
 from hand_pages.plots import Curve, Kind, Panel, Plot, script_json
 from hand_pages.results import made_rows
@@ -29,6 +29,7 @@ def write_index(
     hand_pages/results.
     """
     rows = [_row(recording, folder, errors.get(str(recording), "")) for recording, folder in entries]
+    words = common_words(row["words"] for row in rows if row["words"])
     joints = sorted({joint for row in rows for joint in row["errors"]})
     found = sum(row["verdict"] not in {"agrees", UNUSABLE} for row in rows)
     bad = sum(row["verdict"] == UNUSABLE for row in rows)
@@ -52,6 +53,7 @@ def write_index(
         title=f"{answer}; {bad} could not be used" if bad else answer,
         verdicts=sorted({row["verdict"] for row in rows}),
         joints=joints,
+        axis=words.axis,
         content=script_json({"joints": joints, "rows": table}),
         trend=_trend(rows, joints),
         folder=str(above) if above else "",
@@ -69,7 +71,15 @@ def _common_folder(recordings: Sequence[Path]) -> Path | None:
 
 def _row(recording: Path, folder: Path, error: str) -> dict[str, Any]:
     """What the page shows of a recording. errors: by joint, the largest in multiples of the noise; None: unknown."""
-    row = {"name": str(recording), "link": "", "verdict": UNUSABLE, "date": "", "answer": error, "errors": {}}
+    row = {
+        "name": str(recording),
+        "link": "",
+        "verdict": UNUSABLE,
+        "date": "",
+        "answer": error,
+        "errors": {},
+        "words": None,
+    }
     if recording.exists():
         files = [file for file in recording.rglob("*") if file.is_file()] if recording.is_dir() else [recording]
         changed_s = max((file.stat().st_mtime for file in files), default=0.0)
@@ -81,7 +91,9 @@ def _row(recording: Path, folder: Path, error: str) -> dict[str, Any]:
     worst = {
         joint: None if ratio is None else float(f"{ratio:.3g}") for joint, ratio in worst_by_joint(content).items()
     }
-    found = {"link": f"{folder.name}/report.html", "verdict": content["verdict"], "answer": title(content)}
+    words = words_of(content)
+    found = {"link": f"{folder.name}/report.html", "verdict": content["verdict"], "answer": title(content, *words)}
+    found["words"] = words
     return row | found | {"errors": worst}
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 from hand_diagnosis.pages.drawing import tint
 
@@ -19,6 +19,24 @@ SPLITS = ("test", "validation", "train")
 """The data whose error counts most, first."""
 WORDS = {"train": "training", "validation": "validation", "test": "test"}
 Report = Mapping[str, Any]
+
+
+class Words(NamedTuple):
+    """What the machine of a report and its joints are called."""
+
+    whole: str = "the hand"
+    axis: str = "joint"
+
+
+def words_of(report: Report) -> Words:
+    """The words of a report; those of a hand where it has none."""
+    return Words(**report.get("words", {}))
+
+
+def common_words(several: Iterable[Words]) -> Words:
+    """The words of several reports; those of a hand where they differ or there is no report."""
+    every = set(several)
+    return every.pop() if len(every) == 1 else Words()
 
 
 def effect_words(effect: str) -> str:
@@ -44,8 +62,18 @@ def title(report: Report, whole: str = "the hand", axis: str = "joint") -> str:
         parts.append("Nothing could be diagnosed")
     if missing:
         total = missing + len({row["joint"] for row in report["fit"]})
-        parts.append(f"{missing} of {total} {axis}s not diagnosed")
+        parts.append(f"{missing} of {total} {plural(axis)} not diagnosed")
     return "; ".join(parts)
+
+
+def counted(number: int, noun: str) -> str:
+    """A number of joints or axes in words."""
+    return f"{number} {noun if number == 1 else plural(noun)}"
+
+
+def plural(noun: str) -> str:
+    """Joints or axes."""
+    return {"axis": "axes"}.get(noun, f"{noun}s")
 
 
 def _agreement(report: Report, missing: int, axis: str) -> str:
@@ -55,7 +83,7 @@ def _agreement(report: Report, missing: int, axis: str) -> str:
         return "Model and recording agree: no effect of the catalogue is missing"
     if len(joints) <= NAMED:
         return f"{' and '.join(joints)} agree{'s' if len(joints) == 1 else ''} with the model"
-    return f"{len(joints)} {axis}s agree with the model"
+    return f"{counted(len(joints), axis)} agree with the model"
 
 
 def _share(finding: Report) -> float:
@@ -136,7 +164,7 @@ def tiles(report: Report, axis: str = "joint") -> list[tuple[str, str]]:
     after = f"{worst['rmse_before']:.3g} {worst['unit']}"
     return [
         *remains,
-        (f"{joints} of {joints + len(report['not_judged'])}", f"{axis}s compared with the model"),
+        (f"{joints} of {joints + len(report['not_judged'])}", f"{plural(axis)} compared with the model"),
         (after, f"largest {WORDS[worst['split']]} error: {signal} of {joint}, {short(ratio)} times the noise"),
     ]
 

@@ -12,12 +12,22 @@ from hand_diagnosis.detection import limit_table
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
 from hand_diagnosis.pages.drawing import hand_drawing
 from hand_diagnosis.pages.figures import joint_figure
-from hand_diagnosis.pages.headline import effect_words, heat_map, ties, tiles, title, unit_words, worst_by_joint
+from hand_diagnosis.pages.headline import (
+    counted,
+    effect_words,
+    heat_map,
+    ties,
+    tiles,
+    title,
+    unit_words,
+    worst_by_joint,
+)
 from hand_diagnosis.pages.page_plots import every_nth, law_plot, leading_stage, state_plot, time_plots
 from hand_diagnosis.settings import SETTINGS
 from hand_model.description import Hand
 from hand_pages.page import png, write_html
 from hand_pages.plots import Plot
+from hand_pages.results import made_rows
 
 SPLITS = {"train": "training", "validation": "validation", "test": "test"}
 Rows = list[list[str]]
@@ -45,8 +55,8 @@ def write_page(diagnosis: Diagnosis, report: Mapping[str, Any], out: Path, hand:
         drawing=_drawing(report, hand, [joint.joint for joint in shown]),
         words=effect_words,
         axis=axis,
-        diagnosed=f"{count} {axis}{'' if count == 1 else 's'} diagnosed",
-        made=_made(report),
+        diagnosed=f"{counted(count, axis)} diagnosed",
+        made=made_rows({**report.get("made", {}), "model": report["model"]}),
         patch=patch.shown(report, out),
         limits=limit_table(report.get("detection_limits", [])),
         joints=[_joint(diagnosis, joint, report, nth) for joint in shown],
@@ -70,16 +80,6 @@ def _drawing(report: Mapping[str, Any], hand: Hand | None, shown: Sequence[str])
     if hand is None or hand.geometry is None:
         return ""
     return hand_drawing(hand, worst_by_joint(report), {joint: f"#{joint}" for joint in shown})
-
-
-def _made(report: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """How the report was made, by name; only the model where nothing more is known."""
-    made = report.get("made", {})
-    rows = [(name, str(made[name])) for name in ("date", "version", "command", "seed") if made.get(name, "") != ""]
-    if "duration_s" in made:
-        rows.append(("duration", f"{made['duration_s']:g} s"))
-    model = f"{report['model']} (sha256 {made['model_sha256'][:16]})" if "model_sha256" in made else report["model"]
-    return [*rows, ("model", model)]
 
 
 def _joint(diagnosis: Diagnosis, joint: JointDiagnosis, report: Mapping[str, Any], nth: int) -> dict[str, Any]:

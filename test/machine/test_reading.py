@@ -298,7 +298,7 @@ def test_a_proposed_map_is_accepted_and_gives_si(tmp_path: Path, motion: dict[st
     assert (result.exit_code, result.output) == (0, text)
 
 
-@pytest.mark.parametrize("option", ["--ask", "--each", "--jobs=2", "--joints=axis", "--map=machine.yaml"])
+@pytest.mark.parametrize("option", ["--ask", "--joints=axis", "--map=machine.yaml"])
 def test_options_without_a_part_in_a_machine_are_refused(
     tmp_path: Path, motion: dict[str, np.ndarray], option: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

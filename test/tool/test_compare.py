@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import re
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +19,9 @@ from hand_recording.replay import record_offline
 from hand_tool.cli import app
 from test.diagnosis.recordings import CONFIG, changed, excitation
 
+EXAMPLES = CONFIG.parent.parent / "examples" / "machine"
+SLIDE, TABLE = EXAMPLES / "slide.yaml", EXAMPLES / "slide.csv"
+RESTING = 2 * [{"joint": "axis", "reason": "moved too little"}]
 FRICTION = {"coulomb_friction.torque_nm": 0.012}
 
 
@@ -23,15 +29,22 @@ def compare(first: Path, second: Path, out: Path, *options: str) -> Result:
     return CliRunner().invoke(app, ["compare", str(first), str(second), "--out", str(out), *options])
 
 
-def report(path: Path, effect: str | None, after: float) -> Path:
-    """A report with one signal of one joint, and a finding or none."""
+def report(path: Path, effect: str | None, after: float, **more: Any) -> Path:
+    """A report with one signal of one joint, and a finding or none. more: further fields."""
     finding: dict[str, Any] = {"joint": "index_distal", "effect": effect, "probability": 0.9, "alternatives": []}
     finding |= {"tied_with": [], "parameters": {}}
     errors = {"rmse_before": 2.0, "rmse_after": after, "noise_floor": 0.01}
     row = {"joint": "index_distal", "signal": "angle", "unit": "deg", "split": "test"} | errors
-    content = {"schema": 2, "findings": [finding] if effect else [], "fit": [row], "remainder": [], "not_judged": []}
+    content = {
+        "schema": 2,
+        "model": "hand.yaml",
+        "findings": [finding] if effect else [],
+        "fit": [row],
+        "remainder": [],
+        "not_judged": [],
+    }
     path.mkdir()
-    (path / "report.json").write_text(json.dumps(content), encoding="utf-8")
+    (path / "report.json").write_text(json.dumps(content | more), encoding="utf-8")
     return path
 
 
@@ -74,6 +87,74 @@ def test_two_reports_show_which_finding_is_gone(tmp_path: Path) -> None:
     assert content["answer"] == "Only in A: Coulomb friction of index_distal"
     (row,) = content["errors"]
     assert (row["a"]["rmse_after"], row["b"]["rmse_after"]) == (0.03, 2.0)
+
+
+def made(page: Path) -> dict[str, str]:
+    """What a page says about how it was made, by name."""
+    text = unescape(page.read_text(encoding="utf-8"))
+    return dict(re.findall(r"<dt>(.*?)</dt><dd>(.*?)</dd>", text))
+
+
+def test_two_reports_of_a_machine_have_its_words(tmp_path: Path) -> None:
+    """Fails when the page of a machine's reports speaks of a joint or a hand, or leaves out the models with hashes."""
+    words = {"words": {"whole": "the machine", "axis": "axis"}, "made": {"model_sha256": 64 * "a"}}
+    before, after = (report(tmp_path / name, None, 2.0, not_judged=RESTING, **words) for name in "ab")
+    assert compare(before, after, tmp_path / "out").exit_code == 0
+    page = (tmp_path / "out" / "compare.html").read_text(encoding="utf-8")
+    assert '<th scope="col">axis</th>' in page and "2 of 3 axes not diagnosed" in page
+    assert not re.search(r"\b(joint|the hand)\b", page.partition("<main>")[2].partition("<dl")[0])
+    assert made(tmp_path / "out" / "compare.html")["model"] == f"hand.yaml (sha256 {16 * 'a'})"
+
+
+def test_two_models_of_a_machine_differ_in_its_units(tmp_path: Path) -> None:
+    """Fails when a number of a machine file is not compared, has a unit of a hand, or an effect is not called new."""
+    stiffer = SLIDE.read_text(encoding="utf-8").replace("stiffness: 40.0", "stiffness: 50.0")
+    assert stiffer != SLIDE.read_text(encoding="utf-8")
+    (tmp_path / "b.yaml").write_text(stiffer + "effects: {coulomb_friction.force_n: 0.25}\n", encoding="utf-8")
+    result = compare(SLIDE, tmp_path / "b.yaml", tmp_path / "out", "--json")
+    assert result.exit_code == 0, result.output
+    content = json.loads(result.output)
+    friction, stiffness = content["differences"]
+    fields = ("parameter", "a", "b", "unit", "relative_change")
+    assert [friction[name] for name in fields] == ["coulomb_friction.force_n", None, 0.25, "N", None]
+    assert [stiffness[name] for name in fields] == ["stiffness", 40.0, 50.0, "N/m", 0.25]
+    answer = "2 numbers of the axis differ, most coulomb_friction.force_n: none → 0.25 N"
+    assert content["answer"] == answer
+    assert '<th scope="col">axis</th>' in (tmp_path / "out" / "compare.html").read_text(encoding="utf-8")
+    rows = made(tmp_path / "out" / "compare.html")
+    digests = [hashlib.sha256(path.read_bytes()).hexdigest()[:16] for path in (SLIDE, tmp_path / "b.yaml")]
+    assert all(digest in rows["model"] for digest in digests) and rows["duration"].endswith(" s")
+    mixed = compare(SLIDE, CONFIG, tmp_path / "out")
+    assert mixed.exit_code == 2 and "describes a machine and" in mixed.output and len(mixed.output.splitlines()) == 1
+    turning = tmp_path / "turning.yaml"
+    turning.write_text(SLIDE.read_text(encoding="utf-8").replace("motion: linear", "motion: rotary"), encoding="utf-8")
+    other = compare(SLIDE, turning, tmp_path / "out")
+    assert other.exit_code == 2 and "must have the same `motion`" in other.output
+
+
+def test_two_recordings_of_a_machine_differ_in_its_units(tmp_path: Path) -> None:
+    """Fails when --machine is ignored, a shift of 3 mm is not 3 mm, or the page says pressure, angle or joint."""
+    header, *lines = TABLE.read_text(encoding="utf-8").splitlines()
+    column = header.split(",").index("x_mm")
+    rows = [line.split(",") for line in lines]
+    for row in rows:
+        row[column] = f"{float(row[column]) + 3.0:.6g}"
+    (tmp_path / "b.csv").write_text("\n".join([header, *map(",".join, rows)]) + "\n", encoding="utf-8")
+    result = compare(TABLE, tmp_path / "b.csv", tmp_path / "out", "--machine", str(SLIDE), "--json")
+    assert result.exit_code == 0, result.output
+    content = json.loads(result.output)
+    (row,) = content["joints"]
+    assert row["position_rms"] == pytest.approx(3.0, rel=1e-3) and row["position_unit"] == "mm"
+    assert row["input_rms"] == 0.0 and row["same_commands"]
+    assert content["answer"] == "axis: the position differs by 3 mm RMS"
+    page = (tmp_path / "out" / "compare.html").read_text(encoding="utf-8")
+    body = page.partition("<main>")[2].partition("<dl")[0]
+    assert "axis: position [mm]" in body and '<th scope="col">inputs</th>' in body
+    assert not re.search(r"\b(pressure|angle|joint|deg|Pa|kPa|set-points?)\b", body)
+    rows_made = made(tmp_path / "out" / "compare.html")
+    assert rows_made["model"].startswith(str(SLIDE)) and "(sha256 " in rows_made["model"]
+    refused = compare(TABLE, TABLE, tmp_path / "no", "--machine", str(SLIDE), "--model", str(CONFIG))
+    assert refused.exit_code == 2 and "cannot be used with --machine" in refused.output
 
 
 def test_what_cannot_be_compared_is_one_line(tmp_path: Path) -> None:

@@ -1,0 +1,51 @@
+"""Several recordings of a machine, each diagnosed by itself: the table speaks of its axis, and bad ones are rows."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from hand_model.effects import EFFECTS
+from hand_tool.cli import app
+
+MACHINE = Path(__file__).resolve().parents[2] / "examples" / "machine"
+OF_A_HAND = re.compile(r"\b(joints?|hand|pressure|angle|deg|Pa)\b")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The first 5 s of the example's slide, and a table without its columns."""
+    folder = tmp_path_factory.mktemp("many")
+    lines = (MACHINE / "slide.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    (folder / "good.csv").write_text("".join(lines[:1001]), encoding="utf-8")
+    (folder / "bad.csv").write_text("a,b\n1,2\n", encoding="utf-8")
+    return folder
+
+
+def test_each_recording_of_a_machine_has_a_report_and_a_row(folder: Path) -> None:
+    """Fails when --machine is refused with --each, a bad table ends the run, or the pages speak of a hand's joints."""
+    recordings = [str(folder / f"{name}.csv") for name in ("good", "bad")]
+    without = ",".join(name for name in EFFECTS if name != "coulomb_friction")
+    options = ["--machine", str(MACHINE / "slide.yaml"), "--each", "--without", without, "--json"]
+    result = CliRunner().invoke(app, ["diagnose", *recordings, "--out", str(folder / "out"), *options])
+    assert result.exit_code == 0, result.output
+    summary = json.loads(result.output.splitlines()[-1])
+    assert summary["recordings"] == 2 and summary["verdicts"]["unusable"] == 1
+    assert summary["by_joint"] == {"axis: coulomb_friction": 1}
+    report = json.loads((folder / "out" / "00000_good" / "report.json").read_text(encoding="utf-8"))
+    assert report["words"] == {"whole": "the machine", "axis": "axis"}
+    assert (folder / "out" / "00000_good" / "model.yaml").is_file()
+    page = (folder / "out" / "index.html").read_text(encoding="utf-8")
+    body = page.partition("<main>")[2].partition("<section><h2>How this")[0]
+    assert "differ from the model" in body and "at the axis, in multiples of the noise" in body
+    shown = re.sub(r"<[^>]+>", " ", body)
+    assert not OF_A_HAND.search(shown), OF_A_HAND.search(shown)
+    content = json.loads(page.partition('id="content">')[2].partition("</script>")[0])
+    answers = [row[4] for row in content["rows"]]
+    assert content["joints"] == ["axis"] and not any(OF_A_HAND.search(answer) for answer in answers), answers
+    made = page.partition("How this page was made")[2]
+    assert "(sha256 " in made and "<dt>seed</dt><dd>0</dd>" in made
