@@ -61,6 +61,7 @@ def generate_launch_description() -> LaunchDescription:
         "use_sim_time": ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool),
         "exit_unconfigured": True,
     }
+    recording = ParameterValue(LaunchConfiguration("recording"), value_type=str)
     log_level = ["--log-level", LaunchConfiguration("log_level")]
     return LaunchDescription(
         [
@@ -100,6 +101,12 @@ def generate_launch_description() -> LaunchDescription:
             ),
             DeclareLaunchArgument("use_sim_time", default_value="false", description="use the time of /clock"),
             DeclareLaunchArgument("log_level", default_value="info", description="debug, info, warn, error or fatal"),
+            DeclareLaunchArgument("record", default_value="false", description="record every topic of the namespace"),
+            DeclareLaunchArgument(
+                "recording",
+                default_value="",
+                description="new folder, or NAME.mcap, with record; empty: hand_DATE_TIME",
+            ),
             *(DeclareLaunchArgument(name, default_value=v, description=d) for name, (v, _, d) in BOARD.items()),
             OpaqueFunction(function=publish_frames),
             Node(
@@ -117,6 +124,17 @@ def generate_launch_description() -> LaunchDescription:
                 parameters=[LaunchConfiguration("parameter_file"), description, common],
                 ros_arguments=log_level,
                 on_exit=end_unconfigured,
+            ),
+            Node(
+                package="fluidic_hand",
+                executable="recorder",
+                namespace=namespace,
+                parameters=[
+                    LaunchConfiguration("parameter_file"),
+                    {"use_sim_time": common["use_sim_time"], "out": recording},
+                ],
+                ros_arguments=log_level,
+                condition=IfCondition(LaunchConfiguration("record")),
             ),
         ]
     )

@@ -48,6 +48,7 @@ def generate_launch_description() -> LaunchDescription:
     }
     use_sim_time = ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool)
     common = {"use_sim_time": use_sim_time, "exit_unconfigured": True}
+    recording = ParameterValue(LaunchConfiguration("recording"), value_type=str)
     log_level = ["--log-level", LaunchConfiguration("log_level")]
     return LaunchDescription(
         [
@@ -92,6 +93,11 @@ def generate_launch_description() -> LaunchDescription:
             ),
             DeclareLaunchArgument("log_level", default_value="info", description="debug, info, warn, error or fatal"),
             DeclareLaunchArgument("record", default_value="false", description="record every topic of the namespace"),
+            DeclareLaunchArgument(
+                "recording",
+                default_value="",
+                description="new folder, or NAME.mcap, with record; empty: hand_DATE_TIME",
+            ),
             OpaqueFunction(function=publish_frames),
             Node(
                 package="fluidic_hand",
@@ -118,7 +124,7 @@ def generate_launch_description() -> LaunchDescription:
                 package="fluidic_hand",
                 executable="recorder",
                 namespace=namespace,
-                parameters=[LaunchConfiguration("parameter_file"), {"use_sim_time": use_sim_time}],
+                parameters=[LaunchConfiguration("parameter_file"), {"use_sim_time": use_sim_time, "out": recording}],
                 ros_arguments=log_level,
                 condition=IfCondition(LaunchConfiguration("record")),
             ),
