@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from hand_diagnosis.diagnosis import Diagnosis
@@ -20,15 +24,106 @@ from hand_sim.plant import PHI, STATES, P
 
 BY_HAND = {"closed_valve_push"}
 """Experiments whose outcome depends on what a person does; they cannot be simulated."""
+MOST_REPEATED = 10
+"""Recordings of one experiment that may be asked for to break a tie."""
+SIMULATED = tuple(name for name in EXPERIMENTS if name not in BY_HAND)
 
 
-def next_experiment(diagnosis: Diagnosis) -> dict[str, str] | None:
+def tie_separations(diagnosis: Diagnosis) -> list[dict[str, str] | None]:
+    """For each finding the experiment that separates it from what it ties with; None for a finding without a tie.
+
+    Keys: why, a sentence; name and command of the experiment, which are missing where no experiment of the catalogue
+    separates them (or, the command, where none drives the machine).
+    """
+    return [_tie_separation(diagnosis, finding) if finding.tied_with else None for finding in diagnosis.findings]
+
+
+def _tie_separation(diagnosis: Diagnosis, finding: Finding) -> dict[str, str]:
+    """The experiment that separates a finding from most of the effects it ties with, and of those by most."""
+    fitted = _fitted_together(diagnosis, finding)
+    if fitted is None:
+        return {"why": "the effects were not fitted to the same data, so that their difference cannot be simulated"}
+    problem, own, rivals = fitted
+    sigmas = {name: [separation_sigma(problem, own.fit, rival.fit, name) for rival in rivals] for name in SIMULATED}
+    recorded = [_sigma(problem, own.fit, rival.fit, _recorded(problem)) for rival in rivals]
+    needed = {
+        name: [recordings_needed(s, r) for s, r in zip(each, recorded, strict=True)] for name, each in sigmas.items()
+    }
+    best = max(sigmas, key=lambda name: (sum(map(bool, needed[name])), min(sigmas[name])))
+    if not any(needed[best]):
+        return _not_simulated(diagnosis, finding, (own, *rivals), max(map(max, sigmas.values())))
+    names = [rival.effect.name for rival, count in zip(rivals, needed[best], strict=True) if count]
+    least = min(sigma for sigma, count in zip(sigmas[best], needed[best], strict=True) if count)
+    where = finding.joint or diagnosis.wording.whole
+    shares = {name: f"{name} ({share:.0%})" for name, share, _ in finding.alternatives}
+    rival_names = " and ".join(shares.get(name, name) for name in names)
+    why = f"separates {finding.effect} ({finding.probability:.0%}) from {rival_names} on {where}; in simulation"
+    why += f" {'the two' if len(names) == 1 else 'they'} differ by {least:.2g} sigma"
+    if max(needed[best]) > 1:
+        why += f", so that {max(needed[best])} such recordings break the tie"
+    left = [rival.effect.name for rival, count in zip(rivals, needed[best], strict=True) if not count]
+    if left:
+        why += f"; no experiment of the catalogue separates it from {' and '.join(left)} as well"
+    return _experiment(best, why, finding.joint, diagnosis.wording)
+
+
+def recordings_needed(sigma: float, recorded_sigma: float) -> int:
+    """How many recordings of an experiment break a tie by evidence; 0 where it adds little to what was recorded.
+
+    sigma, recorded_sigma: difference of the two models on the experiment and on the recorded set-points [sigma]. The
+    log evidence of a difference of s sigma is s^2 / 2, and adds up over recordings. More than MOST_REPEATED count as 0.
+    """
+    if sigma <= SETTINGS.min_separation_gain * recorded_sigma or sigma <= 0.0:
+        return 0
+    count = max(1, math.ceil(SETTINGS.tie_log_evidence / (0.5 * sigma * sigma)))
+    return count if count <= MOST_REPEATED else 0
+
+
+def _not_simulated(
+    diagnosis: Diagnosis, finding: Finding, hypotheses: Sequence[Hypothesis], sigma: float
+) -> dict[str, str]:
+    """An experiment of the catalogue that is arranged by hand, best one that shows a single effect; else why none."""
+    differ = f"in simulation of every other experiment they differ by at most {sigma:.2g} sigma"
+    every = [(name, each.effect.name) for each in hypotheses for name in each.effect.experiments]
+    shown_by = Counter(name for name, _ in every)
+    arranged = [(name, effect) for name, effect in every if name not in SIMULATED]
+    if not diagnosis.wording.excitable:
+        arranged = [(name, effect) for name, effect in arranged if name not in BY_HAND]
+    if not arranged:
+        return {"why": "no experiment of the catalogue separates them better than this recording: " + differ}
+    name, effect = min(arranged, key=lambda pair: shown_by[pair[0]])
+    why = f"shows {effect} and is arranged by hand, so that it cannot be simulated; {differ}"
+    return _experiment(name, why, finding.joint, diagnosis.wording)
+
+
+def _fitted_together(
+    diagnosis: Diagnosis, finding: Finding
+) -> tuple[JointProblem, Hypothesis, list[Hypothesis]] | None:
+    """The last round in which a finding and all that it ties with were fitted; None where there is none."""
+    for joint in diagnosis.joints:
+        if finding.joint not in {None, joint.joint}:
+            continue
+        for hypotheses in reversed(joint.search.rounds):
+            named = {hypothesis.effect.name: hypothesis for hypothesis in hypotheses}
+            if {finding.effect, *finding.tied_with} <= set(named):
+                return joint.search.problem, named[finding.effect], [named[name] for name in finding.tied_with]
+    return None
+
+
+def next_experiment(
+    diagnosis: Diagnosis, ties: Sequence[Mapping[str, str] | None] | None = None
+) -> dict[str, str] | None:
     """The experiment that separates the least certain finding from its strongest rival, by simulation of both.
 
-    None where no experiment separates them better than the recording did, and where nothing is uncertain.
+    Of a tie it is that of `ties` (of all findings, from tie_separations). None where no experiment separates them
+    better than the recording did, and where nothing is uncertain.
     """
+    separations = dict(zip(map(id, diagnosis.findings), ties or (), strict=False))
     unsure = [finding for finding in diagnosis.findings if finding.alternatives]
     for finding in sorted(unsure, key=lambda finding: finding.probability):
+        tie = separations.get(id(finding))
+        if tie is not None and tie.get("name") in SIMULATED:
+            return dict(tie)
         rival, share, _ = finding.alternatives[0]
         simulated = simulated_experiment(diagnosis, finding, rival)
         if simulated is None:
@@ -52,8 +147,7 @@ def _most_different(problem: JointProblem) -> str:
     time_s = np.asarray(np.arange(round(SETTINGS.experiment_s / period)) * period, dtype=np.float64)
     alike = {
         name: float(recorded @ _spectrum(EXPERIMENTS[name](time_s, np.random.default_rng(0)), problem))
-        for name in EXPERIMENTS
-        if name not in BY_HAND
+        for name in SIMULATED
     }
     return min(alike, key=lambda name: alike[name])
 
@@ -68,9 +162,13 @@ def _spectrum(set_points: Array, problem: JointProblem) -> Array:
 
 
 def _experiment(name: str, why: str, joint: str | None, wording: Wording) -> dict[str, str]:
-    """With the command that records it on the running hand; no command drives another machine."""
+    """With the command that records it on the running hand; none drives another machine or arranges a hand anew."""
     joints = f"--joints {joint} " if joint else ""
-    command = {"command": f"hand excite {name} {joints}--live --out {name}.mcap"} if wording.excitable else {}
+    command = (
+        {"command": f"hand excite {name} {joints}--live --out {name}.mcap"}
+        if wording.excitable and name in EXPERIMENTS
+        else {}
+    )
     return {"name": name, "why": why} | command
 
 
@@ -92,8 +190,7 @@ def best_experiment(problem: JointProblem, first: Hypothesis, second: Hypothesis
     None where no experiment separates them clearly better, by SETTINGS.min_separation_gain, than the recorded
     set-points do in the same simulation: to record the same motion again would add nothing new.
     """
-    names = [name for name in EXPERIMENTS if name not in BY_HAND]
-    sigmas = {name: separation_sigma(problem, first.fit, second.fit, name) for name in names}
+    sigmas = {name: separation_sigma(problem, first.fit, second.fit, name) for name in SIMULATED}
     name = max(sigmas, key=lambda key: sigmas[key])
     recorded = _sigma(problem, first.fit, second.fit, _recorded(problem))
     return (name, sigmas[name]) if sigmas[name] > SETTINGS.min_separation_gain * recorded else None

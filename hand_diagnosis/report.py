@@ -15,7 +15,7 @@ import numpy as np
 
 from hand_diagnosis import settings_table
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
-from hand_diagnosis.experiments import next_experiment, simulated_experiment
+from hand_diagnosis.experiments import next_experiment, simulated_experiment, tie_separations
 from hand_diagnosis.judgement import (
     Finding,
     Number,
@@ -56,14 +56,16 @@ def schema() -> dict[str, Any]:
 
 def document(diagnosis: Diagnosis, recordings: Sequence[str], model: str) -> dict[str, Any]:
     """The content of report.json. recordings, model: their names."""
-    joints = diagnosis.joints
+    joints, ties = diagnosis.joints, tie_separations(diagnosis)
     return {
         "schema": SCHEMA,
         "recordings": list(recordings),
         "model": model,
         "words": {"whole": diagnosis.wording.whole, "axis": diagnosis.wording.axis},
         "verdict": diagnosis.verdict,
-        "findings": [_finding(diagnosis, rank + 1, finding) for rank, finding in enumerate(diagnosis.findings)],
+        "findings": [
+            _finding(diagnosis, rank, *each) for rank, each in enumerate(zip(diagnosis.findings, ties, strict=True), 1)
+        ],
         "fit": fit_rows(diagnosis),
         "left_out": [row for joint in joints for row in error_rows(joint.joint, joint.left_out, joint.wording)],
         "withdrawn": [row for j in joints for row in withdrawn_rows(j.joint, j.left_out, j.withdrawn)],
@@ -77,7 +79,7 @@ def document(diagnosis: Diagnosis, recordings: Sequence[str], model: str) -> dic
         "data_check": list(diagnosis.check),
         "sensor_curve": diagnosis.sensor_curve,
         "isolability": [_isolability(joint, joint.isolability) for joint in joints if joint.isolability],
-        "next_experiment": next_experiment(diagnosis),
+        "next_experiment": next_experiment(diagnosis, ties),
         **numbers_in_force(),
     }
 
@@ -102,7 +104,8 @@ def _fit_settings() -> dict[str, Any]:
     }
 
 
-def _finding(diagnosis: Diagnosis, rank: int, finding: Finding) -> dict[str, Any]:
+def _finding(diagnosis: Diagnosis, rank: int, finding: Finding, tie: Mapping[str, str] | None) -> dict[str, Any]:
+    """tie: what separates the effects that the finding ties with, see hand_diagnosis.experiments.tie_separations."""
     return {
         "rank": rank,
         "joint": finding.joint,
@@ -110,12 +113,13 @@ def _finding(diagnosis: Diagnosis, rank: int, finding: Finding) -> dict[str, Any
         "effect": finding.effect,
         "probability": round(finding.probability, 4),
         "alternatives": [
-            {"effect": name, "probability": round(p, 4), "separate_by": _separating(diagnosis, finding, name, by)}
+            {"effect": name, "probability": round(p, 4), "separate_by": _separating(diagnosis, finding, tie, name, by)}
             for name, p, by in finding.alternatives
         ],
         "when": [{"start": start, "end": end} for start, end in finding.when],
         "where": {"signal": finding.signal, "condition": finding.condition},
         "tied_with": list(finding.tied_with),
+        "tie": None if tie is None else dict(tie),
         "explains": round(finding.explains, 4),
         "law": {"form": "textbook", "over": [], "points": []} if finding.law is None else finding.law.document(),
         "since": finding.onset.at_s if finding.onset is not None and finding.onset.begins else None,
@@ -165,8 +169,12 @@ def _remainder(left: Remainder) -> dict[str, Any]:
     }
 
 
-def _separating(diagnosis: Diagnosis, finding: Finding, rival: str, otherwise: str) -> str:
-    """The experiment that separates a finding from a rival: by simulation for the first one, else by the catalogue."""
+def _separating(
+    diagnosis: Diagnosis, finding: Finding, tie: Mapping[str, str] | None, rival: str, otherwise: str
+) -> str:
+    """The experiment that separates a finding from a rival: of a tie and of the first one by simulation."""
+    if tie is not None and "name" in tie and rival in finding.tied_with:
+        return tie["name"]
     if rival != finding.alternatives[0][0]:
         return otherwise
     simulated = simulated_experiment(diagnosis, finding, rival)

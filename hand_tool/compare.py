@@ -118,9 +118,11 @@ def _recordings(first: Path, second: Path, model: Path, mapping: Path | None, *,
         from hand_machine.machine import load_machine
 
         loaded = load_machine(model, [first, second])
-        return compare_recordings(*loaded.signals, wording=loaded.wording)
+        a, b = loaded.signals
+        return compare_recordings(a, b, loaded.wording)
     from hand_diagnosis import read_recording
     from hand_model.description import load_hand
 
     hand = load_hand(model)
-    return compare_recordings(*(read_recording(path, hand, mapping=mapping) for path in (first, second)))
+    a, b = (read_recording(path, hand, mapping=mapping) for path in (first, second))
+    return compare_recordings(a, b)

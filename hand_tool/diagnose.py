@@ -19,7 +19,7 @@ from hand_tool.paths import check_exists, check_file, check_folder
 if TYPE_CHECKING:
     from hand_diagnosis.fleet import Cluster, Job
 
-LINES = 15
+LINES, PROPOSED = 15, 3
 WRITTEN = ("report.html", "report.json", "model.yaml", "patch.yaml")
 """What the last line names; patch.diff and PNGs are next to them."""
 
@@ -295,10 +295,12 @@ def _summary(content: dict[str, Any], out: Path, ask: bool) -> list[str]:
         lines.append(title(content))
     last = []
     following = content["next_experiment"]
-    if following:
-        last.append(f"record next: {following['name']} - {following['why']}")
-        if ask:
-            last.append(f"  {following['command']}")
+    proposed = [following] if following else []
+    proposed += [finding["tie"] for finding in content["findings"] if finding["tie"] not in (None, following)]
+    for each in proposed[:PROPOSED]:
+        last.append(f"record next: {each['name']} - {each['why']}" if "name" in each else f"tie: {each['why']}")
+        if ask and "command" in each:
+            last.append(f"  {each['command']}")
     if content["not_judged"]:
         last += [f"not diagnosed, {why}: {', '.join(names)}" for why, names in by_reason(content["not_judged"])]
     last += [f"not claimable: {row['statement']}" for row in content["not_claimable"][:2]]

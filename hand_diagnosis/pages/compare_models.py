@@ -64,7 +64,7 @@ def compare_machines(first: MachineDescription, second: MachineDescription) -> C
         raise ValueError(f"{first.path} {moves[0]} and {second.path} {moves[1]}; both must have the same `motion`")
     units = units_of(first.linear, per_torque=1.0, per_angle=1.0, per_input=1.0)
     numbers = [(name, units.quantity(key).unit) for name, key in (PARAMETER | {"weight": WEIGHT}).items()]
-    found = [Difference(AXIS, name, *_own(name, first, second), unit) for name, unit in numbers]
+    found = [Difference(AXIS, name, _own(name, first), _own(name, second), unit) for name, unit in numbers]
     for key in ROW:
         name, _, unit = units.quantity(key)
         found.append(Difference(AXIS, name, first.effects.get(name), second.effects.get(name), unit))
@@ -73,10 +73,10 @@ def compare_machines(first: MachineDescription, second: MachineDescription) -> C
     return _comparison(found, AXIS, "The models of the machine are equal", remarks)
 
 
-def _own(name: str, *machines: MachineDescription) -> list[float]:
+def _own(name: str, machine: MachineDescription) -> float:
     """A number of the axis alone, as the file states it; a controller's gain is its stiffness."""
     controlled = name in NUMBERS and name != "gain"
-    return [getattr(each, name) - (each.controller.get(name, 0.0) if controlled else 0.0) for each in machines]
+    return float(getattr(machine, name)) - (machine.controller.get(name, 0.0) if controlled else 0.0)
 
 
 def _comparison(found: Sequence[Difference], axis: str, equal: str, remarks: Sequence[str]) -> Comparison:

@@ -83,17 +83,16 @@ def _pair(
     (first, second), period_s = both, both[0].period_s
     i, k, time_s = first.joints.index(joint), second.joints.index(joint), first.time_s[:count]
     numbers: dict[str, Any] = {"joint": joint}
-    panels, parts = [], []
+    panels: list[Panel] = []
+    parts = []
     for stage in stages:
         scale, unit = in_thousands(*wording.signal_units[stage])
         name = wording.signals[stage]
         ours, theirs = getattr(first, FIELDS[stage])[:count, i], getattr(second, FIELDS[stage])[:, k]
         a, b = scale * ours, scale * interpolate(time_s, second.time_s, theirs, np.inf)
         numbers |= {f"{name}_rms": _rms(a - b), f"{name}_unit": unit}
-        curves = [
-            Curve(side, kind, (0.0, nth * period_s), values[::nth])
-            for side, kind, values in (("A", "before", a), ("B", "after", b))
-        ]
+        axis = (0.0, nth * period_s)
+        curves = [Curve("A", "before", axis, a[::nth]), Curve("B", "after", axis, b[::nth])]
         label = name if name == unit else f"{name} [{unit}]"
         panels.append(Panel(f"{joint}: {label}", curves, 2.0 if panels else 3.0))
         parts.append(f"{name} {_amount(numbers, name)}")

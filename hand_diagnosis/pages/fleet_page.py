@@ -71,7 +71,7 @@ def _common_folder(recordings: Sequence[Path]) -> Path | None:
 
 def _row(recording: Path, folder: Path, error: str) -> dict[str, Any]:
     """What the page shows of a recording. errors: by joint, the largest in multiples of the noise; None: unknown."""
-    row = {
+    row: dict[str, Any] = {
         "name": str(recording),
         "link": "",
         "verdict": UNUSABLE,

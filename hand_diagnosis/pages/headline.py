@@ -118,10 +118,11 @@ def main_number(finding: Report) -> str:
     return ""
 
 
-def ties(report: Report) -> list[tuple[str, str]]:
-    """For each tie a sentence with the names that this recording cannot distinguish, and what separates them.
+def ties(report: Report) -> list[tuple[str, str, str]]:
+    """For each tie a sentence with the names that this recording cannot distinguish, a command, and a sentence.
 
-    The second is the command of the next experiment where it is about this finding, else "".
+    The command records what separates them; "" where there is none. The last sentence says why it does, or why no
+    experiment separates them.
     """
     found = []
     for finding in report["findings"]:
@@ -129,10 +130,9 @@ def ties(report: Report) -> list[tuple[str, str]]:
             continue
         names = " or ".join(effect_words(name) for name in (finding["effect"], *finding["tied_with"]))
         sentence = f"{finding['joint'] or 'everywhere'}: {names}: this recording cannot distinguish them."
-        following = report["next_experiment"] or {}
-        why = following.get("why", "")
-        about = finding["effect"] in why and (finding["joint"] or "") in why
-        found.append((sentence, following.get("command", "") if about else ""))
+        tie = finding["tie"]
+        why = f"{tie['name'].replace('_', ' ')} {tie['why']}" if "name" in tie else tie["why"]
+        found.append((sentence, tie.get("command", ""), f"{why[:1].upper()}{why[1:]}."))
     return found
 
 

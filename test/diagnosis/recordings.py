@@ -9,6 +9,7 @@ import numpy as np
 from typer.testing import CliRunner, Result
 
 from hand_identification.free_parameters import NOMINAL_KEYS
+from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
 from hand_recording.signals import Signals
@@ -77,3 +78,13 @@ def record(truth: Hand, rng: np.random.Generator, seconds: float = 44.0) -> Sign
 def hand_tool(*arguments: str) -> Result:
     """The command `hand` in this process."""
     return CliRunner().invoke(app, list(arguments))
+
+
+def recorded_alone(hand: Hand, commands: Array, joint: str = "index_distal") -> Signals:
+    """A recording at 100 Hz of one joint alone under set-points (T, 11) [Pa], without noise."""
+    plant = HandPlant(hand, 0.01)
+    states = np.concatenate([plant.state[None], plant.advance(commands[:-1])])
+    j, yes = hand.joints.index(joint), np.ones(1, dtype=bool)
+    pressure, angle = states[:, P, j : j + 1], states[:, PHI, j : j + 1]
+    none, known = np.full_like(angle, np.nan), np.ones_like(angle, dtype=bool)
+    return Signals("steps", (joint,), 0.01, commands[:, j : j + 1], pressure, angle, none, known, yes, yes)

@@ -19,15 +19,12 @@ from hand_identification.excitation import EXPERIMENTS, pressure_ceiling_pa, set
 from hand_identification.free_parameters import effect_free_parameters
 from hand_identification.joint_data import joint_problem
 from hand_identification.map_fit import map_fit
-from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_model.effects import CATALOGUE, EFFECTS
 from hand_model.kernel.rows import ROW
 from hand_recording.loader import load_recording
 from hand_recording.replay import record_offline
-from hand_recording.signals import Signals
-from hand_sim.plant import PHI, HandPlant, P
-from test.diagnosis.recordings import CONFIG, changed, excitation, hand_tool, off_by_a_little, record
+from test.diagnosis.recordings import CONFIG, changed, excitation, hand_tool, off_by_a_little, record, recorded_alone
 from validation.browser import Browser
 
 CONTRAST = """names => {
@@ -347,6 +344,8 @@ def test_the_next_experiment_is_a_command_that_runs(
     assert asked["name"] == first["alternatives"][0]["separate_by"]
     assert f"{first['effect']} (" in asked["why"] and "in simulation the two differ by" in asked["why"]
     assert asked["name"] not in first["statement"]
+    for finding in made.findings:
+        assert bool(finding["tied_with"]) == (finding["tie"] is not None)
     words = asked["command"].split()
     assert words[:3] == ["hand", "excite", asked["name"]]
     assert "--live" in words
@@ -362,23 +361,13 @@ def test_a_motion_that_separates_no_better_is_not_asked_for(hand: Hand) -> None:
     j, seed = hand.joints.index("index_distal"), 5
     print(f"seed {seed}")
     commands[:, j] = 4e5 * EXPERIMENTS["steps"](np.arange(0.0, 40.0, 0.01), np.random.default_rng(seed))
-    problem = joint_problem([recorded(hand, commands)], hand, "index_distal")
+    problem = joint_problem([recorded_alone(hand, commands)], hand, "index_distal")
     free = effect_free_parameters(EFFECTS["valve_lag"], problem.nominal)
     here, there = (map_fit(problem, free, z * np.ones(len(free)), 1) for z in (0.0, 0.3))
     one, other = (Hypothesis(EFFECTS["valve_lag"], fit, 0.0, 0, (0.0, 0.0)) for fit in (here, there))
     proposed = best_experiment(problem, one, other)
     own = separation_sigma(problem, here, there, "steps")
     assert proposed is None or (proposed[0] != "steps" and proposed[1] > 1.2 * own)
-
-
-def recorded(hand: Hand, commands: Array) -> Signals:
-    """A recording at 100 Hz of index_distal alone under set-points (T, 11) [Pa], without noise."""
-    plant = HandPlant(hand, 0.01)
-    states = np.concatenate([plant.state[None], plant.advance(commands[:-1])])
-    j, yes = hand.joints.index("index_distal"), np.ones(1, dtype=bool)
-    pressure, angle = states[:, P, j : j + 1], states[:, PHI, j : j + 1]
-    none, known = np.full_like(angle, np.nan), np.ones_like(angle, dtype=bool)
-    return Signals("steps", ("index_distal",), 0.01, commands[:, j : j + 1], pressure, angle, none, known, yes, yes)
 
 
 def test_every_experiment_that_effects_ask_for_exists_or_is_a_rearrangement() -> None:

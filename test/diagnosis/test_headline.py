@@ -75,15 +75,24 @@ def test_the_title_is_the_answer(parts: dict[str, Any], expected: str) -> None:
     assert title(report(**parts)) == expected
 
 
-def test_ties_come_with_the_command_that_separates_them() -> None:
-    """Fails when a tie is not pointed out, a finding without one is, or the command is about another joint."""
-    sentence = "index_distal: leak or pressure gain: this recording cannot distinguish them."
-    assert ties(report(findings=[FRICTION])) == []
-    assert ties(report(findings=[TIED])) == [(sentence, "")]
-    for joint, command in (("index_distal", "hand excite hold"), ("ring_distal", "")):
-        why = f"separates leak (55%) from pressure_gain (40%) on {joint}; in simulation the two differ by 9 sigma"
-        following = {"name": "hold", "why": why, "command": "hand excite hold"}
-        assert ties(report(findings=[TIED], next_experiment=following)) == [(sentence, command)]
+def test_every_tie_comes_with_its_command_or_the_reason_for_none() -> None:
+    """Fails when a tie is not pointed out, a finding without one is, or a tie gets the command of another."""
+    one = {"name": "slow_triangle", "why": "separates leak from pressure_gain on index_distal", "command": "hand one"}
+    other = {"name": "hold", "why": "separates leak from pressure_gain on ring_distal", "command": "hand other"}
+    alike = {"why": "no experiment of the catalogue separates them better than this recording"}
+    findings = [
+        TIED | {"tie": one},
+        FRICTION | {"tie": None},
+        TIED | {"joint": "ring_distal", "tie": other},
+        TIED | {"joint": None, "tie": alike},
+    ]
+    which = "leak or pressure gain: this recording cannot distinguish them."
+    assert ties(report(findings=findings, next_experiment=one)) == [
+        (f"index_distal: {which}", "hand one", "Slow triangle separates leak from pressure_gain on index_distal."),
+        (f"ring_distal: {which}", "hand other", "Hold separates leak from pressure_gain on ring_distal."),
+        (f"everywhere: {which}", "", "No experiment of the catalogue separates them better than this recording."),
+    ]
+    assert ties(report(findings=[FRICTION | {"tie": None}])) == []
 
 
 def test_the_numbers_are_those_of_the_test_data() -> None:
