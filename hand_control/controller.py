@@ -119,6 +119,7 @@ class Controller:
         self._contact_monitor = ContactMonitor(hand)
         self._tolerance_watch = ToleranceWatch(hand)
         self._stamp_ns: int | None = None
+        self._unwatched_s = 0.0
         self._refusal: tuple[int, str] | None = None
         self._remark: tuple[int, str] | None = None
         self._none = np.zeros(count, dtype=np.bool_)
@@ -141,7 +142,8 @@ class Controller:
         if switched:
             self.stop_grasp("preempted by a change of control_mode")
             self.goals.end("preempted by a change of control_mode")
-            self._begin_mode(self._watch.last_position)
+            known = self._watch.last_position  # not a number while the hand holds
+            self._begin_mode(np.where(np.isfinite(known), known, self._shaper.r))
             if self._torque_mode:
                 self._torque.start(self._law.out[OUT.torque])
         self._max_jump_rad = math.radians(settings.max_jump_deg)
@@ -339,9 +341,12 @@ class Controller:
         self._stamp_ns = times.stamp_ns
         if self.held and self.safety.phase is Phase.ACTIVE:
             self.safety.frame(times.host_ns)
+            self._unwatched_s += max(dt, 0.0)
             return self._hold(times.stamp_ns, position)
         step_s = bounded_dt(dt)
-        elapsed_s = dt if dt >= 0.0 else math.inf  # the clock was restarted: how long ago the last frame was is unknown
+        # Where the clock was restarted, it is unknown how long ago the last frame was. A hold is a gap.
+        elapsed_s = dt + self._unwatched_s if dt >= 0.0 else math.inf
+        self._unwatched_s = 0.0
         self._settling = self._gap.before(elapsed_s, 1.0 / self.hand.rate_hz, position, pressure)
         fresh = self.safety.frame(times.host_ns)
         if self.safety.phase is not Phase.VENTED:
