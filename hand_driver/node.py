@@ -110,7 +110,7 @@ class DriverNode(HandNode):
             self.create_publisher(ContactForces, "contact_forces", RELIABLE_SENSOR_QOS),
             self.create_publisher(AdcFrame, "adc", RELIABLE_SENSOR_QOS),
         )
-        self._board_publisher = self.create_publisher(BoardState, "board_state", LATCHED_STATE_QOS)
+        self._board_publisher = self.sole_publisher(BoardState, "board_state", LATCHED_STATE_QOS)
         self._inputs = (
             self.sole_source(ValveCommand, "valve_command", self._on_command, COMMAND_QOS, self._on_publishers),
             self.create_subscription(Empty, "heartbeat", self._on_heartbeat, LIVE_QOS, raw=True),
