@@ -17,6 +17,7 @@ from hand_tool import interrupts
 from hand_tool.chosen_model import choose_model
 from hand_tool.console import fail, progress_bar, running
 from hand_tool.options import AsJson, Model, Quiet, Verbose
+from hand_tool.origin import Origin
 from hand_tool.paths import check_folder
 from hand_tool.processes import ProcessError, Processes
 
@@ -98,6 +99,7 @@ def demo(
     with running("demo", files.model, files.recording, files.replay, files.page, files.summary) as outputs:
         check_folder(out)
         chosen = choose_model(model)
+        origin = Origin(chosen)
         hand, grasps = _prepare(files, chosen.path)
         outputs.complete(files.model)
         from hand_tool import live_node  # noqa: F401 - a missing ROS is reported before anything is started
@@ -109,7 +111,7 @@ def demo(
             load = _play(files, hand, grasps, progress)
             outputs.complete(files.recording)
             outcome = _conceal(files, chosen.path, seed, progress)
-            content, summary = _evaluate(files, hand, outcome, load, progress)
+            content, summary = _evaluate(files, hand, outcome, load, origin, progress)
     except (ProcessError, ValueError, OSError) as error:
         fail("demo", f"{error}; logs are in {files.folder / 'logs'}", 1)
     print(
@@ -198,7 +200,7 @@ def _conceal(files: Files, model: Path, seed: int | None, progress: Progress) ->
 
 
 def _evaluate(
-    files: Files, hand: Hand, outcome: Outcome, load: Load | None, progress: Progress
+    files: Files, hand: Hand, outcome: Outcome, load: Load | None, origin: Origin, progress: Progress
 ) -> tuple[dict[str, Any], Summary]:
     """Replay offline, compare, write page and summary; returns what is in summary.json, and the figures."""
     from hand_recording.loader import load_recording
@@ -215,7 +217,7 @@ def _evaluate(
     summary = summarise(recording, result, load)
     content = summary.as_json() | {"concealed": outcome.as_json()}
     files.summary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    write_page(files.page, recording, result, summary, outcome)
+    write_page(files.page, recording, result, summary, outcome, origin.of_page() | {"seed": outcome.seed})
     progress.update(bar, total=1.0, completed=1.0)
     return content, summary
 

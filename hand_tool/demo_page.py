@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from datetime import UTC, datetime
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,6 @@ from hand_recording.replay import Replay
 from hand_tool.demo_diagnosis import Outcome
 from hand_tool.demo_summary import JointSummary, Summary
 from hand_tool.replay_difference import replayed_angle_rad
-from hand_tool.version import version
 
 BEFORE_S = 1.0
 """Time at rest shown before the first motion."""
@@ -34,27 +32,33 @@ MISSED_MUCH = 0.01
 """Share of missed periods above which the page says what it means."""
 
 
-def write_page(path: Path, recording: Recording, result: Replay, summary: Summary, outcome: Outcome) -> None:
-    """Write the page as one file."""
+def write_page(
+    path: Path, recording: Recording, result: Replay, summary: Summary, outcome: Outcome, made: Mapping[str, object]
+) -> None:
+    """Write the page as one file. made: how, see hand_pages/results."""
     joints = sorted(summary.joints, key=lambda name: -_badness(summary.joints[name]))
     plots = dict(zip(joints, _joint_plots(recording, result, joints), strict=True))
+    write_plots(path, plots, _forces(recording), summary, outcome, made)
+
+
+def write_plots(
+    path: Path,
+    plots: Mapping[str, Plot],
+    forces: Plot | None,
+    summary: Summary,
+    outcome: Outcome,
+    made: Mapping[str, object],
+) -> None:
+    """Write the page from its plots: of each joint, the largest error first, and of the forces; None without any."""
     values = {
         "headline": _headline(summary),
         "remark": _remark(summary),
         "summary": summary,
         "plots": plots,
-        "forces": _forces(recording),
+        "forces": forces,
         "outcome": outcome,
         "found": effect_words(outcome.found[0]["effect"]) if outcome.found else "nothing that has a name",
-        "made": made_rows(
-            {
-                "date": datetime.now(UTC).isoformat(timespec="seconds"),
-                "version": version(),
-                "command": f"hand demo --seed {outcome.seed}",
-                "seed": outcome.seed,
-                "model": result.hand.path,
-            }
-        ),
+        "made": made_rows(made),
     }
     write_html(path, "hand_tool", "demo_page.html", **values)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
@@ -14,6 +15,8 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+
+from hand_recording.installed import default_model
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run")
@@ -97,5 +100,9 @@ def test_the_page_shows_the_result_without_a_network(result: Path, tmp_path: Pat
     assert (
         dom.index("How well the joints followed") < dom.index("A concealed effect: found") < dom.index("How this page")
     )
+    made = dict(re.findall(r"<dt>(.*?)</dt><dd>(.*?)</dd>", dom))
+    assert set(made) == {"date", "version", "command", "seed", "duration", "model"}
+    assert made["seed"] == "5" and float(made["duration"].removesuffix(" s")) > 10.0
+    assert made["model"].endswith(f"(sha256 {hashlib.sha256(default_model().read_bytes()).hexdigest()[:16]})")
     links = re.findall(r"""(?:src|href|url)\s*[=(]\s*["']?(?!["'\s]|data:|#)[^"'\s>)]*""", dom.split("</style>")[1])
     assert links == ['href="concealed/report.html'] and (result / "concealed" / "report.html").is_file()
