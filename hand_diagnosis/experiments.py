@@ -162,7 +162,7 @@ def _spectrum(set_points: Array, problem: JointProblem) -> Array:
 
 
 def _experiment(name: str, why: str, joint: str | None, wording: Wording) -> dict[str, str]:
-    """With the command that records it on the running hand; none drives another machine or arranges a hand anew."""
+    """With the command that records it on the running hand, if `hand excite` has it; none drives another machine."""
     joints = f"--joints {joint} " if joint else ""
     command = (
         {"command": f"hand excite {name} {joints}--live --out {name}.mcap"}

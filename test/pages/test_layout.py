@@ -1,0 +1,108 @@
+"""Every page that the tool writes, in a real browser: on a telephone, in the dark, and printed."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from test.pages.kinds import PAGES, write
+from validation.browser import Browser
+
+PHONE, DESKTOP = (360, 780), (1280, 900)
+LEAST_CONTRAST = 4.5
+"""WCAG 2.2, 1.4.3, level AA for text of any size."""
+CONTRASTS = """
+(() => {
+  const parse = (text) => { const n = text.match(/[\\d.]+/g).map(Number); return n.length < 4 ? [...n, 1] : n; };
+  const over = (top, below) => [0, 1, 2].map((k) => top[3] * top[k] + (1 - top[3]) * below[k]);
+  const light = (rgb) => rgb.map((v) => v / 255).map((v) => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, v, k) => sum + v * [0.2126, 0.7152, 0.0722][k], 0);
+  const behind = (element) => {
+    const layers = [];
+    for (let e = element; e; e = e.parentElement) layers.push(parse(getComputedStyle(e).backgroundColor));
+    return layers.reverse().reduce((below, top) => over(top, below), [255, 255, 255]);
+  };
+  const faint = (element) => {
+    for (let e = element; e; e = e.parentElement) if (getComputedStyle(e).opacity < 1) return true;
+    return false;
+  };
+  const found = [], walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  for (let node = walker.nextNode(); node; node = walker.nextNode()) {
+    const parent = node.parentElement;
+    if (!node.textContent.trim() || !parent.getClientRects().length || faint(parent)) continue;
+    if (["SCRIPT", "STYLE", "NOSCRIPT", "OPTION"].includes(parent.tagName)) continue;
+    const style = getComputedStyle(parent), paper = behind(parent);
+    const ink = over(parse(parent instanceof SVGElement ? style.fill : style.color), paper);
+    const [low, high] = [light(ink), light(paper)].sort((a, b) => a - b);
+    found.push([(high + 0.05) / (low + 0.05), node.textContent.trim().slice(0, 40)]);
+  }
+  return found.sort((a, b) => a[0] - b[0]).slice(0, 5).concat([[found.length, "texts"]]);
+})()
+"""
+WIDER = """
+[...document.querySelectorAll("main *")].filter((e) => {
+  for (let p = e.parentElement; p; p = p.parentElement) if (getComputedStyle(p).overflowX === "auto") return false;
+  return !(e instanceof SVGElement) && e.getBoundingClientRect().right > innerWidth + 0.5;
+}).map((e) => `${e.tagName} ${e.className}`).slice(0, 5)
+"""
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    opened = Browser(tmp_path_factory.mktemp("browser"), "about:blank")
+    yield opened
+    opened.close()
+
+
+def check_contrast(browser: Browser, where: str) -> None:
+    *worst, (count, _) = browser.run(CONTRASTS)
+    assert count > 10, f"{where}: only {count} texts were looked at"
+    assert all(ratio >= LEAST_CONTRAST for ratio, _ in worst), (where, worst)
+
+
+def picture_corner(browser: Browser) -> float:
+    """Mean brightness of a corner of the first picture, 0 black to 1 white."""
+    browser.run("document.querySelector('img').scrollIntoView()")
+    shown = imread(io.BytesIO(browser.element("img")), format="png")
+    return float(np.mean(shown[4:9, 4:9, :3]))
+
+
+@pytest.mark.parametrize("kind", PAGES)
+def test_every_page_fits_a_telephone_is_legible_in_the_dark_and_prints(
+    browser: Browser, kind: str, tmp_path: Path
+) -> None:
+    """Fails when a page is wider than a telephone, a text has too little contrast in the dark or in print, a picture is
+    a white block in the dark or has no result in words, a plot is not drawn, or the page has no style for print.
+    """
+    page = write(kind, tmp_path)
+    browser.emulate(PHONE)
+    browser.open(page.as_uri())
+    browser.until(f"location.href === '{page.as_uri()}' && document.querySelector('.made')")
+    browser.run("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
+    for number in range(browser.run("document.querySelectorAll('figure.plot').length")):
+        browser.run(
+            f"document.querySelectorAll('figure.plot')[{number}].scrollIntoView()"
+        )  # it is drawn when it is near
+        browser.until(f"document.querySelectorAll('figure.plot')[{number}].querySelector('svg')")
+    assert browser.run("document.documentElement.scrollWidth") == PHONE[0], browser.run(WIDER)
+    assert browser.run(WIDER) == []
+    assert browser.run("[...document.images].every((image) => image.alt.trim())")
+    check_contrast(browser, "light")
+    browser.emulate(PHONE, dark=True)
+    check_contrast(browser, "dark")
+    has_picture = browser.run("document.images.length > 0")
+    if has_picture:
+        assert picture_corner(browser) < 0.2
+    browser.emulate(DESKTOP, dark=True, printed=True)
+    check_contrast(browser, "print")
+    assert browser.run("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    assert browser.run("getComputedStyle(document.body).maxWidth") == "none"
+    if has_picture:
+        assert picture_corner(browser) > 0.9
+    browser.emulate(DESKTOP)
+    assert browser.run("document.documentElement.scrollWidth") <= DESKTOP[0]
