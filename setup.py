@@ -79,6 +79,7 @@ setup(
     packages=PACKAGES,
     package_data={
         package: [
+            "py.typed",
             "*.dbc",
             "*.html",
             "*.css",

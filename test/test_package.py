@@ -234,6 +234,26 @@ def test_pip_installs_a_working_hand_without_ros(installed: Path, tmp_path: Path
     assert len(refused.stderr.splitlines()) == 1
 
 
+TYPED = (
+    *("hand_diagnosis", "hand_model", "hand_recording", "hand_machine", "hand_identification"),
+    *("hand_messages", "hand_pages", "hand_ros", "hand_sim"),
+)
+"""Packages of the Python interface, and those whose types it shows or uses."""
+
+
+def test_a_type_checker_sees_the_types_of_the_installed_interface(installed: Path) -> None:
+    """Fails when the wheel lacks py.typed in a package of the interface, so that mypy takes all its names for Any."""
+    from mypy.modulefinder import FindModuleCache, ModuleNotFoundReason, SearchPaths  # noqa: PLC0415 - a tool
+    from mypy.options import Options  # noqa: PLC0415 - as above
+
+    (site,) = installed.parent.glob("lib/python*/site-packages")
+    cache = FindModuleCache(SearchPaths((), (), (str(site),), ()), None, Options())
+    found = {module: cache.find_module(module) for module in [*TYPED, "hand_diagnosis.api", "hand_model.description"]}
+    assert {module: path for module, path in found.items() if not isinstance(path, str)} == {}
+    assert all(Path(str(path)).is_relative_to(site) for path in found.values())
+    assert isinstance(cache.find_module("validation"), ModuleNotFoundReason)  # no interface, and no py.typed
+
+
 def test_pip_puts_only_hand_on_the_path(installed: Path) -> None:
     """Fails when pip installs a node into bin, or `ros2 run` would not find one in lib/fluidic_hand."""
     scripts = {path.name for path in installed.iterdir()}
