@@ -65,6 +65,8 @@ SLACK = 0.3
 """Share of a deviation and of a path by which hypotheses may miss: acceleration, jitter of the stamps."""
 REVERSED = 0.65
 """Share of the speed with which a joint turns back only where its sensor is mirrored; above RESTITUTION."""
+STEADY = 0.4
+"""Speeds that are exchanged were steady before: within this share of their difference, from sample to sample."""
 SMOOTH = 8.0
 """A turn this many times the change of speed before it is none of a constant acceleration, which gives five."""
 PAUSE_S = 0.02
@@ -209,6 +211,8 @@ def _crossed(s, i, k, least, dt, age):  # type: ignore[no-untyped-def]
     apart = abs(s[_V, i] - s[_V, k])
     if apart * age < least or abs(s[_PRED, i] - s[_PRED, k]) > least + apart * dt:
         return False
+    if max(s[_JERK, i], s[_JERK, k]) > STEADY * apart * dt:
+        return False  # the speeds changed as much before: pushes and impacts do so
     off = max(
         abs(s[_PRED, k] - s[_PRED, i] - s[_DEV, i]),
         abs(s[_PRED, i] - s[_PRED, k] - s[_DEV, k]),
