@@ -65,19 +65,27 @@ def check_contrast(browser: Browser, where: str) -> None:
     assert all(ratio >= LEAST_CONTRAST for ratio, _ in worst), (where, worst)
 
 
-def picture_corner(browser: Browser) -> float:
-    """Mean brightness of a corner of the first picture, 0 black to 1 white."""
-    browser.run("document.querySelector('img').scrollIntoView()")
-    shown = imread(io.BytesIO(browser.element("img")), format="png")
-    return float(np.mean(shown[4:9, 4:9, :3]))
+def paper_and_ink(browser: Browser) -> tuple[float, float]:
+    """Of the first picture the brightness of a corner, where its figure is empty, and of what differs most from it.
+
+    0 is black and 1 white.
+    """
+    browser.run("scrollTo(0, 0)")
+    box = browser.run("(r => [r.x, r.y, r.width, r.height])(document.querySelector('img').getBoundingClientRect())")
+    x, y, width, height = (round(each) for each in box)
+    page = imread(io.BytesIO(browser.whole()), format="png")
+    shown = page[y + 6 : y + height - 6, x + 6 : x + width - 6, :3].mean(axis=2)
+    paper = float(shown[:6, :6].mean())
+    return paper, float(shown.flat[np.argmax(np.abs(shown - paper))])
 
 
 @pytest.mark.parametrize("kind", PAGES)
 def test_every_page_fits_a_telephone_is_legible_in_the_dark_and_prints(
     browser: Browser, kind: str, tmp_path: Path
 ) -> None:
-    """Fails when a page is wider than a telephone, a text has too little contrast in the dark or in print, a picture is
-    a white block in the dark or has no result in words, a plot is not drawn, or the page has no style for print.
+    """Fails when a page is wider than a telephone, a text has too little contrast in light, dark or print, a picture is
+    a white block in the dark, cannot be seen in print or has no result in words, a plot is not drawn, or the page has
+    no style for print.
     """
     page = write(kind, tmp_path)
     browser.emulate(PHONE)
@@ -97,12 +105,14 @@ def test_every_page_fits_a_telephone_is_legible_in_the_dark_and_prints(
     check_contrast(browser, "dark")
     has_picture = browser.run("document.images.length > 0")
     if has_picture:
-        assert picture_corner(browser) < 0.2
+        paper, ink = paper_and_ink(browser)
+        assert paper < 0.2 and ink > 0.7
     browser.emulate(DESKTOP, dark=True, printed=True)
     check_contrast(browser, "print")
     assert browser.run("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     assert browser.run("getComputedStyle(document.body).maxWidth") == "none"
     if has_picture:
-        assert picture_corner(browser) > 0.9
+        paper, ink = paper_and_ink(browser)
+        assert paper > 0.9 and ink < 0.3
     browser.emulate(DESKTOP)
     assert browser.run("document.documentElement.scrollWidth") <= DESKTOP[0]
