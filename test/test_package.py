@@ -243,7 +243,7 @@ TYPED = (
 
 def test_a_type_checker_sees_the_types_of_the_installed_interface(installed: Path) -> None:
     """Fails when the wheel lacks py.typed in a package of the interface, so that mypy takes all its names for Any."""
-    from mypy.modulefinder import FindModuleCache, ModuleNotFoundReason, SearchPaths  # noqa: PLC0415 - a tool
+    from mypy.modulefinder import FindModuleCache, ModuleNotFoundReason, SearchPaths  # noqa: PLC0415 - seconds
     from mypy.options import Options  # noqa: PLC0415 - as above
 
     (site,) = installed.parent.glob("lib/python*/site-packages")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hand_control.supervisor import Phase
-from test.control.test_modes import HAND, INDEX, Rig
+from test.control.mode_rig import HAND, INDEX, Rig
 
 HOLD_S = 0.5
 """Less than the 0.6 s after which the node vents."""
@@ -14,7 +14,7 @@ HOLD_S = 0.5
 
 @pytest.mark.parametrize("angle_rad", [0.3, 0.9, 1.5])
 def test_a_hand_in_motion_goes_on_after_a_hold(angle_rad: float) -> None:
-    """Fails when what happened during a hold is judged as if it had happened within one frame, and latches a fault."""
+    """Fails when what happened during a hold is taken for what happened within one frame, and latches a fault."""
     rig = Rig()
     rig.command(list(HAND.joints), [angle_rad] * len(HAND.joints))
     rig.run(0.15)
