@@ -24,7 +24,7 @@ from hand_tool.demo_diagnosis import Outcome
 from hand_tool.demo_page import write_plots
 from hand_tool.demo_summary import JointSummary, LoopSummary, Summary
 from hand_tool.machine_load import Load
-from test.validation.test_result_pages import faults, scores
+from test.validation.result_documents import faults, scores
 from validation import trial_page
 from validation.faults import results_page as faults_page
 from validation.machines import page as machines_page
