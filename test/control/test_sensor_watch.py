@@ -65,7 +65,7 @@ def test_operation_without_a_fault_vents_nothing(seed: int) -> None:
         assert world.frame(), world.loop.controller.safety.fault
 
 
-@pytest.mark.parametrize(("seed", "frames"), [(2028095741057, 1_200), (2028096941096, 8_100)])
+@pytest.mark.parametrize(("seed", "frames"), [(2028095741057, 1_200)])
 def test_joints_that_cross_while_they_are_pushed_are_not_exchanged(seed: int, frames: int) -> None:
     """Fails when two speeds that change all the time are taken for exchanged at the moment when two angles cross."""
     world = World(HAND, seed)

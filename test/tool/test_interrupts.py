@@ -125,8 +125,19 @@ def trial(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("whole_group", [False, True], ids=["kill", "terminal"])
-@pytest.mark.parametrize("command", ["simulate", "diagnose", "trial make", "trial run", "reproduce"])
+@pytest.mark.parametrize(
+    ("command", "whole_group"),
+    [
+        pytest.param(
+            command,
+            group,
+            id=f"{command}-{'terminal' if group else 'kill'}",
+            marks=[pytest.mark.long] if command == "trial run" and not group else [],
+        )
+        for command in ("simulate", "diagnose", "trial make", "trial run", "reproduce")
+        for group in (False, True)
+    ],
+)
 def test_during_the_work(
     command: str, whole_group: bool, recording: Path, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
