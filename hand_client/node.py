@@ -24,6 +24,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from hand_client.live_state import ERROR, LiveState
+from hand_client.repeated_call import RepeatedCall
 from hand_client.samples import Samples
 from hand_ros.node import QUEUED_QOS, SENSOR_QOS
 
@@ -222,12 +223,10 @@ class HandClient:
         client = self._node.create_client(kind, name)
         if not self.until(client.service_is_ready, ANSWER_S):
             raise NoHandError(f"nobody offers the service {self.namespace}/{name}")
-        calls: list[Future] = []
-        for _ in range(round(ANSWER_S / AGAIN_S)):  # an answer is lost where the server has not heard of us yet
-            calls.append(client.call_async(request))
-            if self.until(lambda: any(call.done() for call in calls), AGAIN_S):
-                return next(call.result() for call in calls if call.done())
-        raise NoHandError(f"{self.namespace}/{name} does not answer within {ANSWER_S:g} s")
+        call = RepeatedCall(lambda: client.call_async(request), AGAIN_S)
+        if not self.until(call.answered, ANSWER_S):
+            raise NoHandError(f"{self.namespace}/{name} does not answer within {ANSWER_S:g} s")
+        return call.answer()
 
     def _wait(self, future: Future) -> Any:
         if not self.until(future.done, ANSWER_S):

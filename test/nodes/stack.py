@@ -26,6 +26,8 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from hand_client.repeated_call import RepeatedCall
+
 NODES = Path(get_package_prefix("fluidic_hand")) / "lib" / "fluidic_hand"
 TOOL = (sys.executable, "-m", "hand_tool")
 BEST_EFFORT = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -193,17 +195,9 @@ class Client:
     def call(self, kind: Any, name: str, request: Any) -> Any:
         client = self.node.create_client(kind, name)
         assert client.wait_for_service(timeout_sec=WAIT_S)
-        calls: list[Any] = []
-        begun = time.monotonic()
-
-        def answered() -> bool:
-            """Call again where no answer comes: it is lost where the server has not heard of this client yet."""
-            if time.monotonic() - begun >= HEARD_S * len(calls):
-                calls.append(client.call_async(request))
-            return any(call.done() for call in calls)
-
-        self.until(answered)
-        return next(call.result() for call in calls if call.done())
+        call = RepeatedCall(lambda: client.call_async(request), HEARD_S)
+        self.until(call.answered)
+        return call.answer()
 
     def heard(self) -> None:
         """Wait until every node has heard of every other one, which no node can ask for."""

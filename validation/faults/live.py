@@ -23,6 +23,7 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
+from hand_client.repeated_call import RepeatedCall
 from hand_control.inputs import JointInput
 from hand_driver.board import Status
 from hand_messages.layouts import JOINT_PRESSURES, JOINT_STATE, VALVE_COMMAND
@@ -235,17 +236,9 @@ class User:
         client = self.node.create_client(kind, name)
         try:
             self.until(client.service_is_ready, f"the service {name} is not there")
-            calls: list[Any] = []
-            begun = time.monotonic()
-
-            def answered() -> bool:
-                """Call again where no answer comes: it is lost where the server has not heard of us yet."""
-                if time.monotonic() - begun >= AGAIN_S * len(calls):
-                    calls.append(client.call_async(request))
-                return any(call.done() for call in calls)
-
-            self.until(answered, f"the service {name} does not answer")
-            return next(call.result() for call in calls if call.done())
+            call = RepeatedCall(lambda: client.call_async(request), AGAIN_S)
+            self.until(call.answered, f"the service {name} does not answer")
+            return call.answer()
         finally:
             self.node.destroy_client(client)
 
