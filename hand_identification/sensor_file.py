@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import MutableMapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from hand_model.description import load_hand
 from hand_model.yaml_document import YamlDocument, number_text
@@ -42,11 +43,8 @@ def write_line(model: Path, joint: str, texts: dict[str, str], out: Path, commen
 
     Raises DescriptionError where it does not load, ValueError for a joint that is not there.
     """
-    hand, document = load_hand(model), YamlDocument(model)
-    entries = {hand.prefix + str(entry["name"]): entry for entry in document.data["joints"]}
-    if joint not in entries:
-        raise ValueError(f"{model}: --joint is {joint!r}; the description has: {', '.join(entries)}")
-    sensor = document.group(entries[joint], "angle_sensor", 1)
+    document = YamlDocument(model)
+    sensor = document.group(_entry(document, model, "joints", "--joint", joint), "angle_sensor", 1)
     calibration = document.group(sensor, "calibration", len(texts))
     for key, text in texts.items():
         document.set_number(calibration, key, text)
@@ -58,15 +56,24 @@ def write_polynomial(model: Path, site: str, texts: Sequence[str], divider_ohm: 
 
     Raises DescriptionError where it does not load, ValueError for a site that is not there.
     """
-    hand, document = load_hand(model), YamlDocument(model)
-    entries = {hand.prefix + str(entry["name"]): entry for entry in document.data.get("force_sites", [])}
-    if site not in entries:
-        raise ValueError(f"{model}: --site is {site!r}; the description has: {', '.join(entries) or 'no force site'}")
-    document.set_numbers(entries[site], POLYNOMIAL, texts)
-    described = document.data.get("force_site_defaults", {}) | entries[site]
+    document = YamlDocument(model)
+    entry = _entry(document, model, "force_sites", "--site", site)
+    document.set_numbers(entry, POLYNOMIAL, texts)
+    described = document.data.get("force_site_defaults", {}) | entry
     if float(described.get("divider_ohm", 0.0)) != divider_ohm:
-        document.set_number(entries[site], "divider_ohm", number_text(divider_ohm))
+        document.set_number(entry, "divider_ohm", number_text(divider_ohm))
     _save(document, out, comment)
+
+
+def _entry(document: YamlDocument, model: Path, section: str, option: str, name: str) -> MutableMapping[str, Any]:
+    """The entry of a section of the description that has this name (with its prefix)."""
+    prefix = load_hand(model).prefix
+    entries: dict[str, MutableMapping[str, Any]] = {
+        prefix + str(entry["name"]): entry for entry in document.data.get(section, [])
+    }
+    if name not in entries:
+        raise ValueError(f"{model}: {option} is {name!r}; the description has: {', '.join(entries) or 'none'}")
+    return entries[name]
 
 
 def _save(document: YamlDocument, out: Path, comment: str) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hand_tool.console import running
-from hand_tool.identify_write import print_written, replaced
+from hand_tool.identify_write import check_target, print_written, replaced
 from hand_tool.options import AsJson, Quiet, Verbose
 from hand_tool.paths import check_file
 
@@ -41,10 +41,7 @@ def angle(
     """
     with running("identify angle", about=rig):
         check_file(rig)
-        if write is not None:
-            check_file(write)
-            if not joint:
-                raise ValueError("--write needs --joint: the joint of the description whose sensor this is")
+        check_target(write, joint, "--joint", "the joint of the description whose sensor this is")
         if not 1.0 <= supply_v <= 10.0:
             raise ValueError(f"--supply-v is {supply_v:g}; the allowed range is 1 to 10 V")
         from hand_identification.angle_calibration import calibrate_angle

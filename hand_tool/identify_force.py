@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hand_tool.console import running
-from hand_tool.identify_write import print_written, replaced
+from hand_tool.identify_write import check_target, print_written, replaced
 from hand_tool.options import AsJson, Quiet, Verbose
 from hand_tool.paths import check_file
 
@@ -42,10 +42,7 @@ def force(
     """
     with running("identify force", about=rig):
         check_file(rig)
-        if write is not None:
-            check_file(write)
-            if not site:
-                raise ValueError("--write needs --site: the force site of the description whose sensor this is")
+        check_target(write, site, "--site", "the force site of the description whose sensor this is")
         from hand_identification.force_calibration import calibrate_force
         from hand_identification.sensor_file import polynomial_texts, write_polynomial
         from hand_recording.table_file import read_rig

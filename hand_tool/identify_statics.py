@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hand_tool.console import running
-from hand_tool.identify_write import print_written, write_into
+from hand_tool.identify_write import check_target, print_written, write_into
 from hand_tool.options import AsJson, Quiet, Verbose
-from hand_tool.paths import check_exists, check_file, check_folder
+from hand_tool.paths import check_exists, check_folder
 
 if TYPE_CHECKING:
     from hand_identification.static_map import StaticMap, VolumeMap
@@ -54,10 +54,7 @@ def statics(
         check_exists(rig)
         if out is not None:
             check_folder(out)
-        if write is not None:
-            check_file(write)
-            if not joint:
-                raise ValueError("--write needs --joint: the joint of the description whose numbers change")
+        check_target(write, joint, "--joint", "the joint of the description whose numbers change")
         import numpy as np
 
         from hand_identification.static_map import TERMS, identify_statics, identify_volume

@@ -6,8 +6,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hand_tool.paths import check_file
+
 if TYPE_CHECKING:
     from hand_identification.model_file import Changes
+
+
+def check_target(model: Path | None, name: str, option: str, what: str) -> None:
+    """Refuse --write into a file that is not there, or without the name of what changes. option: that gives it."""
+    if model is not None:
+        check_file(model)
+        if not name:
+            raise ValueError(f"--write needs {option}: {what}")
 
 
 def write_into(model: Path, changes: Changes, comment: str, resolutions: Changes) -> str:
