@@ -24,8 +24,6 @@ from hand_sim.plant import PHI, STATES, P
 
 BY_HAND = {"closed_valve_push"}
 """Experiments whose outcome depends on what a person does; they cannot be simulated."""
-MOST_REPEATED = 10
-"""Recordings of one experiment that may be asked for to break a tie."""
 SIMULATED = tuple(name for name in EXPERIMENTS if name not in BY_HAND)
 
 
@@ -40,10 +38,10 @@ def tie_separations(diagnosis: Diagnosis) -> list[dict[str, str] | None]:
 
 def _tie_separation(diagnosis: Diagnosis, finding: Finding) -> dict[str, str]:
     """The experiment that separates a finding from most of the effects it ties with, and of those by most."""
-    fitted = _fitted_together(diagnosis, finding)
-    if fitted is None:
+    fitted = _fitted_together(diagnosis, finding, finding.tied_with)
+    if not fitted:
         return {"why": "the effects were not fitted to the same data, so that their difference cannot be simulated"}
-    problem, own, rivals = fitted
+    problem, own, rivals = fitted[-1]
     sigmas = {name: [separation_sigma(problem, own.fit, rival.fit, name) for rival in rivals] for name in SIMULATED}
     recorded = [_sigma(problem, own.fit, rival.fit, _recorded(problem)) for rival in rivals]
     needed = {
@@ -71,12 +69,13 @@ def recordings_needed(sigma: float, recorded_sigma: float) -> int:
     """How many recordings of an experiment break a tie by evidence; 0 where it adds little to what was recorded.
 
     sigma, recorded_sigma: difference of the two models on the experiment and on the recorded set-points [sigma]. The
-    log evidence of a difference of s sigma is s^2 / 2, and adds up over recordings. More than MOST_REPEATED count as 0.
+    log evidence of a difference of s sigma is s^2 / 2, and adds up over recordings. More than
+    SETTINGS.tie_recordings count as 0.
     """
     if sigma <= SETTINGS.min_separation_gain * recorded_sigma or sigma <= 0.0:
         return 0
     count = max(1, math.ceil(SETTINGS.tie_log_evidence / (0.5 * sigma * sigma)))
-    return count if count <= MOST_REPEATED else 0
+    return count if count <= SETTINGS.tie_recordings else 0
 
 
 def _not_simulated(
@@ -97,17 +96,19 @@ def _not_simulated(
 
 
 def _fitted_together(
-    diagnosis: Diagnosis, finding: Finding
-) -> tuple[JointProblem, Hypothesis, list[Hypothesis]] | None:
-    """The last round in which a finding and all that it ties with were fitted; None where there is none."""
+    diagnosis: Diagnosis, finding: Finding, rivals: Sequence[str]
+) -> list[tuple[JointProblem, Hypothesis, list[Hypothesis]]]:
+    """The rounds in which a finding and all rivals were fitted, of the first joint that has one: the finding first."""
     for joint in diagnosis.joints:
         if finding.joint not in {None, joint.joint}:
             continue
-        for hypotheses in reversed(joint.search.rounds):
-            named = {hypothesis.effect.name: hypothesis for hypothesis in hypotheses}
-            if {finding.effect, *finding.tied_with} <= set(named):
-                return joint.search.problem, named[finding.effect], [named[name] for name in finding.tied_with]
-    return None
+        rounds = [{each.effect.name: each for each in hypotheses} for hypotheses in joint.search.rounds]
+        found = [named for named in rounds if {finding.effect, *rivals} <= set(named)]
+        if found:
+            return [
+                (joint.search.problem, named[finding.effect], [named[rival] for rival in rivals]) for named in found
+            ]
+    return []
 
 
 def next_experiment(
@@ -174,14 +175,11 @@ def _experiment(name: str, why: str, joint: str | None, wording: Wording) -> dic
 
 def simulated_experiment(diagnosis: Diagnosis, finding: Finding, rival: str) -> tuple[str, float] | None:
     """The best experiment by simulation of both fitted hypotheses, where both were fitted on the finding's joint."""
-    for joint in diagnosis.joints:
-        if finding.joint not in {None, joint.joint}:
-            continue
-        for hypotheses in joint.search.rounds:
-            named = {hypothesis.effect.name: hypothesis for hypothesis in hypotheses}
-            if finding.effect in named and rival in named:
-                return best_experiment(joint.search.problem, named[finding.effect], named[rival])
-    return None
+    fitted = _fitted_together(diagnosis, finding, [rival])
+    if not fitted:
+        return None
+    problem, own, (other,) = fitted[0]
+    return best_experiment(problem, own, other)
 
 
 def best_experiment(problem: JointProblem, first: Hypothesis, second: Hypothesis) -> tuple[str, float] | None:

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from hand_diagnosis import settings_table
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
 from hand_diagnosis.experiments import next_experiment, simulated_experiment, tie_separations
 from hand_diagnosis.judgement import (
@@ -29,15 +28,8 @@ from hand_diagnosis.judgement import (
 )
 from hand_diagnosis.search import Isolability, at_floor, standard_errors, weighted_by_noise
 from hand_diagnosis.settings import SETTINGS
-from hand_identification.free_parameters import FARTHEST, START_CREEP
-from hand_identification.joint_problem import (
-    BLOCK_S,
-    CORRELATION_S,
-    FLOOR,
-    HELD_OUT_EVERY,
-    MIN_FLOORS_TAKEN,
-    SETTLING_S,
-)
+from hand_diagnosis.settings_table import numbers_in_force
+from hand_identification.free_parameters import START_CREEP
 from hand_identification.map_fit import map_fit
 from hand_identification.model_file import write_model
 from hand_model.description import Hand
@@ -81,26 +73,6 @@ def document(diagnosis: Diagnosis, recordings: Sequence[str], model: str) -> dic
         "isolability": [_isolability(joint, joint.isolability) for joint in joints if joint.isolability],
         "next_experiment": next_experiment(diagnosis, ties),
         **numbers_in_force(),
-    }
-
-
-def numbers_in_force() -> dict[str, Any]:
-    """All numbers on which a diagnosis depends, splits of the data included: `settings` and `fit_settings`."""
-    return {"settings": settings_table.document(), "fit_settings": _fit_settings()}
-
-
-def _fit_settings() -> dict[str, Any]:
-    """Numbers of the identification that act in a diagnosis, by name with units."""
-    return {
-        "floor_pa": FLOOR[0],
-        "floor_rad": float(FLOOR[1]),
-        "floor_n": FLOOR[2],
-        "min_floors_taken": MIN_FLOORS_TAKEN,
-        "correlation_s": CORRELATION_S,
-        "settling_s": SETTLING_S,
-        "block_s": BLOCK_S,
-        "validation_every_block": HELD_OUT_EVERY,
-        "max_tolerances": FARTHEST,
     }
 
 

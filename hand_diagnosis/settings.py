@@ -34,6 +34,9 @@ class Settings(FitSettings):
     tie_log_evidence: float = setting(
         5.0, "log", "Log evidence by which two effects must differ; closer ones are one finding with both names.",
         CHOICE, "Wrong names of twins.", "Effects that the data separate are called alike.")
+    tie_recordings: int = setting(
+        10, "recordings", "Recordings of one experiment that may be asked for to break a tie.",
+        CHOICE, "More ties are left without an experiment.", "Experiments are proposed that nobody repeats so often.")
     min_relative_improvement: float = setting(
         0.03, "-", "Fall of the validation error, relative to itself, that an effect must bring.", CHOICE,
         "Effects of no practical size are claimed.", "Small effects next to larger ones are missed.")

@@ -1,4 +1,4 @@
-"""The settings as report.json lists them, and as the table of the documents."""
+"""The numbers in force as report.json lists them, and the settings as the table of the documents."""
 
 from __future__ import annotations
 
@@ -7,6 +7,35 @@ from dataclasses import asdict, fields
 from typing import Any
 
 from hand_diagnosis.settings import SETTINGS, FitPass, Settings
+from hand_identification.free_parameters import FARTHEST
+from hand_identification.joint_problem import (
+    BLOCK_S,
+    CORRELATION_S,
+    FLOOR,
+    HELD_OUT_EVERY,
+    MIN_FLOORS_TAKEN,
+    SETTLING_S,
+)
+
+
+def numbers_in_force() -> dict[str, Any]:
+    """All numbers on which a diagnosis depends, splits of the data included: `settings` and `fit_settings`."""
+    return {"settings": document(), "fit_settings": _fit_settings()}
+
+
+def _fit_settings() -> dict[str, Any]:
+    """Numbers of the identification that act in a diagnosis, by name with units."""
+    return {
+        "floor_pa": FLOOR[0],
+        "floor_rad": float(FLOOR[1]),
+        "floor_n": FLOOR[2],
+        "min_floors_taken": MIN_FLOORS_TAKEN,
+        "correlation_s": CORRELATION_S,
+        "settling_s": SETTLING_S,
+        "block_s": BLOCK_S,
+        "validation_every_block": HELD_OUT_EVERY,
+        "max_tolerances": FARTHEST,
+    }
 
 
 def document(settings: Settings = SETTINGS) -> dict[str, Any]:

@@ -59,15 +59,12 @@ def compare(
         if machine and (model or mapping):
             raise ValueError("--model and --map cannot be used with --machine")
         origin = Origin(choose_model(machine or model) if kinds[0] == "recording" else None)
+        models = ""
         if origin.model is not None:
-            compared, models = (
-                _recordings(first, second, origin.model.path, mapping, of_machine=machine is not None),
-                "",
-            )
+            compared = _recordings(first, second, origin.model.path, mapping, of_machine=machine is not None)
         else:
             compared, models = (_models if kinds[0] == "model" else _reports)(first, second)
-        made = {"model": models} | origin.of_page()
-        content = write_comparison(compared, (str(first), str(second)), out, made)
+        content = write_comparison(compared, (str(first), str(second)), out, {"model": models} | origin.of_page())
         outputs.complete(out / "compare.json", out / "compare.html")
     if as_json:
         print(json.dumps(content))

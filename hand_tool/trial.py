@@ -69,7 +69,7 @@ def make(
             raise ValueError(f"{out} is not empty; give a new folder")
         chosen = choose_model(model)
         require("validation", "cryptography")
-        from hand_diagnosis.report import numbers_in_force
+        from hand_diagnosis.settings_table import numbers_in_force
         from validation.referees.make import make as make_referees
         from validation.trial.make import make as make_trial
         from validation.trial.seal import new_key, tool_numbers

@@ -115,13 +115,13 @@ def _answer(different: Sequence[Difference], axis: str) -> str:
     where = f"the {axis}" if where == axis else where
     most = different[0]
     of = "" if len(names) == 1 else f" of {most.joint}"
-    values = f"{_text(most.a, 3)} → {_text(most.b, 3)} {unit_words(most.unit)}".rstrip()
+    values = f"{_text(most.a, '.3g')} → {_text(most.b, '.3g')} {unit_words(most.unit)}".rstrip()
     count = f"1 number of {where} differs" if len(different) == 1 else f"{len(different)} numbers of {where} differ"
     return f"{count}, {'most ' if len(different) > 1 else ''}{most.parameter}{of}: {values}"
 
 
-def _text(value: float | None, digits: int = 5) -> str:
-    return "none" if value is None else f"{value:.{digits}g}"
+def _text(value: float | None, form: str = ".5g") -> str:
+    return "none" if value is None else format(value, form)
 
 
 def _change(difference: Difference) -> str:

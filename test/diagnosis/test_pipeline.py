@@ -25,6 +25,7 @@ OTHERS = {
         "detection.py",
         "fleet.py",
         "found_machine.py",
+        "machine_report.py",
         "pages",
         "patch.py",
         "prediction.py",
