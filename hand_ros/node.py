@@ -20,6 +20,7 @@ import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.experimental import EventsExecutor
@@ -63,6 +64,8 @@ RELAY_S = 5.0
 """Shortest time between two emergency stops that a node passes on."""
 STOP_SEARCH_S = 0.1
 """Period of the search for publishers that retain an emergency stop."""
+RECEIVED_S = 0.3
+"""A node that ends waits so long for reliable subscribers to receive what it published last."""
 DEFAULT_NAMESPACE = "hand"
 LOG_PERIOD_S = 2.0
 CHANGE_PERIOD_S = 0.09
@@ -245,9 +248,12 @@ class HandNode(LifecycleNode):
             self.stop()
 
     def finish(self) -> None:
-        """End of the process: stop, publish the last statuses, release the ports."""
+        """End of the process: stop, publish the last statuses, wait until they are received, release the ports."""
         self._halt()
         self.publish_health(now=True)
+        end = time.monotonic() + RECEIVED_S  # a last command that vents is sent again as long as its publisher lives
+        for publisher in self.publishers:
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
         self.release()
 
     def log_throttled(self, level: Level, key: str, line: str, again_s: float = LOG_PERIOD_S) -> None:

@@ -171,6 +171,17 @@ class Client:
         while time.monotonic() < end:
             self.executor.spin_once(timeout_sec=0.05)
 
+    def last_pressure_pa(self) -> float:
+        """The largest set-point of the last valve command, once the one that sent them has ended; NaN without one.
+
+        A node that was not served meanwhile has many messages to read, on a busy machine for longer than any fixed time.
+        """
+        read = -1
+        while read != len(self.valves):
+            read = len(self.valves)
+            self.spin(0.3)
+        return max(self.valves[-1].pressure) if self.valves else math.nan
+
     def controlling(self) -> None:
         """Wait until the controller drives the hand."""
         self.until(lambda: self.said("controller", "safety", "controlling"))
