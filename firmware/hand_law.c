@@ -194,7 +194,10 @@ void hand_law_start(int n, const hand_real *g, hand_real *s)
 
 void hand_law_release(int n, hand_real *s)
 {
-    for (int i = 0; i < n; i++) S(INTEGRAL) = S(FREE_INTEGRAL) = S(COMMAND) = S(TAKE_OVER) = S(WANTED) = 0;
+    for (int i = 0; i < n; i++) {
+        S(INTEGRAL) = S(FREE_INTEGRAL) = S(COMMAND) = S(TAKE_OVER) = S(WANTED) = 0;
+        S(STOOD) = S(STOOD_ERROR) = 0;
+    }
 }
 
 static hand_real feed_forward(int n, int i, const hand_real *g, const hand_real *s, const hand_real *u, hand_real a0,
@@ -235,12 +238,34 @@ static void let_go(int n, int i, hand_real *s, hand_real reference_speed)
     else if (reference_speed < -HAND_C_REST_REFERENCE) S(INTEGRAL) = low_of(S(INTEGRAL), S(FREE_INTEGRAL));
 }
 
+/* Learn the error that friction leaves at rest: that after a slip past the reference. */
+static void watch_slips(int n, int i, const hand_real *g, hand_real *s, hand_real error, hand_real speed, int rests,
+                        hand_real dt)
+{
+    const hand_real stood = S(STOOD);
+    S(KEPT_ERROR) -= S(KEPT_ERROR) * dt / (dt + G(MEMORY));
+    if (!rests) {
+        S(STOOD_ERROR) = S(STOOD) = 0;
+        return;
+    }
+    S(STOOD) = size_of(speed) < HAND_C_SLIP_SPEED ? stood + dt : 0;
+    if (S(STOOD) < HAND_C_STAND_TIME) return;
+    if (stood < HAND_C_STAND_TIME && S(STOOD_ERROR) * error < 0) {
+        const hand_real left = high_of(R(0.5) * size_of(error - S(STOOD_ERROR)), size_of(error));
+        S(KEPT_ERROR) = high_of(S(KEPT_ERROR), low_of(left, HAND_C_MOST_KEPT));
+    }
+    S(STOOD_ERROR) = error;
+}
+
 static void integrate_error(int n, int i, const hand_real *g, hand_real *s, hand_real ki, hand_real error,
                             hand_real beyond, hand_real here, hand_real stiffness, int rests, hand_real dt)
 {
+    if (rests && G(DEADBAND) > 0 && stiffness > 0) {
+        if (size_of(error) <= high_of(G(DEADBAND) * here / stiffness, S(KEPT_ERROR)) + HAND_C_NOISE) return;
+        if (S(STOOD) >= HAND_C_STAND_TIME && S(CONTACT) == 0 && size_of(error) > HAND_C_STUCK_ERROR)
+            ki *= HAND_C_STUCK_GAIN;
+    }
     hand_real growth = ki * error;
-    if (rests && G(DEADBAND) > 0 && stiffness > 0
-        && size_of(error) <= G(DEADBAND) * here / stiffness + HAND_C_NOISE) return;
     if (G(BACK_CALCULATION) != 0) growth -= beyond * here / G(TRACKING_TIME);
     else if (beyond * error > 0) growth = 0;
     S(INTEGRAL) = bounded(S(INTEGRAL) + growth * dt, -G(I_MAX), G(I_MAX));
@@ -317,6 +342,7 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
     const int rests = G(TORQUE_MODE) != 0 ? size_of(S(SPEED)) < HAND_C_REST_SPEED
                                           : size_of(U(SPEED)) < HAND_C_REST_REFERENCE;
     const int filtered = rests && size_of(error) < HAND_C_REST_ERROR && G(DEADBAND) > 0 && dt > 0;
+    watch_slips(n, i, g, s, error, speed_2, rests, dt);
     S(WANTED) += (filtered ? dt / (dt + HAND_C_REST_FILTER) : 1) * (wanted - S(WANTED));
     const hand_real beyond = wanted - bounded(wanted, 0, ceiling);
     S(COMMAND) = cut(n, i, g, s, S(WANTED), ceiling, rests, dt);

@@ -20,8 +20,8 @@ Torques of the found physics (`found.py`) stand in four rows of the state, which
 
 The pressure is limited to 0 ... the lower of the pressure limit and the torque ceiling, the pressure at which Eq. 11
 gives the maximum torque at the measured angle. Its rate is bounded. At rest it is filtered, a change smaller than the
-dead-band is not sent, and the integrator stops where the error is one that the dead-band itself leaves, so that no
-limit cycle remains. Anti-windup is conditional integration, or back-calculation with a tracking time.
+dead-band is not sent, and the integrator stops where the error is one that the dead-band itself or friction leaves, so
+that no limit cycle remains. Anti-windup is conditional integration, or back-calculation with a tracking time.
 
 The map adapts (`adaptation.py`) and contact is detected (`contact.py`) from the same filtered torque balance. After a
 change of the gains the integrator takes over the difference, so that the pressure does not jump. A joint with a
@@ -209,10 +209,35 @@ def _let_go(s, i, reference_speed):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def _watch_slips(g, s, i, error, speed, rests, dt):  # type: ignore[no-untyped-def]
+    """Learn the error [rad] that friction leaves to joint i at rest: that after a slip past its reference.
+
+    The integral of a joint that sticks grows until the joint breaks away, slips past its reference, sticks and returns
+    in the same way, for ever. A smaller error than such a slip leaves is not worth another one. It is slowly forgotten.
+    """
+    s[S.kept_error, i] -= s[S.kept_error, i] * dt / (dt + g[G.memory, i])
+    if not rests:
+        s[S.stood_error, i] = s[S.stood, i] = 0.0
+        return
+    stood = s[S.stood, i]
+    s[S.stood, i] = stood + dt if abs(speed) < C.slip_speed else 0.0
+    if s[S.stood, i] < C.stand_time:
+        return
+    if stood < C.stand_time and s[S.stood_error, i] * error < 0.0:
+        slip = abs(error - s[S.stood_error, i])
+        s[S.kept_error, i] = max(s[S.kept_error, i], min(max(0.5 * slip, abs(error)), C.most_kept))
+    s[S.stood_error, i] = error
+
+
+@inlined
 def _integrate(g, s, i, ki, error, beyond, here, k, rests, dt):  # type: ignore[no-untyped-def]
     """Advance the integral [N m] of joint i. beyond: wanted pressure outside its limits [Pa]; here: leverage."""
-    if rests and g[G.deadband, i] > 0.0 and k > 0.0 and abs(error) <= g[G.deadband, i] * here / k + C.noise:
-        return
+    if rests and g[G.deadband, i] > 0.0 and k > 0.0:
+        if abs(error) <= max(g[G.deadband, i] * here / k, s[S.kept_error, i]) + C.noise:
+            return
+        stands = s[S.stood, i] >= C.stand_time and s[S.contact, i] == 0.0
+        if stands and abs(error) > C.stuck_error:
+            ki *= C.stuck_gain
     growth = ki * error
     if g[G.back_calculation, i] != 0.0:
         growth -= beyond * here / g[G.tracking_time, i]
@@ -259,7 +284,7 @@ def _joint(g, s, u, i, dt, integrate, drive, out):  # type: ignore[no-untyped-de
     if not drive:
         out[OUT.pressure, i] = out[OUT.saturated, i] = 0.0
         return
-    beyond = _control(g, s, u, i, a0, a1, a2, a3, d, dt, integrate, out)
+    beyond = _control(g, s, u, i, a0, a1, a2, a3, d, filtered_speed, dt, integrate, out)
     if g[G.adapt, i] != 0.0 and dt > 0.0 and integrate and math.isfinite(beyond):
         before = _steady_pressure(g, s, u, i)
         if adapt(g, s, i, balance, variance, filtered_speed, beyond != 0.0, dt):
@@ -267,7 +292,7 @@ def _joint(g, s, u, i, dt, integrate, drive, out):  # type: ignore[no-untyped-de
 
 
 @inlined
-def _control(g, s, u, i, a0, a1, a2, a3, d, dt, integrate, out):  # type: ignore[no-untyped-def]
+def _control(g, s, u, i, a0, a1, a2, a3, d, speed, dt, integrate, out):  # type: ignore[no-untyped-def]
     """Command of joint i; returns by how much the wanted pressure exceeds its limits [Pa], NaN where it has none."""
     phi, k = min(u[U.position, i], g[G.high, i]), -stiffness(u[U.pressure, i], a1, a3)
     here = max(leverage(phi, a2, a3), C.min_leverage)
@@ -294,6 +319,7 @@ def _control(g, s, u, i, a0, a1, a2, a3, d, dt, integrate, out):  # type: ignore
         return math.nan
     beyond = wanted - min(max(wanted, 0.0), ceiling)
     rests = _rests(g, s, u, i)
+    _watch_slips(g, s, i, error, speed, rests, dt)
     s[S.command, i] = _send(g, s, i, _filter_at_rest(g, s, i, wanted, error, rests, dt), ceiling, rests, dt)
     if integrate:
         _integrate(g, s, i, ki, error, beyond, here, k, rests, dt)
@@ -341,7 +367,7 @@ class Law:
 
     def release(self) -> None:
         """Set integrators and commands to 0; the observed state of the joints stays."""
-        for row in (S.integral, S.free_integral, S.command, S.take_over, S.wanted):
+        for row in (S.integral, S.free_integral, S.command, S.take_over, S.wanted, S.stood, S.stood_error):
             self.state[row] = 0.0
 
     def restart(self, position: Array, pressure: Array) -> None:

@@ -18,7 +18,7 @@ from validation.c_law import CLaw
 
 HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
 DT_S = 0.005
-JOINTS, TICKS = 18, 420
+JOINTS, TICKS = 18, 450
 SIZES = np.array([6e5, 0.6, 1.0, 1.0, 0.6, 1.0])[:, None]
 BAD_DTS = (-1.0, math.nan, math.inf, -math.inf, 1e38, 1e300, -1e300, 5e-324)
 SWITCHES = ("schedule", "feed_forward", "creep", "back_calculation", "adapt", "detect")
@@ -75,6 +75,9 @@ def driven_inputs(rng: np.random.Generator) -> Array:
     inputs[200:260, U.position, ::2] = inputs[200, U.position, ::2]
     inputs[280:330, U.reference] = inputs[280:330, U.position] + 4e-3 * rng.standard_normal((50, JOINTS))
     inputs[280:330, U.speed : U.acceleration + 1] = 0.0
+    inputs[330:450, U.reference], inputs[330:450, U.speed : U.acceleration + 1] = 0.8, 0.0
+    inputs[330:450, U.position] = 0.785  # it sticks, slips past its reference, and sticks again
+    inputs[380:450, U.position] = 0.785 + np.minimum(6e-3 * np.arange(70.0), 0.025)[:, None]
     inputs[120, U.position, 3], inputs[121, U.limit, 4] = math.nan, math.inf
     return inputs
 
@@ -84,7 +87,7 @@ def test_the_law_is_the_law_in_c_in_every_branch() -> None:
     rng = np.random.default_rng(1)
     g, inputs = different_joints(rng), driven_inputs(rng)
     python, other = Law(g), CLaw("double", g)
-    saturated = contact = contradicted = adapted = 0
+    saturated = contact = contradicted = adapted = slipped = 0
     bounds = set()
     # The rounding of a pressure of 6e5 Pa is 1e-10 Pa.
     smallest = np.array([[1.0 if row.unit == "Pa" else 1e-3] for row in STATE])
@@ -106,9 +109,10 @@ def test_the_law_is_the_law_in_c_in_every_branch() -> None:
         contact += int(got[OUT.contact].sum())
         contradicted += int(((before != 0.0) & (python.state[S.contact] == 0.0)).sum())
         adapted += int((python.state[S.offset] != 0.0).sum())
+        slipped += int((python.state[S.kept_error] != 0.0).sum())
         bounds |= set(python.state[S.creep, [8, 12]].tolist())
     # The inputs reach what they are meant to reach.
-    assert min(saturated, contact, contradicted, adapted) > 20 and bounds >= {
+    assert min(saturated, contact, contradicted, adapted, slipped) > 20 and bounds >= {
         0.0,
         1.0,
     }
@@ -163,6 +167,43 @@ def test_the_integral_stays_where_the_dead_band_causes_the_error() -> None:
         assert (law.state[S.integral, 0] != 0.0) == moves
 
 
+def grown(law: Law, error_rad: float, ticks: int, speed: float = 0.0) -> float:
+    """How much the integral [N m] of a joint grows that stands for some ticks with an error."""
+    before = law.state[S.integral, 0]
+    inputs = at(0.7, 0.7 - error_rad, 9e4)
+    inputs[U.speed] = speed
+    for _ in range(ticks):
+        law.tick(inputs, DT_S)
+    return float(law.state[S.integral, 0] - before)
+
+
+def test_a_slip_past_the_reference_teaches_which_error_to_keep() -> None:
+    """Fails when a joint that sticks at rest slips to and fro for ever, or keeps an error that no slip has left."""
+    law = Law(gains_of({"creep_compensation": False, "adaptation": False, "contact_detection": False}))
+    slow, fast = grown(law, 0.01, 10), grown(law, 0.01, 100) / 10.0
+    assert fast > 2.0 * slow > 0.0  # it has stood for 0.1 s: friction yields sooner
+    grown(law, -0.016, 40)
+    assert law.state[S.kept_error, 0] == pytest.approx(0.016, rel=0.01)
+    assert grown(law, -0.015, 20) == grown(law, 0.015, 20) == 0.0
+    assert grown(law, 0.019, 20) > 0.0 > grown(law, -0.019, 20)
+    for _ in range(round(200.0 / DT_S)):
+        law.tick(at(0.7, 0.7, 9e4), DT_S)
+    assert grown(law, 0.01, 40) > 0.0  # forgotten
+
+
+@pytest.mark.parametrize(("between", "speed"), [(0.0, 0.0), (None, 0.5)])
+def test_an_error_that_changes_without_a_slip_teaches_nothing(between: float | None, speed: float) -> None:
+    """Fails when a slow approach, or a motion of the reference, is taken for a slip of friction."""
+    law = Law(gains_of({"creep_compensation": False, "adaptation": False, "contact_detection": False}))
+    grown(law, 0.01, 40)
+    if between is not None:  # below the speed of a slip all the way
+        for error in np.linspace(0.01, -0.01, 80):
+            grown(law, float(error), 1)
+    grown(law, -0.01, 1, speed)
+    grown(law, -0.01, 40)
+    assert law.state[S.kept_error, 0] == 0.0
+
+
 def test_a_changed_gain_does_not_move_the_command() -> None:
     """Fails when the integral does not take over the difference after a change of gains."""
     law = Law(gains_of({"deadband_pa": 0.0, "contact_detection": False}))
@@ -206,7 +247,7 @@ def test_release_keeps_what_was_observed() -> None:
         law.tick(at(0.8, 0.7, 2e5), DT_S)
     creep, angle = law.state[S.creep, 0], law.state[S.phi_2, 0]
     law.release()
-    assert not law.state[[S.integral, S.command, S.take_over, S.wanted]].any()
+    assert not law.state[[S.integral, S.command, S.take_over, S.wanted, S.stood, S.stood_error]].any()
     assert law.state[S.creep, 0] == creep > 0.0 and law.state[S.phi_2, 0] == angle > 0.0
 
 

@@ -174,7 +174,7 @@ class Client:
     def last_pressure_pa(self) -> float:
         """The largest set-point of the last valve command, once the one that sent them has ended; NaN without one.
 
-        A node that was not served meanwhile has many messages to read, on a busy machine for longer than any fixed time.
+        A node that was not served meanwhile has many messages to read, which takes a busy machine some time.
         """
         read = -1
         while read != len(self.valves):

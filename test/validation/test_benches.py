@@ -50,6 +50,7 @@ PLAUSIBLE: dict[str, dict[str, tuple[float, float]]] = {
         "off its limit": (0.0, 20.0),
         "missed": (0.0, 50.0),
     },
+    "motion": {"motion at rest, 95th percentile": (0.0, 0.5), "error at rest, 95th percentile": (0.0, 1.3)},
     "found": {"smooth motion": (0.0, 0.4), "steps": (0.0, 1.5)},
     "firmware": {"flash": (1e3, 64e3), "ram": (1e3, 64e3), "cycles": (1e3, 168e3)},
 }

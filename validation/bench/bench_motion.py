@@ -42,7 +42,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     bench = Bench(hand, Settings.of(hand, {}), 1 if quick else 8, SEED)
     results = [*bench.steps(1.0), *bench.contacts(20.0, ERROR)]
     if quick:
-        return results
+        return [*results, *bench.stick_slip(FRICTIONS_NM[-1])]
     results += bench.steps(5.0)
     for speed in RAMPS_DEG_PER_S:
         results += bench.ramp(speed)
