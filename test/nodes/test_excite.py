@@ -62,10 +62,3 @@ def test_who_else_commands_and_ctrl_c(stack: Stack, client: Client) -> None:
     assert f"hand excite: interrupted; incomplete: {stack.folder / 'cut.mcap'}" in stack.log("hand")
     client.until(lambda: vented(client))
     assert len(load_recording(stack.folder / "cut.mcap")["joint_states"]) > 0
-
-
-def test_no_hand_is_one_line(tmp_path: Path) -> None:
-    """Fails when an experiment without a hand hangs, or ends without saying so."""
-    ran = subprocess.run(command(tmp_path / "x.mcap"), capture_output=True, text=True, timeout=90, check=False)
-    assert ran.returncode == 2
-    assert "no joint_states" in ran.stderr.strip().splitlines()[-1]
