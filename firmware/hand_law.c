@@ -157,16 +157,19 @@ static int adapt(int n, int i, const hand_real *g, hand_real *s, hand_real balan
     const hand_real low = 1 / G(ADAPT_BOUND) - 1, high = G(ADAPT_BOUND) - 1;
     hand_real most = high;
     if (G(A3) < 0) most = low_of(high, high_of(-HAND_C_LEVERAGE_SHARE * G(A2) / (G(A3) * G(HIGH)) - 1, 0));
-    for (int a = 0; a < 4; a++) {
-        hand_real *change = &s[(HAND_S_OFFSET + a) * n + i];
-        const hand_real after = *change - k[a] * per * balance;
-        if (a == 0) *change = bounded(after, -HAND_C_MOST_LOAD, HAND_C_MOST_LOAD);
-        else *change = bounded(after, low, a == 2 ? most : high);
-    }
     hand_real trace = 0;
     for (int a = 0; a < 4; a++) {
         for (int b = a; b < 4; b++) s[row[a][b] * n + i] -= k[a] * k[b] * per;
         if (a > 0) trace += s[row[a][a] * n + i];
+    }
+    /* Where the bound of a3 holds it back, the others take their most likely values given that bound. */
+    const hand_real excess =
+        high_of(S(D_A3) - k[2] * per * balance - most, 0) / high_of(S(C22), HAND_C_LEAST_VARIANCE);
+    for (int a = 0; a < 4; a++) {
+        hand_real *change = &s[(HAND_S_OFFSET + a) * n + i];
+        const hand_real after = *change - k[a] * per * balance - s[row[a][2] * n + i] * excess;
+        if (a == 0) *change = bounded(after, -HAND_C_MOST_LOAD, HAND_C_MOST_LOAD);
+        else *change = bounded(after, low, a == 2 ? most : high);
     }
     S(C00) = low_of(S(C00) + HAND_C_LOAD_DRIFT * HAND_C_LOAD_DRIFT * dt, G(LOAD_STD) * G(LOAD_STD));
     if (trace < 3 * (1 + HAND_C_COMMON) * G(MAP_UNCERTAINTY) * G(MAP_UNCERTAINTY)) {

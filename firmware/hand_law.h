@@ -160,6 +160,7 @@ enum {
 #define HAND_C_LOAD_DRIFT ((hand_real)0.001) /* [N m/s^0.5] random walk of the load */
 #define HAND_C_PAUSE_TIME ((hand_real)0.1) /* [s] adaptation pauses so long after contact, saturation or a stop: memory of the filters */
 #define HAND_C_LEVERAGE_SHARE ((hand_real)0.97) /* adaptation of a3 may take this share of the leverage at the upper limit */
+#define HAND_C_LEAST_VARIANCE ((hand_real)1e-12) /* smallest variance of a relative change that a correction is divided by */
 #define HAND_C_ALLOWANCE ((hand_real)2.0) /* K of the CUSUM: half the smallest contact worth detecting, in standard deviations */
 #define HAND_C_BIAS_TIME ((hand_real)1.0) /* [s] time constant of the slow part of the balance */
 #define HAND_C_RELEASE ((hand_real)1.5) /* standard deviations of torque below which a contact may end */

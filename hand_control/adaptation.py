@@ -96,13 +96,17 @@ def adapt(g, s, i, balance, variance, speed, saturated, dt):  # type: ignore[no-
     noise = C.balance_std * C.balance_std * (1.0 + 2.0 * g[G.observer_filter, i] / dt)
     per = 1.0 / (noise + r0 * k0 + r1 * k1 + r2 * k2 + r3 * k3)
     low, high = 1.0 / g[G.adapt_bound, i] - 1.0, g[G.adapt_bound, i] - 1.0
-    s[S.offset, i] = min(max(s[S.offset, i] - k0 * per * balance, -C.most_load), C.most_load)
-    s[S.d_a1, i] = min(max(s[S.d_a1, i] - k1 * per * balance, low), high)
-    s[S.d_a3, i] = min(max(s[S.d_a3, i] - k2 * per * balance, low), _highest_a3(g, i, high))
-    s[S.d_viscous, i] = min(max(s[S.d_viscous, i] - k3 * per * balance, low), high)
+    x0, x1 = s[S.offset, i] - k0 * per * balance, s[S.d_a1, i] - k1 * per * balance
+    x2, x3 = s[S.d_a3, i] - k2 * per * balance, s[S.d_viscous, i] - k3 * per * balance
     c00, c01, c02, c03 = c00 - k0 * k0 * per, c01 - k0 * k1 * per, c02 - k0 * k2 * per, c03 - k0 * k3 * per
     c11, c12, c13 = c11 - k1 * k1 * per, c12 - k1 * k2 * per, c13 - k1 * k3 * per
     c22, c23, c33 = c22 - k2 * k2 * per, c23 - k2 * k3 * per, c33 - k3 * k3 * per
+    # Where the bound of a3 holds it back, the others take their most likely values given that bound.
+    excess = max(x2 - _highest_a3(g, i, high), 0.0) / max(c22, C.least_variance)
+    s[S.offset, i] = min(max(x0 - c02 * excess, -C.most_load), C.most_load)
+    s[S.d_a1, i] = min(max(x1 - c12 * excess, low), high)
+    s[S.d_a3, i] = min(max(x2 - c22 * excess, low), _highest_a3(g, i, high))
+    s[S.d_viscous, i] = min(max(x3 - c23 * excess, low), high)
     grow = 1.0
     if c11 + c22 + c33 < 3.0 * (1.0 + C.common) * g[G.map_uncertainty, i] * g[G.map_uncertainty, i]:
         grow = 1.0 + dt / g[G.memory, i]

@@ -336,6 +336,7 @@ CONSTANTS: dict[str, tuple[float, str, str]] = {
     "load_drift": (1e-3, "N m/s^0.5", "random walk of the load"),
     "pause_time": (0.1, "s", "adaptation pauses so long after contact, saturation or a stop: memory of the filters"),
     "leverage_share": (0.97, "", "adaptation of a3 may take this share of the leverage at the upper limit"),
+    "least_variance": (1e-12, "", "smallest variance of a relative change that a correction is divided by"),
     "allowance": (2.0, "", "K of the CUSUM: half the smallest contact worth detecting, in standard deviations"),
     "bias_time": (1.0, "s", "time constant of the slow part of the balance"),
     "release": (1.5, "", "standard deviations of torque below which a contact may end"),
