@@ -56,11 +56,15 @@ static void reset_covariance(int n, int i, const hand_real *g, hand_real *s)
     S(C12) = S(C13) = S(C23) = HAND_C_COMMON * variance;
 }
 
+static int follows(hand_real reference_speed, hand_real speed)
+{
+    return size_of(reference_speed) > HAND_C_MOVING_SPEED
+        && speed * reference_speed > HAND_C_MOVING_SHARE * reference_speed * reference_speed;
+}
+
 static int contradicted_by_motion(int n, int i, hand_real *s, hand_real reference_speed, hand_real dt)
 {
-    const int follows = size_of(reference_speed) > HAND_C_MOVING_SPEED
-                     && S(SPEED) * reference_speed > HAND_C_MOVING_SHARE * reference_speed * reference_speed;
-    S(MOVING) = follows && S(CONTACT) != 0 ? S(MOVING) + dt : 0;
+    S(MOVING) = follows(reference_speed, S(SPEED)) && S(CONTACT) != 0 ? S(MOVING) + dt : 0;
     if (S(MOVING) <= HAND_C_MOVING_TIME) return 0;
     S(CONTACT) = S(SUM) = S(AGE) = S(MOVING) = 0;
     return 1;
@@ -112,12 +116,19 @@ static hand_real map_variance(int n, int i, const hand_real *g, const hand_real 
     return high_of(own + 2 * pairs, 0);
 }
 
-static void detect(int n, int i, const hand_real *g, hand_real *s, hand_real balance, hand_real variance, hand_real dt)
+static void detect(int n, int i, const hand_real *g, hand_real *s, hand_real balance, hand_real variance, int opens,
+                   hand_real dt)
 {
+    if (balance < 0 && S(PHI_2) > G(LOW) + HAND_C_MARGIN) {
+        const hand_real most = HAND_C_MOST_RESIDUAL * G(RESIDUAL_STD);
+        S(MISFIT) += dt / (dt + HAND_C_MISFIT_TIME) * (low_of(balance * balance, most * most) - S(MISFIT));
+    }
     const hand_real z = (balance - S(BIAS)) / root(variance);
     S(AGE) = S(SUM) > 0 || S(CONTACT) != 0 ? S(AGE) + dt : 0;
     const hand_real weight = dt / (2 * G(OBSERVER_FILTER));
-    S(SUM) = bounded(S(SUM) + (z - HAND_C_ALLOWANCE) * weight, 0, 2 * G(THRESHOLD));
+    hand_real gain = (z - HAND_C_ALLOWANCE) * weight;
+    if (opens && S(CONTACT) == 0) gain = low_of(gain, 0);
+    S(SUM) = bounded(S(SUM) + gain, 0, 2 * G(THRESHOLD));
     if (S(CONTACT) == 0) {
         if (S(SUM) > G(THRESHOLD)) {
             S(CONTACT) = 1;
@@ -192,7 +203,10 @@ static hand_real cut(int n, int i, const hand_real *g, const hand_real *s, hand_
 void hand_law_start(int n, const hand_real *g, hand_real *s)
 {
     for (int k = 0; k < HAND_STATES * n; k++) s[k] = 0;
-    for (int i = 0; i < n; i++) reset_covariance(n, i, g, s);
+    for (int i = 0; i < n; i++) {
+        S(MISFIT) = G(RESIDUAL_STD) * G(RESIDUAL_STD) / HAND_C_RESIDUAL_FACTOR;
+        reset_covariance(n, i, g, s);
+    }
 }
 
 void hand_law_release(int n, hand_real *s)
@@ -301,10 +315,12 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
     const hand_real balance =
         torque(S(P_2), S(PHI_2), creep, a0, a1, a2, a3, phi_max) + a3 * product + S(FOUND_2) - d * speed_2 - inertial;
     const hand_real share = G(MAP_ERROR) * a2 * S(P_2);
-    hand_real variance = G(RESIDUAL_STD) * G(RESIDUAL_STD) + share * share + S(SPREAD) * S(SPREAD);
+    const hand_real least = HAND_C_LEAST_RESIDUAL * G(RESIDUAL_STD);
+    hand_real variance = high_of(HAND_C_RESIDUAL_FACTOR * S(MISFIT), least * least) + share * share
+                       + S(SPREAD) * S(SPREAD);
     if (G(ADAPT) != 0) variance += map_variance(n, i, g, s, speed_2);
     if (G(DETECT) != 0) {
-        detect(n, i, g, s, balance, variance, dt);
+        detect(n, i, g, s, balance, variance, U(SPEED) < 0 && follows(U(SPEED), S(SPEED)), dt);
         if (contradicted_by_motion(n, i, s, U(SPEED), dt)) reset_covariance(n, i, g, s);
     }
     OUT(CONTACT) = S(CONTACT);

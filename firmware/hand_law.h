@@ -92,6 +92,7 @@ enum {
     HAND_S_C22, /* covariance of the load [N m] and the relative changes */
     HAND_S_C23, /* covariance of the load [N m] and the relative changes */
     HAND_S_C33, /* covariance of the load [N m] and the relative changes */
+    HAND_S_MISFIT, /* [(N m)^2] mean square of negative torque balances, which no obstacle causes */
     HAND_S_BIAS, /* [N m] slow part of the torque balance */
     HAND_S_SUM, /* sum of the contact detector */
     HAND_S_AGE, /* [s] time since the onset of contact */
@@ -162,6 +163,10 @@ enum {
 #define HAND_C_LEVERAGE_SHARE ((hand_real)0.97) /* adaptation of a3 may take this share of the leverage at the upper limit */
 #define HAND_C_LEAST_VARIANCE ((hand_real)1e-12) /* smallest variance of a relative change that a correction is divided by */
 #define HAND_C_ALLOWANCE ((hand_real)2.0) /* K of the CUSUM: half the smallest contact worth detecting, in standard deviations */
+#define HAND_C_MISFIT_TIME ((hand_real)5.0) /* [s] time constant of the mean square of negative balances */
+#define HAND_C_MOST_RESIDUAL ((hand_real)4.0) /* largest of them over the standard deviation that is configured */
+#define HAND_C_RESIDUAL_FACTOR ((hand_real)3.0) /* variance of the balance over their mean square */
+#define HAND_C_LEAST_RESIDUAL ((hand_real)0.7) /* standard deviation of the balance over the configured one, at least */
 #define HAND_C_BIAS_TIME ((hand_real)1.0) /* [s] time constant of the slow part of the balance */
 #define HAND_C_RELEASE ((hand_real)1.5) /* standard deviations of torque below which a contact may end */
 #define HAND_C_RELEASE_TIME ((hand_real)0.1) /* [s] a contact ends after so long below `release` */

@@ -32,7 +32,8 @@ def reset_covariance(g, s, i):  # type: ignore[no-untyped-def]
 
 @compiled
 def reset_map(g, s, i):  # type: ignore[no-untyped-def]
-    """Return joint i to the identified map."""
+    """Return joint i to the identified map and the configured variance of its balance."""
+    s[S.misfit, i] = g[G.residual_std, i] * g[G.residual_std, i] / C.residual_factor
     for k in range(4):
         s[S.offset + k, i] = 0.0
     reset_covariance(g, s, i)

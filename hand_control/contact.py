@@ -16,17 +16,27 @@ import math
 
 from scipy.optimize import brentq
 
-from hand_control.declared import C, G, S, compiled
+from hand_control.declared import C, G, S, compiled, inlined
 
 
 @compiled
-def detect(g, s, i, balance, variance, dt):  # type: ignore[no-untyped-def]
-    """One step of joint i: filtered torque balance [N m], its variance [(N m)^2], dt [s]."""
+def detect(g, s, i, balance, variance, opens, dt):  # type: ignore[no-untyped-def]
+    """One step of joint i: filtered torque balance [N m], its variance [(N m)^2], dt [s].
+
+    opens: the joint follows a reference that extends it; then it cannot come upon an obstacle that it bends against.
+    """
+    # No obstacle causes a negative balance: friction and errors of the map do, which are as large on the other side.
+    if balance < 0.0 and s[S.phi_2, i] > g[G.low, i] + C.margin:
+        most = C.most_residual * g[G.residual_std, i]
+        s[S.misfit, i] += dt / (dt + C.misfit_time) * (min(balance * balance, most * most) - s[S.misfit, i])
     z = (balance - s[S.bias, i]) / math.sqrt(variance)
     s[S.age, i] = s[S.age, i] + dt if s[S.sum, i] > 0.0 or s[S.contact, i] != 0.0 else 0.0
     # Samples within the time constant of the filters are correlated: a faster rate carries no more information.
     weight = dt / (2.0 * g[G.observer_filter, i])
-    s[S.sum, i] = min(max(s[S.sum, i] + (z - C.allowance) * weight, 0.0), 2.0 * g[G.threshold, i])
+    gain = (z - C.allowance) * weight
+    if opens and s[S.contact, i] == 0.0:
+        gain = min(gain, 0.0)
+    s[S.sum, i] = min(max(s[S.sum, i] + gain, 0.0), 2.0 * g[G.threshold, i])
     if s[S.contact, i] == 0.0:
         if s[S.sum, i] > g[G.threshold, i]:
             s[S.contact, i], s[S.released, i] = 1.0, 0.0
@@ -38,17 +48,23 @@ def detect(g, s, i, balance, variance, dt):  # type: ignore[no-untyped-def]
         s[S.contact, i] = s[S.sum, i] = s[S.age, i] = 0.0
 
 
+@inlined
+def follows(reference_speed, speed):  # type: ignore[no-untyped-def]
+    """Whether a joint moves as its reference does, which moves clearly; speeds in rad/s."""
+    return (
+        abs(reference_speed) > C.moving_speed
+        and speed * reference_speed > C.moving_share * reference_speed * reference_speed
+    )
+
+
 @compiled
 def contradicted_by_motion(s, i, reference_speed, speed, dt):  # type: ignore[no-untyped-def]
     """Whether joint i moves as commanded although contact is reported: the torque is an error of the map.
 
     Speeds in rad/s, dt in s. Ends the contact where it returns True.
     """
-    follows = (
-        abs(reference_speed) > C.moving_speed
-        and speed * reference_speed > C.moving_share * reference_speed * reference_speed
-    )
-    s[S.moving, i] = s[S.moving, i] + dt if follows and s[S.contact, i] != 0.0 else 0.0
+    moves = follows(reference_speed, speed) and s[S.contact, i] != 0.0
+    s[S.moving, i] = s[S.moving, i] + dt if moves else 0.0
     if s[S.moving, i] <= C.moving_time:
         return False
     s[S.contact, i] = s[S.sum, i] = s[S.age, i] = s[S.moving, i] = 0.0

@@ -160,10 +160,15 @@ class Settings:
         "1/h", 1.0, 1e-4, 3600.0, "wanted rate of false alarms per joint; it sets the row `threshold`"
     )
     contact_torque_std_nm: float = _number(
-        "N m", 0.004, 1e-5, 1.0, "standard deviation of the torque balance in free motion", row="residual_std"
+        "N m",
+        0.004,
+        1e-5,
+        1.0,
+        "standard deviation of the torque balance in free motion, until the controller has observed it",
+        row="residual_std",
     )
     contact_map_error: float = _number(
-        "", 0.03, 0.0, 0.5, "relative error of the pressure's torque that identification leaves", row="map_error"
+        "", 0.015, 0.0, 0.5, "relative error of the pressure's torque that identification leaves", row="map_error"
     )
     observer_filter_s: float = _number(
         "s", 0.02, 0.002, 1.0, "time constant of the filters of the torque balance", row="observer_filter"
@@ -272,6 +277,7 @@ STATE = (
     Row("d_a3", "", "relative change of a3"),
     Row("d_viscous", "", "relative change of viscous"),
     *_COVARIANCE,
+    Row("misfit", "(N m)^2", "mean square of negative torque balances, which no obstacle causes"),
     Row("bias", "N m", "slow part of the torque balance"),
     Row("sum", "", "sum of the contact detector"),
     Row("age", "s", "time since the onset of contact"),
@@ -338,6 +344,10 @@ CONSTANTS: dict[str, tuple[float, str, str]] = {
     "leverage_share": (0.97, "", "adaptation of a3 may take this share of the leverage at the upper limit"),
     "least_variance": (1e-12, "", "smallest variance of a relative change that a correction is divided by"),
     "allowance": (2.0, "", "K of the CUSUM: half the smallest contact worth detecting, in standard deviations"),
+    "misfit_time": (5.0, "s", "time constant of the mean square of negative balances"),
+    "most_residual": (4.0, "", "largest of them over the standard deviation that is configured"),
+    "residual_factor": (3.0, "", "variance of the balance over their mean square"),
+    "least_residual": (0.7, "", "standard deviation of the balance over the configured one, at least"),
     "bias_time": (1.0, "s", "time constant of the slow part of the balance"),
     "release": (1.5, "", "standard deviations of torque below which a contact may end"),
     "release_time": (0.1, "s", "a contact ends after so long below `release`"),

@@ -39,7 +39,7 @@ from typing import Any
 import numpy as np
 
 from hand_control.adaptation import adapt, map_variance, reset_covariance, reset_map
-from hand_control.contact import contradicted_by_motion, detect
+from hand_control.contact import contradicted_by_motion, detect, follows
 from hand_control.declared import INPUTS, OUT, OUTPUTS, STATE, C, G, S, U, bounded_dt, inlined
 from hand_model.arrays import Array, Flags
 from hand_model.compile_cache import njit
@@ -116,9 +116,11 @@ def _torque_balance(g, s, i, a0, a1, a2, a3, d, speed):  # type: ignore[no-untyp
 
 @inlined
 def _balance_variance(g, s, i, speed):  # type: ignore[no-untyped-def]
-    """Variance [(N m)^2] of the balance: noise, error of identification, and uncertainty of the adapted map."""
+    """Variance [(N m)^2] of the balance: what was observed, error of identification, uncertainty of the adapted map."""
     share = g[G.map_error, i] * g[G.a2, i] * s[S.p_2, i]
-    variance = g[G.residual_std, i] * g[G.residual_std, i] + share * share + s[S.spread, i] * s[S.spread, i]
+    least = C.least_residual * g[G.residual_std, i]
+    own = max(C.residual_factor * s[S.misfit, i], least * least)
+    variance = own + share * share + s[S.spread, i] * s[S.spread, i]
     if g[G.adapt, i] != 0.0:
         variance += map_variance(g, s, i, speed)
     return variance
@@ -276,7 +278,8 @@ def _joint(g, s, u, i, dt, integrate, drive, out):  # type: ignore[no-untyped-de
     balance = _torque_balance(g, s, i, a0, a1, a2, a3, d, filtered_speed)
     variance = _balance_variance(g, s, i, filtered_speed)
     if g[G.detect, i] != 0.0:
-        detect(g, s, i, balance, variance, dt)
+        opens = u[U.speed, i] < 0.0 and follows(u[U.speed, i], s[S.speed, i])
+        detect(g, s, i, balance, variance, opens, dt)
         if contradicted_by_motion(s, i, u[U.speed, i], s[S.speed, i], dt):
             reset_covariance(g, s, i)
     out[OUT.contact, i], out[OUT.contact_age, i] = s[S.contact, i], s[S.age, i]

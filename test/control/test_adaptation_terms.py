@@ -146,6 +146,36 @@ def test_the_leverage_survives_the_largest_adaptation(a3_sign: float) -> None:
         assert change == pytest.approx(9.0)
 
 
+def test_a_bound_of_a3_leaves_the_best_map_within_it() -> None:
+    """Fails when the other constants learn as if a3 had followed: in a fast close they ran away (seed 4).
+
+    The reference is least squares in one step with a3 at its bound.
+    """
+    rng = np.random.default_rng(4)
+    joint = Joint()
+    joint.g[G.a3] = -0.98 * joint.g[G.a2] / joint.g[G.high]  # no leverage to spare: x2 may not grow
+    joint.g[G.memory], joint.g[G.load_std] = 1e9, 0.2
+    for i in range(2):
+        reset_map(joint.g, joint.s, i)
+    noise = C.balance_std**2 * (1.0 + 2.0 * joint.g[G.observer_filter, 1] / DT_S)
+    start, true = joint.covariance, np.array([0.01, 0.1, -0.3, -0.2])  # x2 should grow by 0.3
+    rows, values = [], []
+    for _ in range(400):
+        joint.s[S.phi_2], joint.s[S.q_2] = rng.uniform(0.2, 1.2), rng.uniform(2e4, 3e5)
+        joint.speed = joint.s[S.speed, 1] = float(rng.uniform(0.5, 3.0))
+        row = joint.regressors()
+        rows.append(row)
+        values.append(row @ true)
+        joint.balance, joint.variance = float(row @ (true + joint.change)), 1e6
+        joint.step()
+    design = np.array(rows)
+    inverse = np.linalg.inv(start) + design.T @ design / noise
+    free = np.array([0, 1, 3])
+    expected = np.linalg.solve(inverse[np.ix_(free, free)], (-design.T @ np.array(values) / noise)[free])
+    assert joint.change[2] == 0.0
+    np.testing.assert_allclose(joint.change[free], expected, rtol=0.1, atol=0.01)
+
+
 def test_a_map_with_little_leverage_is_not_pushed_below_the_identified_one() -> None:
     """Fails when the guard of the leverage itself changes a map that has less leverage than the guard keeps."""
     joint = Joint(adaptation_bound=10.0)
