@@ -3,6 +3,8 @@
     what the frames show                                                reaction of the driver
     VENTED, or the echo of older set-points, DEAF_S after newer ones,
     for SHOWN_S                                                         vent, latched: the board is deaf
+    the echo of set-points that this driver did not send, as long, or
+    pressure by such ones for longer than a lifetime may be             vent, latched: it obeys another sender
     other values in force than were sent with that sequence             vent, latched: valves are deaf
     fewer packets accepted than sent, by more than LOST_SHARE           vent, latched: packets are lost
     pressure in force beyond its lifetime                               vent, latched: the watchdog does not work
@@ -18,6 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hand_driver.board import Echo, Frame, Pressures, Status
+from hand_driver.set_points import MAX_LIFETIME_S
 
 DEAF_S = 0.1
 """Time for which set-points must have been sent; a board takes them over within one period."""
@@ -54,8 +57,9 @@ class SetPointWatch:
         self._pressure_pa = np.zeros((KEPT, valves))
         self._row_ns = self._last_ns = 0
         self._until_ns = -1
-        self._counts = {"deaf": 0, "valves": 0, "watchdog": 0}
+        self._counts = {"deaf": 0, "foreign": 0, "valves": 0, "watchdog": 0}
         self._deaf_since_ns = 0  # receipt of the first frame of those that show it
+        self._foreign_since_ns = 0
         self._window: tuple[int, int] | None = None  # packets sent and accepted
         self._previous: Echo | None = None
         self.lost_share = 0.0
@@ -75,13 +79,16 @@ class SetPointWatch:
         echo = frame.echo
         vented = Status.VENTED in frame.status
         silent = vented or (echo is not None and math.isnan(echo.age_s))
-        if not silent:
+        foreign = echo is not None and not silent and self._number[echo.sequence % KEPT] != echo.sequence
+        if not (silent or foreign):
             self._row_ns = now_ns
-        deaf = silent and now_ns < self._until_ns and now_ns - self._row_ns > DEAF_S * 1e9
+        deaf = (silent or foreign) and now_ns < self._until_ns and now_ns - self._row_ns > DEAF_S * 1e9
         if self._lasting_deaf(deaf or (echo is not None and self._stale(echo, now_ns)), frame.received_ns):
-            return self._deaf()
+            return self._foreign(echo) if foreign and echo is not None else self._deaf()
         if echo is None:
             return ""
+        if self._outlasts(foreign and bool(echo.pressure_pa.any()), frame.received_ns):
+            return self._foreign(echo)
         differing = self._differing(echo, frame.status)
         if self._lasting("valves", differing is not None) and differing is not None:
             return self._wrong_valve(echo, differing)
@@ -100,6 +107,13 @@ class SetPointWatch:
         if not self._counts["deaf"]:
             self._deaf_since_ns = received_ns
         return self._lasting("deaf", shown) and received_ns - self._deaf_since_ns >= SHOWN_S * 1e9
+
+    def _outlasts(self, shown: bool, received_ns: int) -> bool:
+        """Whether pressure that this driver did not ask for is in force beyond the longest lifetime there is."""
+        if not self._counts["foreign"]:
+            self._foreign_since_ns = received_ns
+        longest_s = MAX_LIFETIME_S + OVERDUE_S
+        return self._lasting("foreign", shown) and received_ns - self._foreign_since_ns > longest_s * 1e9
 
     def _stale(self, echo: Echo, now_ns: int) -> bool:
         """Whether set-points newer than those of the echo were sent long ago, and others since."""
@@ -155,6 +169,13 @@ class SetPointWatch:
         return (
             "the board takes no set-points although they are sent;"
             " check the line from host to board, and the board's supply and firmware"
+        )
+
+    def _foreign(self, echo: Echo) -> str:
+        return (
+            f"the board reports set-points in force that this driver did not send (sequence {echo.sequence},"
+            f" up to {float(np.max(echo.pressure_pa, initial=0.0)) * 1e-5:.2f} bar);"
+            " check that no other host drives the board, and the board's firmware"
         )
 
     def _wrong_valve(self, echo: Echo, valve: int) -> str:

@@ -11,6 +11,7 @@ import pytest
 from hand_driver.board import Counts, Echo, Frame, Pressures, Status
 from hand_driver.pressure_ramp import RAMP_PA_PER_S, PressureRamp
 from hand_driver.set_point_watch import DEAF_S, SHOWN_S, SetPointWatch
+from hand_driver.set_points import MAX_LIFETIME_S
 from hand_driver.wire import SamplePayload, SetPointPayload
 from hand_sim.emulator import BoardEndpoint, Emulator
 from hand_sim.faults import Faults
@@ -156,6 +157,39 @@ def test_another_number_of_valves_is_named() -> None:
 def test_an_echo_of_unknown_set_points_is_no_fault() -> None:
     """Fails when the echo of a former driver's set-points counts as a fault."""
     assert watched(Echo(12345, 0.01, np.full(VALVES, 3e5), 1), Status(0)) == ""
+
+
+def echoed(echo: Callable[[int], Echo], send: bool, seconds: float = 2.0) -> tuple[str, float]:
+    """The first fault and its time [s] after a reset, of a board with this echo. send: set-points are sent."""
+    watch = SetPointWatch(JOINTS)
+    watch.sent(7, np.full(VALVES, 1e5), 0.1, 0)
+    watch.forget()
+    for k in range(round(seconds * RATE_HZ)):
+        now_ns = round(k / RATE_HZ * 1e9)
+        if send:
+            watch.sent(8 + k, np.full(VALVES, 1e5), 0.1, now_ns)
+        frame = Frame(k, k, 5.0, Status(0), np.zeros(1, np.uint16), now_ns + 400_000, echo(k))
+        if fault := watch.frame(frame, now_ns + 400_000):
+            return fault, now_ns * 1e-9
+    return "", seconds
+
+
+@pytest.mark.parametrize("step", [0, 1, 40_503], ids=["the same", "counting", "jumping"])
+@pytest.mark.parametrize("bar", [0.0, 1.0])
+def test_a_board_that_echoes_what_was_never_sent_is_found_after_a_reset(step: int, bar: float) -> None:
+    """Fails when the echo of sequences that were never sent passes: the board then follows another sender."""
+    held = np.full(VALVES, bar * 1e5)
+    fault, at_s = echoed(lambda k: Echo((1_000_000 + step * k) % 2**32, 0.005, held, k % 256), send=True)
+    assert "this driver did not send" in fault and f"up to {bar:.2f} bar" in fault
+    assert DEAF_S + SHOWN_S <= at_s < DEAF_S + SHOWN_S + 0.03
+
+
+def test_pressure_that_nobody_here_asked_for_is_found_at_rest() -> None:
+    """Fails when another host may hold the hand under pressure while this driver sends nothing."""
+    fault, at_s = echoed(lambda k: Echo(1_000_000 + k, 0.005, np.full(VALVES, 1e5), k % 256), send=False)
+    assert "this driver did not send" in fault
+    assert MAX_LIFETIME_S < at_s < MAX_LIFETIME_S + 0.1
+    assert echoed(lambda k: Echo(1_000_000 + k, 0.005, np.zeros(VALVES), k % 256), send=False)[0] == ""
 
 
 def test_frames_that_arrive_all_at_once_accuse_no_board() -> None:
