@@ -11,6 +11,8 @@ Times are nanoseconds of the host's monotonic clock and are arguments.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from hand_messages.health import Health, Level
 
 VENTED, OVER_PRESSURE = 1, 4
@@ -19,6 +21,8 @@ VENTED_S = 0.3
 """Time after which a board has taken over set-points; the driver itself finds a deaf board earlier."""
 LOST_S = 0.3
 """Six reports of the driver."""
+SHOWN = 3
+"""Most channels that the status names."""
 
 
 class BoardWatch:
@@ -31,10 +35,20 @@ class BoardWatch:
         self._status = 0
         self._protocol = 0
         self.fault = ""
+        self.channels: tuple[str, ...] = ()
 
-    def state(self, status: int, protocol: int, fault: str, host_ns: int) -> None:
-        """Take a report: status bits, protocol version, and the latched fault of the driver, empty for none."""
+    def state(self, status: int, protocol: int, fault: str, host_ns: int, channels: Sequence[str] = ()) -> None:
+        """Take a report: status bits, protocol version, and the latched fault of the driver, empty for none.
+
+        channels: what measures nothing, one line each, as the driver names it.
+        """
         self._received_ns, self._status, self._protocol, self.fault = host_ns, status, protocol, fault
+        self.channels = tuple(channels)
+
+    def evidence(self, joint: str) -> str:
+        """Why the angle or the pressure of a joint is not measured, one line; empty where the driver names no cause."""
+        sensors = ("every channel:", f"{joint} angle (", f"{joint} pressure (")
+        return "; ".join(line for line in self.channels if line.startswith(sensors))
 
     @property
     def vented(self) -> bool:
@@ -77,6 +91,8 @@ class BoardWatch:
             return Health("board", Level.WARN, "no board_state is published: the board is not watched")
         if self.fault:
             return Health("board", Level.ERROR, f"the driver holds the hand vented: {self.fault}; call reset_driver")
+        if self.channels:
+            return Health("board", Level.WARN, f"not measured: {'; '.join(self.channels[:SHOWN])}")
         if self._protocol == 1:
             return Health("board", Level.OK, "watched less: it does not echo its set-points (protocol version 1)")
         return Health("board", Level.OK, "watched")

@@ -50,6 +50,7 @@ from hand_control.references import References
 from hand_control.shaping import Shaper, TorqueLimiter, approach_speed, filling_speed
 from hand_control.supervisor import VENT_S, Phase, Supervisor
 from hand_control.tuning import gains
+from hand_control.unmeasured import Unmeasured
 from hand_messages.health import Health, Level
 from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
@@ -101,6 +102,7 @@ class Controller:
         self.hand = hand
         self.safety = Supervisor()
         self.board = BoardWatch()
+        self._unmeasured = Unmeasured(hand.joints, self.board)
         self._ramp = ArmingRamp()
         self._references = References(hand)
         self._law = law_of(hand, settings)
@@ -154,6 +156,9 @@ class Controller:
         if on:
             if self.board.fault and not self.safety.fault:
                 raise ValueError(f"not enabled: the driver holds the hand vented ({self.board.fault})")
+            cause = next(filter(None, map(self.board.evidence, self.hand.joints)), "")
+            if cause and not self.safety.fault:
+                raise ValueError(f"not enabled: {cause}")
             self.safety.enable()
         else:
             self.vent("disabled on request")
@@ -360,6 +365,11 @@ class Controller:
             self._references.hold(self._shaper.r, ~self._none)
         return self._drive(times, step_s, fresh, (position, velocity), pressure)
 
+    def board_state(self, status: int, protocol: int, fault: str, channels: Sequence[str], host_ns: int) -> None:
+        """Take a report of the driver, see `BoardWatch.state`."""
+        self.board.state(status, protocol, fault, host_ns, channels)
+        self._unmeasured.complete(self.safety, host_ns)
+
     def check(self, host_ns: int) -> bool:
         """Between frames: whether the hand has just become vented and 0 Pa is to be sent."""
         before = self.safety.phase
@@ -379,14 +389,14 @@ class Controller:
         found = self._watch.check(measured, self._law.watched, self._max_jump_rad, elapsed_s)
         self._starved = ""
         if found is not NOTHING:
-            self._react(found, measured)
+            self._react(found, measured, host_ns)
 
-    def _react(self, found: Findings, measured: tuple[Array, Array, Array]) -> None:
+    def _react(self, found: Findings, measured: tuple[Array, Array, Array], host_ns: int) -> None:
         """Trip on what a frame shows, or warn of a pressure that is too low."""
         position, _, pressure = measured
         joint, last = self.hand.joints[found.implausible_joint], self._watch.last_position
         if found.plausible == NOT_FINITE:
-            self.safety.trip(f"{joint}: the measurement is not a number")
+            self._unmeasured.trip(self.safety, found.implausible_joint, measured, host_ns)
         elif found.plausible == JUMPED:
             jump = math.degrees(abs(position[found.implausible_joint] - last[found.implausible_joint]))
             self.safety.trip(f"{joint}: angle jumped by {jump:.0f} degrees")

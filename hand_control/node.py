@@ -226,7 +226,9 @@ class ControllerNode(HandNode):
         except (ValueError, RuntimeError) as error:  # rclpy raises a RuntimeError for bytes that it cannot decode
             self._input_problem(f"board_state: {error}")
             return
-        self._controller.board.state(state.status, state.protocol, state.fault, time.monotonic_ns())
+        self._controller.board_state(
+            state.status, state.protocol, state.fault, state.channel_fault, time.monotonic_ns()
+        )
         if self.active:
             self._on_watch()
 

@@ -65,6 +65,11 @@ class Supervisor:
             self.fault = self.reason = fault
         self.phase = Phase.VENTED
 
+    def reword(self, fault: str, better: str) -> None:
+        """Name a latched fault by another line, where it is still the one that is latched."""
+        if self.fault == fault:
+            self.fault = self.reason = better
+
     def reset(self) -> str:
         """Clear a latched fault and return it; the hand stays vented until enabled."""
         fault, self.fault = self.fault, ""

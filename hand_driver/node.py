@@ -19,6 +19,7 @@ from hand_driver.board_clock import BoardClock, WallClock
 from hand_driver.board_health import clock_health, protocol_health
 from hand_driver.board_report import BoardReport, Reporter
 from hand_driver.can_board import CanBoard
+from hand_driver.channel_faults import ChannelFaults
 from hand_driver.channel_watch import ChannelWatch
 from hand_driver.driver_health import DriverHealth, LinkState
 from hand_driver.guard import Guard
@@ -133,6 +134,7 @@ class DriverNode(HandNode):
         self._wall_clock = WallClock()
         self._converter = Converter(self._hand, self._velocity_time_constant_s)
         self._channel_watch = ChannelWatch(self._hand)
+        self._channel_faults = ChannelFaults(self._hand)
         self._health = DriverHealth(self._hand, time.monotonic())
         self._link = Link(self._open)
         self._reporter = Reporter()
@@ -194,14 +196,19 @@ class DriverNode(HandNode):
     def _publish(self, frame: Frame) -> None:
         acquired_ns = self.acquired_ns(frame)
         stamp_ns = self.stamp_ns(frame, acquired_ns)
-        measured = self._converter.convert(frame, self._channel_watch.check(frame.counts))
+        disbelieved = self._channel_watch.check(frame.counts)
+        measured = self._converter.convert(frame, disbelieved)
+        watch = None if disbelieved is None else self._channel_watch
+        channels = self._channel_faults.lines(frame, measured.at_rail, watch)
+        now_s = time.monotonic()
+        self._reporter.frame(frame, now_s, channels)
+        if channels:
+            self._report()  # the cause before the values that are not numbers
         for publisher, raw in zip(self._frame_publishers, self._topics.encode(stamp_ns, frame, measured), strict=True):
             publisher.publish(raw)
         self._watch_board(frame, acquired_ns, measured.pressure)
         self._zero.frame(frame)
-        now_s = time.monotonic()
         self._health.frame(frame, measured.at_rail, now_s, self._channel_watch)
-        self._reporter.frame(frame, now_s)
         self._stamp_ns = stamp_ns
         self.cycles = (self.cycles or 0) + 1
 
@@ -248,8 +255,7 @@ class DriverNode(HandNode):
 
     def _report(self) -> None:
         """Publish the state of the board on change and at REPORT_HZ."""
-        fault = self._guard.fault or self._channel_watch.common_fault
-        report = self._reporter.due(self._link.protocol, self._link.up, fault, time.monotonic())
+        report = self._reporter.due(self._link.protocol, self._link.up, self._guard.fault, time.monotonic())
         if report is not None:
             stamp_ns = self._stamp_ns or self.now_ns()
             self._board_publisher.publish(_board_state(report, stamp_ns, self._frame_id, self._joints))
@@ -393,6 +399,7 @@ def _board_state(report: BoardReport, stamp_ns: int, frame_id: str, joints: list
         supply_voltage=report.supply_voltage_v,
         set_point_age=math.nan,
         fault=report.fault,
+        channel_fault=report.channels,
     )
     message.header.frame_id = frame_id
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 1_000_000_000)

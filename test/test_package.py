@@ -339,7 +339,7 @@ def test_interface_is_the_published_one() -> None:
                      ("uint32[]", "counts")],
         "BoardState": [header, ("uint8", "protocol"), ("bool", "link_up"), ("uint16", "status"),
                        ("float64", "supply_voltage"), ("uint32", "set_point_sequence"), ("float64", "set_point_age"),
-                       name, ("float64[]", "set_point"), ("string", "fault")],
+                       name, ("float64[]", "set_point"), ("string", "fault"), ("string[]", "channel_fault")],
         "ValveCommand": [header, ("builtin_interfaces/Duration", "lifetime"), name, ("float64[]", "pressure")],
         "Contact": [header, ("string", "name"), ("bool", "touching"), ("float64", "torque"), ("float64", "force"),
                     ("string", "source"), ("float64", "delay")],

@@ -68,6 +68,9 @@ def test_a_stuck_channel_is_named(stack: Stack, client: Client) -> None:
     client.spin(1.0)
     assert not client.said("controller", "safety", "controlling")
     assert all(max(valve.pressure) == 0.0 for valve in client.valves)
+    answer = client.enable(True)
+    assert not answer.success
+    assert "index_proximal angle (channel 3): at the rail, 65535 of" in answer.message
 
 
 def test_a_board_that_restarts_is_vented_until_a_reset(stack: Stack, client: Client) -> None:

@@ -1,0 +1,46 @@
+"""The latch of a value that is not a number: the joint, and what the driver says of its channel.
+
+The driver publishes the cause before the frame, but DDS keeps no order between two topics: a cause that is known
+within LATE_S completes the line of the latch.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from hand_control.board_watch import BoardWatch
+from hand_control.supervisor import Supervisor
+from hand_model.arrays import Array
+
+LATE_S = 0.3
+"""Six reports of the driver."""
+QUANTITIES = ("angle", "speed", "pressure")
+
+
+class Unmeasured:
+    """Trips on such a value, and completes the line."""
+
+    def __init__(self, joints: Sequence[str], board: BoardWatch) -> None:
+        """For these joints, with what the driver reports of the board."""
+        self._joints, self._board = tuple(joints), board
+        self._open: tuple[str, str, int] | None = None  # joint, line and time of a latch whose cause is not known
+
+    def trip(self, safety: Supervisor, joint: int, measured: Sequence[Array], host_ns: int) -> None:
+        """Latch. measured: angle [rad], speed [rad/s] and pressure [Pa], (joints,) each."""
+        name = self._joints[joint]
+        what = next(q for q, values in zip(QUANTITIES, measured, strict=True) if not math.isfinite(values[joint]))
+        line, cause = f"{name}: its {what} is not a number", self._board.evidence(name)
+        fault = f"{line}; {cause or 'the driver has named no channel: see its status `channels`'}"
+        self._open = None if cause else (name, fault, host_ns)
+        safety.trip(fault)
+
+    def complete(self, safety: Supervisor, host_ns: int) -> None:
+        """Add a cause that was not known yet; call it with each report of the driver."""
+        if self._open is None:
+            return
+        name, line, since_ns = self._open
+        cause = self._board.evidence(name)
+        if cause and host_ns - since_ns <= LATE_S * 1e9:
+            safety.reword(line, f"{line.partition(';')[0]}; {cause}")
+            self._open = None
