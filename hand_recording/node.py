@@ -14,6 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 
 from hand_recording.bag_writer import STORAGES, Arrival, Arrivals, BagError, Topic, open_bag
 from hand_recording.message_types import UnknownType
+from hand_recording.queue_bound import QUEUE, ROUND_BYTES, QueueBound
 from hand_recording.record_options import RecordOptions, RecordSummary, Selection, summarize
 from hand_ros.parameters import NodeParameter, check_all
 
@@ -43,7 +45,6 @@ PARAMETERS = (
     NodeParameter("rosout", False, "record /rosout too"),
     NodeParameter("duration_s", 0.0, "end after this time [s]; 0: record until stopped", low=0.0, high=1e9),
 )
-QUEUE = 2000  # messages of a topic that the middleware may queue between two rounds: seconds at any rate in use
 
 
 def record(
@@ -85,6 +86,8 @@ def main(args: Sequence[str] | None = None) -> None:
             rclpy.try_shutdown()
     for topic in summary.topics:
         print(f"{topic.name}: {topic.messages} messages, {topic.rate_hz:.1f} Hz, {topic.missed} missed")
+    for name, reason in summary.limited.items():
+        print(f"{name}: {reason}")
 
 
 @contextmanager
@@ -185,7 +188,7 @@ class _Subscribed:
     def __init__(self, node: Node, topic: str, kind: Any, qos: QoSProfile) -> None:
         self.qos = qos
         self.publishers = 0
-        self._kind = kind
+        self.kind = kind
         self._node = node
         group = _Untouched()
         self._handle = node.create_subscription(kind, topic, lambda _: None, qos, raw=True, callback_group=group)
@@ -193,7 +196,7 @@ class _Subscribed:
     def take(self) -> Iterator[tuple[bytes, dict[str, int]]]:
         """Every queued message, with its times."""
         with self._handle.handle:
-            while (taken := self._handle.handle.take_message(self._kind, True)) is not None:
+            while (taken := self._handle.handle.take_message(self.kind, True)) is not None:
                 yield taken
 
     def destroy(self) -> None:
@@ -211,6 +214,7 @@ class _Recorder:
         self._arrivals = Arrivals(self._bag)
         self._subscribed: dict[str, _Subscribed] = {}
         self._skipped: dict[str, str] = {}
+        self._queues = QueueBound()
 
     def discover(self) -> None:
         """Subscribe to new topics, and again to those whose publishers now offer a weaker QoS."""
@@ -221,23 +225,27 @@ class _Recorder:
                 continue
             if name not in self._subscribed:
                 self._add(name, types, offers)
-            elif _suiting(offers) != self._subscribed[name].qos:
+            elif _suiting(offers, self._queues.depth(name)) != self._subscribed[name].qos:
                 self._take(name)
-                self._subscribed.pop(name).destroy()
-                self._subscribe(name, types[0], offers)
+                self._subscribe_again(name, _suiting(offers, self._queues.depth(name)))
             if name in self._subscribed:
                 self._subscribed[name].publishers = len(offers)
 
     def collect(self, now_ns: int, monotonic_ns: int) -> None:
-        """Take all queued messages and write those received by now_ns [ns]."""
-        for name in self._subscribed:
-            self._take(name)
+        """Take the queued messages and write those received by now_ns [ns], or all where they have ROUND_BYTES."""
+        taken = 0
+        for name in list(self._subscribed):
+            taken += self._take(name)
+            if taken >= ROUND_BYTES:
+                self._arrivals.write(sys.maxsize)
+                taken = 0
         self._arrivals.write(now_ns)
         self._bag.tick(monotonic_ns)
 
     def summary(self, duration_s: float) -> RecordSummary:
         """The summary so far."""
-        return summarize(self._options.out, duration_s, self._bag.contents, self._arrivals.missed, self._skipped)
+        missed, limited = self._arrivals.missed, self._queues.lines()
+        return summarize(self._options.out, duration_s, self._bag.contents, missed, self._skipped, limited)
 
     def finish(self, duration_s: float) -> RecordSummary:
         """Write the remaining messages and close the bag."""
@@ -250,9 +258,10 @@ class _Recorder:
         with suppress(OSError):  # a full disk was reported already
             self._bag.close()
 
-    def _take(self, name: str) -> None:
-        subscribed = self._subscribed[name]
-        for raw, info in subscribed.take():
+    def _take(self, name: str) -> int:
+        """Take what a whole queue may hold; returns its bytes. What is left is taken in the next round."""
+        subscribed, taken, shorten = self._subscribed[name], 0, False
+        for raw, info in islice(subscribed.take(), QUEUE):
             arrival = Arrival(
                 info["received_timestamp"] or time.time_ns(),
                 name,
@@ -261,6 +270,14 @@ class _Recorder:
                 info["publication_sequence_number"] or 0,
             )
             self._arrivals.add(arrival, subscribed.publishers == 1)
+            taken += len(raw)
+            shorten = self._queues.shortened(name, len(raw)) or shorten
+            if taken >= ROUND_BYTES:
+                break
+        if shorten:
+            self._node.get_logger().warning(f"{name}: {self._queues.line(name)}")
+            self._subscribe_again(name, _of_depth(subscribed.qos, self._queues.depth(name)))
+        return taken
 
     def _add(self, name: str, types: Sequence[str], offers: Sequence[Any]) -> None:
         try:
@@ -280,20 +297,32 @@ class _Recorder:
     def _subscribe(self, name: str, type_name: str, offers: Sequence[Any]) -> None:
         package, _, kind = type_name.partition("/msg/")
         message = getattr(importlib.import_module(f"{package}.msg"), kind)
-        self._subscribed[name] = _Subscribed(self._node, name, message, _suiting(offers))
+        self._subscribed[name] = _Subscribed(self._node, name, message, _suiting(offers, self._queues.depth(name)))
+
+    def _subscribe_again(self, name: str, qos: QoSProfile) -> None:
+        """Replace a subscription by one of another QoS."""
+        before = self._subscribed.pop(name)
+        before.destroy()
+        self._subscribed[name] = made = _Subscribed(self._node, name, before.kind, qos)
+        made.publishers = before.publishers
 
 
-def _suiting(offers: Sequence[Any]) -> QoSProfile:
-    """The strictest QoS that is compatible with every publisher of a topic."""
+def _suiting(offers: Sequence[Any], depth: int) -> QoSProfile:
+    """The strictest QoS that is compatible with every publisher of a topic, with a queue of depth messages."""
     profiles = [offer.qos_profile for offer in offers]
     reliable = all(profile.reliability == ReliabilityPolicy.RELIABLE for profile in profiles)
     kept = all(profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for profile in profiles)
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=QUEUE,
+        depth=depth,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if kept else DurabilityPolicy.VOLATILE,
     )
+
+
+def _of_depth(qos: QoSProfile, depth: int) -> QoSProfile:
+    """The same with a queue of depth messages."""
+    return QoSProfile(history=qos.history, depth=depth, reliability=qos.reliability, durability=qos.durability)
 
 
 def _recorded(profile: QoSProfile) -> Qos:

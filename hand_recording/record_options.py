@@ -82,12 +82,16 @@ class TopicSummary:
 
 @dataclass(frozen=True)
 class RecordSummary:
-    """A finished recording in numbers. skipped: topics that could not be recorded, with the reason."""
+    """A finished recording in numbers.
+
+    skipped: topics that could not be recorded, with the reason.  limited: topics of which few messages may wait.
+    """
 
     path: str
     duration_s: float
     topics: tuple[TopicSummary, ...]
     skipped: Mapping[str, str]
+    limited: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def messages(self) -> int:
@@ -105,14 +109,19 @@ class RecordSummary:
 
 
 def summarize(
-    path: Path, duration_s: float, contents: Contents, missed: Mapping[str, int], skipped: Mapping[str, str]
+    path: Path,
+    duration_s: float,
+    contents: Contents,
+    missed: Mapping[str, int],
+    skipped: Mapping[str, str],
+    limited: Mapping[str, str],
 ) -> RecordSummary:
-    """The summary of what was written so far. missed, skipped: by topic, see TopicSummary and RecordSummary."""
+    """The summary of what was written so far. missed, skipped, limited: by topic, see TopicSummary, RecordSummary."""
     topics = tuple(
         TopicSummary(name, count.topic.type, count.messages, count.bytes, _rate_hz(count), missed.get(name, 0))
         for name, count in contents.topics.items()
     )
-    return RecordSummary(str(path), duration_s, topics, dict(skipped))
+    return RecordSummary(str(path), duration_s, topics, dict(skipped), dict(limited))
 
 
 def _rate_hz(count: TopicCount) -> float:

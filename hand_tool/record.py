@@ -115,6 +115,7 @@ def _table(summary: RecordSummary) -> str:
             f"  {topic.name:<28} {topic.messages:>8} messages {topic.rate_hz:8.1f} Hz {topic.bytes:>12} bytes"
             + (f"  {topic.missed} missed" if topic.missed else "")
         )
+    lines += [f"  {name}: {reason}" for name, reason in summary.limited.items()]
     lines += [f"  not recorded: {reason}" for reason in summary.skipped.values()]
     return "\n".join(lines)
 
