@@ -112,6 +112,10 @@ class Board(Protocol):
         """Take over from the former connection what recognises a restart of the board in between."""
         return
 
+    def renew(self) -> None:
+        """Ask the board to clear a fault that it has latched; a board that latches none needs nothing."""
+        return
+
     def write(self, pressure_pa: Pressures, lifetime_s: float) -> int | None:
         """Send one set-point [Pa gauge] per valve, valid for lifetime_s [s] from arrival; returns their sequence.
 

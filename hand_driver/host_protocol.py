@@ -28,9 +28,18 @@ class HostProtocol:
         return self._session.version
 
     def continue_from(self, former: HostProtocol) -> None:
-        """Check the frames by those of the former connection, so that a restart in between is recognised."""
+        """Check the frames by those of the former connection, so that a restart in between is recognised.
+
+        The session stays the same: only `renew` clears a fault that the board has latched.
+        """
         self._order = former._order
         self._order.reconnected()
+        self._session = HostSession(former._session.session)
+        self._sequence = former._sequence
+
+    def renew(self) -> None:
+        """Begin another session: the request to the board to clear a fault that it has latched."""
+        self._session = HostSession(secrets.randbits(32))
 
     def offer(self, now_ns: int) -> OfferPayload | None:
         """The offer to send now, or None."""

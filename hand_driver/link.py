@@ -114,6 +114,12 @@ class Link:
             return False
         return True
 
+    def renew(self) -> None:
+        """Ask the board, where one is open, to clear a fault that it has latched."""
+        board = self._board
+        if board is not None:
+            board.renew()
+
     def close(self) -> None:
         """Close finally; a waiting read returns soon."""
         with self._change:

@@ -40,6 +40,10 @@ class LinkedBoard(Board):
         if isinstance(former, type(self)):
             self._protocol.continue_from(former._protocol)
 
+    def renew(self) -> None:
+        """See Board.renew."""
+        self._protocol.renew()
+
     def write(self, pressure_pa: Pressures, lifetime_s: float) -> int:
         """See Board.write."""
         with self._write_lock:

@@ -2,7 +2,8 @@
 
 A board of version 1 ignores offers; the host then stays at version 1 and offers again from time to time. A board that
 was restarted has forgotten its session and sends version 1, so that the host offers again. A session is a random number
-of the host, one per connection: set-points of a former host or connection are refused by it.
+of the host: set-points of a former host are refused by it. A new session is also the request to clear a fault that the
+board has latched, so that a host that connects again offers the same one.
 """
 
 from __future__ import annotations

@@ -116,7 +116,7 @@ class DriverNode(HandNode):
             self.sole_source(ValveCommand, "valve_command", self._on_command, COMMAND_QOS, self._on_publishers),
             self.create_subscription(Empty, "heartbeat", self._on_heartbeat, LIVE_QOS, raw=True),
         )
-        self._end_stop = self.listen_to_stop(self._on_stop)
+        self._end_stop = self.listen_to_stop(self._on_stop, lambda: bool(self._guard.fault))
         self._own_services = (
             self.create_service(Trigger, "calibrate", self._on_calibrate),
             self.create_service(Trigger, "reset_driver", self._on_reset),
@@ -347,6 +347,7 @@ class DriverNode(HandNode):
             response.message = str(error)
             return response
         if self.active:
+            self._link.renew()
             self._set_point_watch.forget()
             self._ramp.begin()
         response.success, response.message = True, f"cleared: {self._guard.reset()}"
@@ -382,7 +383,8 @@ class DriverNode(HandNode):
             link.protocol, time.monotonic() - self._connected_s, self._set_point_watch.lost_share
         )
         clock = clock_health(self._board_clock.rate_error, self._board_clock.lag_s, self._wall_clock.set_back_s)
-        return [*statuses, protocol, clock, Health("safety", level, line), self.authority_health()]
+        safety = Health("safety", level, line)
+        return [*statuses, protocol, clock, safety, self.authority_health(), *self.stop_health()]
 
 
 def _warm_up(hand: Hand) -> None:

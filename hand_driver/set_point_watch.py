@@ -167,7 +167,7 @@ class SetPointWatch:
 
     def _deaf(self) -> str:
         return (
-            "the board takes no set-points although they are sent;"
+            "the board takes no set-points although they are sent: it has latched a fault of its own, or does not hear;"
             " check the line from host to board, and the board's supply and firmware"
         )
 

@@ -112,6 +112,7 @@ class BoardModel:
         if offer.session != self.session:
             self.version, self.session, self.session_used = version, offer.session, False
             self.sequence, self.accepted, self.accepted_us = 0, 0, None
+            self.safety.reset()
         return encode_answer(AnswerPayload(self.version, VERSIONS[-1], offer.session))
 
     def _set_points(self, now_us: int, payload: SetPointPayload) -> None:
@@ -131,7 +132,8 @@ class BoardModel:
             self.session_used = payload.session is not None
             self.sequence, self.accepted, self.accepted_us = payload.sequence, (self.accepted + 1) % 256, now_us
             if safety.state == State.VENTED and not any(pressure_pa):
-                safety.reset()
+                if safety.fault == Fault.COMMAND_LOST:
+                    safety.reset()
                 safety.arm(now_us)
 
     def sample(self, now_us: int, status: int, supply_mv: int, counts: Sequence[int]) -> tuple[bytes, list[int]]:

@@ -59,6 +59,7 @@ static bool admitted(hand_board *b, uint8_t version, uint32_t session)
     return good;
 }
 
+/* Zero set-points arm a vented board. Of the faults, they clear the end of a lifetime only: see begin_session. */
 static void arm_on_request(hand_board *b, uint32_t now_us, const int32_t *pressure_pa)
 {
     bool request = true;
@@ -68,7 +69,9 @@ static void arm_on_request(hand_board *b, uint32_t now_us, const int32_t *pressu
         }
     }
     if (request && (b->safety.state == (uint8_t)HAND_SAFETY_VENTED)) {
-        (void)hand_safety_reset(&b->safety);
+        if (b->safety.fault == (uint8_t)HAND_SAFETY_COMMAND_LOST) {
+            (void)hand_safety_reset(&b->safety);
+        }
         (void)hand_safety_arm(&b->safety, now_us);
     }
 }
@@ -102,6 +105,7 @@ static void take_set_points(hand_board *b, uint64_t now_us, uint8_t version)
     }
 }
 
+/* A new session is the request of the host to clear a latched fault; the board stays vented until it is armed. */
 static void begin_session(hand_board *b, uint32_t session, uint8_t version)
 {
     if ((!b->in_session) || (session != b->session)) {
@@ -112,6 +116,7 @@ static void begin_session(hand_board *b, uint32_t session, uint8_t version)
         b->set_point_sequence = 0U;
         b->accepted = 0U;
         b->any_accepted = false;
+        (void)hand_safety_reset(&b->safety);
     }
 }
 

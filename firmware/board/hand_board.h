@@ -1,7 +1,8 @@
 /* A board of docs/protocol.md, versions 1 and 2, without input and output: bytes and samples in, bytes and set-points
  * out. C99, no heap. The safety layer (hand_safety.h) decides what reaches the valves.
  *
- * Set-points that are all zero are the request that arms a vented board; set-points of another value never are.
+ * Set-points that are all zero are the request that arms a vented board; set-points of another value never are. A latched
+ * fault other than the end of a lifetime is cleared by a new session only, and the board is then armed as after a start.
  */
 #ifndef HAND_BOARD_H
 #define HAND_BOARD_H

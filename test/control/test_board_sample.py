@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from hand_control.safety_numbers import NUMBERS
 from hand_control.safety_rules import Fault, State
 from hand_driver import measurement
 from hand_driver.board import Frame, Status
+from hand_driver.host_protocol import HostProtocol
 from hand_driver.measurement import Converter
 from hand_driver.pressure_ramp import PressureRamp
 from hand_driver.set_point_watch import SetPointWatch
@@ -443,17 +444,90 @@ def test_over_pressure_vents_and_is_shown(rig: Rig) -> None:
     frame = None
     for _ in range(20):
         rig.send(1e5)
-        frame, valves = rig.tick(counts(6.7e5))
+        frame, _ = rig.tick(counts(6.7e5))
         if Status.OVER_PRESSURE in frame.status:
             break
     assert frame is not None and Status.OVER_PRESSURE | Status.VENTED in frame.status
     assert rig.model.safety.fault == Fault.OVER_PRESSURE
-    rig.send(0.0)
-    assert rig.model.safety.state == State.VENTED, "still above"
-    frame, valves = rig.tick()
-    assert valves == [0] * VALVES
-    rig.send(0.0)
-    assert rig.model.safety.state == State.RAMPING
+    assert rig.tick()[1] == [0] * VALVES
+
+
+def over_pressure(rig: Rig) -> None:
+    """Latch an over-pressure in a board that drives."""
+    rig.driving(1e5)
+    while rig.model.safety.fault == Fault.NONE:
+        rig.send(1e5)
+        rig.tick(counts(6.7e5))
+    assert rig.model.safety.fault == Fault.OVER_PRESSURE
+
+
+def hang(rig: Rig) -> None:
+    """Latch a main loop that hangs in a board that drives."""
+    rig.driving(1e5)
+    rig.send(1e5, lifetime_s=1.0)
+    while rig.model.safety.fault == Fault.NONE:
+        rig.tick()
+    assert rig.model.safety.fault == Fault.HEARTBEAT_LOST
+
+
+def lose_sensors(rig: Rig) -> None:
+    """Latch the loss of the sensors in a board that drives."""
+    rig.driving(1e5)
+    while rig.model.safety.fault == Fault.NONE:
+        rig.send(1e5)
+        rig.tick(status=int(Status.ADC_FAULT))
+    assert rig.model.safety.fault == Fault.SENSORS_LOST
+
+
+@pytest.mark.parametrize("latch", [over_pressure, hang, lose_sensors])
+def test_a_latched_fault_needs_a_new_session(session: Rig, latch: Callable[[Rig], None]) -> None:
+    """Fails when zero set-points, which a driver sends while it vents, clear a fault, or a new session does not."""
+    latch(session)
+    fault = session.model.safety.fault
+    for pressure in (0.0, 0.0, 1e5, 0.0):
+        session.send(pressure)
+        frame, valves = session.tick()
+        assert valves == [0] * VALVES and Status.VENTED in frame.status
+        assert (Status.OVER_PRESSURE in frame.status) == (fault == Fault.OVER_PRESSURE)
+    assert session.offer().version == 2  # the same session again, as after a cable was plugged in
+    session.send(0.0)
+    assert (session.model.safety.state, session.model.safety.fault) == (State.VENTED, fault)
+    session.session = SESSION + 1
+    assert session.offer(session=SESSION + 1).version == 2
+    assert (session.model.safety.state, session.model.safety.fault) == (State.VENTED, Fault.NONE)
+    session.send(1e5)
+    frame, valves = session.tick()
+    assert valves == [0] * VALVES and Status.VENTED in frame.status, "cleared, but not armed"
+    session.send(0.0)
+    assert session.model.safety.state == State.RAMPING
+    session.send(1e5)
+    assert 0 < max(session.tick()[1]) < 20_000
+
+
+def test_a_new_session_arms_nothing_above_its_limit(session: Rig) -> None:
+    """Fails when the request to clear a fault drives an actuator that is still above its limit."""
+    over_pressure(session)
+    session.session = SESSION + 1
+    session.offer(session=SESSION + 1)
+    session.send(0.0)
+    session.tick(counts(6.7e5))
+    session.send(0.0)
+    assert session.model.safety.state == State.VENTED
+
+
+def test_the_host_renews_its_session_on_request_only() -> None:
+    """Fails when a new connection clears what the board has latched, or `renew` does not begin another session."""
+    first, second = HostProtocol(CHANNELS, "here"), HostProtocol(CHANNELS, "here")
+    offered = first.offer(0)
+    assert offered is not None
+    sent = first.set_points(np.zeros(VALVES), 0.1)
+    second.continue_from(first)
+    again = second.offer(0)
+    assert again is not None and again.session == offered.session
+    assert second.set_points(np.zeros(VALVES), 0.1).sequence == sent.sequence + 1  # older ones count as replays
+    second.renew()
+    renewed = second.offer(0)
+    assert renewed is not None and renewed.session != offered.session
 
 
 @pytest.mark.parametrize(
