@@ -1,4 +1,10 @@
-"""The access policies of config/security: their form, what they allow, and what a running node really has."""
+"""The access policies of config/security: their form, what they allow, and what a running node really has.
+
+The rules of the form are those of `sros2/policy/schemas/policy.xsd` of the package sros2, version 0.2.0: a policy has
+one list of enclaves, an enclave with a path has lists of profiles, a profile with ns and node has groups in any order,
+and each group has at least one name, and ALLOW or DENY for what its kind can do. What the schema leaves open and these
+files do not use, as metadata, is refused here.
+"""
 
 from __future__ import annotations
 
@@ -53,9 +59,9 @@ def _group_problems(group: ET.Element) -> list[str]:
     return found
 
 
-def allowed(root: ET.Element) -> Allowed:
-    """Full names that a policy of one node allows, by what it allows: publish, subscribe, reply, ..."""
-    (profile,) = root.iter("profile")
+def allowed(enclave: ET.Element) -> Allowed:
+    """Full names that the enclave of one node allows, by what it allows: publish, subscribe, reply, ..."""
+    (profile,) = enclave.iter("profile")
     space, node = profile.attrib["ns"], profile.attrib["node"]
     result: Allowed = {verb: set() for verbs in RULES.values() for verb in verbs}
     for group in profile:

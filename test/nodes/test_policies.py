@@ -3,20 +3,47 @@
 from __future__ import annotations
 
 import copy
+import inspect
+import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 from rclpy.node import NodeNameNonExistentError
 from std_msgs.msg import Empty
 
+from hand_client.node import HandClient
 from test.nodes.policies import FOLDER, allowed, problems, real
 
 if TYPE_CHECKING:
     from test.nodes.stack import Client, Stack
 
+USES = {
+    "hand_client": "use(c.enable, True); use(c.vent); use(c.grasp, 'open', 1.0, 0.0, int); c.collect(['a'])",
+    "hand_enable": "use(c.enable, True)",
+    "hand_grasp": "use(c.grasp, 'open', 1.0, 0.0, int)",
+    "hand_move": "c.move({'a': 0.0}, 1.0); c.hold(['a'])",
+    "hand_stop": "c.send_stop()",
+    "hand_studio": "use(c.enable, True); use(c.vent); use(c.grasp, 'open', 1.0, 0.0, int); c.collect(['a'])",
+    "hand_up": "",
+    "hand_watch": "",
+}
+"""The nodes of programs that use a hand, and what they do with it; all are in one file."""
+CLIENT = """
+import sys
+from hand_client.node import HandClient, NoHandError
+def use(call, *given):
+    try:
+        call(*given)
+    except NoHandError as error:
+        print(error, file=sys.stderr)
+with HandClient("hand", sys.argv[1]) as c:
+    {uses}
+    c.spin(60.0)
+"""
 NODES = ("driver", "simulation", "controller", "recorder")
 LIVE = {
     "demo": "perform(['a'], [], lambda *_: None, lambda: None)",
@@ -34,18 +61,34 @@ def policy(name: str) -> ET.Element:
     return ET.parse(FOLDER / f"{name}.xml").getroot()
 
 
-@pytest.mark.parametrize("name", [*NODES, *LIVE])
+def enclave(name: str) -> ET.Element:
+    """The enclave of a node."""
+    (found,) = policy("client" if name in USES else name).iterfind(f"enclaves/enclave[@path='/hand/{name}']")
+    return found
+
+
+@pytest.mark.parametrize("name", [*NODES, *LIVE, "client"])
 def test_a_policy_has_the_form_of_the_schema(name: str) -> None:
-    """Fails when SROS2 would refuse a policy, or when it is for another node than its file says."""
-    root = policy(name)
+    """Fails when SROS2 would refuse a policy, or when it is for other nodes than its file says."""
+    root, nodes = policy(name), list(USES) if name == "client" else [name]
     assert problems(root) == []
-    assert [enclave.get("path") for enclave in root.iter("enclave")] == [f"/hand/{name}"]
-    assert [profile.attrib for profile in root.iter("profile")] == [{"ns": "/hand", "node": name}]
+    assert [each.get("path") for each in root.iter("enclave")] == [f"/hand/{node}" for node in nodes]
+    assert [profile.attrib for profile in root.iter("profile")] == [{"ns": "/hand", "node": node} for node in nodes]
 
 
 def test_every_node_has_a_policy() -> None:
     """Fails when a policy is added or removed without a place in these tests."""
-    assert {path.stem for path in FOLDER.iterdir()} == {*NODES, *LIVE}
+    assert {path.stem for path in FOLDER.iterdir()} == {*NODES, *LIVE, "client"}
+
+
+def test_every_client_of_the_tool_has_a_policy() -> None:
+    """Fails when a command makes a node of a name that no policy has: under SROS2 it could not start."""
+    made = {str(inspect.signature(HandClient.__init__).parameters["name"].default)}
+    for path in Path("hand_tool").glob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        made |= {f"hand_{command}" for command in re.findall(r'_client\(namespace, "(\w+)"\)', text)}
+        made |= set(re.findall(r'^CLIENT = "(\w+)"$', text, re.M))
+    assert made == set(USES)
 
 
 def _change(root: ET.Element, how: str) -> None:
@@ -100,12 +143,18 @@ def test_the_policies_allow_exactly_what_the_nodes_use(stack: Stack, client: Cli
         _await(client, name)
     client.spin(1.0)  # a graph that is discovered in part must not pass
     for name in NODES:  # the live nodes have ended: the experiment refuses to run while the controller does
-        assert real(client.node, name, "/hand") == allowed(policy(name)), name
+        assert real(client.node, name, "/hand") == allowed(enclave(name)), name
+    for name, uses in USES.items():
+        command = [sys.executable, "-c", CLIENT.replace("{uses}", uses or "pass"), name]
+        program = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+        stack.running.append(program)
+        _await(client, name)
+        program.terminate()
 
 
 def _await(client: Client, name: str) -> None:
     """Until the node has what its policy allows; then it must not have more."""
-    want = allowed(policy(name))
+    want = allowed(enclave(name))
 
     def seen() -> bool:
         names = client.node.get_node_names_and_namespaces()
@@ -120,4 +169,4 @@ def _await(client: Client, name: str) -> None:
         have = real(client.node, name, "/hand")
         denied = {verb: sorted(have[verb] - want[verb]) for verb in have if have[verb] - want[verb]}
         unused = {verb: sorted(want[verb] - have[verb]) for verb in have if want[verb] - have[verb]}
-        raise AssertionError(f"config/security/{name}.xml: not allowed {denied}, not used {unused}") from None
+        raise AssertionError(f"config/security, {name}: not allowed {denied}, not used {unused}") from None
