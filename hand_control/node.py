@@ -131,7 +131,7 @@ class ControllerNode(HandNode):
                 self._action(GripperCommand, "gripper_cmd", self._on_gripper, self._on_accepted),
             ]
         self._interfaces = [
-            self.listen_to_stop(self._on_stop),
+            self.listen_to_stop(self._on_stop, lambda: bool(self._controller.safety.fault)),
             *(action.destroy for action in actions),
             lambda: self.destroy_publisher(self._contact_publisher),
             lambda: self.destroy_publisher(self._command_publisher),
@@ -557,7 +557,7 @@ class ControllerNode(HandNode):
         """Safety, commands and inputs."""
         if not self.active:
             return [Health("safety", Level.OK, "vented: not active")]
-        statuses = [*self._controller.health(time.monotonic_ns()), self.authority_health()]
+        statuses = [*self._controller.health(time.monotonic_ns()), self.authority_health(), *self.stop_health()]
         if self._input_fault:
             statuses.append(Health("input", Level.ERROR, self._input_fault))
         if flood := self._commands_in.problem(time.monotonic()):

@@ -33,6 +33,7 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from std_msgs.msg import Empty
 
+from hand_messages.bounds import Budget
 from hand_messages.health import Health, Level
 from hand_ros.fault_file import FaultFile, state_path
 from hand_ros.memory import lock_memory, return_large_blocks, spare_collections
@@ -62,6 +63,8 @@ RETAINED_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durab
 """Receives also what a transient-local publisher published before."""
 RELAY_S = 5.0
 """Shortest time between two emergency stops that a node passes on."""
+STOPS_HZ = 20.0
+"""Emergency stops a second that are acted upon again while the hand is stopped already."""
 STOP_SEARCH_S = 0.1
 """Period of the search for publishers that retain an emergency stop."""
 RECEIVED_S = 0.3
@@ -102,6 +105,7 @@ class HandNode(LifecycleNode):
         self._sole = SolePublishers(processes)
         self._streams: dict[str, Stream] = {}
         self.conflict = Conflict()
+        self._stops = Budget(STOPS_HZ, round(STOPS_HZ))
         self._counts: dict[str, int] = {}
         self._logged: dict[str, tuple[float, str]] = {}
         self._healthy = False
@@ -355,9 +359,10 @@ class HandNode(LifecycleNode):
             Publisher(_node_name(info), bytes(info.endpoint_gid)) for info in self.get_publishers_info_by_topic(topic)
         ]
 
-    def listen_to_stop(self, on_stop: Callable[[], None]) -> Callable[[], None]:
+    def listen_to_stop(self, on_stop: Callable[[], None], stopped: Callable[[], bool]) -> Callable[[], None]:
         """Call on_stop for every message on `emergency_stop`, of any publisher; returns what ends it.
 
+        stopped: whether the hand is vented and latched; while it is, on_stop is called STOPS_HZ times a second at most.
         The message is passed on, at most once in RELAY_S: one that is published once, by a process that ends at once,
         may reach some of the nodes only.
         """
@@ -367,6 +372,8 @@ class HandNode(LifecycleNode):
 
         def stop(_raw: bytes) -> None:
             nonlocal passed_s
+            if not self._stops.take(time.monotonic()) and stopped():
+                return  # it has nothing left to stop
             on_stop()
             if time.monotonic() - passed_s >= RELAY_S:
                 passed_s = time.monotonic()
@@ -396,6 +403,11 @@ class HandNode(LifecycleNode):
                 self.destroy_subscription(subscription)
 
         return end
+
+    def stop_health(self) -> list[Health]:
+        """The status that reports a flood of emergency stops, where there is one."""
+        flood = self._stops.problem(time.monotonic())
+        return [Health("emergency_stop", Level.WARN, f"emergency_stop: {flood}")] if flood else []
 
     def publish_health(self, now: bool = False) -> None:
         """Publish the statuses at 1 Hz, and within 0.1 s when one changes."""

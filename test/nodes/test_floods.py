@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from hand_msgs.msg import ValveCommand
+
+from hand_ros.node import LIVE_QOS, STOPS_HZ, HandNode
 
 if TYPE_CHECKING:
     from test.nodes.stack import Client, Stack
@@ -17,12 +23,13 @@ PUBLISH = """
 import sys, time
 import rclpy
 from hand_msgs.msg import ValveCommand
+from std_msgs.msg import Empty
 rclpy.init()
 node = rclpy.create_node("flood", namespace="hand")
-publisher = node.create_publisher(ValveCommand, "valve_command", 1)
+publisher = node.create_publisher({"valve_command": ValveCommand, "emergency_stop": Empty}[sys.argv[5]], sys.argv[5], 1)
 raw, rate_hz, count = bytes.fromhex(sys.argv[1]) * int(sys.argv[2]), float(sys.argv[3]), int(sys.argv[4])
 raw = b"\\0\\1\\0\\0" + raw[4:]
-while not publisher.get_subscription_count():
+while publisher.get_subscription_count() < int(sys.argv[6]):
     time.sleep(0.05)
 due = time.monotonic()
 for _ in range(count):
@@ -43,8 +50,15 @@ def resident_kb(process: int) -> int:
 
 def flood(raw: bytes, times: int, rate_hz: float, count: int) -> None:
     """Publish the bytes, repeated so many times in one message, from a process of their own."""
-    arguments = [raw.hex(), str(times), str(rate_hz), str(count)]
-    subprocess.run([sys.executable, "-c", PUBLISH, *arguments], check=True, timeout=60)
+    subprocess.run(flood_command(raw, times, rate_hz, count), check=True, timeout=60)
+
+
+def flood_command(
+    raw: bytes, times: int, rate_hz: float, count: int, topic: str = "valve_command", subscriptions: int = 1
+) -> list[str]:
+    """The command that waits for so many subscriptions and then publishes."""
+    arguments = [raw.hex(), str(times), str(rate_hz), str(count), topic, str(subscriptions)]
+    return [sys.executable, "-c", PUBLISH, *arguments]
 
 
 @pytest.mark.parametrize(
@@ -63,4 +77,68 @@ def test_a_flood_leaves_no_memory(
     received = len(client.joints)
     client.until_said("simulation", "commands", "refused")
     client.until(lambda: len(client.joints) > received + 100)
+    assert resident_kb(driver.pid) - before_kb < GROWTH_KB
+
+
+def stops(client: Client) -> tuple[HandNode, Callable[[], int], list[bool]]:
+    """A node that listens, a call that delivers a stop and returns how many were acted upon, and whether it stands."""
+    assert client.node  # it has started ROS
+    node, received, acted, stopped = HandNode("listener", ()), [], [0], [False]
+    create = node.create_subscription
+
+    def create_subscription(kind: object, topic: str, callback: Callable[[bytes], None], *rest: object, **more: object):  # type: ignore[no-untyped-def]
+        received.append(callback)
+        return create(kind, topic, callback, *rest, **more)  # type: ignore[arg-type]
+
+    node.create_subscription = create_subscription  # type: ignore[method-assign, assignment]
+
+    def on_stop() -> None:
+        acted[0] += 1
+        stopped[0] = True
+
+    node.listen_to_stop(on_stop, lambda: stopped[0])
+
+    def deliver() -> int:
+        received[0](b"\0\1\0\0\0")
+        return acted[0]
+
+    return node, deliver, stopped
+
+
+def test_a_flood_of_stops_costs_little_and_every_stop_vents(client: Client) -> None:
+    """Fails when each of many stops vents and stores a stopped hand again, or one does not stop a hand that drives."""
+    node, deliver, stopped = stops(client)
+    begun = time.monotonic()
+    acted = [deliver() for _ in range(5000)][-1]
+    assert acted <= 1 + STOPS_HZ + math.ceil((time.monotonic() - begun) * STOPS_HZ)
+    assert "emergency_stop: more than 20 messages a second" in node.stop_health()[0].message
+    for again in range(1, 1000):  # somebody resets and enables after each: the flood must stop the hand each time
+        stopped[0] = False
+        assert deliver() >= acted + again and stopped[0]
+    node.destroy_node()
+
+
+def test_a_flood_of_stops_leaves_the_nodes_at_work(stack: Stack, client: Client) -> None:
+    """Fails when 5,000 stops a second are answered by as many commands, are not named, or stop the driver."""
+    driver = stack.node("simulation")
+    stack.node("controller")
+    client.controlling()
+    before_kb, vents = resident_kb(driver.pid), 0
+
+    def count(_: object) -> None:
+        nonlocal vents
+        vents += 1
+
+    client.node.create_subscription(ValveCommand, "valve_command", count, LIVE_QOS)
+    count_s = time.monotonic()
+    flooding = subprocess.Popen(flood_command(b"\0" * 5, 1, 5000.0, 15_000, "emergency_stop", 2))
+    client.until(lambda: flooding.poll() is not None, 60.0)
+    seconds = time.monotonic() - count_s
+    assert vents < 300.0 * seconds
+    for node in ("controller", "simulation"):
+        client.until_said(node, "safety", "emergency stop")
+        client.until_said(node, "emergency_stop", "more than 20 messages a second")
+    received = len(client.joints)
+    client.until(lambda: len(client.joints) > received + 100)
+    assert max(client.valves[-1].pressure) == 0.0
     assert resident_kb(driver.pid) - before_kb < GROWTH_KB
