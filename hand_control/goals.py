@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from hand_control.command_check import MAX_AGE_S, CommandError, Trajectory
 from hand_control.references import SLEW_NS
 from hand_messages.bounds import MAX_NAMES, shown
+from hand_messages.commands import MAX_POINTS
 from hand_model.arrays import Array
 from hand_model.description import Hand
 
@@ -105,6 +106,14 @@ def check_names_and_age(hand: Hand, names: Sequence[str], stamp_ns: int, now_ns:
     if stamp_ns and age_s > MAX_AGE_S:
         line = f"goal refused: stamp is {age_s:.3f} s old; at most {MAX_AGE_S:g} s is allowed"
         raise GoalRefusedError(Code.OLD_HEADER_TIMESTAMP, line)
+
+
+def check_size(points: int, excess: str = "") -> None:
+    """Refuse a goal that is too large. points: their number.  excess: what was too large before it was converted."""
+    if points > MAX_POINTS:
+        excess = f"it has {points} points; at most {MAX_POINTS} are allowed"
+    if excess:
+        raise GoalRefusedError(Code.INVALID_GOAL, f"goal refused: {excess}")
 
 
 def check_fields(given: Mapping[str, Sequence[object]]) -> None:
