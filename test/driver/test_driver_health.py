@@ -133,6 +133,17 @@ def test_every_fault_bit_of_the_board_has_its_words(status: Status, level: Level
     assert all(word in said.message for word in words)
 
 
+@pytest.mark.parametrize(("asking", "level"), [(True, Level.WARN), (False, Level.OK)])
+def test_a_board_that_vents_against_its_set_points_is_a_warning(asking: bool, level: Level) -> None:
+    """Fails when the watchdog of the board vents a hand that is driven and the status stays good."""
+    health = DriverHealth(HAND, 0.0)
+    health.asked(asking, 1.0)
+    health.frame(frame(status=Status.VENTED), [], 1.0 + SILENCE_S + 0.01)
+    said = by_name(health.statuses(link(), 1.0 + SILENCE_S + 0.01))["board"]
+    assert said.level == level
+    assert ("vented by its watchdog" in said.message) == asking
+
+
 def test_a_refused_command_shows_for_a_while_and_stays_counted() -> None:
     """Fails when a refusal is not reported, or looks current long after."""
     health = DriverHealth(HAND, 0.0)
