@@ -58,7 +58,9 @@ STEP_PA, STEP_LAGS, STEP_S, DRIVE_S = 2.0e4, 2.0, 0.008, 0.02
 gives, lately, plus what the motion displaces. Half of it is still there after STEP_S: a spike is none. A dead time
 delays what the valve gives, and after a gap the set-points in force are not known."""
 USUAL_S, USUAL_PA = 1.0, 8.0e3
-"""A pressure is too low, too, where it falls below its usual difference to the expectation by USUAL_PA plus BAND."""
+"""A pressure is too low, too, where it falls below its usual difference to the expectation by USUAL_PA plus BAND, and
+below the expectation by USUAL_PA: after a long release the usual difference is that of a slow valve, and it is kept
+while the pressure is too low."""
 RETURN_PA_PER_S = 1.0e6
 """How fast a set-point rises after a pressure was too low, until it is held back no longer."""
 SHORT_S, TRUSTED, TRUSTED_PA = 0.1, 2.0, 3e4
@@ -214,8 +216,9 @@ def watch_pressures(s, valve, command, pressure, position, dt):  # type: ignore[
     for i in range(len(command)):
         asked, turned = command[i] + s[_HELD_BACK, i], position[i] - s[_ANGLE, i]
         band = _expect(s, valve, i, asked, position[i], dt)
-        low, high = min(s[EXPECTED, i], s[_SLOW, i]) - band, max(s[EXPECTED, i], s[_SLOW, i]) + band
-        low += max(BAND_PA - USUAL_PA + s[_USUAL, i], 0.0)
+        least = min(s[EXPECTED, i], s[_SLOW, i])
+        low, high = least - band, max(s[EXPECTED, i], s[_SLOW, i]) + band
+        low = min(low + max(BAND_PA - USUAL_PA + s[_USUAL, i], 0.0), least - USUAL_PA)
         s[_OVER, i] = s[_OVER, i] + dt if pressure[i] > (1.0 + OVER) * valve[_LIMIT, i] else 0.0
         _lasts(s, i, _HIGH, _HIGH_PA_S, pressure[i] - high, dt)
         _lasts(s, i, _LOW, _LOW_PA_S, low - pressure[i], dt)

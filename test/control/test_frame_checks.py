@@ -131,6 +131,17 @@ def test_a_usual_difference_widens_no_band(usual: float) -> None:
     assert found == STUCK_LOW and count > len(way)
 
 
+@pytest.mark.parametrize("expected", [0.0, 2e4])
+def test_a_pressure_that_arrives_late_is_not_too_low(expected: float) -> None:
+    """Fails when a pressure that follows is too low for ever, because it was above the expectation for some seconds."""
+    late = towards(expected, expected + 1.9e4) + [expected + 1.9e4] * 1000
+    way = late + towards(expected + 1.9e4, expected) + [expected] * 400
+    assert first(watched(expected, way)) == (0, FOLLOWING)
+    fallen = towards(expected, expected - 1.2e4) + [expected - 1.2e4] * 40
+    count, found = first(watched(expected, way + fallen))
+    assert found == STUCK_LOW and count > len(way)
+
+
 def test_far_off_counts_sooner() -> None:
     """Fails when a pressure far above what the valve gives is tolerated for as long as one slightly above."""
     far = 2e5 + 2e4 + 2e4 + 5e4
