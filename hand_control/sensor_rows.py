@@ -1,0 +1,13 @@
+"""Rows of the table of `sensor_watch.check_sensors`: the state of the tests, then the constants of each joint."""
+
+A, B, C, X, Z, V, PRED, DEV, TRAVEL, JERK, NOISE = range(11)
+"""Of the step test: samples z, a, b, c, x; what is computed of them; mean second difference [rad]."""
+LAST, RUN, RUN_SPEED, SPEED, OUT_S, ACTIVE_S, PAUSE, HOLD, BELIEVED_PA = range(11, 20)
+"""Of channel and passivity: last angle, run of equal readings and the speed at its begin, speed, times; of the hold."""
+FROM, MODEL, W, U, DOUBTED, SIGN_S, BIAS = range(20, 27)
+"""Of the first motion: angle before, angle asked for, recent motions asked for and measured, the doubt in the sign."""
+PE, PX, PSWAP_S, P_PROVEN, P_LAST, P_SLOW = range(27, 33)
+"""Of the pressures: errors as wired and exchanged, times, last pressure, slow pressure."""
+ROWS = 33
+A0, A1, A2, A3, J, D, JC, LOW, HIGH, MIRROR, PRESSED = range(11)
+"""Constants: Eqs. 6 and 8, end stops, twice the centre of the sensor, how far a push presses a stop."""

@@ -1,0 +1,189 @@
+"""Angles that step as no motion does: mirrored, negated, exchanged and displaced sensors, in motion.
+
+Over six samples z, a, b | c, d, e at least SPACING_S apart, the speed v of a, b predicts c; DEV is the deviation
+of c from it, and TRAVEL = e - c. A joint that really deviates by DEV within a sample has a speed of about DEV / dt, and
+loses it no faster than J / d (Eq. 8), so that it moves on; or it has met an obstacle, and then it has lost its speed v
+and comes back with at most RESTITUTION of it. A sensor that steps goes on as if nothing had happened:
+
+    hypothesis                        angle c                                      TRAVEL
+    mirrored about M, or about zero   M - prediction                               that of -v
+    exchanged with joint k            the prediction of joint k, and c_k that of   that of v_k
+                                      this joint
+    exchanged where the angles cross  the prediction                               that of v_k
+    displaced                         further than MAX_OUTSIDE_NM, an obstacle     below half of DEV
+                                      that lets go and the neighbour can move it
+
+Turns of a joint whose neighbour also turns (they share inertia), that was not in smooth motion before, or that a
+constant acceleration explains are no evidence of a mirror.
+
+References: Brogliato, Nonsmooth Mechanics, 2016 (restitution).
+"""
+
+from __future__ import annotations
+
+import math
+
+from hand_control import sensor_rows as row
+from hand_model.compile_cache import njit
+from hand_model.statics import torque
+
+MAX_OUTSIDE_NM = 0.25
+"""Largest torque of a hand or an object on a joint that is taken for real: an actuator gives up to about 0.5 N m."""
+WRONG = 0.3
+"""Share by which each constant of the model may be wrong."""
+RESTITUTION = 0.5
+"""Largest share of its speed with which a joint comes back from an obstacle: the fingers are soft."""
+SPACING_S, LONGEST_S = 0.004, 0.012
+"""Least time between two samples of the step test, and the longest that lets a momentum be seen."""
+LEAST_RAD, STEP_RAD, NOISES, NOISE_S = math.radians(0.1), math.radians(0.5), 6.0, 1.0
+"""A break is larger than LEAST_RAD and NOISES times the mean second difference over NOISE_S; a step than STEP_RAD."""
+SLACK = 0.3
+"""Share of a deviation and of a path by which hypotheses may miss: acceleration, jitter of the stamps."""
+REVERSED = 0.65
+"""Share of the speed with which a joint turns back only where its sensor is mirrored; above RESTITUTION."""
+STEADY = 0.4
+"""Speeds that are exchanged were steady before: within this share of their difference, from sample to sample."""
+SMOOTH = 8.0
+"""A turn this many times the change of speed before it is none of a constant acceleration, which gives five."""
+PAUSE_S = 0.02
+"""Set-points do not rise for this time after a break."""
+FINE, JUMPED, SIGN, ANGLES_SWAPPED, PRESSURES_SWAPPED, FROZEN, BEYOND, ACTIVE = range(8)
+"""Verdicts."""
+
+
+@njit(cache=True, error_model="numpy")
+def sample(s, spacing, position, dt):  # type: ignore[no-untyped-def]
+    """Shift the samples of all joints (dt [s] after the last): speed, prediction, deviation and travel of each."""
+    za, ab, bc, cx = spacing[0], spacing[1], spacing[2], spacing[3]
+    for i in range(len(position)):
+        a, b, c, e = s[row.A, i], s[row.B, i], s[row.C, i], position[i]
+        s[row.V, i] = (b - a) / ab
+        s[row.JERK, i] = abs(s[row.V, i] - (a - s[row.Z, i]) / za) * bc
+        s[row.PRED, i] = b + s[row.V, i] * bc
+        s[row.DEV, i], s[row.TRAVEL, i] = c - s[row.PRED, i], e - c
+        before = (s[row.X, i] - c) / cx
+        surprise = abs(e - s[row.X, i] - before * dt)
+        if surprise > _least(s, i) + STEP_RAD + (1.0 + SLACK) * abs(before) * dt:
+            s[row.PAUSE, i], s[row.HOLD, i] = PAUSE_S, 1.0
+        s[row.NOISE, i] += dt / (dt + NOISE_S) * (min(surprise, STEP_RAD) - s[row.NOISE, i])
+        s[row.Z, i], s[row.A, i], s[row.B, i], s[row.C, i], s[row.X, i] = a, b, c, s[row.X, i], e
+    spacing[0], spacing[1], spacing[2], spacing[3] = ab, bc, cx, dt
+    return bc, (cx + dt if max(za, ab, bc, cx, dt) <= LONGEST_S else 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def _least(s, i):  # type: ignore[no-untyped-def]
+    return max(NOISES * s[row.NOISE, i], LEAST_RAD)
+
+
+@njit(cache=True, error_model="numpy")
+def _reach(s, c, partner, i, dt):  # type: ignore[no-untyped-def]
+    """Largest deviation [rad] within dt [s] that the largest outside torque and the neighbour's inertia give."""
+    d, lag = (1.0 - WRONG) * c[row.D, i], c[row.J, i] / c[row.D, i]
+    phi, p = s[row.PRED, i], s[row.P_LAST, i]
+    held = torque(p, phi, 0.0, c[row.A0, i], c[row.A1, i], c[row.A2, i], c[row.A3, i], 0.0)
+    # What the pressure gives may have been held by an obstacle, which may let it go.
+    most = MAX_OUTSIDE_NM + (1.0 + WRONG) * abs(held)
+    reach = most / d * (dt - lag * (1.0 - math.exp(-dt / lag)))
+    if partner[i] >= 0:
+        reach += (1.0 + WRONG) * c[row.JC, i] / c[row.J, i] * abs(s[row.DEV, partner[i]])
+    return STEP_RAD + reach + (1.0 + RESTITUTION) * abs(s[row.V, i]) * dt
+
+
+@njit(cache=True, error_model="numpy")
+def _misses(s, i, speed, age):  # type: ignore[no-untyped-def]
+    """Whether joint i has not travelled at a speed [rad/s] for age [s] since the break."""
+    slack = SLACK * (abs(s[row.DEV, i]) + abs(speed) * age) + 0.5 * NOISES * s[row.NOISE, i]
+    return abs(s[row.TRAVEL, i] - speed * age) > slack
+
+
+@njit(cache=True, error_model="numpy")
+def _turn(s, i, age):  # type: ignore[no-untyped-def]
+    """By how much [rad] joint i has left its speed: at the break, or for age [s] since."""
+    return max(abs(s[row.DEV, i]), abs(s[row.TRAVEL, i] - s[row.V, i] * age))
+
+
+@njit(cache=True, error_model="numpy")
+def _is_mirrored(s, c, partner, i, dt, age):  # type: ignore[no-untyped-def]
+    """Whether joint i has stepped to its mirrored motion: deviation after dt [s], travel for age [s] since."""
+    v, dev, least, turn = s[row.V, i], abs(s[row.DEV, i]), _least(s, i), _turn(s, i, age)
+    path, noticeable = abs(v) * dt, max(least, STEP_RAD)
+    k = partner[i]
+    if k >= 0 and _turn(s, k, age) > max(SLACK * turn, _least(s, k)):
+        return False  # what its neighbour has met moves this joint too, by their common inertia
+    if s[row.JERK, i] > noticeable + SLACK * path:
+        return False  # after an impact, which may still be elastic
+    off = math.inf
+    for centre in (c[row.MIRROR, i], 0.0):
+        off = min(off, abs(s[row.PRED, i] + s[row.DEV, i] - (centre - s[row.PRED, i])))
+    if off > 0.2 * path + 0.03 * dev + 0.5 * least:
+        return False
+    if dev > noticeable + (1.0 + RESTITUTION) * path:
+        return abs(s[row.TRAVEL, i] + v * age) < 0.1 * dev + SLACK * abs(v) * age + 0.5 * least
+    if abs(v) * age < max(1.5 * least, STEP_RAD) or turn < SMOOTH * s[row.JERK, i]:
+        return False
+    first, second = s[row.C, i] - s[row.B, i], s[row.X, i] - s[row.C, i]
+    if abs(second - first) > SLACK * abs(s[row.TRAVEL, i]):
+        return False  # it has turned by and by
+    return REVERSED < -s[row.TRAVEL, i] / (v * age) < 1.0 / REVERSED
+
+
+@njit(cache=True, error_model="numpy")
+def _stepped(s, c, partner, i, dt, age):  # type: ignore[no-untyped-def]
+    """Verdict on the angle of joint i alone."""
+    if _turn(s, i, age) < _least(s, i):
+        return FINE
+    if _is_mirrored(s, c, partner, i, dt, age):
+        return SIGN
+    dev = abs(s[row.DEV, i])
+    return JUMPED if dev > _reach(s, c, partner, i, dt) and abs(s[row.TRAVEL, i]) < 0.5 * dev else FINE
+
+
+@njit(cache=True, error_model="numpy")
+def _crossed(s, i, k, least, dt, age):  # type: ignore[no-untyped-def]
+    """Whether joints i and k, which do not share inertia, have exchanged their speeds where their angles cross."""
+    apart = abs(s[row.V, i] - s[row.V, k])
+    if apart * age < least or abs(s[row.PRED, i] - s[row.PRED, k]) > least + apart * dt:
+        return False
+    if max(s[row.JERK, i], s[row.JERK, k]) > STEADY * apart * dt:
+        return False  # the speeds changed as much before: pushes and impacts do so
+    off = max(
+        abs(s[row.PRED, k] - s[row.PRED, i] - s[row.DEV, i]),
+        abs(s[row.PRED, i] - s[row.PRED, k] - s[row.DEV, k]),
+        abs(s[row.TRAVEL, i] - s[row.V, k] * age),
+        abs(s[row.TRAVEL, k] - s[row.V, i] * age),
+    )
+    return off < 0.2 * apart * age  # obstacles that stop both at once give back at most RESTITUTION of their speeds
+
+
+@njit(cache=True, error_model="numpy")
+def _exchanged(s, partner, i, k, dt, age):  # type: ignore[no-untyped-def]
+    """Whether joints i and k have stepped to the predictions of each other."""
+    dev, least = min(abs(s[row.DEV, i]), abs(s[row.DEV, k])), max(_least(s, i) + _least(s, k), STEP_RAD)
+    if dev < least:
+        return partner[i] != k and _crossed(s, i, k, least, dt, age)
+    if s[row.DEV, i] * s[row.DEV, k] >= 0.0:
+        return False
+    if partner[i] == k and dev < (1.0 + RESTITUTION) * max(abs(s[row.V, i]), abs(s[row.V, k])) * dt:
+        return False  # an impact on one of them exchanges their speeds, by their common inertia
+    ci, ck = s[row.PRED, i] + s[row.DEV, i], s[row.PRED, k] + s[row.DEV, k]
+    if max(abs(ci - s[row.PRED, k]), abs(ck - s[row.PRED, i])) > 0.2 * dev + 0.5 * least:
+        return False
+    return not _misses(s, i, s[row.V, k], age) and not _misses(s, k, s[row.V, i], age)
+
+
+@njit(cache=True, error_model="numpy")
+def steps(s, c, partner, dt, age):  # type: ignore[no-untyped-def]
+    """Verdict, joint and other joint of the step test."""
+    n = s.shape[1]
+    for i in range(n):
+        if _turn(s, i, age) < _least(s, i):
+            continue
+        for k in range(i + 1, n):
+            if _exchanged(s, partner, i, k, dt, age):
+                return ANGLES_SWAPPED, i, k
+    for i in range(n):
+        verdict = _stepped(s, c, partner, i, dt, age)
+        if verdict != FINE:
+            return verdict, i, -1
+    return FINE, 0, -1
