@@ -5,7 +5,8 @@ A, B, C, X, Z, V, PRED, DEV, TRAVEL, JERK, NOISE = range(11)
 LAST, RUN, RUN_SPEED, SPEED, OUT_S, ACTIVE_S, PAUSE, HOLD, BELIEVED_PA = range(11, 20)
 """Of channel and passivity: last angle, run of equal readings and the speed at its begin, speed, times; of the hold."""
 FROM, MODEL, W, U, DOUBTED, SIGN_S, BIAS = range(20, 27)
-"""Of the first motion: angle before, angle asked for, recent motions asked for and measured, the doubt in the sign."""
+"""Of the first motion: angle before, angle asked for, recent motions asked for and measured; whether the
+sign may be wrong."""
 PE, PX, PSWAP_S, P_PROVEN, P_LAST, P_SLOW = range(27, 33)
 """Of the pressures: errors as wired and exchanged, times, last pressure, slow pressure."""
 ROWS = 33
