@@ -544,4 +544,15 @@ class Controller:
         if self._refusal is not None and (host_ns - self._refusal[0]) * 1e-9 < REFUSAL_S:
             commands = Health("commands", Level.ERROR, self._refusal[1])
         valves = Health("valves", Level.WARN if self._starved else Level.OK, self._starved or "following")
-        return [self.safety.health(host_ns), commands, valves, self.board.health()]
+        return [self.safety.health(host_ns), commands, valves, self._sensor_health(), self.board.health()]
+
+    def _sensor_health(self) -> Health:
+        watch = self._watch.sensors
+        if self.safety.phase is not Phase.ACTIVE:
+            return Health("sensors", Level.OK, "not checked: not controlling")
+        if watch.unchecked:
+            return Health("sensors", Level.WARN, f"sensors not checked: {watch.unchecked}")
+        if watch.checked_less:
+            line = f"sensors checked less: {watch.checked_less}; the set-points rise slowly"
+            return Health("sensors", Level.WARN, line)
+        return Health("sensors", Level.OK, "checked")

@@ -22,8 +22,9 @@ from hand_control.frame_checks import (
     implausible,
     watch_pressures,
 )
-from hand_control.sensor_watch import FINE as UNSUSPICIOUS
-from hand_control.sensor_watch import Contradiction, SensorWatch, check_sensors, hold_sensors
+from hand_control.sensor_lines import Contradiction
+from hand_control.sensor_watch import SensorWatch, check_sensors, hold_sensors
+from hand_control.step_watch import FINE as UNSUSPICIOUS
 from hand_model.arrays import Array
 from hand_model.compile_cache import njit
 from hand_model.description import Hand
@@ -63,10 +64,10 @@ def _frame(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _hold(pressures, sensors, places, command, dt):  # type: ignore[no-untyped-def]
+def _hold(pressures, sensors, places, spacing, command, dt):  # type: ignore[no-untyped-def]
     """Limit the set-points in place; whether a suspected sensor has lowered one."""
     cap_pressures(pressures, command, dt)
-    return hold_sensors(sensors, places, command, dt)
+    return hold_sensors(sensors, places, spacing, command, dt)
 
 
 class FrameWatch:

@@ -5,7 +5,7 @@ of joint k rises, the controller waits for i, and its pressure rises on. For eac
 motion u that is measured and the motion w that the pressures ask for, both over about half a second, are compared:
 
     as wired     u_i of w_i, u_k of w_k     CLEARly likelier: settled, a later exchange makes a step, unless the angles
-                                            stay together: then open again
+                                            stay together, or frames come too rarely: then open
     exchanged    u_i of w_k, u_k of w_i     CLEARly likelier: suspected
 
 A motion u of w has the mean w and the variance (MODEL w)^2 + FLOOR_RAD^2. Where both joints are asked to move alike
@@ -177,6 +177,15 @@ def _meet(s, pair, other, w, u, position, dt):  # type: ignore[no-untyped-def]
         s[_OPEN, pair], s[_SUSPECT_S, pair], s[_MISSED, pair] = 1.0, 0.0, 0.0
         s[_OLD, pair], s[_OLD + 1, pair] = w[pair], w[other]
         s[_OLD + 2, pair], s[_OLD + 3, pair] = u[pair], u[other]
+
+
+@njit(cache=True, error_model="numpy")
+def open_again(s, after):  # type: ignore[no-untyped-def]
+    """Watch every pair on, and let every set-point rise slowly: frames come too rarely to see an exchange in motion."""
+    for pair in range(len(after)):
+        s[_CAREFUL, pair] = 1.0
+        if after[pair] >= 0:
+            s[_OPEN, pair] = 1.0
 
 
 @njit(cache=True, error_model="numpy")

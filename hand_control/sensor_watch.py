@@ -1,6 +1,7 @@
 """Sensors that contradict the motion: angles that step, freeze, or have the wrong sign or place; exchanged pressures.
 
-A plausible number alone is not believed. Four tests, all in elapsed time but for the run of equal readings:
+A plausible number alone is not believed. Four tests, all in elapsed time but for the run of equal readings, and where
+frames come too rarely for them, the hand is not driven on (WARN_S, UNCHECKED_S):
 
     test          what no motion gives                                               finds
     step          a break of the angle without the momentum that a real one leaves   mirrored, negated, exchanged and
@@ -24,25 +25,27 @@ Brogliato, Nonsmooth Mechanics, 2016 (restitution); Willems, Dissipative dynamic
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hand_control import sensor_rows as row
-from hand_control.place_watch import ALIKE, ENOUGH_S, NONE, RECENT_S, PlaceWatch, check_places, hold_places
+from hand_control.place_watch import ALIKE, ENOUGH_S, NONE, RECENT_S, PlaceWatch, check_places, hold_places, open_again
+from hand_control.sensor_lines import Contradiction, describe
 from hand_control.step_watch import (
     ACTIVE,
     ANGLES_SWAPPED,
     BEYOND,
     FINE,
     FROZEN,
-    JUMPED,
     LEAST_RAD,
+    LONGEST_S,
     MAX_OUTSIDE_NM,
+    MOMENTUM_S,
     PRESSURES_SWAPPED,
     SIGN,
     SPACING_S,
+    UNCHECKED,
     WRONG,
     sample,
     steps,
@@ -60,6 +63,10 @@ STOP_NM, BEYOND_RAD, BEYOND_S = 0.2, math.radians(1.5), 0.01
 upper one, for longer than a glitch."""
 LONGEST_LAG_S = 10.0
 """Drag is at least what stops a joint in this time: dry friction may be all that a described joint has."""
+WARN_S, UNCHECKED_S, GAP_COUNTS_S, INTERVAL_S = 0.2, 1.0, 0.1, 0.2
+"""Without a complete check for WARN_S no set-point rises, and a warning says so; after UNCHECKED_S the hand vents. A
+gap counts as GAP_COUNTS_S at most: after this time set-points are no longer in force. INTERVAL_S: of the mean of the
+times between frames."""
 SPEED_S, SLOW_S, ACTIVE_RAD_PER_S, ACTIVE_S = 0.01, 0.1, 0.3, 0.04
 POSE_NM = 0.012
 """Torque that pose and speed may leave unexplained by the pressure at arming: an error of the model, friction."""
@@ -81,15 +88,6 @@ _KEYS = (
 )
 
 
-class Contradiction(NamedTuple):
-    """What was found: a verdict, its joint, and the other joint of an exchange or -1.  size: of a step [rad]."""
-
-    verdict: int
-    joint: int
-    other: int
-    size: float
-
-
 @njit(cache=True, error_model="numpy")
 def _channel(s, c, i, phi, dt):  # type: ignore[no-untyped-def]
     """Verdict on bit-identical angles and on the end stops."""
@@ -106,7 +104,15 @@ def _channel(s, c, i, phi, dt):  # type: ignore[no-untyped-def]
         return FROZEN
     beyond = phi < c[row.LOW, i] - c[row.PRESSED, i] or phi > c[row.HIGH, i] + 2.0 * c[row.PRESSED, i]
     s[row.OUT_S, i] = s[row.OUT_S, i] + dt if beyond else 0.0
-    return BEYOND if s[row.OUT_S, i] > BEYOND_S else FINE
+    return BEYOND if s[row.OUT_S, i] > max(BEYOND_S, 1.5 * dt) else FINE
+
+
+@njit(cache=True, error_model="numpy")
+def _outside(s, c, i, phi, p):  # type: ignore[no-untyped-def]
+    """Outside torque on joint i at angle phi [rad] and pressure p [Pa], and by how much it may be wrong [N m]."""
+    a1, a2, a3, d, v = c[row.A1, i], c[row.A2, i], c[row.A3, i], c[row.D, i], s[row.SPEED, i]
+    terms = abs(c[row.A0, i]) + abs(a1 * phi) + (abs(a2) + abs(a3 * phi)) * p + d * abs(v)
+    return d * v - torque(p, phi, 0.0, c[row.A0, i], a1, a2, a3, 0.0), WRONG * terms
 
 
 @njit(cache=True, error_model="numpy")
@@ -115,25 +121,21 @@ def _is_active(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
 
     An elastic obstacle gives back what it has stored only while the pressure falls.
     """
-    a1, a2, a3, d, v = c[row.A1, i], c[row.A2, i], c[row.A3, i], c[row.D, i], s[row.SPEED, i]
-    outside = d * v - torque(p, phi, 0.0, c[row.A0, i], a1, a2, a3, 0.0)
-    terms = abs(c[row.A0, i]) + abs(a1 * phi) + (abs(a2) + abs(a3 * phi)) * p + d * abs(v)
+    v = s[row.SPEED, i]
     s[row.P_SLOW, i] += dt / (dt + SLOW_S) * (p - s[row.P_SLOW, i])
-    given_back = outside < 0.0 and p < s[row.P_SLOW, i]
-    moves = (
-        not given_back
-        and outside * v > 0.0
-        and abs(v) > ACTIVE_RAD_PER_S
-        and abs(outside) > MAX_OUTSIDE_NM + WRONG * terms
-    )
+    moves = abs(v) > ACTIVE_RAD_PER_S
+    for known in (p, s[row.DRIVE, i]):  # both ends of the time since the last frame
+        outside, wrong = _outside(s, c, i, phi, known)
+        given_back = outside < 0.0 and p < s[row.P_SLOW, i]
+        moves = moves and not given_back and outside * v > 0.0 and abs(outside) > MAX_OUTSIDE_NM + wrong
     s[row.ACTIVE_S, i] = s[row.ACTIVE_S, i] + dt if moves else 0.0
-    return s[row.ACTIVE_S, i] > ACTIVE_S
+    return s[row.ACTIVE_S, i] > max(ACTIVE_S, 2.5 * dt)
 
 
 @njit(cache=True, error_model="numpy")
 def _first_motion(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
     """Advance the motion that the pressure asks of joint i, and what is known of its sign; whether it is wrong."""
-    at = s[row.MODEL, i]
+    at, p = s[row.MODEL, i], 0.5 * (p + s[row.DRIVE, i]) if dt > MOMENTUM_S else p
     balance = torque(p, at, 0.0, c[row.A0, i], c[row.A1, i], c[row.A2, i], c[row.A3, i], 0.0) - s[row.BIAS, i]
     stiff = max(-c[row.A1, i] - c[row.A3, i] * p, 0.0)
     now = at + balance / c[row.D, i] * dt / (1.0 + stiff / c[row.D, i] * dt)
@@ -194,27 +196,41 @@ def check_sensors(table, spacing, links, places, liquid, position, pressure, exp
         if k >= 0 and not liquid and _pressures(s, i, k, expected, wider, pressure, dt):
             verdict, joint, other = PRESSURES_SWAPPED, i, k
     for i in range(n):
-        s[row.P_LAST, i] = pressure[i]
+        s[row.P_LAST, i], s[row.DRIVE, i] = pressure[i], drive[i]
     pair = check_places(places, after, s[row.W], s[row.U], position, s[row.MODEL], dt)
     if pair != NONE and verdict == FINE:
         verdict, joint, other = ANGLES_SWAPPED, pair, after[pair]
+    _wait(spacing, dt)
     spacing[4] += dt
-    if spacing[4] < SPACING_S or verdict != FINE:
-        return verdict, joint, other
-    before, age = sample(s, spacing, position, spacing[4])
-    spacing[4] = 0.0
-    return steps(s, c, partner, before, age) if age > 0.0 else (FINE, 0, -1)
+    if spacing[4] >= SPACING_S and verdict == FINE:
+        before, age, rare = sample(s, spacing, position, pressure, spacing[4])
+        spacing[4] = 0.0
+        if rare and spacing[6] > MOMENTUM_S:
+            open_again(places, after)
+        if age > 0.0:
+            spacing[5] = 0.0
+            verdict, joint, other = steps(s, c, partner, before, age, rare)
+    if verdict == FINE and spacing[5] > UNCHECKED_S:
+        return UNCHECKED, 0, -1
+    return verdict, joint, other
 
 
 @njit(cache=True, error_model="numpy")
-def hold_sensors(s, places, command, dt):  # type: ignore[no-untyped-def]
+def _wait(spacing, dt):  # type: ignore[no-untyped-def]
+    """Count the time without a complete check, and the mean time between frames, dt [s] after the last one."""
+    spacing[5] += dt
+    spacing[6] += dt / (dt + INTERVAL_S) * (dt - spacing[6])
+
+
+@njit(cache=True, error_model="numpy")
+def hold_sensors(s, places, spacing, command, dt):  # type: ignore[no-untyped-def]
     """Limit the set-points of suspected joints in place to the last ones from before; whether one is lower now.
 
-    s, places: SensorWatch.held.  command: (joints,) [Pa].  dt: [s] since the last frame.
+    s, places, spacing: SensorWatch.held.  command: (joints,) [Pa].  dt: [s] since the last frame.
     """
     limits = False
     for i in range(len(command)):
-        if s[row.HOLD, i] > 0.0:
+        if s[row.HOLD, i] > 0.0 or spacing[5] > WARN_S:
             limits |= command[i] > s[row.BELIEVED_PA, i]
             command[i] = min(command[i], s[row.BELIEVED_PA, i])
         else:
@@ -240,14 +256,14 @@ class SensorWatch:
         self._state, self._constants = table[: row.ROWS], table[row.ROWS :]
         self._channels = (sensors.angle_channel, sensors.pressure_channel)
         self._places = PlaceWatch(_next(sensors.angle_channel))
-        self._spacing = np.zeros(5)
+        self._spacing = np.zeros(7)
         self._period_s = 1.0 / hand.rate_hz
         self._liquid = bool(hand.row("hydraulic.share").max() > 0.0)
         links = np.array([hand.partner, _next(sensors.pressure_channel), self._places.after], dtype=np.int64)
         self.arrays = (table, self._spacing, links, self._places.state, self._liquid)
-        self.held = (self._state, self._places.state)
+        self.held = (self._state, self._places.state, self._spacing)
         self._none = np.zeros(len(hand.joints))
-        self.gap_s, self.elapsed_s = max(3.0 * self._period_s, 0.02), 0.0
+        self.gap_s, self.elapsed_s = LONGEST_S, 0.0
 
     def start(self, position: Array, velocity: Array, pressure: Array) -> None:
         """Begin without evidence at position (n,) [rad], velocity (n,) [rad/s] and pressure (n,) [Pa].
@@ -257,6 +273,7 @@ class SensorWatch:
         s, c = self._state, self._constants
         s[:] = 0.0
         self._restart(position, pressure)
+        self._spacing[5:] = 0.0, self._period_s
 
         def balance(angle: Array) -> Array:
             nm: Array = np.asarray(torque(pressure, angle, 0.0, c[row.A0], c[row.A1], c[row.A2], c[row.A3], 0.0))
@@ -283,7 +300,7 @@ class SensorWatch:
         """Start the tests at rest; what was found is kept."""
         s = self._state
         s[[row.Z, row.A, row.B, row.C, row.X, row.LAST, row.FROM]] = position
-        s[row.P_LAST] = s[row.P_SLOW] = pressure
+        s[[row.P_LAST, row.P_SLOW, row.P_B, row.P_C, row.P_X, row.P_E, row.DRIVE]] = pressure
         s[
             [
                 row.RUN,
@@ -299,7 +316,7 @@ class SensorWatch:
                 row.PSWAP_S,
             ]
         ] = 0.0
-        self._spacing[:] = (math.inf, math.inf, math.inf, math.inf, 0.0)
+        self._spacing[:5] = (math.inf, math.inf, math.inf, math.inf, 0.0)
 
     def check(
         self,
@@ -322,7 +339,8 @@ class SensorWatch:
             if elapsed_s > 0.0:
                 self._restart(position, drive)
                 self._places.restart()
-            return None
+                _wait(self._spacing, min(elapsed_s, GAP_COUNTS_S))
+            return self.contradiction(UNCHECKED, 0, -1) if self._spacing[5] > UNCHECKED_S else None
         self.elapsed_s = elapsed_s
         wide = self._none if wider is None else wider
         found = check_sensors(*self.arrays, position, pressure, expected, wide, drive, elapsed_s)
@@ -339,30 +357,22 @@ class SensorWatch:
         """
         return bool(hold_sensors(*self.held, command, self.elapsed_s))
 
+    @property
+    def unchecked(self) -> str:
+        """Why the sensors have not been checked for WARN_S and more; empty where they are."""
+        return self._every(LONGEST_S) if self._spacing[5] > WARN_S else ""
+
+    @property
+    def checked_less(self) -> str:
+        """Why the sensors are checked without a momentum, and set-points rise slowly; empty where one is seen."""
+        return self._every(MOMENTUM_S) if self._spacing[6] > MOMENTUM_S else ""
+
+    def _every(self, needed_s: float) -> str:
+        return f"frames every {1e3 * self._spacing[6]:.0f} ms, checks need {1e3 * needed_s:.0f} ms"
+
     def line(self, found: Contradiction) -> str:
         """What was found: joints, channels, evidence and what to check."""
-        joint, other = self._joints[found.joint], self._joints[found.other]
-        angle, pressure = (int(channel[found.joint]) for channel in self._channels)
-        angles = f"{angle} and {int(self._channels[0][found.other])}"
-        pressures = f"{pressure} and {int(self._channels[1][found.other])}"
-        size_deg = math.degrees(abs(found.size))
-        return {
-            JUMPED: f"{joint}: its angle (channel {angle}) jumped by {size_deg:.1f} degrees, which no torque explains;"
-            " check the sensor, its cable and its polarity",
-            BEYOND: f"{joint}: its angle (channel {angle}) is beyond the end stop; check the polarity of the sensor and"
-            " the calibration of the channel",
-            FROZEN: f"{joint}: its angle (channel {angle}) stands still to the last bit while the joint moves; check"
-            " the sensor, its cable and the converter",
-            ACTIVE: f"{joint}: its angle (channel {angle}) moves without the pressure for it, as no outside torque of"
-            f" {MAX_OUTSIDE_NM:g} N m explains; check the angle sensor, the pressure sensor (channel {pressure}) and"
-            " the model",
-            SIGN: f"{joint}: its angle (channel {angle}) falls where the pressure bends the joint; check the polarity"
-            " of the sensor and the calibration of the channel",
-            ANGLES_SWAPPED: f"{joint} and {other}: each angle (channels {angles}) is that of the other joint; check"
-            " whether the sensors are exchanged",
-            PRESSURES_SWAPPED: f"{joint} and {other}: each pressure (channels {pressures}) follows the set-point of"
-            " the other joint; check whether sensors or tubes are exchanged",
-        }[found.verdict]
+        return describe(found, self._joints, self._channels, f"{UNCHECKED_S:g} s: {self.unchecked}")
 
 
 def _next(channel: NDArray[np.int64]) -> NDArray[np.int64]:

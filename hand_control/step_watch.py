@@ -13,6 +13,8 @@ and comes back with at most RESTITUTION of it. A sensor that steps goes on as if
     displaced                         further than MAX_OUTSIDE_NM, an obstacle     below half of DEV
                                       that lets go and the neighbour can move it
 
+Where samples are further apart than MOMENTUM_S, up to LONGEST_S, a joint has lost its momentum between two of them:
+then only a deviation counts that neither the pressure nor an obstacle gives, for an exchange of both joints.
 Turns of a joint whose neighbour also turns (they share inertia), that was not in smooth motion before, or that a
 constant acceleration explains are no evidence of a mirror.
 
@@ -33,12 +35,15 @@ WRONG = 0.3
 """Share by which each constant of the model may be wrong."""
 RESTITUTION = 0.5
 """Largest share of its speed with which a joint comes back from an obstacle: the fingers are soft."""
-SPACING_S, LONGEST_S = 0.004, 0.012
-"""Least time between two samples of the step test, and the longest that lets a momentum be seen."""
+SPACING_S, MOMENTUM_S, LONGEST_S = 0.004, 0.012, 0.0305
+"""Least time between two samples of the step test, the longest that lets a momentum be seen, and the longest of all:
+beyond 30 ms and the jitter of the stamps, a push of MAX_OUTSIDE_NM moves a joint through its whole range."""
 LEAST_RAD, STEP_RAD, NOISES, NOISE_S = math.radians(0.1), math.radians(0.5), 6.0, 1.0
 """A break is larger than LEAST_RAD and NOISES times the mean second difference over NOISE_S; a step than STEP_RAD."""
 SLACK = 0.3
 """Share of a deviation and of a path by which hypotheses may miss: acceleration, jitter of the stamps."""
+STAYS = 0.5
+"""Share of a deviation by which a sensor that has stepped goes on otherwise, at most, where an acceleration counts."""
 REVERSED = 0.65
 """Share of the speed with which a joint turns back only where its sensor is mirrored; above RESTITUTION."""
 STEADY = 0.4
@@ -47,13 +52,17 @@ SMOOTH = 8.0
 """A turn this many times the change of speed before it is none of a constant acceleration, which gives five."""
 PAUSE_S = 0.02
 """Set-points do not rise for this time after a break."""
-FINE, JUMPED, SIGN, ANGLES_SWAPPED, PRESSURES_SWAPPED, FROZEN, BEYOND, ACTIVE = range(8)
+FINE, JUMPED, SIGN, ANGLES_SWAPPED, PRESSURES_SWAPPED, FROZEN, BEYOND, ACTIVE, UNCHECKED = range(9)
 """Verdicts."""
 
 
 @njit(cache=True, error_model="numpy")
-def sample(s, spacing, position, dt):  # type: ignore[no-untyped-def]
-    """Shift the samples of all joints (dt [s] after the last): speed, prediction, deviation and travel of each."""
+def sample(s, spacing, position, now, dt):  # type: ignore[no-untyped-def]
+    """Shift the samples of all joints (dt [s] after the last): speed, prediction, deviation and travel of each.
+
+    now: (joints,) pressure [Pa].  Returns the time before the break and after it [s], 0 where nothing can be concluded,
+    and whether the samples are too far apart for a momentum.
+    """
     za, ab, bc, cx = spacing[0], spacing[1], spacing[2], spacing[3]
     for i in range(len(position)):
         a, b, c, e = s[row.A, i], s[row.B, i], s[row.C, i], position[i]
@@ -67,8 +76,10 @@ def sample(s, spacing, position, dt):  # type: ignore[no-untyped-def]
             s[row.PAUSE, i], s[row.HOLD, i] = PAUSE_S, 1.0
         s[row.NOISE, i] += dt / (dt + NOISE_S) * (min(surprise, STEP_RAD) - s[row.NOISE, i])
         s[row.Z, i], s[row.A, i], s[row.B, i], s[row.C, i], s[row.X, i] = a, b, c, s[row.X, i], e
+        s[row.P_B, i], s[row.P_C, i], s[row.P_X, i], s[row.P_E, i] = s[row.P_C, i], s[row.P_X, i], s[row.P_E, i], now[i]
     spacing[0], spacing[1], spacing[2], spacing[3] = ab, bc, cx, dt
-    return bc, (cx + dt if max(za, ab, bc, cx, dt) <= LONGEST_S else 0.0)
+    longest = max(za, ab, bc, cx, dt)
+    return bc, (cx + dt if longest <= LONGEST_S else 0.0), MOMENTUM_S < longest <= LONGEST_S
 
 
 @njit(cache=True, error_model="numpy")
@@ -77,23 +88,42 @@ def _least(s, i):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _reach(s, c, partner, i, dt):  # type: ignore[no-untyped-def]
-    """Largest deviation [rad] within dt [s] that the largest outside torque and the neighbour's inertia give."""
+def _travelled(s, c, i, nm, dt):  # type: ignore[no-untyped-def]
+    """Largest deviation [rad] of joint i within dt [s] under nm [N m] and by an impact."""
     d, lag = (1.0 - WRONG) * c[row.D, i], c[row.J, i] / c[row.D, i]
-    phi, p = s[row.PRED, i], s[row.P_LAST, i]
-    held = torque(p, phi, 0.0, c[row.A0, i], c[row.A1, i], c[row.A2, i], c[row.A3, i], 0.0)
-    # What the pressure gives may have been held by an obstacle, which may let it go.
-    most = MAX_OUTSIDE_NM + (1.0 + WRONG) * abs(held)
-    reach = most / d * (dt - lag * (1.0 - math.exp(-dt / lag)))
-    if partner[i] >= 0:
-        reach += (1.0 + WRONG) * c[row.JC, i] / c[row.J, i] * abs(s[row.DEV, partner[i]])
-    return STEP_RAD + reach + (1.0 + RESTITUTION) * abs(s[row.V, i]) * dt
+    return STEP_RAD + nm / d * (dt - lag * (1.0 - math.exp(-dt / lag))) + (1.0 + RESTITUTION) * abs(s[row.V, i]) * dt
 
 
 @njit(cache=True, error_model="numpy")
-def _misses(s, i, speed, age):  # type: ignore[no-untyped-def]
-    """Whether joint i has not travelled at a speed [rad/s] for age [s] since the break."""
-    slack = SLACK * (abs(s[row.DEV, i]) + abs(speed) * age) + 0.5 * NOISES * s[row.NOISE, i]
+def _balance(s, c, i, p):  # type: ignore[no-untyped-def]
+    """What the pressure p [Pa] gives joint i at its predicted angle [N m]; an obstacle that holds it may let it go."""
+    return torque(p, s[row.PRED, i], 0.0, c[row.A0, i], c[row.A1, i], c[row.A2, i], c[row.A3, i], 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def _reach(s, c, partner, i, dt):  # type: ignore[no-untyped-def]
+    """Largest deviation [rad] within dt [s] that the largest outside torque and the pressure give."""
+    held = max(abs(_balance(s, c, i, s[row.P_B, i])), abs(_balance(s, c, i, s[row.P_C, i])))
+    reach = _travelled(s, c, i, MAX_OUTSIDE_NM + (1.0 + WRONG) * held, dt)
+    if partner[i] >= 0:
+        reach += (1.0 + WRONG) * c[row.JC, i] / c[row.J, i] * abs(s[row.DEV, partner[i]])
+    return reach
+
+
+@njit(cache=True, error_model="numpy")
+def _own_reach(s, c, i, dt):  # type: ignore[no-untyped-def]
+    """The same without outside torque and neighbour: what the pressure gives beyond the drag at the speed before."""
+    drag, left = c[row.D, i] * s[row.V, i], 0.0
+    for p in (s[row.P_B, i], s[row.P_C, i]):
+        held = _balance(s, c, i, p)
+        left = max(left, abs(held - drag) + WRONG * abs(held))
+    return _travelled(s, c, i, left, dt)
+
+
+@njit(cache=True, error_model="numpy")
+def _misses(s, i, speed, age, share):  # type: ignore[no-untyped-def]
+    """Whether joint i has not travelled at a speed [rad/s] for age [s] since the break, but for a share of both."""
+    slack = share * (abs(s[row.DEV, i]) + abs(speed) * age) + 0.5 * NOISES * s[row.NOISE, i]
     return abs(s[row.TRAVEL, i] - speed * age) > slack
 
 
@@ -104,7 +134,7 @@ def _turn(s, i, age):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _is_mirrored(s, c, partner, i, dt, age):  # type: ignore[no-untyped-def]
+def _is_mirrored(s, c, partner, i, dt, age, rare):  # type: ignore[no-untyped-def]
     """Whether joint i has stepped to its mirrored motion: deviation after dt [s], travel for age [s] since."""
     v, dev, least, turn = s[row.V, i], abs(s[row.DEV, i]), _least(s, i), _turn(s, i, age)
     path, noticeable = abs(v) * dt, max(least, STEP_RAD)
@@ -119,8 +149,10 @@ def _is_mirrored(s, c, partner, i, dt, age):  # type: ignore[no-untyped-def]
     if off > 0.2 * path + 0.03 * dev + 0.5 * least:
         return False
     if dev > noticeable + (1.0 + RESTITUTION) * path:
+        if rare:
+            return dev > _own_reach(s, c, i, dt) and abs(s[row.TRAVEL, i] + v * age) < STAYS * dev
         return abs(s[row.TRAVEL, i] + v * age) < 0.1 * dev + SLACK * abs(v) * age + 0.5 * least
-    if abs(v) * age < max(1.5 * least, STEP_RAD) or turn < SMOOTH * s[row.JERK, i]:
+    if rare or abs(v) * age < max(1.5 * least, STEP_RAD) or turn < SMOOTH * s[row.JERK, i]:
         return False
     first, second = s[row.C, i] - s[row.B, i], s[row.X, i] - s[row.C, i]
     if abs(second - first) > SLACK * abs(s[row.TRAVEL, i]):
@@ -129,14 +161,14 @@ def _is_mirrored(s, c, partner, i, dt, age):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _stepped(s, c, partner, i, dt, age):  # type: ignore[no-untyped-def]
+def _stepped(s, c, partner, i, dt, age, rare):  # type: ignore[no-untyped-def]
     """Verdict on the angle of joint i alone."""
     if _turn(s, i, age) < _least(s, i):
         return FINE
-    if _is_mirrored(s, c, partner, i, dt, age):
+    if _is_mirrored(s, c, partner, i, dt, age, rare):
         return SIGN
     dev = abs(s[row.DEV, i])
-    return JUMPED if dev > _reach(s, c, partner, i, dt) and abs(s[row.TRAVEL, i]) < 0.5 * dev else FINE
+    return JUMPED if dev > _reach(s, c, partner, i, dt) and abs(s[row.TRAVEL, i]) < STAYS * dev else FINE
 
 
 @njit(cache=True, error_model="numpy")
@@ -157,33 +189,36 @@ def _crossed(s, i, k, least, dt, age):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _exchanged(s, partner, i, k, dt, age):  # type: ignore[no-untyped-def]
+def _exchanged(s, c, partner, i, k, dt, age, rare):  # type: ignore[no-untyped-def]
     """Whether joints i and k have stepped to the predictions of each other."""
     dev, least = min(abs(s[row.DEV, i]), abs(s[row.DEV, k])), max(_least(s, i) + _least(s, k), STEP_RAD)
     if dev < least:
-        return partner[i] != k and _crossed(s, i, k, least, dt, age)
+        return not rare and partner[i] != k and _crossed(s, i, k, least, dt, age)
     if s[row.DEV, i] * s[row.DEV, k] >= 0.0:
+        return False
+    if rare and dev < max(_own_reach(s, c, i, dt), _own_reach(s, c, k, dt)):
         return False
     if partner[i] == k and dev < (1.0 + RESTITUTION) * max(abs(s[row.V, i]), abs(s[row.V, k])) * dt:
         return False  # an impact on one of them exchanges their speeds, by their common inertia
     ci, ck = s[row.PRED, i] + s[row.DEV, i], s[row.PRED, k] + s[row.DEV, k]
     if max(abs(ci - s[row.PRED, k]), abs(ck - s[row.PRED, i])) > 0.2 * dev + 0.5 * least:
         return False
-    return not _misses(s, i, s[row.V, k], age) and not _misses(s, k, s[row.V, i], age)
+    slack = STAYS if rare else SLACK
+    return not _misses(s, i, s[row.V, k], age, slack) and not _misses(s, k, s[row.V, i], age, slack)
 
 
 @njit(cache=True, error_model="numpy")
-def steps(s, c, partner, dt, age):  # type: ignore[no-untyped-def]
+def steps(s, c, partner, dt, age, rare):  # type: ignore[no-untyped-def]
     """Verdict, joint and other joint of the step test."""
     n = s.shape[1]
     for i in range(n):
         if _turn(s, i, age) < _least(s, i):
             continue
         for k in range(i + 1, n):
-            if _exchanged(s, partner, i, k, dt, age):
+            if _exchanged(s, c, partner, i, k, dt, age, rare):
                 return ANGLES_SWAPPED, i, k
     for i in range(n):
-        verdict = _stepped(s, c, partner, i, dt, age)
+        verdict = _stepped(s, c, partner, i, dt, age, rare)
         if verdict != FINE:
             return verdict, i, -1
     return FINE, 0, -1

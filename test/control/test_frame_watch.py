@@ -9,7 +9,7 @@ import pytest
 
 from hand_control.frame_checks import FINE, FOLLOWING, JUMPED, NOT_FINITE, OVER_PRESSURE, STEPPED, STUCK_LOW
 from hand_control.frame_watch import NOTHING, Findings, FrameWatch
-from hand_control.sensor_watch import FROZEN
+from hand_control.step_watch import FROZEN
 from hand_model.arrays import Array
 from hand_model.description import load_hand
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from hand_control.frame_watch import FrameWatch
-from hand_control.sensor_watch import ACTIVE, ANGLES_SWAPPED, JUMPED, SIGN, SensorWatch
+from hand_control.sensor_watch import SensorWatch
+from hand_control.step_watch import ACTIVE, ANGLES_SWAPPED, JUMPED, SIGN
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from validation.faults.operation import World

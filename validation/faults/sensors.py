@@ -174,13 +174,17 @@ WIRING = (
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One run: error of the model, motion, joint, fault, and whether it is there from the start."""
+    """One run: error of the model, motion, joint, fault, and whether it is there from the start.
+
+    every: the controller receives one frame of so many.
+    """
 
     error: float
     motion: str
     joint: int
     fault: str
     from_start: bool
+    every: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,6 +223,7 @@ class Trace:
     vented: int | None
     warned: int | None
     line: str
+    rate_hz: float
 
 
 def _run(hand: Hand, case: Case, seed: int, broken: bool) -> Trace:
@@ -234,7 +239,7 @@ def _run(hand: Hand, case: Case, seed: int, broken: bool) -> Trace:
     angles, set_points, vented, warned, line = [], [], None, None, ""
     after_s = WIRED_S if case.from_start else AFTER_S
     for frame in range(round((BEFORE_S + at_s + after_s) * loop.rate_hz)):
-        driven = loop.step()
+        driven = loop.step(frame % case.every == 0)
         angles.append(loop.angle)
         set_points.append(loop.set_point)
         if warned is None and any("does not follow" in h.message for h in loop.controller.health(loop.now_ns)):
@@ -245,7 +250,7 @@ def _run(hand: Hand, case: Case, seed: int, broken: bool) -> Trace:
         t, pose = frame / loop.rate_hz - BEFORE_S, _pose(len(hand.joints), case.from_start)
         if t >= 0.0 or not case.from_start:
             loop.command(target(case.joint, t, pose, rng) if t >= 0.0 else pose)
-    return Trace(np.array(angles), np.array(set_points), vented, warned, line)
+    return Trace(np.array(angles), np.array(set_points), vented, warned, line, loop.rate_hz)
 
 
 def _stick_valve(loop: Loop, joint: int, begin: int) -> None:
@@ -272,7 +277,7 @@ def study(hand: Hand, cases: list[Case], seed: int) -> list[Outcome]:
 
 
 def _outcome(case: Case, trace: Trace, reference: Trace) -> Outcome:
-    rate = 200.0
+    rate = trace.rate_hz
     begin = round((BEFORE_S + (0.0 if case.from_start else MOTIONS[case.motion][1])) * rate)
     begin = min(begin, len(trace.angle) - 1)  # a fault that is found before the motion
     end, mine = (
