@@ -54,9 +54,14 @@ BAND = 0.1
 FOLLOWING, OVER_PRESSURE, STEPPED, STUCK_HIGH, STUCK_LOW = range(5)
 """Verdicts of `PressureWatch`, the most urgent first after FOLLOWING."""
 STEP_PA, STEP_LAGS, STEP_S, DRIVE_S = 2.0e4, 2.0, 0.008, 0.02
+LEAST_STEP_PA, NOISES, NOISE_S, STEP_SHARE = 4.0e3, 8.0, 1.0, 0.25
+CALM_S, CALM_FRAME_S = 0.05, 0.012
 """A step changes the difference to the expectation between two frames by STEP_PA and STEP_LAGS times what the valve
 gives, lately, plus what the motion displaces. Half of it is still there after STEP_S: a spike is none. A dead time
-delays what the valve gives, and after a gap the set-points in force are not known."""
+delays what the valve gives, and after a gap the set-points in force are not known.
+A smaller step counts where it changes the pressure by STEP_SHARE, as another scale or another sensor does, and exceeds
+LEAST_STEP_PA and NOISES times the mean second difference of NOISE_S; what the motion displaces then counts by its
+change between two frames. Frames have come every CALM_FRAME_S for CALM_S."""
 USUAL_S, USUAL_PA = 1.0, 8.0e3
 """A pressure is too low, too, where it falls below its usual difference to the expectation by USUAL_PA plus BAND, and
 below the expectation by USUAL_PA: after a long release the usual difference is that of a slow valve, and it is kept
@@ -78,12 +83,15 @@ SLOWER = 2.0
 """A valve may lag behind by this factor more than described."""
 EXPECTED, _OVER, _HIGH, _LOW, _ANGLE, _SPEED, WIDER, DRIVEN, _PRESSURE, _HELD_BACK, _SLOW = range(11)
 _OFF, _STEP, _STEP_AGE, _BEFORE, _HIGH_PA_S, _LOW_PA_S, _BELIEVED, _USUAL, _BEHIND, _DRIVE, SHORT = range(11, 22)
+_CHANGE, _TURNED, _LAST_TURN, _NOISE, _CALM = range(22, 27)
 """Rows of the state of `watch_pressures`. _SLOW: the expectation of a valve that lags by SLOWER times the time. _OFF:
 difference to the expectation; _BEFORE: before the _STEP that is watched; _USUAL: its mean over USUAL_S. _BELIEVED:
 set-point before the pressure was too low. _BEHIND: whether the set-point is still to return to what is asked.
 _DRIVE: largest change between two frames that the valve gives, of the last DRIVE_S. SHORT: 1 where the pressure is too
-low for what is asked, or the set-point is still to return, so that an integrator would run away."""
-_ROWS = 22
+low for what is asked, or the set-point is still to return, so that an integrator would run away. _CHANGE, _LAST_TURN:
+of _OFF and of the angle in the last frame; _TURNED: by how much the latter has changed; _NOISE: mean second difference
+of _OFF; _CALM: time without a gap."""
+_ROWS = 27
 (
     _TAU, _VENT, _FILL, _A2, _A3, _LIQUID, _GROWTH, _EXPONENT, _VOLUME, _GAS_GROWTH, _GAS_GAIN, _GAS_PER_RAD, _SUPPLY,
     _LIMIT,
@@ -183,6 +191,20 @@ def _is_short(s, i):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
+def _bend(s, i, change, turned, dt):  # type: ignore[no-untyped-def]
+    """How far [Pa] the difference to the expectation has changed, and otherwise than in the frame before.
+
+    change: of the difference [Pa], turned: of the angle [rad], in the last dt [s]; _TURNED becomes that of `turned`.
+    """
+    bend = abs(change - s[_CHANGE, i])
+    s[_NOISE, i] += dt / (dt + NOISE_S) * (min(bend, STEP_PA / NOISES) - s[_NOISE, i])
+    s[_CALM, i] = s[_CALM, i] + dt if 0.0 < dt <= CALM_FRAME_S else 0.0
+    s[_CHANGE, i] = change
+    s[_TURNED, i], s[_LAST_TURN, i] = turned - s[_LAST_TURN, i], turned
+    return min(bend, abs(change))
+
+
+@njit(cache=True, error_model="numpy")
 def _steps(s, v, i, asked, p, turned, dt):  # type: ignore[no-untyped-def]
     """Whether the pressure p [Pa] of joint i has stepped as no valve does, and has stayed there.
 
@@ -190,6 +212,7 @@ def _steps(s, v, i, asked, p, turned, dt):  # type: ignore[no-untyped-def]
     """
     off, before = p - s[EXPECTED, i], s[_OFF, i]
     s[_OFF, i] = off
+    bend = _bend(s, i, off - before, turned, dt)
     if s[_STEP, i] != 0.0:
         s[_STEP_AGE, i] += dt
         if (off - s[_BEFORE, i]) / s[_STEP, i] < 0.5:
@@ -202,6 +225,15 @@ def _steps(s, v, i, asked, p, turned, dt):  # type: ignore[no-untyped-def]
         _, per_rad = _displaced(v, i, s[EXPECTED, i], s[_ANGLE, i], 1.0)
         moved = max(abs(turned), abs(s[_SPEED, i]) * dt)
         if abs(off - before) > most + STEP_LAGS * per_rad * moved:
+            s[_STEP, i], s[_STEP_AGE, i], s[_BEFORE, i] = off - before, 0.0, before
+        return False
+    if s[_CALM, i] < CALM_S or bend < STEP_SHARE * max(p, s[_PRESSURE, i]):
+        return False
+    most = max(LEAST_STEP_PA, NOISES * s[_NOISE, i]) + STEP_LAGS * s[_DRIVE, i]
+    if bend > most:
+        _, per_rad = _displaced(v, i, s[EXPECTED, i], s[_ANGLE, i], 1.0)
+        turn = max(abs(s[_TURNED, i]), abs(turned - s[_SPEED, i] * dt))
+        if bend > most + STEP_LAGS * per_rad * turn:
             s[_STEP, i], s[_STEP_AGE, i], s[_BEFORE, i] = off - before, 0.0, before
     return False
 
@@ -292,6 +324,7 @@ class PressureWatch:
         self._state[[EXPECTED, DRIVEN, _SLOW, _PRESSURE]] = pressure
         self._state[_BELIEVED] = np.maximum(pressure, 0.0)
         self._state[_DRIVE] = self.arrays[1][_LIMIT]
+        self._state[_NOISE] = STEP_PA / NOISES
         self._state[_ANGLE] = self._still if position is None else position
 
     def check(self, command: Array, pressure: Array, dt: float, position: Array | None = None) -> tuple[int, int]:
@@ -312,7 +345,7 @@ class PressureWatch:
     def _skip(self, pressure: Array, position: Array | None) -> None:
         """Expect the measured state after a gap; how long a pressure has been off is kept."""
         self._state[[EXPECTED, DRIVEN, _SLOW, _PRESSURE]] = pressure
-        self._state[[_SPEED, _OFF, _STEP]] = 0.0
+        self._state[[_SPEED, _OFF, _STEP, _CALM]] = 0.0
         self._state[_DRIVE] = self.arrays[1][_LIMIT]
         self._state[_ANGLE] = self._still if position is None else position
 

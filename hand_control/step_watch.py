@@ -46,6 +46,8 @@ STAYS = 0.5
 """Share of a deviation by which a sensor that has stepped goes on otherwise, at most, where an acceleration counts."""
 REVERSED = 0.65
 """Share of the speed with which a joint turns back only where its sensor is mirrored; above RESTITUTION."""
+EXCHANGED = 0.2
+"""Share of a difference by which an exchange may miss."""
 STEADY = 0.4
 """Speeds that are exchanged were steady before: within this share of their difference, from sample to sample."""
 SMOOTH = 8.0
@@ -172,8 +174,21 @@ def _stepped(s, c, partner, i, dt, age, rare):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
+def _is_hit(s, c, i, k):  # type: ignore[no-untyped-def]
+    """Whether an obstacle that stops joint i exchanges the speeds of i and k, by the inertia that they share.
+
+    The impulse that changes the speed of i by one changes that of k by -JC / J_k. The speed of i does not grow by it.
+    """
+    share, own = c[row.JC, k] / c[row.J, k], abs(s[row.V, i])
+    after = s[row.V, k] if s[row.V, i] > 0.0 else -s[row.V, k]
+    slack = EXCHANGED * abs(s[row.V, i] - s[row.V, k])
+    alike = (1.0 - WRONG) * share < 1.0 + EXCHANGED and (1.0 + WRONG) * share > 1.0 - EXCHANGED
+    return alike and -RESTITUTION * own - slack < after < own + slack
+
+
+@njit(cache=True, error_model="numpy")
 def _crossed(s, i, k, least, dt, age):  # type: ignore[no-untyped-def]
-    """Whether joints i and k, which do not share inertia, have exchanged their speeds where their angles cross."""
+    """Whether joints i and k have exchanged their speeds where their angles cross."""
     apart = abs(s[row.V, i] - s[row.V, k])
     if apart * age < least or abs(s[row.PRED, i] - s[row.PRED, k]) > least + apart * dt:
         return False
@@ -185,23 +200,26 @@ def _crossed(s, i, k, least, dt, age):  # type: ignore[no-untyped-def]
         abs(s[row.TRAVEL, i] - s[row.V, k] * age),
         abs(s[row.TRAVEL, k] - s[row.V, i] * age),
     )
-    return off < 0.2 * apart * age  # obstacles that stop both at once give back at most RESTITUTION of their speeds
+    return (
+        off < EXCHANGED * apart * age
+    )  # obstacles that stop both at once give back at most RESTITUTION of their speeds
 
 
 @njit(cache=True, error_model="numpy")
 def _exchanged(s, c, partner, i, k, dt, age, rare):  # type: ignore[no-untyped-def]
     """Whether joints i and k have stepped to the predictions of each other."""
     dev, least = min(abs(s[row.DEV, i]), abs(s[row.DEV, k])), max(_least(s, i) + _least(s, k), STEP_RAD)
+    hit = partner[i] == k and (_is_hit(s, c, i, k) or _is_hit(s, c, k, i))
     if dev < least:
-        return not rare and partner[i] != k and _crossed(s, i, k, least, dt, age)
+        return not rare and not hit and _crossed(s, i, k, least, dt, age)
     if s[row.DEV, i] * s[row.DEV, k] >= 0.0:
         return False
     if rare and dev < max(_own_reach(s, c, i, dt), _own_reach(s, c, k, dt)):
         return False
-    if partner[i] == k and dev < (1.0 + RESTITUTION) * max(abs(s[row.V, i]), abs(s[row.V, k])) * dt:
+    if hit and dev < (1.0 + RESTITUTION) * max(abs(s[row.V, i]), abs(s[row.V, k])) * dt:
         return False  # an impact on one of them exchanges their speeds, by their common inertia
     ci, ck = s[row.PRED, i] + s[row.DEV, i], s[row.PRED, k] + s[row.DEV, k]
-    if max(abs(ci - s[row.PRED, k]), abs(ck - s[row.PRED, i])) > 0.2 * dev + 0.5 * least:
+    if max(abs(ci - s[row.PRED, k]), abs(ck - s[row.PRED, i])) > EXCHANGED * dev + 0.5 * least:
         return False
     slack = STAYS if rare else SLACK
     return not _misses(s, i, s[row.V, k], age, slack) and not _misses(s, k, s[row.V, i], age, slack)
