@@ -220,22 +220,25 @@ def _steps(s, v, i, asked, p, turned, dt):  # type: ignore[no-untyped-def]
         return s[_STEP, i] != 0.0 and s[_STEP_AGE, i] > STEP_S
     drive = abs(asked - s[_PRESSURE, i]) * min(dt / v[_TAU, i], 1.0)
     s[_DRIVE, i] = max(drive, s[_DRIVE, i] * DRIVE_S / (dt + DRIVE_S))
-    most = STEP_PA + STEP_LAGS * s[_DRIVE, i]
-    if abs(off - before) > most and dt > 0.0:
-        _, per_rad = _displaced(v, i, s[EXPECTED, i], s[_ANGLE, i], 1.0)
-        moved = max(abs(turned), abs(s[_SPEED, i]) * dt)
-        if abs(off - before) > most + STEP_LAGS * per_rad * moved:
-            s[_STEP, i], s[_STEP_AGE, i], s[_BEFORE, i] = off - before, 0.0, before
-        return False
-    if s[_CALM, i] < CALM_S or bend < STEP_SHARE * max(p, s[_PRESSURE, i]):
-        return False
-    most = max(LEAST_STEP_PA, NOISES * s[_NOISE, i]) + STEP_LAGS * s[_DRIVE, i]
-    if bend > most:
-        _, per_rad = _displaced(v, i, s[EXPECTED, i], s[_ANGLE, i], 1.0)
-        turn = max(abs(s[_TURNED, i]), abs(turned - s[_SPEED, i] * dt))
-        if bend > most + STEP_LAGS * per_rad * turn:
-            s[_STEP, i], s[_STEP_AGE, i], s[_BEFORE, i] = off - before, 0.0, before
+    if dt > 0.0 and _is_step(s, v, i, off - before, bend, turned, p, dt):
+        s[_STEP, i], s[_STEP_AGE, i], s[_BEFORE, i] = off - before, 0.0, before
     return False
+
+
+@njit(cache=True, error_model="numpy")
+def _is_step(s, v, i, change, bend, turned, p, dt):  # type: ignore[no-untyped-def]
+    """Whether neither valve nor motion explains the change, or the smaller bend [Pa], of the pressure p [Pa]."""
+    given = STEP_LAGS * s[_DRIVE, i]
+    small = max(LEAST_STEP_PA, NOISES * s[_NOISE, i]) + given
+    if s[_CALM, i] < CALM_S or bend < STEP_SHARE * max(p, s[_PRESSURE, i]):
+        small = math.inf
+    if abs(change) <= STEP_PA + given and bend <= small:
+        return False
+    _, per_rad = _displaced(v, i, s[EXPECTED, i], s[_ANGLE, i], 1.0)
+    moved = max(abs(turned), abs(s[_SPEED, i]) * dt)
+    turn = max(abs(s[_TURNED, i]), abs(turned - s[_SPEED, i] * dt))
+    large = STEP_PA + given + STEP_LAGS * per_rad * moved
+    return abs(change) > large or bend > small + STEP_LAGS * per_rad * turn
 
 
 @njit(cache=True, error_model="numpy")

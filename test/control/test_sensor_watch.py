@@ -154,6 +154,40 @@ def test_an_exchange_where_two_angles_cross_is_found(
         assert found((first, stopped[1])) is None and found((stopped[0], second)) is None
 
 
+@pytest.mark.parametrize(("speed", "other"), [(2.1, 4.8), (-1.0, 0.9), (3.0, -2.6)])
+def test_two_angles_of_a_finger_that_are_exchanged_where_they_cross_are_found(speed: float, other: float) -> None:
+    """Fails when two joints that share inertia hide an exchange, or when what one has hit is taken for it."""
+    print("seed 9")
+    i, k, hit_s = 3, 4, 0.1503
+    t = np.arange(60) * 0.005 - hit_s
+    after = t > 0.0
+    first, second = 0.5 + speed * t, 0.5 + other * t
+    share = {
+        j: float((HAND.row("dynamics.coupling_inertia_kg_m2") / HAND.row("dynamics.inertia_kg_m2"))[j]) for j in (i, k)
+    }
+
+    def found(angles: tuple[Array, Array]) -> tuple[int, int, int] | None:
+        watch, rng = SensorWatch(HAND), np.random.default_rng(9)
+        pressure, position = np.full(len(HAND.joints), 1.5e4), rng.normal(0.1, 1.5e-4, (len(t), len(HAND.joints)))
+        position[:, i] += angles[0] - 0.1
+        position[:, k] += angles[1] - 0.1
+        watch.start(position[0], (position[1] - position[0]) * 200.0, pressure)
+        seen = (watch.check(now, pressure, pressure, pressure, 0.005) for now in position)
+        return next((each[:3] for each in seen if each is not None), None)
+
+    assert found((first, second)) is None
+    assert found((np.where(after, second, first), np.where(after, first, second))) == (ANGLES_SWAPPED, i, k)
+    for back in (0.0, 0.25, 0.5):  # each of the two meets an obstacle, and its impulse changes the other
+        change = -(1.0 + back) * speed * t
+        assert (
+            found((np.where(after, first + change, first), np.where(after, second - share[k] * change, second))) is None
+        )
+        change = -(1.0 + back) * other * t
+        assert (
+            found((np.where(after, first - share[i] * change, first), np.where(after, second + change, second))) is None
+        )
+
+
 def test_a_joint_that_only_dry_friction_damps_is_watched(tmp_path: Path) -> None:
     """Fails when the watch divides by a drag of zero, which dry friction allows, and then believes every step."""
     text = (CONFIG / "hand.yaml").read_text(encoding="utf-8")
