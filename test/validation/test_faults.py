@@ -18,6 +18,42 @@ from validation.results import read_run
 ROOT = Path(__file__).parents[2]
 
 
+FOUND_S = {
+    "angle frozen": 0.1,
+    "angle mirrored": 0.02,
+    "angle negated": 0.02,
+    "angles exchanged": 0.02,
+    "pressure frozen": 0.1,
+    "pressures exchanged": 0.8,
+    "pressure x 0.5": 0.02,
+    "pressure x 2": 0.02,
+    "pressure at 0": 0.02,
+    "converter stuck": 0.02,
+    "supply 6.5 V": 0.01,
+    "valve stuck": 0.4,
+    "angle mirrored, from the start": 0.02,
+    "angle negated, from the start": 0.02,
+    "angles exchanged, from the start": 1.9,
+    "pressures exchanged, from the start": 1.2,
+    "pressure x 0.5, from the start": 1.1,
+    "pressure x 2, from the start": 0.9,
+    "pressure at 0, from the start": 1.3,
+}
+"""Latest time [s] until a fault of the quick form is found. The goal of frozen, mirrored and exchanged angles is 0.3."""
+LARGEST_ERROR_DEG = 10.0
+
+
+def check_figures(found: dict[str, FaultResult]) -> None:
+    """Fail when a fault of a sensor is found later than before, in fewer cases, or after more than 10 degrees."""
+    assert set(found) - {"operation without a fault"} == set(FOUND_S)
+    for hazard, latest_s in FOUND_S.items():
+        result = found[hazard]
+        assert result.worst is not None and result.worst <= LARGEST_ERROR_DEG, (hazard, result.worst)
+        assert result.max_s is not None and result.max_s <= latest_s, (hazard, result.max_s)
+        most_bounded = hazard in ("pressure x 0.5, from the start", "pressure x 2, from the start")
+        assert result.bounded <= most_bounded, (hazard, result.bounded)
+
+
 @pytest.mark.parametrize("family", [name for name in FAMILIES if is_there(name)])
 def test_every_fault_of_the_quick_form_is_handled(family: str) -> None:
     """Fails when an injected fault is not handled as required, or a damaged input passes as good."""
@@ -25,6 +61,8 @@ def test_every_fault_of_the_quick_form_is_handled(family: str) -> None:
     results = run(family, Size.QUICK, SEED)
     assert results
     wrong = {f"{result.family}: {result.hazard}": result for result in results if not result.passed}
+    if family == "sensors":
+        check_figures({result.hazard: result for result in results})
     assert not wrong, {name: result.unhandled for name, result in wrong.items()}
 
 
