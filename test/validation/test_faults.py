@@ -39,7 +39,7 @@ FOUND_S = {
     "pressure x 2, from the start": 0.9,
     "pressure at 0, from the start": 1.3,
 }
-"""Latest time [s] until a fault of the quick form is found. The goal of frozen, mirrored and exchanged angles is 0.3."""
+"""Latest time [s] until a fault of the quick form is found. The goal for angles that change in motion is 0.3 s."""
 LARGEST_ERROR_DEG = 10.0
 
 
