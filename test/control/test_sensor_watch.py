@@ -159,9 +159,10 @@ def test_two_angles_of_a_finger_that_are_exchanged_where_they_cross_are_found(sp
     """Fails when two joints that share inertia hide an exchange, or when what one has hit is taken for it."""
     print("seed 9")
     i, k, hit_s = 3, 4, 0.1503
-    t = np.arange(60) * 0.005 - hit_s
+    t: Array = np.arange(60, dtype=np.float64) * 0.005 - hit_s
     after = t > 0.0
-    first, second = 0.5 + speed * t, 0.5 + other * t
+    first: Array = 0.5 + speed * t
+    second: Array = 0.5 + other * t
     share = {
         j: float((HAND.row("dynamics.coupling_inertia_kg_m2") / HAND.row("dynamics.inertia_kg_m2"))[j]) for j in (i, k)
     }
