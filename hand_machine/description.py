@@ -25,6 +25,8 @@ PARTS = ("supply", "valve", "chamber", "soft_material", "magnetic_sensor", "inpu
 NUMBERS = ("gain", "stiffness", "damping", "inertia")
 """Numbers that a fit may change, each within its own tolerance unless it is exact; the weight only within its own."""
 PRESSURES = ("gauge", "absolute")
+HEADER, SENT = "header", "sent"
+"""What columns.time may name where the columns are numbers of messages: times of headers, or of sending."""
 COLUMN, OF_INPUT = ("column", "scale", "offset"), ("pressure", "delay", "limits")
 """Keys of a column, and those that only the input has."""
 MAX_DELAY_S = 10.0
@@ -63,6 +65,11 @@ class Column:
     delay_s: float = 0.0
     low: float = -math.inf
     high: float = math.inf
+
+    @property
+    def is_of_messages(self) -> bool:
+        """Whether it is a number of the messages of a topic, and not a column of a table."""
+        return self.name.startswith("/")
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,8 +310,33 @@ def _columns(top: Section, imposed: bool) -> dict[str, Column]:
         wanted.remove("input")
     columns = {}
     for name in wanted:
+        if name == "time" and name not in section and _names_topic(section):
+            continue  # messages have times of their own
         columns[name] = _column(section.section(name, COLUMN + (OF_INPUT if name == "input" else ())))
+    _check_sources(section, columns)
     return columns
+
+
+def _names_topic(section: Section) -> bool:
+    return str(section.section("position", COLUMN).raw("column", "the name of a column")).startswith("/")
+
+
+def _check_sources(section: Section, columns: Mapping[str, Column]) -> None:
+    """Refuse columns of a table beside numbers of messages, and times that are neither."""
+    of_messages = columns["position"].is_of_messages
+    for name, column in columns.items():
+        if name == "time":
+            continue
+        if column.is_of_messages != of_messages:
+            raise section.error(
+                name,
+                f"is {column.name!r} and position is {columns['position'].name!r}; either all of them begin with / and"
+                " name numbers of messages, or none does",
+            )
+    if of_messages and "time" in columns and columns["time"].name not in (HEADER, SENT):
+        raise section.error(
+            "time", f"is {columns['time'].name!r}; for messages it must be {HEADER} or {SENT}, or be left out"
+        )
 
 
 def _column(part: Section) -> Column:

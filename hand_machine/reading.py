@@ -1,4 +1,4 @@
-"""Recordings of a machine: columns of a table in SI on a uniform clock; what is wrong is left out and named.
+"""Recordings of a machine: columns in SI on a uniform clock; what is wrong is left out and named.
 
 Faults are found in the readings themselves, before any interpolation: an interpolated gap looks like slow motion, and a
 spike between two samples of the clock would be lost or widened. Times are sorted, repeated ones are dropped.
@@ -11,29 +11,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hand_machine.description import Column, MachineDescription
+from hand_machine.columns import read_columns
+from hand_machine.description import MachineDescription
 from hand_machine.held import find_repeats
 from hand_machine.spikes import find_off_the_motion, find_spikes
-from hand_machine.time_unit import check_time_unit
 from hand_model.arrays import Array, Flags
-from hand_model.effects.effect import ATMOSPHERE_PA
-from hand_recording.interpolation import LONGEST_GAP_PERIODS, bridge, interpolate
+from hand_recording.interpolation import LONGEST_GAP_PERIODS, bridge, in_force, interpolate
 from hand_recording.recording_files import RecordingError
-from hand_recording.signal_files import uniform_clock
-from hand_recording.table_file import Table, read_table
 
-MIN_SAMPLES = 100
-"""Fewest rows of a recording; the last fifth is test data, and no effect can be confirmed on fewer than 20 samples."""
 MAX_MISSING = 0.5
 """Largest share of a column that may be missing, not finite or a spike."""
 AFTER_INPUT_GAP_S = 0.5
 """Time after a gap of the input during which the state that the missing input has left is not evaluated."""
 ROUNDING = 1e-3
 """Share of the period within which two times are the same."""
-IRREGULAR = 0.2
-"""Share of the period by which intervals differ that are called irregular."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,88 +49,38 @@ class Readings:
 
 def read_machine(described: MachineDescription, path: Path) -> Readings:
     """A recording of the machine. Raises RecordingError, one line, for what cannot be used."""
-    table = read_table(path)
-    columns = {name: _column(table, path, column) for name, column in described.columns.items()}
-    time_s, kept, notes = _times(path, described.columns["time"], columns.pop("time"))
-    rows, grid = uniform_clock(path, time_s)
-    notes += _stamp_notes(time_s, rows)
-    time_s = time_s[rows]
-    max_gap = LONGEST_GAP_PERIODS * float(np.median(np.diff(time_s)))
-    notes += _gap_notes(time_s, max_gap)
+    columns, grid, notes = read_columns(described, path)
+    notes += _gap_notes(columns["position"].time_s)
     signals, known = {"input": np.zeros(len(grid))}, np.ones(len(grid), dtype=bool)
-    for name, values in columns.items():
-        readings = values[kept][rows]
-        good, lines = _without_faults(path, name, time_s, readings)
-        good, held, more = _without_repeats(name, readings, good)
+    for name, column in columns.items():
+        good, lines = _without_faults(path, name, column.time_s, column.values)
         late = np.maximum(grid - described.columns[name].delay_s, grid[0])
-        at, longest_s = _snapped(late, time_s[good]), held * max_gap
-        signals[name], read = bridge(interpolate(at, time_s[good], readings[good], longest_s))
+        if column.held:
+            signals[name] = _in_force(late, column.time_s[good], column.values[good])
+            notes += lines
+            continue
+        good, held, more = _without_repeats(name, column.values, good)
+        at, longest_s = _snapped(late, column.time_s[good]), held * _max_gap_s(column.time_s)
+        signals[name], read = bridge(interpolate(at, column.time_s[good], column.values[good], longest_s))
         notes += lines + more
         known &= _settled(read, grid) if name == "input" else read
     return Readings(grid, signals, known, tuple(f"{path.name}: {line}" for line in notes))
 
 
-def _column(table: Table, path: Path, column: Column) -> Array:
-    """A column (n,) in SI."""
-    if column.name not in table.columns:
-        raise RecordingError(f"{path} has no column {column.name!r}; it has: {', '.join(table.columns)}")
-    values = table.columns[column.name]
-    if isinstance(values, list):
-        line, cell = next(
-            (line, cell) for line, cell in zip(table.lines, values, strict=True) if cell and not _is_number(cell)
-        )
-        raise RecordingError(f"{path}: line {line}, column {column.name!r} is {cell!r}; it must be a number")
-    taken_off = ATMOSPHERE_PA if column.pressure == "absolute" else 0.0
-    return np.clip(column.scale * values + column.offset - taken_off, column.low, column.high)
+def _max_gap_s(time_s: Array) -> float:
+    """Longest distance of two readings at the times (n,) [s] that is no gap [s]."""
+    return LONGEST_GAP_PERIODS * float(np.median(np.diff(time_s)))
 
 
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+def _in_force(at_s: Array, time_s: Array, values: Array) -> Array:
+    """The commands (n,) given at the times (n,) that hold at other times (T,); the first one also before it."""
+    return values[np.maximum(in_force(at_s, time_s), 0)]
 
 
-def _times(path: Path, column: Column, time_s: Array) -> tuple[Array, Flags, list[str]]:
-    """Finite times (n,) [s], which rows have one, and lines about those that have none."""
-    finite = np.isfinite(time_s)
-    if finite.sum() < MIN_SAMPLES:
-        raise RecordingError(
-            f"{path} has {finite.sum()} samples; at least {MIN_SAMPLES} are needed; record for longer or faster"
-        )
-    if np.ptp(time_s[finite]) == 0.0:
-        raise RecordingError(
-            f"{path}: column {column.name!r} is constant at {time_s[finite][0]:g}; it must hold rising times"
-        )
-    check_time_unit(path, column, time_s[finite])
-    lost = int((~finite).sum())
-    return time_s[finite], finite, [f"{lost} rows without a time; left out"] if lost else []
-
-
-def _stamp_notes(time_s: Array, rows: NDArray[np.intp]) -> list[str]:
-    """Lines about times (n,) [s] that are out of order, repeated or irregular. rows: those that are kept."""
-    notes = []
-    back = int((np.diff(time_s) < 0.0).sum())
-    if back:
-        notes.append(f"times go back at {back} rows; sorted")
-    if len(rows) < len(time_s):
-        notes.append(f"{len(time_s) - len(rows)} repeated times; the first row of each is kept")
-    intervals = np.diff(time_s[rows])
-    period = float(np.median(intervals))
-    uneven = float(np.mean(np.abs(intervals - period) > IRREGULAR * period))
-    if uneven > IRREGULAR:
-        notes.append(
-            f"{uneven:.0%} of its intervals differ from their median by more than {IRREGULAR:.0%};"
-            f" interpolated every {period:.4g} s"
-        )
-    return notes
-
-
-def _gap_notes(time_s: Array, max_gap_s: float) -> list[str]:
+def _gap_notes(time_s: Array) -> list[str]:
     """A line about the stretches without any row."""
     intervals = np.diff(time_s)
-    gaps = np.flatnonzero(intervals > max_gap_s)
+    gaps = np.flatnonzero(intervals > _max_gap_s(time_s))
     if not len(gaps):
         return []
     longest = int(gaps[np.argmax(intervals[gaps])])

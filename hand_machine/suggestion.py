@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from hand_machine.message_suggestion import suggest_messages
 from hand_machine.time_unit import AS_YAML, SECONDS, named_time_unit
 from hand_model.arrays import Array
+from hand_recording.message_numbers import is_recording
 from hand_recording.recording_files import RecordingError
 from hand_recording.table_file import read_table
 
@@ -58,10 +60,12 @@ class Suggested:
 
 
 def suggest_map(path: Path) -> str:
-    """The section `columns` of a machine file for a table, with the reasons as comments.
+    """The section `columns` of a machine file for a table or a recording of topics, with the reasons as comments.
 
     Raises RecordingError, one line, for what cannot be read and for a table without a column of times.
     """
+    if is_recording(path):
+        return suggest_messages(path)
     columns = {name: values for name, values in read_table(path).numbers.items() if np.isfinite(values).any()}
     time = _time(path, columns)
     moving = {name: values for name, values in columns.items() if name != time.column and np.nanstd(values) > 0.0}
