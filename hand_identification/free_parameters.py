@@ -155,6 +155,8 @@ def _free_parameters(effect: Effect, keys: Sequence[str], nominal: Array) -> lis
         centre = (bound.neutral or 0.0) * bound.scale if own else nominal[row]
         if key in effect.expected and bound.neutral is not None and nominal[row] == bound.neutral * bound.scale:
             centre = effect.expected[key] * bound.scale
+        if key == effect.scanned:
+            centre = nominal[row]
         missing = _size_if_absent(effect, key, nominal)
         if missing:
             free.append(FreeParameter(row, nominal[row], missing, False, low, high))

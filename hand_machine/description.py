@@ -20,7 +20,10 @@ KEYS = (
     *("controller", "recordings", "reference_temperature", "derivative_window", "effects", "sizes"),
 )
 COLUMNS = ("time", "input", "position", "force")
-PARTS = ("supply", "valve", "chamber", "soft_material", "magnetic_sensor", "input_sensor", "force_sensing_resistor")
+PARTS = (
+    *("supply", "valve", "chamber", "soft_material", "magnetic_sensor", "input_sensor", "force_sensing_resistor"),
+    "motor",
+)
 """What the key `has` may state (NEEDS of hand_model/effects/effect.py); the rest follows from the other keys."""
 NUMBERS = ("gain", "stiffness", "damping", "inertia")
 """Numbers that a fit may change, each within its own tolerance unless it is exact; the weight only within its own."""
@@ -31,6 +34,8 @@ COLUMN, OF_INPUT = ("column", "scale", "offset"), ("pressure", "delay", "limits"
 """Keys of a column, and those that only the input has."""
 MAX_DELAY_S = 10.0
 CONTROLLER = ("stiffness", "damping")
+CONTROLLED = ("position", "speed")
+"""What the input of a controller commands."""
 NUMBER = ("value", "exact", "tolerance")
 WARM = ("gain", "stiffness", "damping")
 """Numbers that may depend on the temperature of a recording."""
@@ -44,6 +49,7 @@ EFFECT = ("value", "std", "unit")
 SIZES = ("force", "position", "input")
 LARGEST, SMALLEST_GAIN = 1e12, 1e-12
 """Bounds of every number of the file, in SI."""
+TIME_CONSTANT_S = (1e-5, 100.0)
 DERIVATIVE_WINDOW_S = (1e-4, 10.0)
 SMALLEST_TOLERANCE = 1e-6
 """Least relative tolerance; a number that is known better is exact."""
@@ -86,7 +92,8 @@ class MachineDescription:
     recordings: numbers of OWN_NUMBERS by the name of a recording's file, those that it has.
     per_kelvin: relative change of numbers of WARM [1/K] from reference_c [deg C] on.
     sizes: force, position and input [SI] to which the fit that found them was scaled; None: as the recordings ask.
-    controller: stiffness and damping of a position controller, which the numbers above contain; empty without one.
+    controller: stiffness and damping of a controller, which the numbers above contain; empty without one.
+    of_speed: whether it follows a command of the speed and not of the position.
     derivative_window_s: over which an imposed motion is differentiated; None: as the recordings ask.
     """
 
@@ -109,6 +116,12 @@ class MachineDescription:
     reference_c: float
     derivative_window_s: float | None = None
     controller: Mapping[str, float] = field(default_factory=dict)
+    of_speed: bool = False
+
+    @property
+    def per_integral(self) -> float:
+        """Input [-] that adds to that of a speed controller per integral of its command [1/s]; 0 for others."""
+        return self.controller["stiffness"] / self.controller["damping"] if self.of_speed else 0.0
 
     def warmth(self, recording: Path) -> dict[str, float]:
         """Factors [-] of the numbers that the temperature of a recording changes. Raises DescriptionError below 0."""
@@ -151,7 +164,7 @@ def load_description(path: Path) -> MachineDescription:
     controller = _controller(top, imposed=imposed)
     least = {"gain": (SMALLEST_GAIN, 1.0 if imposed or controller else None)}
     read = {key: _number(top, key, *least.get(key, (0.0, 0.0))) for key in NUMBERS}
-    read |= _under_control(read, controller)
+    read |= _under_control(read, controller, of_speed=_of_speed(top))
     read["weight"] = _number(top, "weight", 0.0, 0.0, largest=0.0 if linear else LARGEST)
     return MachineDescription(
         path,
@@ -167,6 +180,7 @@ def load_description(path: Path) -> MachineDescription:
         sizes=_sizes(top),
         derivative_window_s=_derivative_window_s(top),
         controller=controller,
+        of_speed=_of_speed(top),
         per_kelvin={key: _per_kelvin(top, key) for key in WARM if _has_per_kelvin(top, key)},
         reference_c=top.number("reference_temperature", COLDEST_C, HOTTEST_C, ROOM_C),
     )
@@ -236,24 +250,43 @@ def _controller(top: Section, *, imposed: bool) -> dict[str, float]:
         raise top.error("controller", "moves the axis and contradicts imposed: true; give one of them")
     if "gain" in top:
         raise top.error("gain", "follows from controller.stiffness; leave it out")
-    section = top.section("controller", CONTROLLER)
-    return {
-        "stiffness": section.number("stiffness", SMALLEST_GAIN, LARGEST),
-        "damping": section.number("damping", 0.0, LARGEST, 0.0),
-    }
+    section = top.section("controller", ("of", *CONTROLLER, "time_constant"))
+    if not _of_speed(top):
+        if "time_constant" in section:
+            raise section.error("time_constant", "is that of a drive with of: speed; give stiffness and damping")
+        stiffness = section.number("stiffness", SMALLEST_GAIN, LARGEST)
+        return {"stiffness": stiffness, "damping": section.number("damping", 0.0, LARGEST, 0.0)}
+    stiffness = section.number("stiffness", 0.0, LARGEST, 0.0)
+    if "time_constant" not in section:
+        return {"stiffness": stiffness, "damping": section.number("damping", SMALLEST_GAIN, LARGEST)}
+    if "damping" in section:
+        raise section.error("damping", "follows from time_constant and inertia; give one of them")
+    inertia = _number(top, "inertia", 0.0, 0.0)[0]
+    if inertia == 0.0:
+        raise section.error("time_constant", "needs an inertia above 0")
+    return {"stiffness": stiffness, "damping": inertia / section.number("time_constant", *TIME_CONSTANT_S)}
+
+
+def _of_speed(top: Section) -> bool:
+    """Whether a controller follows a command of the speed."""
+    if "controller" not in top:
+        return False
+    section = top.section("controller", ("of", *CONTROLLER, "time_constant"))
+    return "of" in section and section.choice("of", list(CONTROLLED)) == "speed"
 
 
 def _under_control(
-    read: Mapping[str, tuple[float, float | None]], controller: Mapping[str, float]
+    read: Mapping[str, tuple[float, float | None]], controller: Mapping[str, float], *, of_speed: bool
 ) -> dict[str, tuple[float, float | None]]:
-    """Numbers of an axis with a position controller: force = stiffness (command - position) - damping speed.
+    """Numbers of an axis with a controller. Of a position: force = stiffness (command - position) - damping speed.
 
-    The controller's own numbers are exact; a tolerance of the axis becomes one of the sum. Where the axis has none, the
+    Of a speed: force = damping (command - speed), and stiffness times the integral of the same difference. The
+    controller's own numbers are exact; a tolerance of the axis becomes one of the sum. Where the axis has none, the
     sum has that of every number: friction of the axis is part of it.
     """
     if not controller:
         return {}
-    found: dict[str, tuple[float, float | None]] = {"gain": (controller["stiffness"], 0.0)}
+    found: dict[str, tuple[float, float | None]] = {"gain": (controller["damping" if of_speed else "stiffness"], 0.0)}
     for name in CONTROLLER:
         own, tolerance = read[name]
         total = own + controller[name]
@@ -322,7 +355,7 @@ def _names_topic(section: Section) -> bool:
 
 
 def _check_sources(section: Section, columns: Mapping[str, Column]) -> None:
-    """Refuse columns of a table beside numbers of messages, and times that are neither."""
+    """Refuse columns of a table together with numbers of messages, and times that are neither."""
     of_messages = columns["position"].is_of_messages
     for name, column in columns.items():
         if name == "time":

@@ -39,8 +39,15 @@ GAIN_OVER_TRAVEL = 0.05
 """Relative standard deviation of the gain at one end of the travel from that at the other (area, lever, winding)."""
 WARMING_S = 600.0
 """Shortest recording in which a machine may warm up or age: the shortest short-time duty of IEC 60034-1 (S2)."""
+FLUID = ("supply", "valve", "chamber")
+"""Parts of a machine with a fluid: its input is a pressure, and the lag between both is that of a tube."""
 LEAST_DAMPING, LEAST_STIFFNESS, LEAST_INERTIA = 1e-4, 1e-6, 1e-9
 """Of a finger [N m s/rad, N m/rad, kg m^2], where the file gives none: too small to see, enough to start a fit from."""
+CONTROLLED = {
+    "stiffness": ROW["drive_saturation.stiffness_nm_per_rad"],
+    "damping": ROW["drive_saturation.damping_nm_s_per_rad"],
+}
+"""Rows of the numbers of a position controller, whose torque is limited with that of the input."""
 WITHOUT_PART = {
     "valve.dead_time_s": 0.005,
     "valve.time_constant_s": 0.05,
@@ -202,6 +209,8 @@ def _model(described: MachineDescription, scales: Scales, longest_s: float, unit
     parameters = np.array([(p.neutral or 0.0) * p.scale for p in JOINT_PARAMETERS])
     for key, value in (WITHOUT_PART | own).items():
         parameters[ROW[key]] = value
+    for name in described.controller:
+        parameters[CONTROLLED[name]] = described.controller[name] * scale
     put_effects(described, units, parameters)
     return AxisModel(
         described.path,
@@ -228,6 +237,9 @@ def _lacks(described: MachineDescription, longest_s: float) -> frozenset[str]:
     has |= set() if described.linear else {"rotation"}
     has |= {"force_sensor"} if described.imposed else set()
     has |= {"long_recording"} if longest_s >= WARMING_S else set()
+    has |= {"two_clocks"} if "input_sensor" in has else set()
+    has |= {"fluid"} if not has.isdisjoint(FLUID) else {"drive"} if "input" in described.columns else set()
+    has |= {"one_axis"}
     return frozenset(NEEDS) - has
 
 

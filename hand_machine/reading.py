@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from hand_machine.columns import read_columns
 from hand_machine.description import MachineDescription
@@ -64,7 +65,14 @@ def read_machine(described: MachineDescription, path: Path) -> Readings:
         signals[name], read = bridge(interpolate(at, column.time_s[good], column.values[good], longest_s))
         notes += lines + more
         known &= _settled(read, grid) if name == "input" else read
+    if described.per_integral > 0.0:
+        signals["input"] = signals["input"] + described.per_integral * _integral(grid, signals)
     return Readings(grid, signals, known, tuple(f"{path.name}: {line}" for line in notes))
+
+
+def _integral(grid: Array, signals: Mapping[str, Array]) -> Array:
+    """Where the commands of the speed (T,) lead from the first position [m or rad], with which the integral begins."""
+    return signals["position"][0] + cumulative_trapezoid(signals["input"], grid, initial=0.0)
 
 
 def _max_gap_s(time_s: Array) -> float:

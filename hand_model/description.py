@@ -18,6 +18,7 @@ from hand_model.description_checks import (
     check_rates,
     check_stops,
 )
+from hand_model.effects.effect import OTHER_MACHINES
 from hand_model.geometry import Geometry
 from hand_model.geometry_description import read_geometry
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STEP_S
@@ -102,8 +103,8 @@ class Hand:
 
     @property
     def lacks(self) -> frozenset[str]:
-        """What effects may need and the hand does not have: nothing, the catalogue is that of the hand."""
-        return frozenset()
+        """What effects may need and the hand does not have: what belongs to other machines."""
+        return OTHER_MACHINES
 
     @property
     def tolerances(self) -> Mapping[str, float]:

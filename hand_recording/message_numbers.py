@@ -122,7 +122,7 @@ def _split(path: Path, name: str) -> tuple[str, ...]:
     found = PATH.fullmatch(name)
     if found is None:
         raise RecordingError(
-            f"{path}: {name!r} is no number of a message; write /topic.field or /topic.field[element],"
+            f"{path}: {name!r} is not a number of a message; write /topic.field or /topic.field[element],"
             " for example /joint_states.position[elbow]"
         )
     return tuple(f".{field}" if field else element for field, element in PART.findall(found["parts"]))
@@ -223,7 +223,7 @@ class _Clock:
         """What it showed [ns] at times of sending (n,) [ns]."""
         sent, shown = np.array(self.sent_ns), np.array(self.shown_ns)
         passed = np.interp((sent_ns - sent[0]).astype(float), (sent - sent[0]).astype(float), shown - shown[0])
-        return shown[0] + np.rint(passed).astype(np.int64)
+        return np.asarray(shown[0] + np.rint(passed), dtype=np.int64)
 
 
 def _nanoseconds(time: Any) -> int:

@@ -23,7 +23,7 @@ from hand_identification.joint_problem import FLOOR, JointProblem, Segment
 from hand_identification.map_fit import MapFit, correlation_s, map_fit
 from hand_model.arrays import Array
 from hand_model.effects import CATALOGUE, EFFECTS
-from hand_model.effects.effect import INFLOW, NEIGHBOUR, PARTNER, Effect
+from hand_model.effects.effect import INFLOW, NEIGHBOUR, OTHER_MACHINES, PARTNER, Effect
 from hand_model.joint_model import JointModel
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_recording.signals import Signals, derivatives
@@ -49,8 +49,10 @@ def _is_possible(effect: Effect, model: JointModel) -> bool:
 
 
 def effects_not_offered(model: JointModel) -> list[str]:
-    """A line about the effects that cannot exist on a machine."""
-    names = [effect.name for effect in CATALOGUE if effect.keys and not _is_possible(effect, model)]
+    """A line about the effects that cannot exist on a machine. Those of other machines are no part of a hand's."""
+    foreign = OTHER_MACHINES if model.lacks >= OTHER_MACHINES else frozenset()
+    own = [effect for effect in CATALOGUE if effect.keys and foreign.isdisjoint(effect.needs)]
+    names = [effect.name for effect in own if not _is_possible(effect, model)]
     return [f"effects that this machine cannot have are not offered: {', '.join(names)}"] if names else []
 
 

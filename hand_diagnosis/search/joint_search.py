@@ -16,6 +16,7 @@ from hand_diagnosis.problem import fitted_rmse, log_evidence, validation_rmse
 from hand_diagnosis.search.completion import completed, learned_below_floor, refit_below_floor, restarted
 from hand_diagnosis.search.hypotheses import Hypothesis, amounts, fit_roughly, judged, promising, refined
 from hand_diagnosis.search.laws import begin_law, learn_law, training_evidence, white_part, with_nominal_numbers_of
+from hand_diagnosis.search.turns import with_periods
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import shape_driving
 from hand_identification.free_parameters import FreeParameter, merged
@@ -120,6 +121,7 @@ def search_joint(
     laws: whether laws are learned; without, only textbook forms are fitted, which is several times as fast.
     """
     nominal = _driven_by_own_valve(problem, map_fit(problem, base, start, SETTINGS.nominal_iterations))
+    problem = with_periods(problem, nominal, effects)
     found = JointSearch(problem, nominal, log_evidence(problem, nominal), laws=laws)
     current, evidence = nominal, found.nominal_evidence
     left = list(effects)

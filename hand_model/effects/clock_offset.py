@@ -12,6 +12,7 @@ from hand_model.kernel.plant_rows import Parameter
 EFFECT = Effect(
     name="clock_offset",
     place="timing",
+    needs=("two_clocks",),
     parameters=(
         Parameter("clock_offset.offset_s", -0.2, 0.2, "stamp of pressures minus that of angles", 1.0, 0.0, 0.01),
         Parameter(

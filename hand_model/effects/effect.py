@@ -87,6 +87,7 @@ NEEDS: dict[str, str] = {
     "supply": "a supply that several valves share",
     "valve": "a valve between set-point and pressure",
     "chamber": "a chamber with a fluid",
+    "fluid": "a fluid between supply and joint",
     "soft_material": "soft material, as silicone or rubber",
     "other_joint": "a neighbouring joint",
     "rotation": "an axis that turns",
@@ -95,8 +96,13 @@ NEEDS: dict[str, str] = {
     "force_sensor": "a measured force",
     "force_sensing_resistor": "a force-sensing resistor",
     "long_recording": "a recording of at least ten minutes",
+    "two_clocks": "signals that are stamped by clocks of their own",
+    "one_axis": "a machine of one axis other than a hand",
+    "drive": "a drive without a fluid, whose input is a command",
+    "motor": "an electric motor or a gear",
 }
-"""What an effect may need of a machine. A hand has all of it."""
+"""What an effect may need of a machine. A hand has all of it but OTHER_MACHINES."""
+OTHER_MACHINES = frozenset(("one_axis", "drive", "motor"))
 HOOKS: dict[str, tuple[str, ...]] = {
     "prepare": ("h",),
     "set_point": ("u", "p", "e", "h"),
@@ -151,6 +157,7 @@ class Effect:
     expected: prior mean, in the key's unit, of a key whose neutral value is out of reach.
     absent: typical size, in the key's unit, of a number of the plain plant that a machine may lack: far below it, the
     prior is linear, and factors of probes act on it.
+    scanned: the key of a period that is found in the data before the search; "" for none.
     shape: keys that set where, when or in which form the effect acts and not its size.
     says: a sentence in whose braces stand the last parts of keys, which a report replaces by number and unit, or WORDS.
     experiments: excitations that show it, the best first.  doc: what it is.  source: where the equations come from.
@@ -184,6 +191,7 @@ class Effect:
     meets_others: bool = False
     constitution: Constitution | None = None
     needs: tuple[str, ...] = ()
+    scanned: str = ""
 
     def __post_init__(self) -> None:
         """Refuse what does not fit together."""

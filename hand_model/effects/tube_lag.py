@@ -77,6 +77,7 @@ _ADDED = tuple(
 EFFECT = Effect(
     name="tube_lag",
     place="fluid",
+    needs=("fluid",),
     parameters=(
         Parameter("tube_lag.time_constant_s", 0.0, 1.0, "from the sensor to the actuator", 1.0, 0.0, 0.03),
         Parameter("tube_lag.second", 0.0, 0.5, "share of a second volume in it", 1.0, 0.0, 0.1),

@@ -51,6 +51,7 @@ STANDSTILL_RAD_S = 0.02
 """Speed below which friction of a machine with imposed motion acts in part only."""
 _SIZE = WORK * LANES
 _DEAD, _CLOCK, _SHARE = ROW["valve.dead_time_s"], ROW["clock_offset.offset_s"], ROW["clock_offset.share"]
+_COMMAND = ROW["command_delay.dead_time_s"]
 _J, _JC = ROW["dynamics.inertia_kg_m2"], ROW["dynamics.coupling_inertia_kg_m2"]
 
 
@@ -117,7 +118,7 @@ def _deliver_part(w, u, k, dt, late, steps):  # type: ignore[no-untyped-def]
 def _measure(w, reading, at, finer, late, dt):  # type: ignore[no-untyped-def]
     """Measured pressure at the position `at` in samples, each lane by its own clock."""
     for i in range(LANES):
-        w[INPUT, i] = _between(reading, finer * (at + (w[_CLOCK, i] - late) / dt))
+        w[INPUT, i] = _between(reading, finer * (at + (w[_CLOCK, i] - w[_COMMAND, i] - late) / dt))
 
 
 def _stages(hooks: Hooks) -> dict[str, Any]:

@@ -238,7 +238,7 @@ def test_messages_that_do_not_decode_are_named(tmp_path: Path, motion: tuple[np.
         ({"position": "/joint_states.angle[elbow]"}, "with the fields header, name, position, velocity, effort and no"),
         ({"position": "/joint_states.velocity[elbow]"}, "its list has 0 elements, numbered from 0, and no .elbow."),
         ({"position": "/joint_states.position"}, "the path ends at a list of 2"),
-        ({"position": "/joint_states"}, "is no number of a message; write /topic.field"),
+        ({"position": "/joint_states"}, "is not a number of a message; write /topic.field"),
         ({"input": "/effort_controller/commands.data[2]"}, "its list has 2 elements, numbered from 0, and no .2."),
         ({"input": "/effort_controller/commands.data[x]"}, "the message names no elements, only numbers count"),
         ({"input": "/effort_controller/commands.layout.data_offset[0]"}, "follows a int, which is no list"),

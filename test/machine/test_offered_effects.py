@@ -14,7 +14,7 @@ from hand_machine.description import PARTS
 from hand_machine.machine import AxisModel, load_machine
 from hand_model.description import load_hand
 from hand_model.effects import CATALOGUE, EFFECTS
-from hand_model.effects.effect import NEEDS
+from hand_model.effects.effect import NEEDS, OTHER_MACHINES
 from hand_model.kernel.rows import ROW
 from hand_model.yaml_loader import DescriptionError
 from hand_recording.installed import default_model
@@ -77,6 +77,12 @@ def test_each_need_offers_its_effects(tmp_path: Path) -> None:
     for part in PARTS:
         found = offered(model(tmp_path, 30.0, motion="rotary", has=[part]))
         assert found >= {effect.name for effect in CATALOGUE if effect.keys and effect.needs == (part,)}, part
+    fluid = {"tube_lag", "leak"}
+    drive = {"drive_lag", "drive_saturation", "command_delay"}
+    assert offered(model(tmp_path, 30.0)) & (fluid | drive) == drive
+    assert offered(model(tmp_path, 30.0, has=["chamber"])) & (fluid | drive) == fluid
+    assert "clock_offset" in offered(model(tmp_path, 30.0, has=["input_sensor"]))
+    assert not {"clock_offset", "cogging"} & offered(model(tmp_path, 30.0))
     forced = COLUMNS | {"force": {"column": "u"}}
     assert "fsr_gain" in offered(model(tmp_path, 30.0, imposed=True, inertia=0.0, columns=forced))
     everything = replace(model(tmp_path, 30.0), lacks=frozenset())
@@ -84,9 +90,11 @@ def test_each_need_offers_its_effects(tmp_path: Path) -> None:
 
 
 def test_a_hand_has_every_effect() -> None:
-    """Fails when an effect of the hand is no longer offered, or an effect needs what no machine can state."""
+    """Fails when an effect of the hand is no longer offered, one of other machines is, or nothing can state a need."""
     hand = load_hand(default_model())
-    assert {effect.name for effect in effects_without([], hand)} == {name for name, e in EFFECTS.items() if e.keys}
+    own = {name for name, e in EFFECTS.items() if e.keys and OTHER_MACHINES.isdisjoint(e.needs)}
+    assert {effect.name for effect in effects_without([], hand)} == own
+    assert len(own) == len([e for e in CATALOGUE if e.keys]) - 5
     assert effects_not_offered(hand) == []
     assert {need for effect in CATALOGUE for need in effect.needs} == set(NEEDS)
 

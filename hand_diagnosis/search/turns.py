@@ -1,0 +1,78 @@
+"""Periods over the angle that the motion shows, for effects that repeat: found before the search, by a periodogram.
+
+The torque that a model lacks for the recorded motion does not depend on how the axis answers to it, as its angle does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hand_identification.joint_problem import FORCE, JointProblem
+from hand_identification.map_fit import MapFit
+from hand_model.arrays import Array
+from hand_model.effects.effect import ACCELERATION, SPEED, Effect
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
+
+FEWEST_TURNS, MOST_TURNS = 2.0, 4096.0
+"""Repetitions over the range of the angle that are looked for."""
+PADDING = 8
+"""Lines of the periodogram in one repetition over the range."""
+SAMPLES_A_TURN = 4.0
+"""Least number of samples in a repetition at the usual speed."""
+STILL = 0.05
+"""Speed, in its standard deviations, around which the direction of motion changes."""
+
+
+def with_periods(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> JointProblem:
+    """The problem with the period of every effect that is to be found in the data, as its nominal number."""
+    wanted = [ROW[effect.scanned] for effect in effects if effect.scanned]
+    wanted = [row for row in wanted if problem.nominal[row] == JOINT_PARAMETERS[row].neutral_si]
+    period = period_of_torque(problem, fit) if wanted else 0.0
+    if period <= 0.0:
+        return problem
+    nominal = problem.nominal.copy()
+    nominal[wanted] = period
+    return replace(problem, nominal=nominal)
+
+
+def period_of_torque(problem: JointProblem, fit: MapFit) -> float:
+    """The period [rad] of the angle with the largest harmonic in the torque that a fit lacks; 0 where none is seen."""
+    columns, starts = problem.columns(fit.free, fit.z[None])
+    predicted = replace(problem, driven=True).predict(columns, starts)
+    angles, lacking, steps = [], [], []
+    for segment, outputs in zip(problem.segments, predicted, strict=True):
+        left = segment.measured[FORCE] - outputs[0, FORCE] if problem.driven else outputs[0, FORCE]
+        angle = segment.angle_rad
+        x, v, a = (part / max(float(np.std(part)), 1e-300) for part in _motion(angle, segment.exogenous))
+        known = segment.known & np.isfinite(left)
+        around = np.column_stack([np.ones_like(x), x, x * x, x**3, v, np.tanh(v / STILL), a])[known]
+        if known.sum() < 2 * around.shape[1]:
+            continue
+        rest = left[known] - around @ np.linalg.lstsq(around, left[known], rcond=1e-9)[0]
+        angles.append(angle[known])
+        lacking.append(np.clip(rest, *np.quantile(rest, (0.01, 0.99))))
+        steps.append(np.abs(np.diff(angle)))
+    if not angles:
+        return 0.0
+    return _strongest(np.concatenate(angles), np.concatenate(lacking), float(np.median(np.concatenate(steps))))
+
+
+def _motion(angle: Array, exogenous: Array) -> tuple[Array, Array, Array]:
+    return angle, exogenous[:, SPEED], exogenous[:, ACCELERATION]
+
+
+def _strongest(angle: Array, values: Array, step: float) -> float:
+    """The period [rad] of values (n,) over angles (n,) [rad] with the largest line; step: between samples [rad]."""
+    span = float(np.ptp(angle))
+    most = min(MOST_TURNS, span / max(SAMPLES_A_TURN * step, 1e-12))
+    if span <= 0.0 or most <= FEWEST_TURNS:
+        return 0.0
+    bins = 2 ** int(np.ceil(np.log2(8.0 * most)))
+    places = np.minimum((bins * (angle - angle.min()) / span).astype(np.int64), bins - 1)
+    power = np.abs(np.fft.rfft(np.bincount(places, values, bins), PADDING * bins))
+    turns = np.arange(len(power)) / PADDING
+    inside = (turns >= FEWEST_TURNS) & (turns <= most)
+    return span / float(turns[inside][int(np.argmax(power[inside]))]) if inside.any() else 0.0

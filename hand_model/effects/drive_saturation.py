@@ -1,0 +1,51 @@
+"""The torque of the drive is limited, as by the current of a motor: what is asked beyond it is lost."""
+
+from __future__ import annotations
+
+from hand_model.effects.constitution import Constitution
+from hand_model.effects.effect import Effect
+from hand_model.kernel.inline import inline
+from hand_model.kernel.plant_rows import Parameter
+
+OFF_NM = 1e3
+"""A limit beyond any torque of the model."""
+
+
+@inline
+def torque(q, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
+    """What the limit takes off the torque of the drive: that of the input, less that of a position controller."""
+    limit, stiffness, damper, per_pa, per_pa_rad = q
+    asked = (per_pa + per_pa_rad * phi) * p - stiffness * phi - damper * omega
+    kept = min(max(asked, -limit), limit)
+    return kept - asked, 0.0 if kept == asked else -stiffness
+
+
+EFFECT = Effect(
+    name="drive_saturation",
+    place="joint",
+    needs=("drive",),
+    parameters=(
+        Parameter("drive_saturation.limit_nm", 1e-5, OFF_NM, "largest torque of the drive", 1.0, OFF_NM),
+        Parameter("drive_saturation.stiffness_nm_per_rad", 0.0, 1e6, "of a position controller", 1.0, 0.0),
+        Parameter("drive_saturation.damping_nm_s_per_rad", 0.0, 1e6, "of a position controller", 1.0, 0.0),
+    ),
+    reads=("statics.a2_nm_per_pa", "statics.a3_nm_per_pa_rad"),
+    hooks={"torque": torque},
+    keys=("drive_saturation.limit_nm",),
+    probes=tuple((limit,) for limit in (0.43, 0.35, 0.25, 0.15, 0.08, 0.04, 0.02, 0.01)),
+    spread={"drive_saturation.limit_nm": 1.5},
+    expected={"drive_saturation.limit_nm": 0.2},
+    shape=("drive_saturation.limit_nm",),
+    says="the drive gives no more {torque} than {limit_nm}",
+    experiments=("steps", "chirp"),
+    doc="The drive is limited in torque or current; what the input asks beyond the limit has no effect.",
+    source="Kiam Heong Ang et al., IEEE Trans. Control Systems Technology 13(4), 2005, actuator saturation",
+    constitution=Constitution(
+        acts_on="torque of the drive",
+        sign="as asked, up to a limit",
+        passive=True,
+        monotone="rises with what is asked and then stays",
+        over=("pressure", "angle", "speed"),
+        source="Khalil, Nonlinear Systems, 2002, sector nonlinearities",
+    ),
+)
