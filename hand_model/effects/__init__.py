@@ -32,6 +32,7 @@ ORDER: tuple[str, ...] = (
     "end_stop",
     "gravity",
     "cogging",
+    "gear_elasticity",
     "added_inertia",
     "joint_coupling",
     "contact",
