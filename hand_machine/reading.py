@@ -72,7 +72,7 @@ def read_machine(described: MachineDescription, path: Path) -> Readings:
 
 def _integral(grid: Array, signals: Mapping[str, Array]) -> Array:
     """Where the commands of the speed (T,) lead from the first position [m or rad], with which the integral begins."""
-    return signals["position"][0] + cumulative_trapezoid(signals["input"], grid, initial=0.0)
+    return np.asarray(signals["position"][0] + cumulative_trapezoid(signals["input"], grid, initial=0.0))
 
 
 def _max_gap_s(time_s: Array) -> float:
