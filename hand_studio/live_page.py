@@ -12,7 +12,7 @@ import numpy as np
 from hand_client.node import HandClient, NoHandError
 from hand_model.description import Hand
 from hand_model.kernel.closed_loop import loops
-from hand_model.kernel.open_loop import OPEN_EFFECTS
+from hand_model.kernel.open_loop import HAND_EFFECTS
 from hand_studio.hand_view import HandView
 from hand_studio.inbox import Inbox, Request
 from hand_studio.live_model import LiveModel
@@ -85,7 +85,7 @@ class LivePage:
                 recorder.stop()
 
     def _compile(self) -> None:
-        loops(OPEN_EFFECTS)  # seconds where it was never done on this machine
+        loops(HAND_EFFECTS)  # seconds where it was never done on this machine
         self._compiled.set()
 
     def check(self) -> None:

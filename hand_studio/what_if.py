@@ -12,7 +12,7 @@ import viser
 from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.effects import EFFECTS
-from hand_model.kernel.open_loop import OPEN_EFFECTS
+from hand_model.kernel.open_loop import HAND_EFFECTS
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_model.quantities import HAND
 
@@ -21,7 +21,7 @@ WITHOUT_MOTION = ("force_sensor", "timing")
 ALL = "all joints"
 STEPS = 200
 PARAMETERS = {parameter.key: parameter for parameter in JOINT_PARAMETERS}
-CHOICES = tuple(effect.name for effect in OPEN_EFFECTS if effect.keys and effect.place not in WITHOUT_MOTION)
+CHOICES = tuple(effect.name for effect in HAND_EFFECTS if effect.keys and effect.place not in WITHOUT_MOTION)
 """Effects that can be tried."""
 
 

@@ -10,7 +10,7 @@ from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.kernel.closed_loop import ClosedLoop
 from hand_model.kernel.layout import PHI
-from hand_model.kernel.open_loop import OPEN_EFFECTS
+from hand_model.kernel.open_loop import HAND_EFFECTS
 from hand_sim.offline import Measured, initial_state
 
 
@@ -48,7 +48,7 @@ def begin(hand: Hand, parameters: Array, window: Window, state: Array | None = N
         velocity = np.gradient(window.angle_rad, window.period_s, axis=0)
         measured = Measured(stamps, window.angle_rad, velocity, window.pressure_pa)
         state = initial_state(replace(hand, parameters=parameters), measured)
-    loop = ClosedLoop(parameters[None], hand.partner, state[None], window.period_s, effects=OPEN_EFFECTS)
+    loop = ClosedLoop(parameters[None], hand.partner, state[None], window.period_s, effects=HAND_EFFECTS)
     loop.hold_history(window.set_point_pa[:1])
     return loop
 

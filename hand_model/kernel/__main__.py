@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 
 from hand_model.kernel.closed_loop import loops
-from hand_model.kernel.open_loop import OPEN_EFFECTS, compile_loop
+from hand_model.kernel.open_loop import HAND_EFFECTS, compile_loop
 
 
 def main() -> None:
@@ -19,8 +19,8 @@ def main() -> None:
         description="Compile the common loops of the kernel into the cache. Example: python -m hand_model.kernel",
     ).parse_args()
     loops(())
-    loops(OPEN_EFFECTS)
-    compile_loop(OPEN_EFFECTS)
+    loops(HAND_EFFECTS)
+    compile_loop(HAND_EFFECTS)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ import numpy as np
 from hand_model.arrays import Array
 from hand_model.compile_cache import carray, njit, prange
 from hand_model.effects import CATALOGUE
-from hand_model.effects.effect import ACCELERATION, ANGLE, PARTNER, SPEED, Effect
+from hand_model.effects.effect import ACCELERATION, ANGLE, OTHER_MACHINES, PARTNER, SPEED, Effect
 from hand_model.kernel.compiled import specialise, stack_doubles
 from hand_model.kernel.hooks import Hooks, compose, equations_key, has_laws
 from hand_model.kernel.inline import FAST, inline
@@ -260,6 +260,10 @@ def _blocks(key: str) -> Callable[..., Any]:
 
 OPEN_EFFECTS = tuple(effect for effect in CATALOGUE if "valve" not in effect.hooks)
 """Effects that a fit may vary: all but those that replace the valve by a switching one."""
+HAND_EFFECTS = tuple(effect for effect in OPEN_EFFECTS if OTHER_MACHINES.isdisjoint(effect.needs))
+"""Those of them that a hand can have."""
+_OTHERS = [own for effect in OPEN_EFFECTS if effect not in HAND_EFFECTS for own in effect.parameters]
+_OTHER_ROWS, _OTHER_NEUTRAL = [ROW[own.key] for own in _OTHERS], np.array([own.neutral_si for own in _OTHERS])
 
 
 _BLOCK = "(f8[:,::1], f8[::1], i8, f8[::1], f8[:,::1], f8, i8, f8, b1, f8, f8[:,:,::1])"
@@ -286,7 +290,7 @@ def open_loop(
     lever_m: float = 1.0,
     step_s: float = STEP_S,
     driven: bool = False,
-    effects: tuple[Effect, ...] = OPEN_EFFECTS,
+    effects: tuple[Effect, ...] | None = None,
 ) -> Array:
     """Readings (columns, OUTPUTS, samples) that each parameter set predicts from each stage's measured inputs.
 
@@ -294,8 +298,11 @@ def open_loop(
 
     columns: (columns, rows of JOINT_PARAMETERS) SI.  start: (columns, STATES) at the first sample.  lever_m: arm of the
     force sensor [m].  step_s: largest integration step [s].  driven: the motion is imposed, and the force is predicted.
-    effects: those compiled in, in the order of the catalogue.
+    effects: those compiled in, in the order of the catalogue; by default those that a fit may vary, without those of
+    other machines where none of them acts.
     """
+    if effects is None:
+        effects = OPEN_EFFECTS if np.any(columns[:, _OTHER_ROWS] != _OTHER_NEUTRAL) else HAND_EFFECTS
     count, samples = len(columns), len(inputs.surroundings)
     blocks = -(-count // LANES)
     parts = max(1, (len(inputs.set_point_pa) - 1) // max(samples - 1, 1))
