@@ -20,6 +20,8 @@ TESTS ?=
 LONG ?=
 # colcon does not look below the first package it finds, so the interface package is named next to it.
 BASE_PATHS := . hand_msgs
+# The wheels of ROS have no tf2_msgs: where it is not installed, the package of this name in interfaces/ is built, too.
+TF2 := python -c "import tf2_msgs" 2> /dev/null && [ ! -d install/tf2_msgs ] || echo interfaces/tf2_msgs
 # Where control_msgs is not installed, the tests use the package of the same name in test/interfaces.
 ACTIONS := install/.actions
 RUN := source env.bash &&
@@ -29,7 +31,7 @@ export ROS_DOMAIN_ID ?= $(shell echo $$(( $$$$ % 90 + 10 )))
 
 # The build links to the source tree (--symlink-install): an edit of Python code or of config/ takes effect at once.
 # Only these files need another build.
-BUILD_INPUTS := $(wildcard hand_msgs/*/* hand_msgs/* config config/layouts urdf launch/* tools/nodes/* hand_*/__init__.py hand_*/*/__init__.py validation/__init__.py validation/*/__init__.py setup.py package.xml resource/*)
+BUILD_INPUTS := $(wildcard hand_msgs/*/* hand_msgs/* interfaces/*/* interfaces/*/*/* config config/layouts urdf launch/* tools/nodes/* hand_*/__init__.py hand_*/*/__init__.py validation/__init__.py validation/*/__init__.py setup.py package.xml resource/*)
 
 .PHONY: help studio demo test lint bench faults soak proof machines figures mutate docs build wheelhouse clean
 
@@ -132,6 +134,6 @@ $(ACTIONS): $(BUILT) $(wildcard test/interfaces/*/* test/interfaces/*/*/*)
 # A tree that was installed by copies, or by another version of this file, is removed first: links do not replace files.
 $(BUILT): $(BASE) $(BUILD_INPUTS)
 	[ -e $@ ] && grep -q symlink $@ || rm -rf build install log
-	$(RUN) colcon build --symlink-install --base-paths $(BASE_PATHS) --event-handlers console_cohesion+ status-
+	$(RUN) colcon build --symlink-install --base-paths $(BASE_PATHS) $$($(TF2)) --event-handlers console_cohesion+ status-
 	$(RUN) python -m hand_model.kernel
 	echo "built with --symlink-install" > $@

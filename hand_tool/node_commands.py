@@ -1,4 +1,4 @@
-"""Command lines of the nodes of a hand: driver or simulation, and controller."""
+"""Command lines of the nodes of a hand: driver or simulation, controller, and what viewers need."""
 
 from __future__ import annotations
 
@@ -32,8 +32,20 @@ def node_commands(link: Link, namespace: str, joint_prefix: str, model: Path) ->
     elif link.serial:
         driver = ["driver", "--ros-args", "-p", "transport:=serial", "-p", f"serial_port:={link.serial}"]
         enabled = link.enabled
-    common = ["-r", f"__ns:=/{namespace.strip('/')}", "-p", f"hand_description:={model.resolve()}"]
-    common += ["-p", "exit_unconfigured:=true"] + (["-p", f"joint_prefix:={joint_prefix}"] if joint_prefix else [])
+    common = _common(namespace, joint_prefix, model)
     settings = default_model().with_name("controller.yaml")
     drive = ["controller", "--ros-args", "--params-file", str(settings), "-p", f"enabled_at_start:={enabled}"]
     return [*driver, *common], [*drive, *common]
+
+
+def frames_command(namespace: str, joint_prefix: str, model: Path) -> list[str]:
+    """Name of the executable and arguments of the node that publishes robot_description and TF."""
+    return ["frame_publisher", "--ros-args", *_common(namespace, joint_prefix, model)]
+
+
+def _common(namespace: str, joint_prefix: str, model: Path) -> list[str]:
+    """Arguments of every node."""
+    common = ["-r", f"__ns:=/{namespace.strip('/')}", "-p", f"hand_description:={model.resolve()}"]
+    return (
+        common + ["-p", "exit_unconfigured:=true"] + (["-p", f"joint_prefix:={joint_prefix}"] if joint_prefix else [])
+    )

@@ -25,6 +25,7 @@ class Processes:
         """Write each process's output to logs/NAME.log."""
         self._logs = logs
         self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._optional: set[str] = set()
 
     def __enter__(self) -> Processes:
         """Make the folder of the logs."""
@@ -37,8 +38,13 @@ class Processes:
             for name in self._running:
                 stops.callback(self.stop, name)
 
-    def start(self, name: str, command: Sequence[str]) -> None:
-        """Start a node: the name of its executable, then its arguments."""
+    def start(self, name: str, command: Sequence[str], *, optional: bool = False) -> None:
+        """Start a node: the name of its executable, then its arguments.
+
+        optional: the others do without it, so that `check` passes over its end, and `lost` reports it.
+        """
+        if optional:
+            self._optional.add(name)
         environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"} | dict(os.environ)
         with (self._logs / f"{name}.log").open("wb") as log:
             self._running[name] = subprocess.Popen(
@@ -47,10 +53,20 @@ class Processes:
             )  # fmt: skip
 
     def check(self) -> None:
-        """Raise ProcessError if a process has ended."""
+        """Raise ProcessError if a process has ended that the others need."""
         for name, process in self._running.items():
-            if process.poll() is not None:
+            if name not in self._optional and process.poll() is not None:
                 raise ProcessError(f"{name} ended with code {process.returncode}: {self._last_line(name)}")
+
+    def lost(self) -> str:
+        """The optional process that has ended since the last call, one line; "" for none."""
+        for name in sorted(self._optional & self._running.keys()):
+            process = self._running[name]
+            if process.poll() is not None:
+                self._optional.discard(name)
+                del self._running[name]
+                return f"{name} ended with code {process.returncode}: {self._last_line(name)}"
+        return ""
 
     def stop(self, name: str) -> int:
         """End a process by SIGINT and return its exit code; SIGKILL if it does not end within STOP_S [s]."""

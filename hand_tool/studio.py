@@ -20,7 +20,7 @@ from hand_tool import interrupts
 from hand_tool.chosen_model import choose_model
 from hand_tool.console import note, require, running
 from hand_tool.live import Namespace, Prefix
-from hand_tool.node_commands import Link, node_commands
+from hand_tool.node_commands import Link, frames_command, node_commands
 from hand_tool.options import AsJson, Model, Quiet, Verbose
 from hand_tool.paths import check_folder
 from hand_tool.processes import ProcessError, Processes
@@ -124,7 +124,8 @@ def studio(
             recorder = BagRecorder(stack.enter_context(TemporaryDirectory()), out, client.namespace)
             with interrupts.until_raised():
                 study = Experiments(hand, chosen.path, out)
-                live.run(recorder, study, Watch(client, nodes, started=link is not None))
+                frames = frames_command(namespace, joint_prefix, chosen.path) if link is not None else []
+                live.run(recorder, study, Watch(client, nodes, frames))
             note("hand studio: ended" if link is None else "hand studio: vented, nodes ended")
 
 
@@ -171,9 +172,13 @@ def _announce(page: Page, shown: str, browser: bool, as_json: bool) -> None:
 class Watch:
     """Called all the time: raises where the hand does not come, a node ends, or another studio drives the hand."""
 
-    def __init__(self, client: HandClient, nodes: Processes, *, started: bool) -> None:
-        """started: whether this command started the nodes."""
-        self._client, self._nodes, self._started = client, nodes, started
+    def __init__(self, client: HandClient, nodes: Processes, frames: list[str]) -> None:
+        """frames: the command of the node for other viewers, begun when the page has its hand; [] where none is begun.
+
+        Only a command that started the other nodes starts this one, too.
+        """
+        self._client, self._nodes, self._started = client, nodes, bool(frames)
+        self._frames = frames
         self._begun_s, self._heard = time.monotonic(), False
 
     def __call__(self) -> None:
@@ -187,6 +192,9 @@ class Watch:
             if CLIENT in self._client.others():
                 raise ValueError(f"a studio of {self._client.namespace} runs already; end it, or use its page")
             return
+        if self._heard and self._frames:
+            self._nodes.start("frame_publisher", self._frames, optional=True)
+            self._frames = []
         if not self._heard and not self._started:
             raise ValueError(f"no hand runs in {self._client.namespace}; start one with: hand studio --sim")
         if not self._heard and waited_s > READY_S:

@@ -1,4 +1,4 @@
-"""`hand up`: driver or simulation and controller, until Ctrl-C."""
+"""`hand up`: driver or simulation, controller, and robot_description with TF, until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hand_tool import interrupts
 from hand_tool.chosen_model import choose_model
 from hand_tool.console import fail, note, running
 from hand_tool.live import Namespace, Prefix, _client
-from hand_tool.node_commands import Link, node_commands
+from hand_tool.node_commands import Link, frames_command, node_commands
 from hand_tool.options import AsJson, Model, Quiet, Verbose
 from hand_tool.processes import ProcessError, Processes
 
@@ -34,6 +34,7 @@ def up(
     sim: Annotated[bool, typer.Option("--sim", help="The simulated hand; this is the default.")] = False,
     can_interface: Annotated[str, typer.Option(help="python-can interface, with --can.")] = "socketcan",
     enabled: Annotated[bool, typer.Option("--enabled", help="Drive a real hand at once; else: hand enable.")] = False,
+    frames: Annotated[bool, typer.Option("--frames/--no-frames", help="Publish robot_description and TF.")] = True,
     namespace: Namespace = "hand",
     joint_prefix: Prefix = "",
     model: Model = None,
@@ -55,30 +56,35 @@ def up(
         chosen = choose_model(model)
         from hand_model.description import load_hand
 
-        load_hand(chosen.path, joint_prefix)
+        hand = load_hand(chosen.path, joint_prefix)
         chosen.print(as_json)
-        nodes = node_commands(Link(serial, can, can_interface, enabled), namespace, joint_prefix, chosen.path)
+        nodes = list(node_commands(Link(serial, can, can_interface, enabled), namespace, joint_prefix, chosen.path))
+        if frames and hand.geometry is not None:
+            nodes.append(frames_command(namespace, joint_prefix, chosen.path))
         with _client(namespace, "up") as client:
             interrupts.end_on_sigterm()
             if client.until(lambda: bool(client.state.joints), ALONE_S):
                 raise ValueError(f"a hand runs already in {client.namespace}; end it, or choose another --namespace")
             try:
-                _run(client, *nodes, as_json)
+                _run(client, nodes, as_json)
             except ProcessError as error:
                 fail("up", str(error), 1)
             except interrupts.Interrupted:
                 note("hand up: vented, nodes ended")
 
 
-def _run(client: HandClient, driver: list[str], controller: list[str], as_json: bool) -> None:
-    """Run both nodes and print what they report, until one ends or Ctrl-C."""
+def _run(client: HandClient, nodes: list[list[str]], as_json: bool) -> None:
+    """Run driver, controller and what viewers need, and print what they report, until a needed one ends or Ctrl-C."""
+    driver = nodes[0][0]
     with TemporaryDirectory() as logs, Processes(Path(logs)) as processes:
-        processes.start(driver[0], driver)
-        processes.start("controller", controller)
+        for index, command in enumerate(nodes):
+            processes.start(command[0], command, optional=index > 1)
         waited, last = 0.0, ""
         while True:
             client.spin(CHECK_S)
             processes.check()
+            if lost := processes.lost():
+                note(f"hand up: no robot_description and TF any more: {lost}")
             waited += CHECK_S
             state = client.state
             problems = "; ".join(state.problems)
@@ -93,7 +99,7 @@ def _run(client: HandClient, driver: list[str], controller: list[str], as_json: 
                 known = {key: value for key, value in state.as_json().items() if key != "joints"}
                 print(json.dumps({"namespace": client.namespace} | known), flush=True)
             elif not problems:
-                what = f"{driver[0]} and controller of {len(state.joints)} joints"
+                what = f"{driver} and controller of {len(state.joints)} joints"
                 print(f"{what} run in {client.namespace} at {state.rate_hz:.0f} Hz: {safety}", flush=True)
             else:
                 print(f"{client.namespace} has a problem: {safety}", file=sys.stderr, flush=True)

@@ -2,7 +2,7 @@
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch import Action, LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, SetEnvironmentVariable, Shutdown
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable, Shutdown
 from launch.conditions import IfCondition
 from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
@@ -29,7 +29,7 @@ def end_unconfigured(event: ProcessExited, _context: LaunchContext) -> list[Acti
 
 
 def publish_frames(context: LaunchContext) -> list[Action]:
-    """robot_description and TF of the hand; nothing where robot_state_publisher is not installed or not wanted."""
+    """robot_description and TF of the hand, by our own node where robot_state_publisher is not installed."""
     names = ("hand_description", "namespace", "joint_prefix", "mount")
     given = {name: LaunchConfiguration(name).perform(context) for name in names}
     wanted, sim_time = (
@@ -42,7 +42,8 @@ def publish_frames(context: LaunchContext) -> list[Action]:
     try:
         get_package_prefix(node["package"])
     except PackageNotFoundError:
-        return [LogInfo(msg=f"no TF: the package {node['package']} is not installed")]
+        own = {key: given[key] for key in ("hand_description", "joint_prefix", "mount")} | {"use_sim_time": sim_time}
+        node |= {"package": "fluidic_hand", "executable": "frame_publisher", "parameters": [own]}
     # Without a type, launch_ros reads text as YAML.
     parameters = [
         {name: ParameterValue(value, value_type=type(value)) for name, value in node["parameters"][0].items()}
@@ -89,7 +90,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(
                 "robot_state_publisher",
                 default_value="true",
-                description="publish robot_description and TF where the package robot_state_publisher is installed",
+                description="publish robot_description and TF, by robot_state_publisher where it is installed",
             ),
             DeclareLaunchArgument(
                 "mount", default_value="", description="parent link of the hand in robot_description; empty: none"

@@ -18,7 +18,7 @@ BELOW: dict[str, set[str]] = {
     "hand_client": {"hand_model", "hand_messages", "hand_ros"},
     "hand_driver": {"hand_model", "hand_messages", "hand_ros"},
     "hand_control": {"hand_model", "hand_messages", "hand_ros"},
-    "hand_robot": {"hand_model", "hand_control"},
+    "hand_robot": {"hand_model", "hand_messages", "hand_ros", "hand_control"},
     "hand_sim": {"hand_model", "hand_messages", "hand_ros", "hand_driver"},
     "hand_recording": ROBOT,
     "hand_machine": ROBOT | {"hand_recording"},

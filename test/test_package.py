@@ -21,7 +21,8 @@ from hand_robot.state_publisher import PACKAGE
 
 ROOT = Path(__file__).resolve().parent.parent
 NODE_PACKAGES = (
-    "hand_model", "hand_messages", "hand_ros", "hand_driver", "hand_control", "hand_sim", "hand_recording", "hand_tool",
+    "hand_model", "hand_messages", "hand_ros", "hand_driver", "hand_control", "hand_robot", "hand_sim",
+    "hand_recording", "hand_tool",
 )  # fmt: skip
 """What a robot runs; package.xml must name all that these import, as keys of rosdep or packages of Jazzy."""
 ROSDEP = {
@@ -98,6 +99,7 @@ def test_every_import_is_declared_for_pip() -> None:
     A module that no distribution provides here is a package of ROS; package.xml names it.
     """
     manifests = [*ROOT.glob("*/package.xml"), *ROOT.glob("test/interfaces/*/package.xml")]
+    manifests += ROOT.glob("interfaces/*/package.xml")
     own = {item.text for path in manifests for item in ET.parse(path).getroot().iter("name")}
     declared = {name for name, line in files().items() if TOOL not in line}
     for module, users in sorted(tree().items()):
@@ -146,7 +148,7 @@ def test_executables_land_where_they_belong() -> None:
     setup = (ROOT / "setup.py").read_text(encoding="utf-8")
     assert re.findall(r'"console_scripts": \[(.*?)\]', setup) == ['"hand = hand_tool.main:main"']
     nodes = sorted((ROOT / "tools" / "nodes").iterdir())
-    assert [path.name for path in nodes] == ["controller", "driver", "recorder", "simulation"]
+    assert [path.name for path in nodes] == ["controller", "driver", "frame_publisher", "recorder", "simulation"]
     for path in nodes:
         assert os.access(path, os.X_OK), path
         (module,) = re.findall(r"^from ([\w.]+) import main$", path.read_text(encoding="utf-8"), re.MULTILINE)
@@ -259,7 +261,7 @@ def test_pip_puts_only_hand_on_the_path(installed: Path) -> None:
     scripts = {path.name for path in installed.iterdir()}
     assert {name for name in scripts if not name.lower().startswith(("python", "activate"))} == {"hand"}
     nodes = sorted((installed.parent / "lib" / "fluidic_hand").iterdir())
-    assert [path.name for path in nodes] == ["controller", "driver", "recorder", "simulation"]
+    assert [path.name for path in nodes] == ["controller", "driver", "frame_publisher", "recorder", "simulation"]
     assert all(os.access(path, os.X_OK) for path in nodes)
 
 

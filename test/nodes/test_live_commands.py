@@ -10,13 +10,26 @@ import re
 import signal
 import subprocess
 import time
+import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from scipy.spatial.transform import Rotation
+from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
 
+from hand_model.description import load_hand
+from hand_model.geometry import link_poses
+from hand_recording.installed import default_model
+from hand_recording.message_types import definition
+from hand_robot.urdf import BASE
 from test.nodes.stack import STALLED, TOOL, TRIES, WAIT_S, Client, Stack, Started
 
+LATCHED_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 Answer = tuple[int, str, str]
 
 
@@ -197,6 +210,68 @@ def test_stop_vents_until_it_is_enabled_again(terminal: Terminal) -> None:
     client.until_said("controller", "safety", "controlling")
 
 
+def latched(client: Client, kind: Any, topic: str) -> list[Any]:
+    """What a subscriber receives that comes late and asks for what was published before."""
+    received: list[Any] = []
+    client.node.create_subscription(kind, topic, received.append, LATCHED_QOS)
+    client.until(lambda: received)
+    return received
+
+
+@again_after_a_stall
+def test_viewers_get_the_description_and_the_frames_of_the_hand(terminal: Terminal) -> None:
+    """Fails when a late viewer gets no description, a frame is elsewhere than the joints say, or a bag lacks the type.
+
+    The transforms are combined here and compared with the forward kinematics of the model.
+    """
+    client = terminal.client
+    (text,) = latched(client, String, "robot_description")
+    moving = {joint.get("name") for joint in ET.fromstring(text.data).iter("joint") if joint.get("type") == "revolute"}
+    assert moving == set(client.joints[-1].name)
+    code, _, err = terminal.hand("move", "index_proximal=0.8", "--duration", "0.3")
+    assert code == 0, err
+    (still,) = latched(client, TFMessage, "/tf_static")
+    moved: list[Any] = []
+    client.node.create_subscription(TFMessage, "/tf", moved.append, 50)
+    client.until(lambda: len(moved) >= 20)
+    stamp = moved[-1].transforms[0].header.stamp
+    client.until(lambda: any(message.header.stamp == stamp for message in client.joints))
+    (joints,) = (message for message in client.joints if message.header.stamp == stamp)
+    angle = dict(zip(joints.name, joints.position, strict=True))
+    hand = load_hand(default_model())
+    expected = link_poses(hand, np.array([angle[joint] for joint in hand.joints]))
+    poses = {BASE: np.eye(4)}
+    for transform in (*still.transforms, *moved[-1].transforms, *still.transforms):  # parents come first
+        if transform.header.frame_id in poses:
+            poses[transform.child_frame_id] = poses[transform.header.frame_id] @ matrix(transform.transform)
+    assert poses.keys() - {BASE} == expected.keys()
+    for name, pose in expected.items():
+        np.testing.assert_allclose(poses[name][:3, 3], pose[:3, 3], atol=1e-6, err_msg=name)
+    (info,) = client.node.get_publishers_info_by_topic("/tf")
+    assert str(info.topic_type_hash) == definition("tf2_msgs/msg/TFMessage").type_hash
+
+
+def matrix(transform: Any) -> Any:
+    """A transform of TF as a homogeneous matrix (4, 4)."""
+    place, turn = transform.translation, transform.rotation
+    made = np.eye(4)
+    made[:3, :3] = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
+    made[:3, 3] = place.x, place.y, place.z
+    return made
+
+
+def test_only_one_node_publishes_the_description(terminal: Terminal) -> None:
+    """Fails when the hand's own description stays beside that of a robot_state_publisher, or does not come back."""
+    client, topic = terminal.client, "/hand/robot_description"
+    client.until(lambda: client.node.count_publishers(topic) == 1)
+    other = client.node.create_publisher(String, topic, LATCHED_QOS)
+    client.until(lambda: [info.node_name for info in client.node.get_publishers_info_by_topic(topic)] == ["client"])
+    client.until_said("frame_publisher", "frames", "client publishes robot_description")
+    assert client.node.count_publishers("/tf") == client.node.count_publishers("/tf_static") == 0
+    client.node.destroy_publisher(other)
+    client.until(lambda: client.node.count_publishers(topic) == client.node.count_publishers("/tf") == 1)
+
+
 def test_up_runs_a_board_on_a_serial_line(stack: Stack, terminal: Terminal) -> None:
     """Fails when `hand up --serial` needs anything but a port, or drives a real hand without being asked."""
     path = stack.folder / "board"
@@ -228,7 +303,7 @@ def test_sigterm_ends_a_hand_that_a_script_started_in_the_background(terminal: T
 def test_ctrl_c_ends_the_hand_that_up_started(terminal: Terminal) -> None:
     """Fails when a node survives `hand up`, the last command is not 0 Pa, or nodes do not say that they run."""
     client, nodes = terminal.client, children(terminal.up)
-    assert len(nodes) == 2
+    assert len(nodes) == 3  # simulation, controller, frame_publisher
     assert terminal.stop(terminal.up) == 0
     assert client.last_pressure_pa() == 0.0
     assert not any(Path(f"/proc/{pid}").exists() for pid in nodes)

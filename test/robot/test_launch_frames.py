@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from hand_model.description import load_hand
+from hand_robot.node import PARAMETERS
 from hand_robot.state_publisher import state_publisher
 from test.robot.fake_launch import names_of
 
@@ -37,8 +38,13 @@ def test_the_launch_publishes_the_frames_where_it_can(name: str, monkeypatch: py
     links = {link.get("name") for link in ET.fromstring(text).iter("link")}
     assert {"left_palm", "left_index_tip", "left_thumb_distal_pad", "left_palm_pad"} <= links and kind is str
     assert values["frame_prefix"] == ("", str) and values["use_sim_time"] == (False, bool)
-    (line,) = publish_frames(name, monkeypatch, installed=False)
-    assert "robot_state_publisher is not installed" in line.named["msg"]
+    (own,) = publish_frames(name, monkeypatch, installed=False, joint_prefix="left_", namespace="left_hand")
+    assert (own.named["package"], own.named["executable"]) == ("fluidic_hand", "frame_publisher")
+    assert own.named["namespace"] == "left_hand" and (ROOT / "tools" / "nodes" / "frame_publisher").is_file()
+    declared = {parameter.name for parameter in PARAMETERS}
+    given = {key: value.arguments[0] for key, value in own.named["parameters"][0].items()}
+    assert given == {"hand_description": str(CONFIG), "joint_prefix": "left_", "mount": "", "use_sim_time": False}
+    assert given.keys() - {"use_sim_time"} <= declared
     assert publish_frames(name, monkeypatch, installed=True, robot_state_publisher="false") == []
     assert publish_frames(name, monkeypatch, installed=True, hand_description="nowhere.yaml") == []
 
