@@ -7,37 +7,31 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hand_model.arrays import Array
-
 
 @dataclass(frozen=True, slots=True)
 class Transform:
-    """Where a child frame is in its parent at angle 0, and the joint that turns it.
+    """Where a child frame is in its parent, and the joint that turns it.
 
-    xyz_m: (3,).  rotation: (4,) unit quaternion x, y, z, w.  axis: (3,) unit vector in the child; joint "" for none.
+    xyz_m: (3,).  rotation: unit quaternion x, y, z, w at angle 0.  joint: "" for a fixed frame.
+    turn: rotation times the axis of the joint as a quaternion, so that `turned` is one sum.
     """
 
     parent: str
     child: str
-    xyz_m: Array
-    rotation: Array
+    xyz_m: tuple[float, ...]
+    rotation: tuple[float, ...]
     joint: str = ""
-    axis: Array | None = None
+    turn: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
 
-    def turned(self, angle_rad: float) -> Array:
-        """The rotation, (4,) x, y, z, w, with the joint at an angle [rad]."""
-        if self.axis is None:
-            return self.rotation
-        half = math.sin(angle_rad / 2.0) * self.axis
-        w = math.cos(angle_rad / 2.0)
-        vector, scalar = self.rotation[:3], self.rotation[3]
-        return np.append(scalar * half + w * vector + np.cross(vector, half), scalar * w - vector @ half)
+    def turned(self, angle_rad: float) -> list[float]:
+        """The rotation x, y, z, w with the joint at an angle [rad]."""
+        cosine, sine = math.cos(angle_rad / 2.0), math.sin(angle_rad / 2.0)
+        return [cosine * start + sine * turn for start, turn in zip(self.rotation, self.turn, strict=True)]
 
 
 def transforms_of(urdf: str, frame_prefix: str = "") -> tuple[Transform, ...]:
@@ -57,14 +51,18 @@ def _transform(joint: ET.Element, frame_prefix: str) -> Transform:
     parent, child = (frame_prefix + joint.find(end).get("link", "") for end in ("parent", "child"))  # type: ignore[union-attr]
     origin = joint.find("origin")
     place = {} if origin is None else origin.attrib
-    rotation = Rotation.from_euler("xyz", _numbers(place.get("rpy", "0 0 0"))).as_quat()
-    xyz = np.array(_numbers(place.get("xyz", "0 0 0")))
+    rotation = Rotation.from_euler("xyz", _numbers(place.get("rpy", "0 0 0")))
+    xyz = tuple(_numbers(place.get("xyz", "0 0 0")))
+    start = tuple(rotation.as_quat().tolist())
     if kind == "fixed":
-        return Transform(parent, child, xyz, rotation)
+        return Transform(parent, child, xyz, start)
     axis = joint.find("axis")
     direction = np.array(_numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0")))
-    return Transform(parent, child, xyz, rotation, name, direction / np.linalg.norm(direction))
+    unit = direction / np.linalg.norm(direction)
+    vector, scalar = np.array(start[:3]), start[3]
+    turn = (*(scalar * unit + np.cross(vector, unit)).tolist(), -float(vector @ unit))
+    return Transform(parent, child, xyz, start, name, turn)
 
 
-def _numbers(text: str) -> Sequence[float]:
+def _numbers(text: str) -> list[float]:
     return [float(part) for part in text.split()]

@@ -33,7 +33,7 @@ PARAMETERS = (
     NodeParameter("hand_description", "", "path of hand.yaml; if empty, the installed file"),
     NodeParameter("joint_prefix", "", "beginning of the names of joints and frames; if empty, that of hand.yaml"),
     NodeParameter("mount", "", "parent link of the hand in robot_description; empty: none"),
-    NodeParameter("frame_rate_hz", 50.0, "largest rate of /tf [Hz]", 1.0, 1000.0),
+    NodeParameter("frame_rate_hz", 30.0, "largest rate of /tf [Hz]", 1.0, 1000.0),
 )
 
 
@@ -141,14 +141,14 @@ class FramePublisher(HandNode):
 def _message(transform: Transform) -> TransformStamped:
     message = TransformStamped(child_frame_id=transform.child)
     message.header.frame_id = transform.parent
-    x, y, z = map(float, transform.xyz_m)
+    x, y, z = transform.xyz_m
     message.transform.translation = Vector3(x=x, y=y, z=z)
     message.transform.rotation = _quaternion(transform, 0.0)
     return message
 
 
 def _quaternion(transform: Transform, angle_rad: float) -> Quaternion:
-    x, y, z, w = map(float, transform.turned(angle_rad))
+    x, y, z, w = transform.turned(angle_rad)
     return Quaternion(x=x, y=y, z=z, w=w)
 
 
