@@ -129,9 +129,12 @@ class HandClient:
         )
         self._trajectories.publish(JointTrajectory(joint_names=list(angle_rad), points=[point]))
 
-    def collect(self, joints: Sequence[str]) -> None:
-        """From now on, keep every frame and the set-points of these joints in `samples`."""
-        self.samples = Samples(tuple(joints))
+    def collect(self, joints: Sequence[str], site_joint: Mapping[str, int]) -> None:
+        """From now on, keep every frame and the set-points of these joints in `samples`.
+
+        site_joint: index of the joint that carries a force site, by the name of the site.
+        """
+        self.samples = Samples(tuple(joints), dict(site_joint))
         self._node.create_subscription(ValveCommand, "valve_command", self._on_command, STREAM_QOS)
 
     def command(self, angle_rad: Mapping[str, float], max_torque_nm: float = 0.0) -> None:
@@ -251,6 +254,8 @@ class HandClient:
 
     def _on_forces(self, message: ContactForces) -> None:
         self.state.take("force", message.name, message.force)
+        if self.samples is not None:
+            self.samples.forces(_ns(message.header.stamp), message.name, message.force)
 
     def _on_state(self, message: ControllerState) -> None:
         for name in ("reference", "pressure_command", "torque_estimate", "contact"):

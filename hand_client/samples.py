@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,21 +16,35 @@ KEPT = 400
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """A frame: stamp_ns [ns], angle_rad and pressure_pa (joints,) as measured, set_point_pa (joints,) from it on."""
+    """A frame: stamp_ns [ns], angle_rad and pressure_pa (joints,) as measured, set_point_pa (joints,) from it on.
+
+    force_n: (joints,) of the sensor on each joint; NaN where there is none, or its message did not come.
+    """
 
     stamp_ns: int
     angle_rad: Array
     pressure_pa: Array
     set_point_pa: Array
+    force_n: Array
+
+    def lost(self, set_point_pa: Array) -> Sample:
+        """A frame in place of this one that was lost; the set-points (joints,) [Pa] stay in force."""
+        unknown = np.full(len(set_point_pa), np.nan)
+        return Sample(self.stamp_ns, unknown, unknown, set_point_pa, unknown)
 
 
 @dataclass
 class Samples:
-    """Collects the messages of joint_states, pressures and valve_command of some joints."""
+    """Collects the messages of joint_states, pressures, contact_forces and valve_command of some joints.
+
+    site_joint: index of the joint that carries a force site, by the name of the site.
+    """
 
     joints: tuple[str, ...]
+    site_joint: Mapping[str, int] = field(default_factory=dict)
     _angles: deque[tuple[int, Array]] = field(default_factory=lambda: deque(maxlen=KEPT))
     _pressures: dict[int, Array] = field(default_factory=dict)
+    _forces: dict[int, Array] = field(default_factory=dict)
     _commands: deque[tuple[int, int, Array]] = field(default_factory=lambda: deque(maxlen=KEPT))
 
     def angles(self, stamp_ns: int, names: Sequence[str], position_rad: Sequence[float]) -> None:
@@ -39,9 +53,15 @@ class Samples:
 
     def pressures(self, stamp_ns: int, names: Sequence[str], pressure_pa: Sequence[float]) -> None:
         """Take a message of pressures: stamp [ns], values [Pa]."""
-        self._pressures[stamp_ns] = self._ordered(names, pressure_pa)
-        if len(self._pressures) > KEPT:
-            del self._pressures[next(iter(self._pressures))]
+        _keep(self._pressures, stamp_ns, self._ordered(names, pressure_pa))
+
+    def forces(self, stamp_ns: int, names: Sequence[str], force_n: Sequence[float]) -> None:
+        """Take a message of contact_forces: stamp [ns], values [N] by the names of their sites."""
+        values = np.full(len(self.joints), np.nan)
+        for name, force in zip(names, force_n, strict=False):
+            if self.site_joint.get(name, -1) >= 0:
+                values[self.site_joint[name]] = force
+        _keep(self._forces, stamp_ns, values)
 
     def command(self, stamp_ns: int, lifetime_ns: int, names: Sequence[str], pressure_pa: Sequence[float]) -> None:
         """Take a message of valve_command: stamp of the frame that it answers [ns], lifetime [ns], set-points [Pa]."""
@@ -57,8 +77,9 @@ class Samples:
         while self._angles and self._angles[0][0] <= until_ns:
             stamp_ns, angle = self._angles.popleft()
             pressure = self._pressures.pop(stamp_ns, None)
+            force = self._forces.pop(stamp_ns, np.full(len(self.joints), np.nan))
             if pressure is not None:
-                taken.append(Sample(stamp_ns, angle, pressure, self._in_force(stamp_ns)))
+                taken.append(Sample(stamp_ns, angle, pressure, self._in_force(stamp_ns), force))
         return taken
 
     def _in_force(self, stamp_ns: int) -> Array:
@@ -73,3 +94,10 @@ class Samples:
             return np.asarray(values, dtype=np.float64)
         known = dict(zip(names, values, strict=False))
         return np.array([known.get(joint, np.nan) for joint in self.joints])
+
+
+def _keep(messages: dict[int, Array], stamp_ns: int, values: Array) -> None:
+    """Keep the newest messages by their stamps."""
+    messages[stamp_ns] = values
+    if len(messages) > KEPT:
+        del messages[next(iter(messages))]

@@ -1,8 +1,9 @@
-"""Measured and modelled angle of one joint over time, as a plot in the panel."""
+"""Measured and modelled angle, pressure and force of one joint over time, as plots in the panel."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import viser
@@ -16,23 +17,31 @@ COLORS = ("#808080", "#0072b2", "#009e73")
 """Measured, model, another model: distinct for the colour blind (Okabe and Ito 2008), 3:1 on white and on dark."""
 
 
+KINDS = (("angle", "degrees", "deg", np.degrees(1.0)), ("pressure", "bar", "bar", 1e-5), ("force", "N", "N", 1.0))
+"""Name, label of the axis, unit and factor from SI of each plot."""
+
+
 class Curves:
-    """One plot in degrees."""
+    """One plot for each kind of signal, one below the other; that of the force only where the joint has a sensor."""
 
     def __init__(self, gui: viser.GuiApi, joints: Sequence[str], names: Sequence[str], first: int = 3) -> None:
-        """Add the choice of the joint and the plot. names: of the curves.  first: index of the joint shown first."""
-        self._joints = list(joints)
+        """Add the choice of the joint and the plots. names: of the curves.  first: index of the joint shown first."""
+        self._joints, self._names = list(joints), list(names)
         self._choice = gui.add_dropdown("joint", tuple(joints), initial_value=joints[min(first, len(joints) - 1)])
+        self._off = gui.add_html("")
+        self._plots = [self._plot(gui, f"{name} {label}", 1.5 if name == "angle" else 2.2) for name, label, *_ in KINDS]
+        self._plots[-1].visible = False
+
+    def _plot(self, gui: viser.GuiApi, label: str, aspect: float) -> Any:
         series = [uplot.Series(label="time s")]
-        series += [uplot.Series(label=name, stroke=color, width=2) for name, color in zip(names, COLORS, strict=False)]
-        self._names, self._off = list(names), gui.add_html("")
-        empty = np.zeros(2)
-        self._plot = gui.add_uplot(
-            (np.array([0.0, 1.0]), *(empty for _ in names)),
+        colored = zip(self._names, COLORS, strict=False)
+        series += [uplot.Series(label=name, stroke=color, width=2) for name, color in colored]
+        return gui.add_uplot(
+            (np.array([0.0, 1.0]), *(np.zeros(2) for _ in self._names)),
             tuple(series),
             scales={"x": uplot.Scale(time=False)},
-            axes=(uplot.Axis(label="s", size=44), uplot.Axis(label="degrees", size=56)),
-            aspect=1.5,
+            axes=(uplot.Axis(label="s", size=44), uplot.Axis(label=label, size=56)),
+            aspect=aspect,
         )
 
     @property
@@ -40,17 +49,27 @@ class Curves:
         """Index of the joint that is shown."""
         return self._joints.index(self._choice.value)
 
-    def show(self, time_s: Array, *angles_rad: Array) -> None:
-        """Draw curves (T,) [rad] over times (T,) [s], the measured one first, and state how far the others are off."""
+    def show(self, time_s: Array, *signals: Sequence[Array]) -> None:
+        """Draw signals over times (T,) [s], and state how far the models are off.
+
+        signals: in the order of KINDS, each with a curve (T,) in SI for every name, the measured one first; fewer than
+        KINDS where there is no force.
+        """
         if len(time_s) < 2:
             return
         rows = np.unique(np.linspace(0, len(time_s) - 1, POINTS).astype(int))
-        self._plot.data = (time_s[rows], *(np.degrees(angle[rows]) for angle in angles_rad))
-        off = [_rms_deg(angle - angles_rad[0]) for angle in angles_rad[1:]]
-        texts = [f"{name}: {value:.2f} deg" for name, value in zip(self._names[1:], off, strict=True)]
-        self._off.content = f'<div style="padding:0 0.8em;font-size:0.85em">RMS difference: {", ".join(texts)}</div>'
+        lines = []
+        for plot, (kind, _, unit, factor), curves in zip(self._plots, KINDS, signals, strict=False):
+            plot.data = (time_s[rows], *(factor * curve[rows] for curve in curves))
+            off = zip(self._names[1:], (_rms(factor * (curve - curves[0])) for curve in curves[1:]), strict=True)
+            texts = ", ".join(f"{name}: {value:.2f} {unit}" for name, value in off)
+            lines.append(texts if kind == "angle" else f"{kind}, {texts}")
+        if self._plots[-1].visible != (len(signals) == len(KINDS)):
+            self._plots[-1].visible = len(signals) == len(KINDS)
+        text = "; ".join(lines)
+        self._off.content = f'<div style="padding:0 0.8em;font-size:0.85em">RMS difference: {text}</div>'
 
 
-def _rms_deg(difference_rad: Array) -> float:
-    known = difference_rad[np.isfinite(difference_rad)]
-    return float(np.degrees(np.sqrt(np.mean(known**2)))) if len(known) else np.nan
+def _rms(difference: Array) -> float:
+    known = difference[np.isfinite(difference)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else np.nan

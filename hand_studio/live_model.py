@@ -11,9 +11,11 @@ from hand_client.samples import Sample
 from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.kernel.closed_loop import ClosedLoop
-from hand_model.kernel.layout import PHI
+from hand_model.kernel.layout import PHI, P
+from hand_model.kernel.rows import STATES
+from hand_studio.force import force_reading, has_force
 from hand_studio.one_ahead import OneAhead
-from hand_studio.window import Window, begin, read_angle, simulate
+from hand_studio.window import Window, begin, read_angle, simulate, stamped
 
 SHOWN_S = 10.0
 """Length of the curves."""
@@ -32,7 +34,7 @@ class LiveModel:
         self._period_s = 1.0 / hand.rate_hz
         self._samples: list[Sample] = []
         self._states: list[Array] = []
-        self._ghost_rad: list[Array] = []
+        self._readings: list[Array] = []
         self._ghost: ClosedLoop | None = None
         self._ahead: OneAhead | None = None
 
@@ -44,15 +46,26 @@ class LiveModel:
     @property
     def ghost_rad(self) -> Array | None:
         """Newest angles (joints,) [rad] of the ghost; None before the start."""
-        return self._ghost_rad[-1] if self._ghost_rad else None
+        return read_angle(self._hand, self._readings[-1][PHI]) if self._readings else None
 
-    def curves(self, joint: int) -> tuple[Array, Array, Array]:
-        """Time (T,) [s] up to now, measured angle and that of the ghost (T,) [rad] of a joint."""
-        count = len(self._ghost_rad)
-        measured = np.array([sample.angle_rad[joint] for sample in self._samples[:count]])
-        ghost = np.array([angle[joint] for angle in self._ghost_rad])
-        time_s = self._period_s * np.arange(1.0 - count, 1.0)
-        return time_s, measured, ghost
+    def curves(self, joint: int, *, with_force: bool = True) -> tuple[Array, list[list[Array]]]:
+        """Time (T,) [s] up to now, and signals of a joint, each measured and of the ghost, (T,), SI.
+
+        The signals are angle, pressure and, where the joint has a sensor and forces come, the force.
+        """
+        count = len(self._readings)
+        made = np.array(self._readings).reshape(count, STATES, len(self._hand.joints))
+        window = self._window(count)
+        ghost_pa = stamped(made[:, P, joint], self._parameters, joint, self._period_s)
+        curves = [
+            [window.angle_rad[:, joint], read_angle(self._hand, made[:, PHI])[:, joint]],
+            [window.pressure_pa[:, joint], ghost_pa],
+        ]
+        measured_n = None if window.force_n is None else window.force_n[:, joint]
+        if with_force and measured_n is not None and has_force(self._hand, joint) and np.isfinite(measured_n).any():
+            force_n = force_reading(self._hand, self._parameters, window, joint, self._states[0])
+            curves.append([measured_n, force_n])
+        return self._period_s * np.arange(1.0 - count, 1.0), curves
 
     def change(self, parameters: Array) -> None:
         """Give the ghost other parameters (rows, joints), SI, also for the time that the curves show."""
@@ -63,17 +76,17 @@ class LiveModel:
         """Start the ghost again in the state that was measured where the curves begin."""
         if self._ahead is None:
             return
-        self._ghost, angles = simulate(self._hand, self._parameters, self._window(), self._states[0])
-        self._ghost_rad = list(angles)
+        self._ghost, readings = simulate(self._hand, self._parameters, self._window(), self._states[0])
+        self._readings, self._next = list(readings[:-1]), readings[-1]
 
     def add(self, samples: Sequence[Sample]) -> None:
         """Take the frames that follow."""
         for sample in samples:
             ticks = self._ticks_to(sample)
             if ticks > LONGEST_GAP:
-                self._samples, self._states, self._ghost_rad, self._ghost, self._ahead = [], [], [], None, None
+                self._samples, self._states, self._readings, self._ghost, self._ahead = [], [], [], None, None
             for _ in range(ticks - 1 if self._samples else 0):  # lost frames: the set-points stay in force
-                self._take(Sample(sample.stamp_ns, *_unknown(sample), self._samples[-1].set_point_pa))
+                self._take(sample.lost(self._samples[-1].set_point_pa))
             self._take(sample)
 
     def _ticks_to(self, sample: Sample) -> int:
@@ -88,10 +101,10 @@ class LiveModel:
             return
         self._states.append(self._ahead.state)
         self._ahead.step(sample.angle_rad, sample.pressure_pa, sample.set_point_pa)
-        self._ghost_rad.append(read_angle(self._hand, self._ghost.state[0, PHI]))
-        self._ghost.advance(sample.set_point_pa[None, None])
+        self._readings.append(self._next)
+        self._next = self._ghost.advance(sample.set_point_pa[None, None])[0, 0]
         if len(self._samples) > SHOWN_S / self._period_s:
-            del self._samples[0], self._states[0], self._ghost_rad[0]
+            del self._samples[0], self._states[0], self._readings[0]
 
     def _start(self) -> None:
         """Start where the newest samples are those of a hand at rest."""
@@ -107,10 +120,11 @@ class LiveModel:
         self._states = [begin(self._hand, self._hand.parameters, window).state[0]] * len(self._samples)
         self.restart()
 
-    def _window(self) -> Window:
-        fields = ("angle_rad", "pressure_pa", "set_point_pa")
-        return Window(self._period_s, *(np.array([getattr(s, name) for s in self._samples]) for name in fields))
-
-
-def _unknown(sample: Sample) -> tuple[Array, Array]:
-    return np.full_like(sample.angle_rad, np.nan), np.full_like(sample.pressure_pa, np.nan)
+    def _window(self, count: int | None = None) -> Window:
+        """The samples, or the first `count` of them."""
+        samples = self._samples[:count]
+        fields = ("angle_rad", "pressure_pa", "set_point_pa", "force_n")
+        shape = (len(samples), len(self._hand.joints))
+        return Window(
+            self._period_s, *(np.array([getattr(sample, name) for sample in samples]).reshape(shape) for name in fields)
+        )

@@ -12,7 +12,7 @@ import numpy as np
 from hand_client.node import HandClient, NoHandError
 from hand_model.description import Hand
 from hand_model.kernel.closed_loop import loops
-from hand_model.kernel.open_loop import HAND_EFFECTS
+from hand_model.kernel.open_loop import HAND_EFFECTS, compile_loop
 from hand_studio.hand_view import HandView
 from hand_studio.inbox import Inbox, Request
 from hand_studio.live_model import LiveModel
@@ -60,9 +60,9 @@ class LivePage:
         self._ghost = HandView(page.server.scene, hand, "/model", ghost=GHOST)
         self._ghost.root.visible = False
         self._model = LiveModel(hand)
-        self._compiled = threading.Event()
+        self._compiled, self._forces_compiled = threading.Event(), threading.Event()
         threading.Thread(target=self._compile, daemon=True, name="compile the model").start()
-        client.collect(hand.joints)
+        client.collect(hand.joints, dict(zip(hand.sensors.sites, map(int, hand.sensors.site_joint), strict=True)))
         self._panel = Panel(page, hand, sorted(grasps), inbox)
         self._note, self._recording, self._starting = "", False, ""
         self._shown_s = self._values_s = self._curves_s = self._touched_s = 0.0
@@ -87,6 +87,8 @@ class LivePage:
     def _compile(self) -> None:
         loops(HAND_EFFECTS)  # seconds where it was never done on this machine
         self._compiled.set()
+        compile_loop(HAND_EFFECTS)
+        self._forces_compiled.set()
 
     def check(self) -> None:
         """Send an emergency stop at once, whatever the thread waits for; called after every wait of the client."""
@@ -129,7 +131,9 @@ class LivePage:
         self._view.tint(tints(self._model.mismatch))
         if parameters is not None or time.monotonic() - self._curves_s >= CURVES_S:
             self._curves_s = time.monotonic()
-            self._panel.curves.show(*self._model.curves(self._panel.curves.joint))
+            with_force = self._forces_compiled.is_set()
+            time_s, curves = self._model.curves(self._panel.curves.joint, with_force=with_force)
+            self._panel.curves.show(time_s, *curves)
 
     def _move(self) -> None:
         angles = self._inbox.angles()

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from hand_model.arrays import Array
 from hand_model.description import Hand
-from hand_model.kernel.layout import PHI
+from hand_model.kernel.layout import PHI, P
 from hand_recording.signals import Signals
+from hand_studio.force import force_reading, has_force
 from hand_studio.one_ahead import OneAhead
-from hand_studio.window import Window, begin, read_angle, simulate
+from hand_studio.window import Window, begin, read_angle, simulate, stamped
 
 SEGMENT_S = 20.0
 """Length of the stretches that the curves show and that a slider computes again."""
@@ -28,19 +30,25 @@ def window_of(signals: Signals, hand: Hand) -> Window:
     if not signals.has_set_point.any():
         raise ValueError(f"{signals.name} has no valve_command; without set-points no model can run next to the hand")
     shape = (signals.samples, len(hand.joints))
-    angle, pressure, set_point = np.full(shape, np.nan), np.full(shape, np.nan), np.zeros(shape)
+    angle, pressure, force, set_point = (*(np.full(shape, np.nan) for _ in range(3)), np.zeros(shape))
     columns = [hand.joints.index(joint) for joint in signals.joints]
     angle[:, columns], set_point[:, columns] = signals.angle_rad, signals.set_point_pa
     pressure[:, columns] = np.where(signals.has_pressure, signals.pressure_pa, np.nan)
-    return Window(signals.period_s, angle, pressure, set_point)
+    force[:, columns] = signals.force_n
+    return Window(signals.period_s, angle, pressure, set_point, force)
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A model on a whole recording: angles (T, joints) [rad] as measured, and states at the starts of the segments."""
+    """A model on a recording or a segment of it.
+
+    parameters: (rows, joints) SI.  angle_rad, pressure_pa: (T, joints) as measured, the pressures by the clock of the
+    plant.  states: (STATES, joints) at the start of each segment.
+    """
 
     parameters: Array
     angle_rad: Array
+    pressure_pa: Array
     states: tuple[Array, ...]
 
 
@@ -67,19 +75,44 @@ class Replay:
 
     def run(self, parameters: Array) -> Run:
         """A model with parameters (rows, joints), SI, from the measured state at the start of the recording on."""
-        loop, angles, states = begin(self.hand, parameters, self.window), [], []
+        loop, readings, states = begin(self.hand, parameters, self.window), [], []
+        before = loop.state
         for segment in range(math.ceil(len(self.window.angle_rad) / self._length)):
-            start = loop.state
-            states.append(start[0])
-            later = loop.advance(self.window.set_point_pa[None, self.cut(segment)])[0, :, PHI]
-            angles.append(read_angle(self.hand, np.concatenate([start[:, PHI], later[:-1]])))
-        return Run(parameters, np.concatenate(angles), tuple(states))
+            states.append(loop.state[0])
+            later = np.concatenate([before, loop.advance(self.window.set_point_pa[None, self.cut(segment)])[0]])
+            readings.append(later[:-1])
+            before = later[-1:]
+        made = np.concatenate(readings)
+        return Run(parameters, read_angle(self.hand, made[:, PHI]), made[:, P], tuple(states))
 
-    def what_if(self, run: Run, parameters: Array, segment: int) -> Array:
-        """Angles (T, joints) [rad] of a segment by other parameters (rows, joints), SI, from the state of a run on."""
+    def what_if(self, run: Run, parameters: Array, segment: int) -> Run:
+        """A segment by other parameters (rows, joints), SI, from the state of a run on."""
+        state = run.states[segment]
+        made = simulate(self.hand, parameters, self._part(segment), state)[1][:-1]
+        return Run(parameters, read_angle(self.hand, made[:, PHI]), made[:, P], (state,))
+
+    def segment_of(self, run: Run, segment: int) -> Run:
+        """A segment of the run of a whole recording."""
         cut = self.cut(segment)
-        window = self.window.part(cut.start, cut.stop)
-        return simulate(self.hand, parameters, window, run.states[segment])[1]
+        return Run(run.parameters, run.angle_rad[cut], run.pressure_pa[cut], (run.states[segment],))
+
+    def curves(self, segment: int, joint: int, runs: Sequence[Run]) -> list[list[Array]]:
+        """Angles, pressures and, where there is a sensor, forces (T,), SI, of a joint: measured, and of each run.
+
+        runs: of this segment.
+        """
+        part = self._part(segment)
+        angles = [part.angle_rad[:, joint], *(run.angle_rad[:, joint] for run in runs)]
+        pressures = [stamped(run.pressure_pa[:, joint], run.parameters, joint, part.period_s) for run in runs]
+        curves = [angles, [part.pressure_pa[:, joint], *pressures]]
+        if has_force(self.hand, joint) and part.force_n is not None and np.isfinite(part.force_n[:, joint]).any():
+            forces = [force_reading(self.hand, run.parameters, part, joint, run.states[0]) for run in runs]
+            curves.append([part.force_n[:, joint], *forces])
+        return curves
+
+    def _part(self, segment: int) -> Window:
+        cut = self.cut(segment)
+        return self.window.part(cut.start, cut.stop)
 
     def mismatch(self, parameters: Array) -> Array:
         """Difference from the prediction of each sample (T, joints), in standard deviations of its noise [-]."""

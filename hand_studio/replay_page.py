@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from hand_model.arrays import Array
 from hand_studio.curves import Curves
 from hand_studio.hand_view import HandView
 from hand_studio.page import Page
@@ -35,7 +34,7 @@ class ReplayPage:
         """Add hand, ghosts and panel to the page. after: the run of the found model; `before` itself without one."""
         self._page, self._replay, self._before, self._after = page, replay, before, after
         self._mismatch = replay.mismatch(before.parameters)
-        self._what_if_rad: Array | None = None
+        self._what_if_run: Run | None = None
         self._parameters = after.parameters
         self._segment, self._joint = -1, -1
         hand, server = replay.hand, page.server
@@ -77,14 +76,15 @@ class ReplayPage:
         if changed:
             other = not np.array_equal(self._parameters, self._after.parameters)
             new = self._replay.what_if(self._after, self._parameters, segment) if other else None
-            self._what_if_rad = new
+            self._what_if_run = new
+        before = self._replay.segment_of(self._before, segment)
+        after = self._what_if_run or self._replay.segment_of(self._after, segment)
         cut = self._replay.cut(segment)
-        after = self._after.angle_rad[cut] if self._what_if_rad is None else self._what_if_rad
         if changed or joint != self._joint:
             self._segment, self._joint = segment, joint
-            angles = (self._replay.window.angle_rad[cut], self._before.angle_rad[cut], after)
-            self._curves.show(self._replay.window.time_s[cut], *(angle[:, joint] for angle in angles))
+            curves = self._replay.curves(segment, joint, (before, after))
+            self._curves.show(self._replay.window.time_s[cut], *curves)
         self._measured.pose(self._replay.window.angle_rad[sample])
         self._measured.tint(tints(self._mismatch[sample]))
         self._ghosts[0].pose(self._before.angle_rad[sample])
-        self._ghosts[1].pose(after[sample - cut.start])
+        self._ghosts[1].pose(after.angle_rad[sample - cut.start])

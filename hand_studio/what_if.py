@@ -16,12 +16,10 @@ from hand_model.kernel.open_loop import HAND_EFFECTS
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_model.quantities import HAND
 
-WITHOUT_MOTION = ("force_sensor", "timing")
-"""Places of effects that change neither the motion of the model nor how it is measured."""
 ALL = "all joints"
 STEPS = 200
 PARAMETERS = {parameter.key: parameter for parameter in JOINT_PARAMETERS}
-CHOICES = tuple(effect.name for effect in HAND_EFFECTS if effect.keys and effect.place not in WITHOUT_MOTION)
+CHOICES = tuple(effect.name for effect in HAND_EFFECTS if effect.keys)
 """Effects that can be tried."""
 
 

@@ -261,7 +261,7 @@ def matrix(transform: Any) -> Any:
 
 
 def test_only_one_node_publishes_the_description(terminal: Terminal) -> None:
-    """Fails when the hand's own description stays beside that of a robot_state_publisher, or does not come back."""
+    """Fails when the hand's own description stays next to that of a robot_state_publisher, or does not come back."""
     client, topic = terminal.client, "/hand/robot_description"
     client.until(lambda: client.node.count_publishers(topic) == 1)
     other = client.node.create_publisher(String, topic, LATCHED_QOS)

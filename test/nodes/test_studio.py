@@ -180,9 +180,14 @@ def test_record_until_sure_moves_and_records_the_joint_until_a_stop(studio: Stud
 
 
 def test_what_if_changes_the_curve_until_it_is_reset(studio: Studio) -> None:
-    """Fails when the model next to the hand does not start or is off, or a slider does not reach its curve."""
+    """Fails when the model next to the hand does not start or is off, or a slider does not reach its curve.
+
+    The model's pressure and force are shown for a joint that has a force sensor.
+    """
     studio.page.click("Model")
     studio.client.until(lambda: studio.off_deg() < 1.0)
+    shown = re.compile(r" deg; pressure, model: 0\.0\d bar; force, model: 0\.\d\d N")
+    studio.client.until(lambda: shown.search(studio.page.text()))
     studio.page.press("torque_nm", "End")
     studio.client.until(lambda: studio.off_deg() > 2.0)
     studio.page.click("Reset to what was found")

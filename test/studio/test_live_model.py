@@ -22,13 +22,15 @@ from hand_studio.what_if import CHOICES, PARAMETERS, slider_range
 
 HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
 RUBBING = HAND.joints.index("index_proximal")
+SITED = HAND.sensors.site_joint >= 0
 SEED, SECONDS = 5, 4.0
 PERIOD_NS = 5_000_000
 
 
 def changed(key: str, value: float) -> Hand:
-    """The hand with another value, SI, of a parameter of one joint."""
+    """The hand with another value, SI, of a parameter of one joint; an obstacle begins at 30 degrees."""
     parameters = HAND.parameters.copy()
+    parameters[ROW["contact.angle_deg"], RUBBING] = np.radians(30.0)
     parameters[ROW[key], RUBBING] = value
     return replace(HAND, parameters=parameters)
 
@@ -47,7 +49,9 @@ def frames(key: str = "", value: float = 0.0) -> tuple[Sample, ...]:
         before = made[-1].set_point_pa if made else np.zeros(len(joints))
         counts, supply_v, status = plant.step(before)
         measured = converter.convert(Frame(k, 5000 * k, supply_v, Status(0) | status, counts, 0))
-        made.append(Sample(k * PERIOD_NS, measured.position, measured.pressure, set_point))
+        force = np.full(len(joints), np.nan)
+        force[HAND.sensors.site_joint[SITED]] = measured.force[SITED]
+        made.append(Sample(k * PERIOD_NS, measured.position, measured.pressure, set_point, force))
     return tuple(made)
 
 
@@ -66,7 +70,7 @@ def test_a_hand_like_its_model_has_no_tint_and_the_ghost_is_in_it() -> None:
     assert largest_mismatch(frames()).max() < NOISE
     model = LiveModel(HAND)
     model.add(frames())
-    _, measured, ghost = model.curves(RUBBING)
+    (measured, ghost), *_ = model.curves(RUBBING)[1]
     assert len(measured) == len(frames())
     assert np.sqrt(np.mean((measured - ghost) ** 2)) < np.radians(0.2)
 
@@ -89,7 +93,7 @@ def test_what_if_moves_the_ghost_fast_enough_to_follow_a_slider() -> None:
     model.add(rubbing)
 
     def off() -> float:
-        _, measured, ghost = model.curves(RUBBING)
+        (measured, ghost), *_ = model.curves(RUBBING)[1]
         return float(np.sqrt(np.mean((measured - ghost) ** 2)))
 
     before, taken = off(), []
@@ -103,12 +107,52 @@ def test_what_if_moves_the_ghost_fast_enough_to_follow_a_slider() -> None:
     assert off() == pytest.approx(before, rel=0.2)
 
 
+def off(model: LiveModel, joint: int, kind: int) -> float:
+    """RMS difference of a measured signal of a joint from the ghost's, SI; kind: its place among the curves."""
+    measured, ghost = model.curves(joint)[1][kind]
+    return float(np.sqrt(np.nanmean((measured - ghost) ** 2)))
+
+
+def test_the_pressure_is_shown_and_a_clock_that_differs_shifts_it() -> None:
+    """Fails when another joint's pressure is shown, or what-if of a timing effect does not move the curve of its model.
+
+    A sine of 1e5 Pa that is stamped 0.05 s late is off by 1e5 Pa * speed * 0.05 s / sqrt(2), RMS.
+    """
+    model = LiveModel(HAND)
+    model.add(frames())
+    assert off(model, RUBBING, 1) < 2e3
+    model.change(changed("clock_offset.offset_s", 0.05).parameters)
+    assert off(model, RUBBING, 1) == pytest.approx(1e5 * (2.0 + 0.3 * RUBBING) * 0.05 / np.sqrt(2.0), rel=0.15)
+    assert off(model, RUBBING, 0) < np.radians(0.2)
+    parameters = changed("clock_offset.offset_s", 0.05).parameters
+    parameters[ROW["clock_offset.share"], RUBBING] = 0.0
+    model.change(parameters)
+    assert off(model, RUBBING, 0) > np.radians(0.3)
+
+
+def test_what_if_of_a_force_sensor_changes_the_force_of_the_model() -> None:
+    """Fails when forces go to another joint, the model expects another force, or what-if leaves its reading alone."""
+    touching = frames("contact.stiffness_nm_per_rad", 0.4)
+    model = LiveModel(HAND)
+    model.add(touching)
+    (_, _, (measured, before)) = model.curves(RUBBING)[1]
+    pressed = np.nan_to_num(measured) > 0.3
+    print("N", np.nanmax(measured), "RMS N", np.sqrt(np.mean((measured - before)[pressed] ** 2)))
+    assert pressed.sum() > 100
+    assert np.sqrt(np.mean((measured - before)[pressed] ** 2)) < 0.15 * np.nanmax(measured)
+    model.change(changed("fsr_gain.error", 0.5).parameters)
+    (_, _, (_, after)) = model.curves(RUBBING)[1]
+    assert after == pytest.approx(1.5 * before, rel=1e-6)
+    unsited = next(joint for joint in range(len(HAND.joints)) if joint not in HAND.sensors.site_joint)
+    assert len(model.curves(unsited)[1]) == 2
+
+
 def test_lost_frames_do_not_move_the_model_away() -> None:
     """Fails when the model counts frames and not time, or goes on after a long gap as if nothing had happened."""
     model = LiveModel(HAND)
     kept = [sample for k, sample in enumerate(frames()) if k % 50 not in (7, 8, 30)]
     model.add(kept)
-    _, measured, ghost = model.curves(RUBBING)
+    (measured, ghost), *_ = model.curves(RUBBING)[1]
     assert np.sqrt(np.nanmean((measured - ghost) ** 2)) < np.radians(0.5)
     model.add([replace(frames()[0], stamp_ns=kept[-1].stamp_ns + 2_000_000_000)])
     assert model.ghost_rad is None

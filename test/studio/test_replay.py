@@ -59,6 +59,21 @@ def test_the_model_after_is_in_the_hand_and_the_one_before_is_not(shown: Replay)
     assert np.delete(off_deg(shown, before.angle_rad), [RUBBING, HAND.partner[RUBBING]]).max() < 0.2
 
 
+def test_pressure_and_force_are_shown_and_what_if_changes_both(shown: Replay) -> None:
+    """Fails when a plot shows another signal, or a clock or the gain of a force sensor does not reach its curve."""
+    run = shown.segment_of(shown.run(rubbing().parameters), 0)
+    angle, pressure, force = shown.curves(0, RUBBING, (run,))
+    assert np.sqrt(np.mean((pressure[0] - pressure[1]) ** 2)) < 2e3 < np.ptp(pressure[0]) / 10.0
+    assert angle[0] == pytest.approx(angle[1], abs=np.radians(1.0)) and np.isfinite(force[1]).all()
+    parameters = rubbing().parameters
+    parameters[ROW["clock_offset.offset_s"]], parameters[ROW["fsr_gain.error"]] = 0.05, 0.5
+    late = shown.curves(0, RUBBING, (shown.what_if(run, parameters, 0),))
+    assert np.sqrt(np.mean((late[1][0] - late[1][1]) ** 2)) > 5e3
+    assert late[0][1] == pytest.approx(angle[1], abs=1e-9)
+    assert late[2][1] == pytest.approx(1.5 * force[1])
+    assert len(shown.curves(0, HAND.joints.index("thumb_opposition"), (run,))) == 2
+
+
 def test_what_if_goes_on_from_the_segment_before(shown: Replay, monkeypatch: pytest.MonkeyPatch) -> None:
     """Fails when segments are cut or joined wrongly, or what-if with the same numbers differs from the run."""
     whole = shown.run(HAND.parameters)
@@ -70,7 +85,7 @@ def test_what_if_goes_on_from_the_segment_before(shown: Replay, monkeypatch: pyt
     assert len(run.states) == last + 1 == 4
     for segment in range(last + 1):
         again = short.what_if(run, HAND.parameters, segment)
-        assert again == pytest.approx(run.angle_rad[short.cut(segment)], abs=np.radians(0.2))
+        assert again.angle_rad == pytest.approx(run.angle_rad[short.cut(segment)], abs=np.radians(0.2))
 
 
 def test_the_mismatch_names_the_joint(shown: Replay) -> None:

@@ -1,0 +1,46 @@
+"""What the model makes of a force sensor: the reading that follows from the measured motion and pressure. Pure.
+
+Eq. 8 gives the torque that an obstacle must exert for the measured motion, and the lever of the sensor its force; the
+effects of force sensors then change the reading. The diagnosis compares the same prediction with the measured force.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hand_model.arrays import Array
+from hand_model.description import Hand
+from hand_model.effects.effect import ACCELERATION, ANGLE, EXOGENOUS, NEIGHBOUR, PARTNER, SPEED, TIME
+from hand_model.kernel.open_loop import MeasuredInputs, open_loop
+from hand_recording.interpolation import bridge
+from hand_recording.signals import derivatives
+from hand_studio.window import Window
+
+FORCE = 2
+"""Row of the force among the readings of the open loop."""
+
+
+def has_force(hand: Hand, joint: int) -> bool:
+    """Whether a force sensor is on the link that a joint moves."""
+    return bool(np.any(hand.sensors.site_joint == joint))
+
+
+def force_reading(hand: Hand, parameters: Array, window: Window, joint: int, state: Array) -> Array:
+    """The reading (T,) [N] of the sensor on a joint that a model expects; NaN without a sensor.
+
+    parameters: (rows, joints) SI.  state: (STATES, joints) at the start of the window.
+    """
+    if not has_force(hand, joint):
+        return np.full(len(window.angle_rad), np.nan)
+    angle = bridge(window.angle_rad)[0]
+    speed, acceleration = derivatives(angle, window.period_s)
+    e = np.zeros((len(angle), EXOGENOUS))
+    e[:, TIME], e[:, ANGLE] = window.time_s, angle[:, joint]
+    e[:, SPEED], e[:, ACCELERATION] = speed[:, joint], acceleration[:, joint]
+    partner = int(hand.partner[joint])
+    if partner >= 0:
+        e[:, PARTNER], e[:, NEIGHBOUR] = acceleration[:, partner], angle[:, partner]
+    pressure = bridge(window.pressure_pa)[0][:, joint]
+    inputs = MeasuredInputs(window.set_point_pa[:, joint], pressure, e, window.period_s)
+    start, lever_m = state[None, :, joint], hand.lever_arm_m(joint)
+    return open_loop(parameters[None, :, joint], np.ascontiguousarray(start), inputs, lever_m=lever_m)[0, FORCE]
