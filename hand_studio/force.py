@@ -32,15 +32,17 @@ def force_reading(hand: Hand, parameters: Array, window: Window, joint: int, sta
     """
     if not has_force(hand, joint):
         return np.full(len(window.angle_rad), np.nan)
-    angle = bridge(window.angle_rad)[0]
+    partner = int(hand.partner[joint])
+    angle = bridge(window.angle_rad[:, [joint, partner] if partner >= 0 else [joint]])[0]
     speed, acceleration = derivatives(angle, window.period_s)
     e = np.zeros((len(angle), EXOGENOUS))
-    e[:, TIME], e[:, ANGLE] = window.time_s, angle[:, joint]
-    e[:, SPEED], e[:, ACCELERATION] = speed[:, joint], acceleration[:, joint]
-    partner = int(hand.partner[joint])
+    e[:, TIME], e[:, ANGLE] = window.time_s, angle[:, 0]
+    e[:, SPEED], e[:, ACCELERATION] = speed[:, 0], acceleration[:, 0]
     if partner >= 0:
-        e[:, PARTNER], e[:, NEIGHBOUR] = acceleration[:, partner], angle[:, partner]
-    pressure = bridge(window.pressure_pa)[0][:, joint]
+        e[:, PARTNER], e[:, NEIGHBOUR] = acceleration[:, 1], angle[:, 1]
+    pressure = bridge(window.pressure_pa[:, joint])[0]
     inputs = MeasuredInputs(window.set_point_pa[:, joint], pressure, e, window.period_s)
     start, lever_m = state[None, :, joint], hand.lever_arm_m(joint)
-    return open_loop(parameters[None, :, joint], np.ascontiguousarray(start), inputs, lever_m=lever_m)[0, FORCE]
+    readings = open_loop(parameters[None, :, joint], np.ascontiguousarray(start), inputs, lever_m=lever_m)
+    force: Array = readings[0, FORCE]
+    return force

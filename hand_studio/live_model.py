@@ -21,6 +21,8 @@ SHOWN_S = 10.0
 """Length of the curves."""
 START_S, REST_RAD = 0.3, 0.01
 """The model starts after a time in which no joint moved further: only of a hand at rest, the creep is known."""
+FORCE_S = 0.5
+"""Period in which the force of the model is computed, which takes longer than the other curves."""
 LONGEST_GAP = 20
 """Frames that may be missing; after a longer gap the model starts again."""
 
@@ -35,6 +37,8 @@ class LiveModel:
         self._samples: list[Sample] = []
         self._states: list[Array] = []
         self._readings: list[Array] = []
+        self._changes, self._force_of = 0, (-1, 0)
+        self._force_n, self._force_ns = np.zeros(0), 0
         self._ghost: ClosedLoop | None = None
         self._ahead: OneAhead | None = None
 
@@ -54,18 +58,34 @@ class LiveModel:
         The signals are angle, pressure and, where the joint has a sensor and forces come, the force.
         """
         count = len(self._readings)
-        made = np.array(self._readings).reshape(count, STATES, len(self._hand.joints))
-        window = self._window(count)
-        ghost_pa = stamped(made[:, P, joint], self._parameters, joint, self._period_s)
+        made = np.array([reading[:, joint] for reading in self._readings]).reshape(count, STATES)
+        angle = np.zeros((count, len(self._hand.joints)))
+        angle[:, joint] = made[:, PHI]
         curves = [
-            [window.angle_rad[:, joint], read_angle(self._hand, made[:, PHI])[:, joint]],
-            [window.pressure_pa[:, joint], ghost_pa],
+            [self._measured("angle_rad", joint, count), read_angle(self._hand, angle)[:, joint]],
+            [
+                self._measured("pressure_pa", joint, count),
+                stamped(made[:, P], self._parameters, joint, self._period_s),
+            ],
         ]
-        measured_n = None if window.force_n is None else window.force_n[:, joint]
-        if with_force and measured_n is not None and has_force(self._hand, joint) and np.isfinite(measured_n).any():
-            force_n = force_reading(self._hand, self._parameters, window, joint, self._states[0])
-            curves.append([measured_n, force_n])
+        if with_force and count and has_force(self._hand, joint):
+            measured_n = self._measured("force_n", joint, count)
+            if np.isfinite(measured_n).any():
+                curves.append([measured_n, self._force(joint, count)])
         return self._period_s * np.arange(1.0 - count, 1.0), curves
+
+    def _measured(self, name: str, joint: int, count: int) -> Array:
+        return np.array([getattr(sample, name)[joint] for sample in self._samples[:count]], dtype=np.float64)
+
+    def _force(self, joint: int, count: int) -> Array:
+        """Force (T,) [N] of the model; NaN at the newest samples, because it is computed every FORCE_S only."""
+        newest_ns, chosen = self._samples[count - 1].stamp_ns, (joint, self._changes)
+        late = round((newest_ns - self._force_ns) * 1e-9 / self._period_s)
+        if chosen != self._force_of or not 0 <= late < FORCE_S / self._period_s:
+            self._force_n = force_reading(self._hand, self._parameters, self._window(count), joint, self._states[0])
+            self._force_ns, self._force_of, late = newest_ns, chosen, 0
+        known = self._force_n[max(len(self._force_n) + late - count, 0) :]
+        return np.concatenate([known, np.full(count - len(known), np.nan)])
 
     def change(self, parameters: Array) -> None:
         """Give the ghost other parameters (rows, joints), SI, also for the time that the curves show."""
@@ -78,6 +98,7 @@ class LiveModel:
             return
         self._ghost, readings = simulate(self._hand, self._parameters, self._window(), self._states[0])
         self._readings, self._next = list(readings[:-1]), readings[-1]
+        self._changes += 1
 
     def add(self, samples: Sequence[Sample]) -> None:
         """Take the frames that follow."""

@@ -9,7 +9,7 @@ import re
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,10 +22,17 @@ from hand_model.description import load_hand
 from hand_model.kernel.rows import ROW
 from hand_recording.loader import load_recording
 from hand_recording.replay import record_offline
+from hand_studio import until_sure
+from hand_studio.inbox import Inbox
+from hand_studio.page import Page
+from hand_studio.panel import Panel
+from hand_studio.until_sure import Answer, Cause, Motion, table
 from test.nodes.stack import TOOL, WAIT_S, Client, Stack
 from validation.browser import Browser
 
 CONFIG = Path(__file__).parents[2] / "config" / "hand.yaml"
+BARS = "[...document.querySelectorAll('#sure ~ table div')].map(bar => bar.style.width)"
+"""Widths of the bars of the probabilities in the page."""
 SIZE = (700, 560)
 """Of the window [pixels]: small, because no graphics card draws it."""
 
@@ -202,6 +209,67 @@ def test_the_hand_goes_on_without_a_browser(studio: Studio) -> None:
     assert studio.client.statuses
     studio.page.open(studio.url)
     studio.page.until_shown("Hz, latency")
+
+
+class Scripted:
+    """A robot that stands still, and a study with given answers, on a panel of a page."""
+
+    def __init__(self, panel: Panel, answers: list[Answer], shown: Callable[[], None]) -> None:
+        self._panel, self._answers, self._shown = panel, answers, shown
+        self.report = lambda note, answer: panel.sure(table(note, answer))
+        self.stay = self.command = self.hold = self.cancel = self.diagnose = lambda *_: None
+        self.refusal, self.record, self.is_recorded = lambda: "", lambda: "bag", lambda: True
+        self.end_recording = lambda: "recorded: bag"
+
+    def motion(self, name: str, joints: Sequence[str]) -> Motion:
+        """Called when an answer has been reported and the next experiment begins: look at the page."""
+        if name:
+            self._shown()
+        return Motion(name or "slow_triangle", 0.01, lambda _: dict.fromkeys(joints, 0.0))
+
+    def answer(self) -> Answer:
+        return self._answers.pop(0)
+
+
+def test_the_probabilities_change_in_the_page_with_every_diagnosis(
+    studio: Studio, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fails when a probability is not shown in the tab Find, stays that of the diagnosis before, or its bar does."""
+    monkeypatch.setattr(until_sure, "REST_S", 0.001)
+    hand, seen = load_hand(CONFIG), []
+    answers = [
+        Answer(
+            sentence,
+            (Cause("index_proximal", "backlash", p), Cause("index_proximal", "hysteresis", 1.0 - p)),
+            following,
+        )
+        for p, sentence, following in (
+            (0.55, "not sure yet", "reversals"),
+            (0.74, "not sure yet", "steps"),
+            (0.97, "sure", ""),
+        )
+    ]
+    page = Page()
+    try:
+        panel = Panel(page, hand, ["tripod"], Inbox())
+        studio.page.open(page.url)
+        studio.page.until_shown("Find")
+        studio.page.click("Find")
+        studio.page.until_shown("Record until sure")
+
+        def shown() -> None:
+            expected = (("55%", "45%"), ("74%", "26%"), ("97%", "3%"))[len(seen)]
+            studio.page.until(BARS + f".join() == '{','.join(expected)}'")
+            assert [part for part in studio.page.text().split() if part.endswith("%")] == list(expected)
+            seen.append(expected)
+
+        script = Scripted(panel, list(answers), shown)
+        assert until_sure.record_until_sure(script, script, ["index_proximal"], 0.001) == "sure; 3 recordings"
+        shown()
+        assert len(seen) == len(answers)
+    finally:
+        studio.page.open(studio.url)
+        page.close()
 
 
 def test_what_cannot_be_served_is_one_line(studio: Studio) -> None:
