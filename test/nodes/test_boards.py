@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -10,6 +11,26 @@ from hand_msgs.msg import BoardState, ValveCommand
 
 if TYPE_CHECKING:
     from test.nodes.stack import Client, Stack
+
+
+@pytest.mark.parametrize("link", ["serial", "can"])
+def test_the_studio_starts_the_hand_at_a_board_and_leaves_it_vented(stack: Stack, client: Client, link: str) -> None:
+    """Fails when `hand studio` with a board needs more than its port, drives it unasked, or leaves a node."""
+    path = str(stack.folder / "board")
+    board = stack.start("hand", "emulate-board", f"--{link}", path)
+    client.until(lambda: "ready" in stack.log("hand"))
+    interface = ("--can-interface", "slcan") if link == "can" else ()
+    words = ("studio", f"--{link}", path, *interface, "--no-browser", "--json", "--out", str(stack.folder))
+    studio = stack.start("hand", *words)
+    client.until(lambda: '"shown": "/hand"' in stack.log("hand"), 60.0)
+    client.until_said("driver", "link", "connected")
+    client.until_said("controller", "safety", "vented: not enabled")
+    client.until(lambda: client.valves and len(client.joints) > 100)
+    nodes = Path(f"/proc/{studio.pid}/task/{studio.pid}/children").read_text(encoding="utf-8").split()
+    assert len(nodes) >= 2 and max(client.valves[-1].pressure) == 0.0
+    assert stack.stop(studio) == 0 and stack.log("hand").endswith("hand studio: vented, nodes ended\n")
+    assert not any(Path(f"/proc/{pid}").exists() for pid in nodes)
+    assert board.poll() is None
 
 
 @pytest.mark.parametrize("link", ["serial", "can"])

@@ -236,7 +236,8 @@ def test_the_probabilities_change_in_the_page_with_every_diagnosis(
 ) -> None:
     """Fails when a probability is not shown in the tab Find, stays that of the diagnosis before, or its bar does."""
     monkeypatch.setattr(until_sure, "REST_S", 0.001)
-    hand, seen = load_hand(CONFIG), []
+    hand = load_hand(CONFIG)
+    seen: list[tuple[str, ...]] = []
     answers = [
         Answer(
             sentence,
