@@ -281,3 +281,45 @@ def test_the_examples_of_wrong_claims_are_found() -> None:
         check_module("validation.benches", [])
     assert expanded("a/{b,c}.py") == ["a/b.py", "a/c.py"]
     assert anchors("# A title, with `code`\n") == {"a-title-with-code"}
+
+
+DURATION = (
+    r"(?:about |some |more than |less than )?"
+    r"(?:(?:an?|half an?|one|two|some|ten|a few|[\d.]+) (?:minutes?|hours?)|(?:a few|[\d.]+) (?:s|seconds|min)"
+    r"|some minutes)\b"
+)
+TAKES = re.compile(rf"(?<!should )\b(?:takes?|starts? in|starts? within|in about) {DURATION}", re.IGNORECASE)
+BEHIND = re.compile(rf"\((?:[^()]*, )?{DURATION}(?: of processor time)?\)|(?:,| #) {DURATION}", re.IGNORECASE)
+READ = re.compile("tutorial|ways into the software")
+"""How long a text takes to read is not measured."""
+
+
+def unmeasured(text: str) -> list[str]:
+    """Lines that say how long a command takes, or put a time behind a command.
+
+    Measured times are in generated sections, which come from stored results.
+    """
+    text = re.sub(r"<!-- generated.*?<!-- end -->", "", text, flags=re.DOTALL)
+    lines = [line for line in text.splitlines() if not READ.search(line)]
+    return [line for line in lines if TAKES.search(line) or (COMMANDS.search(line) and BEHIND.search(line))]
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "CHANGELOG.md"] + ["Makefile"])
+def test_no_page_says_how_long_a_command_takes_unless_it_is_measured(name: str) -> None:
+    """Fails when a page gives a time of a command, of the studio's start or of the demo, that no stored result has."""
+    assert unmeasured(text_of(name)) == []
+
+
+@pytest.mark.parametrize(
+    "claim",
+    [
+        "`make proof` is the blind trial, about an hour.",
+        "    hand reproduce --out out/paper    # the figures of the paper, about a minute",
+        "`python -m validation.bench --only effects` (prints its seed, 8 minutes) tests each effect.",
+        "The studio starts within 8 s.",
+        "The demo takes 3.5 minutes on a fresh machine.",
+    ],
+)
+def test_a_time_that_is_not_measured_is_found(claim: str) -> None:
+    """Fails when the search for times passes over a way in which one could be written."""
+    assert unmeasured(claim)
