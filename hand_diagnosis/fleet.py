@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +22,7 @@ from hand_diagnosis.diagnosis import diagnose
 from hand_diagnosis.machine_report import write_machine_report
 from hand_diagnosis.pages.page import write_page
 from hand_diagnosis.patch import write_patch
-from hand_diagnosis.report import write_report
+from hand_diagnosis.report import document, write_report
 from hand_machine.machine import load_machine
 from hand_model.description import load_hand
 from hand_model.kernel.hooks import equations_key
@@ -35,7 +37,8 @@ class Job:
     """One recording with everything its report depends on, in plain types, so that it can be sent to another computer.
 
     tolerance: relative standard deviation of the nominal numbers [-].  of_machine: whether `model` is the file of
-    another machine than a hand.
+    another machine than a hand.  made: version, command, seed and model's hash of the run, to which the entry `made` of
+    report.json adds date and duration of this recording; a report that exists keeps its own.
     """
 
     recording: str
@@ -48,6 +51,7 @@ class Job:
     without: tuple[str, ...]
     sensor_curve: bool | None
     of_machine: bool = False
+    made: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def key(self) -> str:
@@ -75,7 +79,14 @@ def run_job(job: Job) -> list[dict[str, Any]]:
         return [dict.fromkeys(COLUMNS) | {"recording": job.recording, "verdict": "unusable", "error": str(error)}]
 
 
+def _made(job: Job, begun_s: float) -> dict[str, Any]:
+    """The entry `made` of a report that began at this time [s] of time.monotonic."""
+    date = datetime.now(UTC).isoformat(timespec="seconds")
+    return {**job.made, "date": date, "duration_s": round(time.monotonic() - begun_s, 1)}
+
+
 def _diagnose_hand(job: Job) -> None:
+    begun_s = time.monotonic()
     hand = load_hand(job.model)
     signals = read_signals([Path(job.recording)], hand, Path(job.mapping) if job.mapping else None)
     result = diagnose(
@@ -87,15 +98,23 @@ def _diagnose_hand(job: Job) -> None:
         without=job.without,
         sensor_curve=job.sensor_curve,
     )
-    content, _ = write_report(result, hand, [job.recording], Path(job.out))
+    made = document(result, [job.recording], str(hand.path)) | {"made": _made(job, begun_s)}
+    content, _ = write_report(result, hand, [job.recording], Path(job.out), made)
     write_patch(content, hand.path, Path(job.out))
     write_page(result, content, Path(job.out), hand)
 
 
 def _diagnose_machine(job: Job) -> None:
+    begun_s = time.monotonic()
     machine = load_machine(Path(job.model), [Path(job.recording)], to_fit=True)
     write_machine_report(
-        machine, [job.recording], Path(job.out), tolerance=job.tolerance, seed=job.seed, without=job.without
+        machine,
+        [job.recording],
+        Path(job.out),
+        tolerance=job.tolerance,
+        seed=job.seed,
+        without=job.without,
+        made=lambda: _made(job, begun_s),
     )
 
 

@@ -11,7 +11,7 @@ from hand_diagnosis.judgement import Number
 from hand_diagnosis.search import standard_errors
 from hand_identification.free_parameters import START_CREEP
 from hand_machine.description import MachineDescription
-from hand_machine.found_model import Found, write_found_model
+from hand_machine.found_model import Found, number_notes, write_found_model
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 
 SAME = 1e-9
@@ -20,8 +20,10 @@ SAME = 1e-9
 
 def write_machine_model(
     diagnosis: Diagnosis, described: MachineDescription, recordings: Sequence[str], out: Path
-) -> None:
-    """Write model.yaml of a machine's diagnosis. recordings: their names, for the comment at the top.
+) -> dict[str, str]:
+    """Write model.yaml of a machine's diagnosis; returns standard error and unit of its numbers, by name.
+
+    recordings: their names, for the comment at the top.
 
     All numbers of the last fit are written, however little they changed: they belong together. Where an effect is not
     claimed, they are those of the nominal model fitted without effects. Raises OSError where it cannot be written.
@@ -29,6 +31,7 @@ def write_machine_model(
     found = found_in(diagnosis, diagnosis.joints[0]) if diagnosis.joints else Found({}, {}, {}, frozenset())
     comment = f"Diagnosed from {', '.join(recordings)}: {diagnosis.verdict}. Nominal: {described.path.name}."
     write_found_model(described, diagnosis.wording.units, found, out, comment)
+    return number_notes(diagnosis.wording.units, found)
 
 
 def found_in(diagnosis: Diagnosis, joint: JointDiagnosis) -> Found:

@@ -41,7 +41,7 @@ def write_machine_report(
         content["made"] = dict(made())
     content["detection_limits"] = detection_limits(result, effects_without(without, machine.model))
     write_json(content, out)
-    write_machine_model(result, described, recordings, out / "model.yaml")
-    write_patch(content, described.path, out)
+    notes = write_machine_model(result, described, recordings, out / "model.yaml")
+    write_patch(content, described.path, out, notes)
     write_page(result, content, out)
     return content

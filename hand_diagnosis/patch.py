@@ -12,16 +12,19 @@ from hand_model.yaml_patch import add_note, changes_between, leaves, patch_text,
 PATCH, DIFF, MODEL = "patch.yaml", "patch.diff", "model.yaml"
 
 
-def write_patch(report: Mapping[str, Any], model: Path, out: Path) -> None:
+def write_patch(report: Mapping[str, Any], model: Path, out: Path, numbers: Mapping[str, str] | None = None) -> None:
     """Write both files next to model.yaml, which has the changes. model: the file that was diagnosed.
 
-    report: the content of report.json, which knows the standard errors.  A diagnosis without changes gives a patch
+    report: the content of report.json, which knows the standard errors.  numbers: standard error and unit of other
+    numbers of the file, by name.  A diagnosis without changes gives a patch
     without changes and an empty diff.  Raises OSError where they cannot be written.
     """
     changes = changes_between(model, out / MODEL)
     known = _standard_errors(report)
     for path in leaves(changes):
-        note = next((known[key] for key in _names(path, report) if key in known), "")
+        own = next((part for part in reversed(path) if part != "value"), "")
+        other = "" if "effects" in path else (numbers or {}).get(own, "")
+        note = next((known[key] for key in _names(path, report) if key in known), other)
         if note:
             add_note(changes, path, note)
     comment = [

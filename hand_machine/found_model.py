@@ -111,6 +111,16 @@ def write_found_model(described: MachineDescription, units: UnitMap, found: Foun
     out.write_text(document.text(comment), encoding="utf-8")
 
 
+def number_notes(units: UnitMap, found: Found) -> dict[str, str]:
+    """Standard error and unit of the numbers at the top of a machine file, and the units of its `sizes`, by name."""
+    notes = {"force": units.torque, "position": units.angle, "input": units.pressure}
+    for name, key in {**PARAMETER, "weight": WEIGHT}.items():
+        std = _shown(units, key) * found.deviations.get(key, math.nan)
+        unit = units.quantity(key).unit
+        notes[name] = f"± {std:.1g} {unit}" if math.isfinite(std) else unit
+    return notes
+
+
 def _is_stated(described: MachineDescription, name: str, key: str, found: Found) -> bool:
     """Whether a number is written: one of 0 in the file was enlarged only for the fit, unless an effect sets it."""
     return float(getattr(described, name)) != 0.0 or key in found.own

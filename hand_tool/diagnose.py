@@ -113,6 +113,7 @@ def diagnose(
                 without=tuple(_list(without)),
                 sensor_curve=sensor_curve,
                 of_machine=machine is not None,
+                made=origin.document(),
             )
             summary = _fleet(recordings, template, origin, out, jobs, cluster, as_json)
             _print_fleet(summary | {"model_file": chosen.as_json()}, out, as_json)

@@ -65,6 +65,10 @@ def test_a_cluster_of_processes_gives_the_table_and_resumes(recordings: list[Pat
         for process in reversed(running):
             process.terminate()
             process.wait(timeout=20)
+    made = [json.loads((out / f"0000{k}_hand_{k}" / "report.json").read_text("utf-8"))["made"] for k in range(3)]
+    assert all(entry["version"] and entry["model_sha256"] and entry["seed"] == 0 for entry in made)
+    assert all(entry["duration_s"] > 0.0 and entry["date"].startswith("20") for entry in made)
+    assert len({entry["date"] for entry in made}) >= 2  # the first one was resumed
     assert summary["recordings"] == 4
     assert summary["verdicts"] == {"explained": 2, "agrees": 1, "unusable": 1}
     assert summary["by_joint"] == {"index_distal: coulomb_friction": 2}

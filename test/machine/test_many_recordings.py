@@ -27,7 +27,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_each_recording_of_a_machine_has_a_report_and_a_row(folder: Path) -> None:
-    """Fails when --machine is refused with --each, a bad table ends the run, or the pages speak of a hand's joints."""
+    """Fails when --machine is refused with --each, a bad table ends the run, or the pages speak of a hand's joints.
+
+    Also where the report of one recording does not say how it was made, or its patch gives a number without its unit.
+    """
     recordings = [str(folder / f"{name}.csv") for name in ("good", "bad")]
     without = ",".join(name for name in EFFECTS if name != "coulomb_friction")
     options = ["--machine", str(MACHINE / "slide.yaml"), "--each", "--without", without, "--json"]
@@ -38,6 +41,11 @@ def test_each_recording_of_a_machine_has_a_report_and_a_row(folder: Path) -> Non
     assert summary["by_joint"] == {"axis: coulomb_friction": 1}
     report = json.loads((folder / "out" / "00000_good" / "report.json").read_text(encoding="utf-8"))
     assert report["words"] == {"whole": "the machine", "axis": "axis"}
+    assert report["made"]["seed"] == 0 and report["made"]["duration_s"] > 0.0 and report["made"]["model_sha256"]
+    patch = (folder / "out" / "00000_good" / "patch.yaml").read_text(encoding="utf-8")
+    for name, unit in (("stiffness", "N/m"), ("damping", "N s/m"), ("inertia", "kg")):
+        assert re.search(rf"^  {name}: [\d.]+ # was [\d.]+; ± [\d.e-]+ {unit}$", patch, re.MULTILINE), patch
+    assert re.search(r"^    position: \S+ # new; m$", patch, re.MULTILINE)
     assert (folder / "out" / "00000_good" / "model.yaml").is_file()
     page = (folder / "out" / "index.html").read_text(encoding="utf-8")
     body = page.partition("<main>")[2].partition("<section><h2>How this")[0]
