@@ -16,7 +16,8 @@ POINTS = 400
 COLORS = ("#808080", "#0072b2", "#009e73")
 """Measured, model, another model: distinct for the colour blind (Okabe and Ito 2008), 3:1 on white and on dark."""
 
-
+WIDTHS = (6, 2, 2)
+"""Widths of their lines: the measured curve is seen also where a model lies on it."""
 KINDS = (("angle", "degrees", "deg", np.degrees(1.0)), ("pressure", "bar", "bar", 1e-5), ("force", "N", "N", 1.0))
 """Name, label of the axis, unit and factor from SI of each plot."""
 
@@ -34,8 +35,8 @@ class Curves:
 
     def _plot(self, gui: viser.GuiApi, label: str, aspect: float) -> Any:
         series = [uplot.Series(label="time s")]
-        colored = zip(self._names, COLORS, strict=False)
-        series += [uplot.Series(label=name, stroke=color, width=2) for name, color in colored]
+        drawn = zip(self._names, COLORS, WIDTHS, strict=False)
+        series += [uplot.Series(label=name, stroke=color, width=width) for name, color, width in drawn]
         return gui.add_uplot(
             (np.array([0.0, 1.0]), *(np.zeros(2) for _ in self._names)),
             tuple(series),

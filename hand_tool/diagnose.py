@@ -26,7 +26,9 @@ WRITTEN = ("report.html", "report.json", "model.yaml", "patch.yaml")
 
 def diagnose(
     *,
-    recordings: Annotated[list[Path], typer.Argument(help="rosbag2 folders or .mcap/.db3 files, or tables with --map or --machine.")],
+    recordings: Annotated[
+        list[Path], typer.Argument(help="rosbag2 folders or .mcap/.db3 files, or tables with --map or --machine.")
+    ],
     out: Annotated[
         Path | None,
         typer.Option(help="Folder for report.json, report.html, model.yaml, patch.yaml and PNGs. Required."),
@@ -37,7 +39,8 @@ def diagnose(
     ] = None,
     machine: Annotated[Path | None, typer.Option(help="Another single-axis machine's file instead of a hand.")] = None,
     suggest_map: Annotated[
-        bool, typer.Option("--suggest-map", help="Print the columns of a machine file for a table or rosbag2, and stop.")
+        bool,
+        typer.Option("--suggest-map", help="Print the columns of a machine file for a table or rosbag2, and stop."),
     ] = False,
     joints: Annotated[str, typer.Option(help="Comma-separated joints. Default: all that move.")] = "",
     tolerance: Annotated[float, typer.Option(help="Expected relative error of the nominal numbers, 0 to 1.")] = 0.05,
