@@ -143,6 +143,22 @@ class Settings(FitSettings):
     min_tone_share: float = setting(
         0.5, "-", "Share of a remainder's variance in one line of its spectrum from which it is periodic in time.",
         CHOICE, "Periodic motion makes remainders periodic.", "Only pure tones are called periodic.")
+    scanned_turns: tuple[float, float] = setting(
+        (2.0, 4096.0), "periods", "Repetitions over the range of the angle that are looked for before the search.",
+        CHOICE, "Fine teeth are not found.", "Scanning takes longer.")
+    turn_lines: int = setting(
+        8, "-", "Lines of that periodogram in one repetition over the range.", CHOICE,
+        "A period between two lines is found less exactly.", "Scanning takes longer.")
+    samples_a_turn: float = setting(
+        4.0, "samples", "Least number of samples in a repetition at the usual speed.", CHOICE,
+        "Repetitions that the recorder barely sees are taken for periods.", "Fine teeth are found in slow motion only.")
+    reversal_speed: float = setting(
+        0.05, "standard deviations", "Speed around which the direction of motion changes, for that periodogram.",
+        CHOICE,
+        "Noise of the speed at rest looks like reversals.", "Friction at reversals is smoothed and leaves lines.")
+    spike_quantiles: tuple[float, float] = setting(
+        (0.01, 0.99), "-", "Torques outside these quantiles are clipped for that periodogram.", CHOICE,
+        "Blows hide a period.", "Sharp teeth are clipped.")
     min_tone_periods: float = setting(
         8.0, "periods", "Periods that a recording must hold of such a line.", CHOICE,
         "Drifts are called periodic.", "Slow periodic remainders are not recognised.")

@@ -10,20 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import FORCE, JointProblem
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array
 from hand_model.effects.effect import ACCELERATION, SPEED, Effect
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
-
-FEWEST_TURNS, MOST_TURNS = 2.0, 4096.0
-"""Repetitions over the range of the angle that are looked for."""
-PADDING = 8
-"""Lines of the periodogram in one repetition over the range."""
-SAMPLES_A_TURN = 4.0
-"""Least number of samples in a repetition at the usual speed."""
-STILL = 0.05
-"""Speed, in its standard deviations, around which the direction of motion changes."""
 
 
 def with_periods(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> JointProblem:
@@ -48,12 +40,12 @@ def period_of_torque(problem: JointProblem, fit: MapFit) -> float:
         angle = segment.angle_rad
         x, v, a = (part / max(float(np.std(part)), 1e-300) for part in _motion(angle, segment.exogenous))
         known = segment.known & np.isfinite(left)
-        around = np.column_stack([np.ones_like(x), x, x * x, x**3, v, np.tanh(v / STILL), a])[known]
+        around = np.column_stack([np.ones_like(x), x, x * x, x**3, v, np.tanh(v / SETTINGS.reversal_speed), a])[known]
         if known.sum() < 2 * around.shape[1]:
             continue
         rest = left[known] - around @ np.linalg.lstsq(around, left[known], rcond=1e-9)[0]
         angles.append(angle[known])
-        lacking.append(np.clip(rest, *np.quantile(rest, (0.01, 0.99))))
+        lacking.append(np.clip(rest, *np.quantile(rest, SETTINGS.spike_quantiles)))
         steps.append(np.abs(np.diff(angle)))
     if not angles:
         return 0.0
@@ -67,12 +59,13 @@ def _motion(angle: Array, exogenous: Array) -> tuple[Array, Array, Array]:
 def _strongest(angle: Array, values: Array, step: float) -> float:
     """The period [rad] of values (n,) over angles (n,) [rad] with the largest line; step: between samples [rad]."""
     span = float(np.ptp(angle))
-    most = min(MOST_TURNS, span / max(SAMPLES_A_TURN * step, 1e-12))
-    if span <= 0.0 or most <= FEWEST_TURNS:
+    fewest, most = SETTINGS.scanned_turns
+    most = min(most, span / max(SETTINGS.samples_a_turn * step, 1e-12))
+    if span <= 0.0 or most <= fewest:
         return 0.0
     bins = 2 ** int(np.ceil(np.log2(8.0 * most)))
     places = np.minimum((bins * (angle - angle.min()) / span).astype(np.int64), bins - 1)
-    power = np.abs(np.fft.rfft(np.bincount(places, values, bins), PADDING * bins))
-    turns = np.arange(len(power)) / PADDING
-    inside = (turns >= FEWEST_TURNS) & (turns <= most)
+    power = np.abs(np.fft.rfft(np.bincount(places, values, bins), SETTINGS.turn_lines * bins))
+    turns = np.arange(len(power)) / SETTINGS.turn_lines
+    inside = (turns >= fewest) & (turns <= most)
     return span / float(turns[inside][int(np.argmax(power[inside]))]) if inside.any() else 0.0
