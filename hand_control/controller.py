@@ -48,6 +48,7 @@ from hand_control.goals import (
 from hand_control.grasps import Approach, Grasp, Grasping, Outcome
 from hand_control.references import References
 from hand_control.shaping import Shaper, TorqueLimiter, approach_speed, filling_speed
+from hand_control.step_watch import LONGEST_S
 from hand_control.supervisor import VENT_S, Phase, Supervisor
 from hand_control.tuning import gains
 from hand_control.unmeasured import Unmeasured
@@ -97,7 +98,12 @@ class Controller:
     """Converts measurements and commands to valve pressures, and vents after every fault."""
 
     def __init__(self, hand: Hand, settings: Settings) -> None:
-        """Begin vented."""
+        """Begin vented. ValueError, one line, where the frames of the hand are too rare to check its sensors."""
+        if hand.rate_hz * LONGEST_S < 1.0:
+            least_hz = math.ceil(1.0 / LONGEST_S)
+            raise ValueError(
+                f"board.rate_hz is {hand.rate_hz:g}; the controller checks the sensors from {least_hz} Hz on"
+            )
         count = len(hand.joints)
         self.hand = hand
         self.safety = Supervisor()

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hand_control.controller import Controller
+from hand_control.declared import Settings
 from hand_control.sensor_watch import GAP_COUNTS_S, UNCHECKED_S, WARN_S
 from hand_control.supervisor import Phase
 from hand_messages.health import Level
@@ -47,6 +49,13 @@ def test_operation_without_a_fault_vents_nothing(rate_hz: float, every: int) -> 
 
 def status(loop: Loop) -> tuple[Level, str]:
     return next((h.level, h.message) for h in loop.controller.health(loop.now_ns) if h.name == "sensors")
+
+
+def test_a_hand_whose_frames_are_too_rare_by_its_description_is_refused() -> None:
+    """Fails when such a hand is enabled, only to vent after a second without any check."""
+    with pytest.raises(ValueError, match=r"board\.rate_hz is 30; the controller checks the sensors from 33 Hz on"):
+        Controller(replace(HAND, rate_hz=30.0), Settings.of(HAND, {}))
+    Controller(replace(HAND, rate_hz=33.0), Settings.of(HAND, {}))
 
 
 @pytest.mark.parametrize("every", [7, 12])
