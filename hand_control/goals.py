@@ -108,12 +108,11 @@ def check_names_and_age(hand: Hand, names: Sequence[str], stamp_ns: int, now_ns:
         raise GoalRefusedError(Code.OLD_HEADER_TIMESTAMP, line)
 
 
-def check_size(points: int, excess: str = "") -> None:
-    """Refuse a goal that is too large. points: their number.  excess: what was too large before it was converted."""
+def check_size(points: int) -> None:
+    """Refuse a goal with too many points before they are read. Raises GoalRefusedError."""
     if points > MAX_POINTS:
-        excess = f"it has {points} points; at most {MAX_POINTS} are allowed"
-    if excess:
-        raise GoalRefusedError(Code.INVALID_GOAL, f"goal refused: {excess}")
+        line = f"goal refused: it has {points} points; at most {MAX_POINTS} are allowed"
+        raise GoalRefusedError(Code.INVALID_GOAL, line)
 
 
 def check_fields(given: Mapping[str, Sequence[object]]) -> None:

@@ -19,7 +19,6 @@ from std_msgs.msg import Empty
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from hand_control.bounded_goals import GoalBounds
 from hand_control.command_inputs import CommandInputs
 from hand_control.controller import Controller, Tick, Times
 from hand_control.declared import PARAMETERS, Settings
@@ -70,7 +69,6 @@ class ControllerNode(HandNode):
         """Declare parameters."""
         super().__init__("controller", PARAMETERS)
         self._ends: dict[bytes, Future] = {}
-        self._goal_bounds = GoalBounds()
         self._interfaces: list[Callable[[], object]] = []
 
     def configure(self, values: dict[str, Any]) -> None:
@@ -132,8 +130,6 @@ class ControllerNode(HandNode):
                 ),
                 self._action(GripperCommand, "gripper_cmd", self._on_gripper, self._on_accepted),
             ]
-            if not self._goal_bounds.install(FollowJointTrajectory):
-                self.get_logger().warning("follow_joint_trajectory: a large goal is converted before it is refused")
         self._interfaces = [
             self.listen_to_stop(self._on_stop, lambda: bool(self._controller.safety.fault)),
             *(action.destroy for action in actions),
@@ -363,8 +359,7 @@ class ControllerNode(HandNode):
 
     def _on_follow_accepted(self, handle: ServerGoalHandle) -> None:
         goal, trajectory = handle.request, handle.request.trajectory
-        uuid = bytes(handle.goal_id.uuid)
-        self._ends[uuid] = Future()
+        self._ends[bytes(handle.goal_id.uuid)] = Future()
         tolerances = goal.path_tolerance, goal.goal_tolerance
         other = {
             "multi_dof_trajectory": goal.multi_dof_trajectory.joint_names,
@@ -372,7 +367,7 @@ class ControllerNode(HandNode):
             "component_goal_tolerance": goal.component_goal_tolerance,
         }
         try:
-            check_size(len(trajectory.points), self._goal_bounds.refusal(uuid))
+            check_size(len(trajectory.points))
             check_fields(other)
             points = [(_seconds(p.time_from_start), p.positions, p.velocities) for p in trajectory.points]
             made = self._controller.follow(

@@ -21,8 +21,10 @@ from hand_control.goals import (
     TrajectoryGoal,
     check_fields,
     check_names_and_age,
+    check_size,
     read_tolerances,
 )
+from hand_messages.commands import MAX_POINTS
 from hand_model.description import load_hand
 from hand_model.kernel.layout import OMEGA, PHI, P
 from hand_sim.plant import HandPlant
@@ -105,6 +107,13 @@ def test_what_a_hand_cannot_follow_is_refused() -> None:
     assert caught.value.code is Code.INVALID_GOAL
     with pytest.raises(GoalRefusedError, match="2000 tolerances; at most"):
         read_tolerances(NAMES, [tolerance("thumb_distal")] * 2000, 0.0)
+
+
+def test_a_goal_with_too_many_points_is_refused() -> None:
+    """Fails when a goal of more points than are read is not refused, or not in one line with the limit."""
+    check_size(MAX_POINTS)
+    with pytest.raises(GoalRefusedError, match=f"^goal refused: it has {MAX_POINTS + 1} points; at most {MAX_POINTS} "):
+        check_size(MAX_POINTS + 1)
 
 
 def test_the_path_is_compared_with_the_reference_and_only_until_the_end() -> None:

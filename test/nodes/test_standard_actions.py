@@ -53,20 +53,6 @@ def tolerances(size: float, *names: str) -> list[JointTolerance]:
     return [JointTolerance(name=name, position=size) for name in names]
 
 
-def test_a_goal_that_is_too_large_is_refused_in_one_line(stack: Stack, client: Client) -> None:
-    """Fails when a goal of more points than are read is converted and checked point by point, or not named."""
-    stack.node("simulation")
-    stack.node("controller")
-    client.controlling()
-    caller = Caller(client, FollowJointTrajectory, "follow_joint_trajectory")
-    goal = trajectory(1.0, index_proximal=0.5)
-    goal.trajectory.points = list(goal.trajectory.points) * 60_000
-    answer = caller.result(caller.send(goal))
-    assert (answer.status, answer.result.error_code) == (GoalStatus.STATUS_ABORTED, CODES.INVALID_GOAL)
-    assert answer.result.error_string == "goal refused: it has 60000 points; at most 5000 are allowed"
-    assert client.said("controller", "safety", "controlling")
-
-
 def test_goals_of_follow_joint_trajectory_end_as_its_definition_says(stack: Stack, client: Client) -> None:
     """Fails when a goal does not reach, or ends with another status or error code than its definition names."""
     stack.node("simulation")
