@@ -33,9 +33,9 @@ class Processes:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None) -> None:
-        """Stop the processes that still run."""
+        """Stop the processes that still run, the optional ones last: none may delay the vent of the hand."""
         with ExitStack() as stops:  # also those after one that does not end
-            for name in self._running:
+            for name in sorted(self._running, key=lambda name: name not in self._optional):
                 stops.callback(self.stop, name)
 
     def start(self, name: str, command: Sequence[str], *, optional: bool = False) -> None:
