@@ -36,6 +36,7 @@ UNITS = {
     "GB",
     "cycles",
     "1/h",
+    "h",
     "",
 }
 PLAUSIBLE: dict[str, dict[str, tuple[float, float]]] = {
@@ -50,7 +51,11 @@ PLAUSIBLE: dict[str, dict[str, tuple[float, float]]] = {
         "off its limit": (0.0, 20.0),
         "missed": (0.0, 50.0),
     },
-    "motion": {"motion at rest, 95th percentile": (0.0, 0.5), "error at rest, 95th percentile": (0.0, 1.3)},
+    "motion": {
+        "motion at rest, 95th percentile": (0.0, 0.5),
+        "error at rest, 95th percentile": (0.0, 1.3),
+        "false contacts": (0.0, 0.0),
+    },
     "found": {"smooth motion": (0.0, 0.4), "steps": (0.0, 1.5)},
     "firmware": {"flash": (1e3, 64e3), "ram": (1e3, 64e3), "cycles": (1e3, 168e3)},
 }

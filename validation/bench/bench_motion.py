@@ -31,6 +31,9 @@ RAMPS_DEG_PER_S = (0.3, 1.0, 3.0, 10.0)
 STIFFNESSES = (5.0, 20.0, 100.0)
 LOAD_NM = 0.03
 FRICTIONS_NM = (0.003, 0.005, 0.010)
+FREE_HOURS, FREE_STEP_S = 100.0, 1.5
+"""Joint-hours of steps without an obstacle, and the time between two steps."""
+FREE_FRICTION_NM, FREE_LOAD_NM = 0.005, 0.02
 RELEASED = 0.05
 """Share of the held torque below which an obstacle counts as released."""
 
@@ -42,7 +45,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     bench = Bench(hand, Settings.of(hand, {}), 1 if quick else 8, SEED)
     results = [*bench.steps(1.0), *bench.contacts(20.0, ERROR)]
     if quick:
-        return [*results, *bench.stick_slip(FRICTIONS_NM[-1])]
+        return [*results, *bench.stick_slip(FRICTIONS_NM[-1]), *bench.free_motion(0.05)]
     results += bench.steps(5.0)
     for speed in RAMPS_DEG_PER_S:
         results += bench.ramp(speed)
@@ -52,7 +55,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
     results += bench.contacts(20.0, IDENTIFIED, LOAD_NM)
     for friction in FRICTIONS_NM:
         results += bench.stick_slip(friction)
-    return results
+    return results + bench.free_motion(FREE_HOURS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,4 +253,29 @@ class Bench:
             figure(f"{name}: motion at rest, median", np.median(moved), None, "deg"),
             figure(f"{name}: motion at rest, 95th percentile", np.quantile(moved, 0.95), 0.1, "deg"),
             figure(f"{name}: error at rest, 95th percentile", np.quantile(off, 0.95), None, "deg"),
+        ]
+
+    def free_motion(self, hours: float) -> list[dict[str, Any]]:
+        """Steps to random angles without an obstacle: reports of contact. hours: of one joint.
+
+        The model lacks friction, Stribeck peak and load of each joint; all of its constants are off, creep is on.
+        """
+        rng = np.random.default_rng([self.seed, 4])
+        q = draw(self.hand, self.hands, ERROR, rng)
+        q[FRICTION] = FREE_FRICTION_NM * rng.uniform(0.5, 1.0, self.joints)
+        q[LOAD] = FREE_LOAD_NM * rng.uniform(-1.0, 1.0, self.joints)
+        seconds = 3600.0 * hours / self.joints
+        aims = rng.uniform(0.1, 1.5, (int(seconds / FREE_STEP_S) + 1, self.joints))
+
+        def target(t: float) -> tuple[Array, float]:
+            return aims[int(t / FREE_STEP_S)], 0.0
+
+        reports, before = 0, np.zeros(self.joints, dtype=np.bool_)
+        for s in self.ticks(q, ERROR, self.limits(), target, seconds):
+            reports += int((s.contact & ~before).sum())
+            before = s.contact
+        name = f"free motion, friction up to {1e3 * FREE_FRICTION_NM:g} mN m, loads up to {1e3 * FREE_LOAD_NM:g} mN m"
+        return [
+            figure(f"{name}: time of one joint", hours, None, "h"),
+            figure(f"{name}: false contacts", reports / hours, 0.01, "1/h"),
         ]
