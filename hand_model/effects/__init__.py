@@ -32,7 +32,6 @@ ORDER: tuple[str, ...] = (
     "end_stop",
     "gravity",
     "cogging",
-    "gear_elasticity",
     "added_inertia",
     "joint_coupling",
     "contact",

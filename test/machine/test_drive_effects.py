@@ -24,7 +24,7 @@ from hand_model.yaml_loader import DescriptionError
 INERTIA, DAMPING, STIFFNESS = 0.02, 0.3, 4.0
 TRIED = {
     *("coulomb_friction", "viscous_friction", "directional_friction", "constant_load", "stiffening", "gravity"),
-    *("drive_lag", "drive_saturation", "command_delay", "cogging", "added_inertia", "gear_elasticity"),
+    *("drive_lag", "drive_saturation", "command_delay", "cogging", "added_inertia"),
 }
 OTHERS = [effect.name for effect in CATALOGUE if effect.name not in TRIED]
 NOISE_RAD = 2e-4
@@ -55,10 +55,7 @@ PLANTS: dict[str, Drive] = {
     "position": lambda now, before, x, v: (min(max(30.0 * (0.4 * now - x) - v, -4.0), 4.0), 0.0),
     "cogging": lambda now, before, x, v: (now, 0.15 * float(np.sin(2.0 * np.pi * x / np.radians(6.0) + 0.7))),
     "directional_friction": friction,
-    "gear_elasticity": lambda now, before, x, v: (now, 0.0),
 }
-LOAD_SHARE, LOAD_PER_S, LOAD_DAMPING = 0.6, 35.0, 0.08
-"""Of a load behind an elastic gear: share of the inertia, angular frequency alone, and damping ratio."""
 
 
 def machine(folder: Path, plant: str, seed: int, *, seconds: float = 16.0) -> Machine:
@@ -72,13 +69,9 @@ def machine(folder: Path, plant: str, seed: int, *, seconds: float = 16.0) -> Ma
         now, before = float(np.interp(t, time, command)), float(np.interp(t - 0.03, time, command))
         asked, other = PLANTS[plant](now, before, y[0], y[1])
         driving = float(y[2]) if plant == "drive_lag" else asked
-        total = driving + other - DAMPING * y[1] - STIFFNESS * y[0]
-        pull = LOAD_PER_S**2 * (y[0] - y[3]) + 2.0 * LOAD_DAMPING * LOAD_PER_S * (y[1] - y[4])
-        share = LOAD_SHARE if plant == "gear_elasticity" else 0.0
-        own = (total - share * INERTIA * pull) / ((1.0 - share) * INERTIA)
-        return [y[1], own, (asked - y[2]) / 0.06, y[4], pull]
+        return [y[1], (driving + other - DAMPING * y[1] - STIFFNESS * y[0]) / INERTIA, (asked - y[2]) / 0.06]
 
-    found = solve_ivp(rates, (0.0, time[-1]), [0.0, 0.0, command[0], 0.0, 0.0], "LSODA", time, max_step=0.01, rtol=1e-7)
+    found = solve_ivp(rates, (0.0, time[-1]), [0.0, 0.0, command[0]], "LSODA", time, max_step=0.01, rtol=1e-7)
     content = AXIS
     if plant == "position":
         command = 0.4 * command
@@ -110,7 +103,6 @@ def diagnosed(axis: Machine) -> Diagnosis:
                 "cosine_nm": (0.15 * np.sin(0.7), 0.01),
             },
         ),
-        ("gear_elasticity", "gear_elasticity", {"ratio": (1.5, 0.1), "natural_per_s": (35.0, 1.5)}),
         ("directional_friction", "directional_friction", {"drag_nm_s_per_rad": (0.25, 0.025)}),
     ],
 )

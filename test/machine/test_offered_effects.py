@@ -82,7 +82,7 @@ def test_each_need_offers_its_effects(tmp_path: Path) -> None:
     assert offered(model(tmp_path, 30.0)) & (fluid | drive) == drive
     assert offered(model(tmp_path, 30.0, has=["chamber"])) & (fluid | drive) == fluid
     assert "clock_offset" in offered(model(tmp_path, 30.0, has=["input_sensor"]))
-    assert not {"clock_offset", "cogging", "gear_elasticity"} & offered(model(tmp_path, 30.0))
+    assert not {"clock_offset", "cogging"} & offered(model(tmp_path, 30.0))
     forced = COLUMNS | {"force": {"column": "u"}}
     assert "fsr_gain" in offered(model(tmp_path, 30.0, imposed=True, inertia=0.0, columns=forced))
     everything = replace(model(tmp_path, 30.0), lacks=frozenset())
@@ -94,7 +94,7 @@ def test_a_hand_has_every_effect() -> None:
     hand = load_hand(default_model())
     own = {name for name, e in EFFECTS.items() if e.keys and OTHER_MACHINES.isdisjoint(e.needs)}
     assert {effect.name for effect in effects_without([], hand)} == own
-    assert len(own) == len([e for e in CATALOGUE if e.keys]) - 6
+    assert len(own) == len([e for e in CATALOGUE if e.keys]) - 5
     assert effects_not_offered(hand) == []
     assert {need for effect in CATALOGUE for need in effect.needs} == set(NEEDS)
 

@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 from numba import config
 from pytest import approx
-from scipy.linalg import expm
 
 from hand_model.arrays import Array
 from hand_model.effects import CATALOGUE, EFFECTS
@@ -46,7 +45,6 @@ PLAIN = {
     "statics.a2_nm_per_pa": 4e-7,
     "statics.a3_nm_per_pa_rad": -1e-7,
     "valve.time_constant_s": 0.02,
-    "dynamics.inertia_kg_m2": 1e-4,
     "dynamics.viscous_friction_nm_s_per_rad": 2e-3,
     "end_stop.low_deg": -0.2,
     "end_stop.high_deg": 1.7,
@@ -717,25 +715,6 @@ def cogging(_: Any) -> None:
         assert torque("cogging", q, phi)[0] == approx(0.03 * np.sin(turns) - 0.01 * np.cos(turns), abs=1e-6)
         assert torque("cogging", q, phi + period)[0] == approx(torque("cogging", q, phi)[0], abs=1e-6)
     assert_stiffness("cogging", q)
-
-
-def gear_elasticity(_: Any) -> None:
-    """Broken by another swing of the load than that of a mass on spring and damper, or a torque other than theirs."""
-    natural, ratio, inertia, h = 40.0, 0.1, 2e-3, 4e-3
-    plant = {"inertia_kg_m2": inertia}
-    q = numbers("gear_elasticity", ratio=1.5, natural_per_s=natural, damping_ratio=ratio, h=h, **plant)
-    load, damper = 1.5 * inertia, 2.0 * ratio * natural
-    rates = np.array([[0.0, 1.0, 0.0, 0.0], [-(natural**2), -damper, natural**2, damper], [0, 0, 0, 1], [0] * 4])
-    exact = expm(h * rates)  # position and speed of the load, and of the side in front, which goes straight
-    m, phi, rng = (0.2, -1.0), 0.3, np.random.default_rng(0)
-    for pace in rng.normal(0.0, 3.0, 200):
-        expected = exact @ np.array([*m, phi, pace])
-        spring, stiffness = torque("gear_elasticity", q, phi, m, omega=pace)
-        assert spring == approx(load * (natural**2 * (m[0] - phi) + damper * (m[1] - pace)), rel=1e-9)
-        assert stiffness == approx(load * natural**2)
-        m = call("gear_elasticity", "moved", q, m, phi, phi + h * pace, h)
-        assert m == approx(tuple(expected[:2]), rel=1e-4, abs=1e-4)
-        m, phi = (float(expected[0]), float(expected[1])), phi + h * pace
 
 
 def drive_saturation(_: Any) -> None:

@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from test.nodes.stack import Client, Stack
 
 USES = {
-    "hand_client": "use(c.enable, True); use(c.vent); use(c.grasp, 'open', 1.0, 0.0, int); c.collect(['a'])",
+    "hand_client": "use(c.enable, True); use(c.vent); use(c.grasp, 'open', 1.0, 0.0, int); c.collect(['a'], {})",
     "hand_enable": "use(c.enable, True)",
     "hand_grasp": "use(c.grasp, 'open', 1.0, 0.0, int)",
     "hand_move": "c.move({'a': 0.0}, 1.0); c.hold(['a'])",
     "hand_stop": "c.send_stop()",
-    "hand_studio": "use(c.enable, True); use(c.vent); use(c.grasp, 'open', 1.0, 0.0, int); c.collect(['a'])",
+    "hand_studio": "use(c.enable, True); use(c.vent); use(c.grasp, 'open', 1.0, 0.0, int); c.collect(['a'], {})",
     "hand_up": "",
     "hand_watch": "",
 }

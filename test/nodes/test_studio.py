@@ -295,7 +295,7 @@ def test_ctrl_c_vents_and_ends_the_hand(studio: Studio) -> None:
     """Fails when a node survives the studio, or the last command is not 0 Pa."""
     path = Path(f"/proc/{studio.process.pid}/task/{studio.process.pid}/children")
     nodes = path.read_text(encoding="utf-8").split()
-    assert len(nodes) == 2
+    assert len(nodes) == 3  # simulation, controller, frame_publisher
     assert studio.stop(studio.process, signal.SIGINT) == 0
     assert studio.client.last_pressure_pa() == 0.0
     assert not any(Path(f"/proc/{pid}").exists() for pid in nodes)
