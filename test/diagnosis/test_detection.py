@@ -18,6 +18,7 @@ from hand_diagnosis.report import schema
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.map_fit import map_fit
 from hand_model.effects import EFFECTS
+from hand_model.effects.effect import OTHER_MACHINES
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from test.diagnosis.recordings import CONFIG, changed, record
 

@@ -179,7 +179,9 @@ PRESSURE_RIVALS = ("valve_lag", "valve_deadband", "pressure_offset")
     ("effect", "values"),
     [
         pytest.param("joint_coupling", {"joint_coupling__stiffness_nm_per_rad": 0.01}, marks=pytest.mark.long),
-        ("hysteresis", {"hysteresis__torque_nm": 0.01, "hysteresis__scale_deg": 25 * DEGREE}),
+        pytest.param(
+            "hysteresis", {"hysteresis__torque_nm": 0.01, "hysteresis__scale_deg": 25 * DEGREE}, marks=pytest.mark.long
+        ),
         ("pressure_gain", {"pressure_gain__error": 0.05}),
     ],
 )

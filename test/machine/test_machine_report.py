@@ -107,7 +107,7 @@ def without_effect_names(text: str) -> str:
     return text
 
 
-@pytest.mark.parametrize("shaken_n", [0.0, 0.15])
+@pytest.mark.parametrize("shaken_n", [0.0, pytest.param(0.15, marks=pytest.mark.long)])
 def test_a_linear_machine_speaks_of_metres_and_newtons(shaken_n: float, tmp_path: Path) -> None:
     """Fails when any sentence, table, parameter or unit of a linear axis is one of a rotary axis or of a hand."""
     machine = loaded(tmp_path, LINEAR, slide(shaken_n))

@@ -146,10 +146,9 @@ def test_the_policies_allow_exactly_what_the_nodes_use(stack: Stack, client: Cli
         assert real(client.node, name, "/hand") == allowed(enclave(name)), name
     for name, uses in USES.items():
         command = [sys.executable, "-c", CLIENT.replace("{uses}", uses or "pass"), name]
-        program = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-        stack.running.append(program)
+        stack.running.append(subprocess.Popen(command, stderr=subprocess.DEVNULL))
+    for name in USES:
         _await(client, name)
-        program.terminate()
 
 
 def _await(client: Client, name: str) -> None:
@@ -166,7 +165,10 @@ def _await(client: Client, name: str) -> None:
     try:
         client.until(seen)
     except AssertionError:
-        have = real(client.node, name, "/hand")
+        try:
+            have = real(client.node, name, "/hand")
+        except NodeNameNonExistentError:
+            raise AssertionError(f"the node {name} has not started, or has ended") from None
         denied = {verb: sorted(have[verb] - want[verb]) for verb in have if have[verb] - want[verb]}
         unused = {verb: sorted(want[verb] - have[verb]) for verb in have if want[verb] - have[verb]}
         raise AssertionError(f"config/security, {name}: not allowed {denied}, not used {unused}") from None

@@ -132,7 +132,7 @@ def trial(tmp_path_factory: pytest.TempPathFactory) -> Path:
             command,
             group,
             id=f"{command}-{'terminal' if group else 'kill'}",
-            marks=[pytest.mark.long] if command == "trial run" and not group else [],
+            marks=[pytest.mark.long] if command == "trial run" else [],
         )
         for command in ("simulate", "diagnose", "trial make", "trial run", "reproduce")
         for group in (False, True)

@@ -21,8 +21,10 @@ from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, WORK_ROWS
 import numpy as np
 
 effect = EFFECTS["tendon_spring"]
-assert [other.name for other in CATALOGUE][-2:] == ["tendon_spring", "dropped_frames"], "order"
-assert [parameter.key for parameter in JOINT_PARAMETERS][-1] == "tendon_spring.stiffness_nm_per_rad", "rows"
+names = [other.name for other in CATALOGUE]
+assert names[names.index("clock_offset") + 1] == "tendon_spring" and names[-1] == "dropped_frames", "order"
+rows = [parameter.key for parameter in JOINT_PARAMETERS]
+assert rows[rows.index("clock_offset.share") + 1] == "tendon_spring.stiffness_nm_per_rad", "rows"
 w = np.zeros((WORK_ROWS, 1))
 for parameter in JOINT_PARAMETERS:
     w[ROW[parameter.key]] = parameter.neutral_si
