@@ -16,7 +16,7 @@ import numpy as np
 from hand_control.declared import OUT, G, Settings, U
 from hand_control.law import Law
 from hand_control.shaping import Shaper, approach_speed
-from hand_model.arrays import Array
+from hand_model.arrays import Array, Flags
 from hand_model.description import Hand, load_hand
 from validation.bench.result import figure
 from validation.bench.rough_plant import FRICTION, LOAD, PHI, WALL, WALL_AT, WALL_K, P, Q, RoughPlants, draw, partners
@@ -66,7 +66,7 @@ class Sample:
     reference: Array
     angle: Array
     wall: Array
-    contact: Array
+    contact: Flags
 
 
 class Bench:
@@ -270,7 +270,8 @@ class Bench:
         def target(t: float) -> tuple[Array, float]:
             return aims[int(t / FREE_STEP_S)], 0.0
 
-        reports, before = 0, np.zeros(self.joints, dtype=np.bool_)
+        reports = 0
+        before: Flags = np.zeros(self.joints, dtype=np.bool_)
         for s in self.ticks(q, ERROR, self.limits(), target, seconds):
             reports += int((s.contact & ~before).sum())
             before = s.contact
