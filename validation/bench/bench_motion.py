@@ -256,7 +256,7 @@ class Bench:
         ]
 
     def free_motion(self, hours: float) -> list[dict[str, Any]]:
-        """Steps to random angles without an obstacle: reports of contact. hours: of one joint.
+        """Steps to random angles without an obstacle: reports of contact. hours: time of one joint [h].
 
         The model lacks friction, Stribeck peak and load of each joint; all of its constants are off, creep is on.
         """
