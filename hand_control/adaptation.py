@@ -103,10 +103,11 @@ def adapt(g, s, i, balance, variance, speed, saturated, dt):  # type: ignore[no-
     c11, c12, c13 = c11 - k1 * k1 * per, c12 - k1 * k2 * per, c13 - k1 * k3 * per
     c22, c23, c33 = c22 - k2 * k2 * per, c23 - k2 * k3 * per, c33 - k3 * k3 * per
     # Where the bound of a3 holds it back, the others take their most likely values given that bound.
-    excess = max(x2 - _highest_a3(g, i, high), 0.0) / max(c22, C.least_variance)
+    most = _highest_a3(g, i, high)
+    excess = max(x2 - most, 0.0) / max(c22, C.least_variance)
     s[S.offset, i] = min(max(x0 - c02 * excess, -C.most_load), C.most_load)
     s[S.d_a1, i] = min(max(x1 - c12 * excess, low), high)
-    s[S.d_a3, i] = min(max(x2 - c22 * excess, low), _highest_a3(g, i, high))
+    s[S.d_a3, i] = min(max(x2 - c22 * excess, low), most)
     s[S.d_viscous, i] = min(max(x3 - c23 * excess, low), high)
     grow = 1.0
     if c11 + c22 + c33 < 3.0 * (1.0 + C.common) * g[G.map_uncertainty, i] * g[G.map_uncertainty, i]:

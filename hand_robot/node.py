@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -21,11 +21,10 @@ from hand_model.description import load_hand
 from hand_model.geometry import frame_prefix
 from hand_robot.frames import Transform, transforms_of
 from hand_robot.urdf import Mount, urdf_text
-from hand_ros.node import SENSOR_QOS, HandNode, default_config, end, run
+from hand_ros.node import RETAINED_QOS, SENSOR_QOS, HandNode, default_config, end, run
 from hand_ros.parameters import NodeParameter
 
 DESCRIPTION = "robot_description"
-LATCHED_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 TF_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 SEARCH_S = 0.5
 """Period of the search for another publisher of robot_description."""
@@ -98,9 +97,9 @@ class FramePublisher(HandNode):
 
     def _offer(self) -> None:
         before = self._describing()
-        description = self.create_publisher(String, DESCRIPTION, LATCHED_QOS)
+        description = self.create_publisher(String, DESCRIPTION, RETAINED_QOS)
         self._own = min((gid for gid in self._describing() if gid not in before), default=b"")
-        still = self.create_publisher(TFMessage, "/tf_static", LATCHED_QOS)
+        still = self.create_publisher(TFMessage, "/tf_static", RETAINED_QOS)
         self._offered = [description, still, self.create_publisher(TFMessage, "/tf", TF_QOS)]
         description.publish(String(data=self._text))
         stamp = self.get_clock().now().to_msg()

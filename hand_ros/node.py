@@ -60,7 +60,7 @@ QUEUED_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 LIVE_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Receives from every publisher, whatever its QoS, what it publishes from now on."""
 RETAINED_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Receives also what a transient-local publisher published before."""
+"""Keeps the last message for late subscribers; receives also what a transient-local publisher published before."""
 RELAY_S = 5.0
 """Shortest time between two emergency stops that a node passes on."""
 STOPS_HZ = 20.0
@@ -560,6 +560,7 @@ __all__ = [
     "QUEUED_QOS",
     "RARELY_S",
     "RELIABLE_SENSOR_QOS",
+    "RETAINED_QOS",
     "SENSOR_QOS",
     "STATE_FILE",
     "STATE_QOS",

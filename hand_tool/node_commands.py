@@ -46,6 +46,5 @@ def frames_command(namespace: str, joint_prefix: str, model: Path) -> list[str]:
 def _common(namespace: str, joint_prefix: str, model: Path) -> list[str]:
     """Arguments of every node."""
     common = ["-r", f"__ns:=/{namespace.strip('/')}", "-p", f"hand_description:={model.resolve()}"]
-    return (
-        common + ["-p", "exit_unconfigured:=true"] + (["-p", f"joint_prefix:={joint_prefix}"] if joint_prefix else [])
-    )
+    common += ["-p", "exit_unconfigured:=true"]
+    return common + (["-p", f"joint_prefix:={joint_prefix}"] if joint_prefix else [])

@@ -38,7 +38,8 @@ def period_of_torque(problem: JointProblem, fit: MapFit) -> float:
     for segment, outputs in zip(problem.segments, predicted, strict=True):
         left = segment.measured[FORCE] - outputs[0, FORCE] if problem.driven else outputs[0, FORCE]
         angle = segment.angle_rad
-        x, v, a = (part / max(float(np.std(part)), 1e-300) for part in _motion(angle, segment.exogenous))
+        motion = angle, segment.exogenous[:, SPEED], segment.exogenous[:, ACCELERATION]
+        x, v, a = (part / max(float(np.std(part)), 1e-300) for part in motion)
         known = segment.known & np.isfinite(left)
         around = np.column_stack([np.ones_like(x), x, x * x, x**3, v, np.tanh(v / SETTINGS.reversal_speed), a])[known]
         if known.sum() < 2 * around.shape[1]:
@@ -50,10 +51,6 @@ def period_of_torque(problem: JointProblem, fit: MapFit) -> float:
     if not angles:
         return 0.0
     return _strongest(np.concatenate(angles), np.concatenate(lacking), float(np.median(np.concatenate(steps))))
-
-
-def _motion(angle: Array, exogenous: Array) -> tuple[Array, Array, Array]:
-    return angle, exogenous[:, SPEED], exogenous[:, ACCELERATION]
 
 
 def _strongest(angle: Array, values: Array, step: float) -> float:

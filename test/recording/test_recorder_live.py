@@ -20,6 +20,7 @@ from rosbags.highlevel import AnyReader
 
 from hand_recording.loader import RecordingError, load_recording
 from hand_recording.repair import repair
+from test.waiting import until
 
 TALKER = Path(__file__).with_name("talker.py")
 RECORDER = [sys.executable, "-m", "hand_recording.node"]
@@ -64,14 +65,6 @@ def start(ros_environment: dict[str, str], tmp_path: Path) -> Iterator[Start]:
         process.end()
 
 
-def _until(condition: Callable[[], bool]) -> None:
-    """Wait for a condition, looking every 20 ms; fails after LIMIT_S."""
-    end = time.monotonic() + LIMIT_S
-    while not condition():
-        assert time.monotonic() < end, "condition not met in time"
-        time.sleep(0.02)
-
-
 def _talker(start: Start, rate_hz: int, topics: int) -> Started:
     return start([sys.executable, str(TALKER), str(rate_hz), str(topics)])
 
@@ -94,7 +87,7 @@ def test_killed_recorder_loses_less_than_a_second(start: Start, tmp_path: Path) 
     talker, file = _talker(start, 200, 6), tmp_path / "out" / "out_0.mcap"
     recorder = _recorder(start, out="out")
     talker.wait_for("ready")
-    _until(lambda: file.exists() and file.stat().st_size > 150_000)
+    until(lambda: file.exists() and file.stat().st_size > 150_000, LIMIT_S)
     killed_ns = time.time_ns()
     recorder.process.kill()
     recorder.process.wait(LIMIT_S)
@@ -125,12 +118,12 @@ def test_everything_published_is_recorded(start: Start, tmp_path: Path, storage:
     talker = _talker(start, 200, 8)
     talker.wait_for("ready")
     began = time.monotonic()
-    _until(lambda: time.monotonic() - began > 2.0)
+    until(lambda: time.monotonic() - began > 2.0, LIMIT_S)
     code, out, _ = talker.end()
     sent = json.loads(out)
     assert code == 0
     began = time.monotonic()
-    _until(lambda: time.monotonic() - began > 0.3)
+    until(lambda: time.monotonic() - began > 0.3, LIMIT_S)
     code, _, err = recorder.end()
     assert code == 0, err
     with AnyReader([tmp_path / "out"]) as reader:
@@ -190,7 +183,7 @@ def test_the_command_records_and_reports(start: Start, tmp_path: Path) -> None:
     arguments = ["--out", "bag", "--topics", "/hand/pressures", "--topics", "hand/joint_states", "--json"]
     recorder = start([sys.executable, "-c", code, *arguments])
     file = tmp_path / "bag" / "bag_0.mcap"
-    _until(lambda: file.exists() and file.stat().st_size > 5_000)
+    until(lambda: file.exists() and file.stat().st_size > 5_000, LIMIT_S)
     exit_code, out, err = recorder.end(signal.SIGTERM)
     assert exit_code == 0, err
     report = json.loads(out)
@@ -241,7 +234,7 @@ def test_late_best_effort_publisher_is_still_heard(start: Start, tmp_path: Path)
     weaker = start([sys.executable, "-c", script, "BEST_EFFORT"])
     weaker.wait_for("ready")
     began = time.monotonic()
-    _until(lambda: time.monotonic() - began > 1.0)
+    until(lambda: time.monotonic() - began > 1.0, LIMIT_S)
     assert recorder.end()[0] == 0
     names = set(load_recording(tmp_path / "bag.mcap")["joint_states"].names)
     assert names == {"RELIABLE", "BEST_EFFORT"}

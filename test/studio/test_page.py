@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import socket
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
@@ -28,6 +27,7 @@ from hand_studio.page import Page, check_address, may_drive
 from hand_studio.panel import LOOKING, said
 from hand_tool import studio
 from hand_tool.cli import app
+from test.waiting import until
 
 CONFIG = Path(__file__).parents[2] / "config" / "hand.yaml"
 HERE = {"Host": "127.0.0.1:8000", "Origin": "http://127.0.0.1:8000"}
@@ -71,13 +71,6 @@ def send_value(page: Page, origin: str, uuid: str, value: float) -> Iterator[Non
         message = {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}}
         connection.send(msgpack.encode(message))
         yield
-
-
-def until(condition: Callable[[], Any]) -> None:
-    end = time.monotonic() + 10.0
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 def test_an_emergency_stop_removes_what_waits() -> None:

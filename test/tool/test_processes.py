@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import stat
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from hand_tool.processes import ProcessError, Processes
+from test.waiting import until
 
 UNTIL_SIGINT = "trap 'echo $0 >> {ends}; exit 0' INT; echo ready; while :; do sleep 0.01; done"
 
@@ -26,15 +25,6 @@ def nodes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         path.chmod(path.stat().st_mode | stat.S_IXUSR)
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
     return tmp_path
-
-
-def until(condition: Callable[[], bool]) -> None:
-    """Wait for what a process does at once."""
-    for _ in range(1000):
-        if condition():
-            return
-        time.sleep(0.01)
-    raise AssertionError("it did not happen within 10 s")
 
 
 def test_the_controller_ends_first_and_what_is_optional_last(nodes: Path) -> None:
