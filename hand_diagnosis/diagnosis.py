@@ -37,7 +37,7 @@ from hand_diagnosis.problem import (
     exchanged,
     fit_part,
     initial_rest_angle,
-    log_likelihood,
+    likelihood_below_floor,
     model_accelerations,
     moving_joints,
     not_judged,
@@ -47,7 +47,15 @@ from hand_diagnosis.problem import (
     swings_freely,
     tolerant,
 )
-from hand_diagnosis.search import Isolability, JointSearch, isolability, on_everything, rough_evidence, search_joint
+from hand_diagnosis.search import (
+    Isolability,
+    JointSearch,
+    isolability,
+    on_everything,
+    refit_below_floor,
+    rough_evidence,
+    search_joint,
+)
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import FreeParameter, nominal_free_parameters
 from hand_identification.joint_data import joint_problem
@@ -333,30 +341,40 @@ def _confirm_laws(whole: JointProblem, search: JointSearch, *, free_axis: bool) 
 
 
 def _beside_models(task: Task, done: Sequence[JointDiagnosis]) -> list[JointDiagnosis]:
-    """Joints with a residual, diagnosed again where their partner's model explains it better than its sensor does."""
+    """Joints of pairs in which one differs, diagnosed again where the partner's model explains more than its sensor."""
     at = {result.joint: result for result in done}
     renewed = list(done)
     for k, result in enumerate(done):
         other = at.get(task.partner(result.joint))
-        if other is None or not (result.search.accepted or any(stage.remains for stage in result.results)):
+        if other is None or not any(_differs(each) for each in (result, other)):
             continue
         problem, own = other.whole, result.whole
         if problem is None or own is None or [p.name for p in problem.segments] != [p.name for p in own.segments]:
             continue
         partner = model_accelerations(problem, other.search.final)
-        if _fits_better(own, result.search.nominal, partner):
+        if _fits_better(own, result.search.final, partner):
             renewed[k] = _diagnose_joint(task, result.wording, result.joint, k, 2, partner=partner)
     return renewed
 
 
+def _differs(result: JointDiagnosis) -> bool:
+    """Whether a joint has an effect, or more than its noise is left."""
+    return bool(result.search.accepted) or any(stage.remains for stage in result.results)
+
+
 def _fits_better(whole: JointProblem, fit: MapFit, partner: Sequence[Array]) -> bool:
-    """Whether the nominal model of a joint fits clearly better with these accelerations of its partner."""
+    """Whether the model of a joint fits clearly better with these accelerations of its partner.
+
+    What the joint lacks itself may be large, and the push of its partner small: it is told below the practical floor.
+    """
     measured = [segment.exogenous[:, PARTNER].copy() for segment in whole.segments]
     problem = fit_part(whole)  # its arrays are those of the whole problem
-    put_partner(whole, partner)
-    beside = map_fit(problem, fit.free, fit.z, SETTINGS.rough_iterations)
+    fits = []
+    for accelerations in (measured, partner):
+        put_partner(whole, accelerations)
+        fits.append(refit_below_floor(problem, map_fit(problem, fit.free, fit.z, SETTINGS.rough_iterations)))
     put_partner(whole, measured)
-    before, after = (log_likelihood(problem, each.squares, ~problem.validation) for each in (fit, beside))
+    before, after = (likelihood_below_floor(problem, fits[0], each) for each in fits)
     return after > before + SETTINGS.min_partner_gain
 
 

@@ -26,7 +26,8 @@ from hand_diagnosis.judgement import (
     locate,
     withdrawn_rows,
 )
-from hand_diagnosis.search import Isolability, at_floor, standard_errors, weighted_by_noise
+from hand_diagnosis.problem import weighted_by_noise
+from hand_diagnosis.search import Isolability, at_floor, standard_errors
 from hand_diagnosis.settings import SETTINGS
 from hand_diagnosis.settings_table import numbers_in_force
 from hand_identification.free_parameters import START_CREEP

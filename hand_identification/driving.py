@@ -16,7 +16,11 @@ import numpy as np
 
 from hand_identification.free_parameters import FreeParameter
 from hand_identification.joint_problem import JointProblem, Segment
-from hand_model.arrays import Array
+from hand_model.arrays import Array, Flags
+from hand_model.effects.effect import PARTNER
+from hand_model.kernel.layout import PHI
+from hand_model.kernel.rows import ROW
+from hand_model.statics import equilibrium_angle
 from hand_recording.interpolation import bridge, refine
 from hand_recording.local_smoothing import NOISE, Windows, local_windows, smoothed_by
 from hand_recording.signals import slopes_over, smoothing_span, white_noise
@@ -49,6 +53,30 @@ def accelerations(problem: JointProblem, free: Sequence[FreeParameter], z: Array
     ]
 
 
+def shaken(problem: JointProblem, other: Array, by_rad_s2: Sequence[Array]) -> list[Array]:
+    """Acceleration (T,) [rad/s^2] in every segment of a vented joint at rest that only its partner moves (Eq. 8).
+
+    other: (rows,) its parameters.  by_rad_s2: acceleration (T,) of the partner, which is the joint of the problem.
+    """
+    a0, a1, a2, a3 = other[ROW["statics.a0_nm"] : ROW["statics.a3_nm_per_pa_rad"] + 1]
+    rest = float(equilibrium_angle(0.0, 0.0, float(other[ROW["constant_load.torque_nm"]]), a0, a1, a2, a3, 0.0))
+    segments = []
+    for segment, acceleration in zip(problem.segments, by_rad_s2, strict=True):
+        start = np.zeros_like(segment.start)
+        start[PHI] = np.clip(rest, other[ROW["end_stop.low_deg"]], other[ROW["end_stop.high_deg"]])
+        exogenous = np.zeros_like(segment.exogenous)
+        exogenous[:, PARTNER] = acceleration
+        vented = np.zeros_like(segment.driving_pa)
+        still = replace(segment, start=start, exogenous=exogenous, driving_pa=vented, acts=None, added=None)
+        segments.append(replace(still, commanded_pa=np.zeros_like(segment.commanded_pa)))
+    alone = replace(problem, segments=segments)
+    starts = np.zeros((1, 1 + len(segments)))
+    return [
+        _second_differences(predicted[0, 1], segment.period_s)
+        for predicted, segment in zip(alone.predict(other[None], starts), segments, strict=True)
+    ]
+
+
 def inflow(driving_pa: Array, samples: int, period_s: float) -> Array:
     """Rate of rise (samples,) [Pa/s] of a driving pressure, averaged over the sample around each reading; falls are 0.
 
@@ -66,10 +94,16 @@ def _acceleration(segment: Segment, model_rad: Array) -> Array:
     """Second differences of the model's angles, whose sum is the change of speed, plus the residual's acceleration."""
     residual = _bridged(segment, segment.angle_rad - model_rad)
     span = smoothing_span(residual, segment.period_s, white_noise(residual))
-    bends = np.zeros(len(residual))
-    bends[1:-1] = np.diff(model_rad, 2) / segment.period_s**2
+    bends = _second_differences(model_rad, segment.period_s)
     left = slopes_over(residual, span, 2, segment.period_s)
     return bends + np.where(_windows(segment, residual, model_rad) == NOISE, 0.0, left)
+
+
+def _second_differences(angle_rad: Array, period_s: float) -> Array:
+    """(T,) [rad/s^2]; 0 at both ends."""
+    bends = np.zeros(len(angle_rad))
+    bends[1:-1] = np.diff(angle_rad, 2) / period_s**2
+    return bends
 
 
 def _bridged(segment: Segment, residual: Array) -> Array:
@@ -97,10 +131,19 @@ def _finer(segment: Segment, finer: int) -> Segment:
 
 def _shaped(segment: Segment, model_pa: Array, finer: int) -> Segment:
     residual = _bridged(segment, segment.pressure_pa - model_pa[::finer])
-    if len(residual) < 3 or not np.mean(np.diff(residual, 2) ** 2) < np.mean(np.diff(segment.pressure_pa, 2) ** 2):
+    if not _roughness(residual, segment.use[0]) < _roughness(segment.pressure_pa, segment.use[0]):
         return segment
     windows = _windows(segment, residual, model_pa[::finer])
     return replace(segment, driving_pa=model_pa + refine(smoothed_by(residual, windows), finer), windows=windows)
+
+
+def _roughness(values: Array, use: Flags) -> float:
+    """Mean square of the second differences of values (T,) over the samples that count (T,); 0 where none does.
+
+    Where a recording begins in the middle of a step, nobody knows the commands before: that tells nothing of the model.
+    """
+    inside = use[2:] & use[1:-1] & use[:-2]
+    return float(np.mean(np.diff(values, 2)[inside] ** 2)) if inside.any() else 0.0
 
 
 def _windows(segment: Segment, residual: Array, model: Array) -> Windows:

@@ -20,14 +20,20 @@ import numpy as np
 from hand_diagnosis.judgement.findings import Finding, JointResult, Number, errors_text, parameter_numbers, said, when
 from hand_diagnosis.judgement.residual_structure import Structure, describe, describe_test, turn_of_angle
 from hand_diagnosis.judgement.stage_errors import StageResult
-from hand_diagnosis.problem import block_bootstrap, evaluate_test, stretch_of_test, swings_freely, validation_rmse
+from hand_diagnosis.problem import (
+    block_bootstrap,
+    evaluate_test,
+    stretch_of_test,
+    swings_freely,
+    validation_rmse,
+    weighted_by_noise,
+)
 from hand_diagnosis.search import (
     LawCurve,
     at_floor,
     in_words,
     posterior_covariance,
     training_evidence,
-    weighted_by_noise,
 )
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import FreeParameter, law_free_parameters

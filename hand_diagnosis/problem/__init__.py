@@ -1,7 +1,16 @@
 """What a recording asks: usable data, data kept for the test, and the least-squares problem of each joint."""
 
 from hand_diagnosis.problem.data_check import check, repeatability
-from hand_diagnosis.problem.evidence import block_bootstrap, fitted_rmse, log_evidence, log_likelihood, validation_rmse
+from hand_diagnosis.problem.evidence import (
+    block_bootstrap,
+    fitted_rmse,
+    likelihood_below_floor,
+    log_evidence,
+    log_likelihood,
+    validation_rmse,
+    weighted_by_noise,
+    white_part,
+)
 from hand_diagnosis.problem.splits import (
     ErrorsOnTest,
     evaluate_test,
@@ -44,6 +53,7 @@ __all__ = [
     "fit_part",
     "fitted_rmse",
     "initial_rest_angle",
+    "likelihood_below_floor",
     "log_evidence",
     "log_likelihood",
     "model_accelerations",
@@ -63,4 +73,6 @@ __all__ = [
     "swings_freely",
     "tolerant",
     "validation_rmse",
+    "weighted_by_noise",
+    "white_part",
 ]

@@ -8,6 +8,7 @@ a logarithm far above it, where no model fits and differences of squares oversta
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -16,6 +17,7 @@ from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array, Flags
+from hand_recording.signals import white_noise
 
 
 def log_likelihood(problem: JointProblem, squares: Array, blocks: Flags) -> float:
@@ -89,3 +91,30 @@ def block_bootstrap(
     fall = 1.0 - b / np.maximum(a, 1e-300)
     low, high = np.quantile(fall, [SETTINGS.bootstrap_tail, 1.0 - SETTINGS.bootstrap_tail])
     return float(low), float(high)
+
+
+def white_part(problem: JointProblem, fit: MapFit, stage: int) -> float:
+    """The white part of the residual of a signal [SI]; 0 where there is none."""
+    read = [r[stage][s.use[stage]] for s, r in zip(problem.segments, fit.residuals, strict=True)]
+    return max((white_noise(r) for r in read if len(r) > SETTINGS.min_stage_samples), default=0.0)
+
+
+def likelihood_below_floor(problem: JointProblem, known: MapFit, fit: MapFit) -> float:
+    """Log likelihood of the validation data by a fit, as `log_likelihood`, against white noise instead of the floor.
+
+    known: the fit whose residuals show the noise, the same for all fits that are compared.
+    """
+    counts = problem.effective_counts(problem.validation)
+    rmse = np.nan_to_num(validation_rmse(problem, fit.squares))
+    noise = np.array([white_part(problem, known, stage) or np.inf for stage in range(len(rmse))])
+    return float(-0.5 * (counts * np.log1p((rmse / noise) ** 2)).sum())
+
+
+def weighted_by_noise(problem: JointProblem, fit: MapFit) -> JointProblem:
+    """The problem with the weights of the white noise that a fit leaves, up to SETTINGS.refit_weight times its own."""
+    weight = SETTINGS.refit_weight * problem.weight
+    for stage in range(len(weight)):
+        noise = white_part(problem, fit, stage)
+        if noise > 0.0:
+            weight[stage] = max(min(weight[stage], 1.0 / noise**2), problem.weight[stage])
+    return replace(problem, weight=weight)

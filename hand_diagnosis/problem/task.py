@@ -13,10 +13,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hand_diagnosis.problem.data_check import Checked
-from hand_diagnosis.problem.evidence import log_evidence
+from hand_diagnosis.problem.evidence import likelihood_below_floor, log_evidence, weighted_by_noise
 from hand_diagnosis.problem.splits import fit_part
 from hand_diagnosis.settings import SETTINGS
-from hand_identification.driving import accelerations, inflow, shape_driving
+from hand_identification.driving import accelerations, inflow, shaken, shape_driving
 from hand_identification.free_parameters import FreeParameter, nominal_free_parameters, speed_free_parameters
 from hand_identification.joint_data import driving_pressure, joint_problem
 from hand_identification.joint_problem import FLOOR, JointProblem, Segment
@@ -163,6 +163,9 @@ class Task:
             fit = map_fit(fitted, free, np.zeros(len(free)), SETTINGS.rough_iterations)
             _choose_neighbour([self.signals[number] for number in self._holding(joint)], joint, problem, fitted, fit)
             shape_driving(problem, free, fit.z)
+            other = self.partner(joint)
+            if other and not self._holding(other):
+                fit = _beside_unrecorded(problem, fit, self.model.parameters[:, self.model.joints.index(other)])
             if self.signals[0].machine:  # how fast a hand's residuals change is known, and its thresholds go with it
                 problem.correlation_s = correlation_s(fitted, fit)
             self._rough[joint] = Prepared(problem, free, fit.z)
@@ -259,6 +262,23 @@ def initial_rest_angle(signals: Sequence[Signals], joint: str) -> bool:
         for recording in signals
         if joint in recording.joints
     )
+
+
+def _beside_unrecorded(problem: JointProblem, fit: MapFit, other: Array) -> MapFit:
+    """The plain model of a joint, refitted beside an unrecorded partner that it shakes, where that fits better.
+
+    other: (rows,) the partner's nominal parameters. Nobody knows its pressure: vented is the simplest assumption.
+    """
+    moved = shaken(problem, other, accelerations(problem, fit.free, fit.z))
+    sharp = weighted_by_noise(fit_part(problem), fit)
+    still = map_fit(sharp, fit.free, fit.z, SETTINGS.rough_iterations)
+    put_partner(problem, moved)  # the arrays of the fitted part are those of the whole problem
+    beside = map_fit(sharp, fit.free, fit.z, SETTINGS.rough_iterations)
+    before, after = (likelihood_below_floor(sharp, still, each) for each in (still, beside))
+    if after > before:
+        return beside
+    put_partner(problem, [np.zeros_like(acceleration) for acceleration in moved])
+    return still
 
 
 def _choose_neighbour(

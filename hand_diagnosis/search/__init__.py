@@ -4,7 +4,7 @@ from hand_diagnosis.search.completion import ELSEWHERE, at_floor, on_everything,
 from hand_diagnosis.search.hypotheses import Hypothesis, Isolability, Probes, amounts, isolability, probes_at
 from hand_diagnosis.search.joint_search import JointSearch, fit_without, rough_evidence, search_joint
 from hand_diagnosis.search.law_curves import LawCurve, describe, in_words
-from hand_diagnosis.search.laws import LearnedLaw, learn_law, posterior_covariance, training_evidence, weighted_by_noise
+from hand_diagnosis.search.laws import LearnedLaw, learn_law, posterior_covariance, training_evidence
 
 __all__ = [
     "ELSEWHERE",
@@ -29,5 +29,4 @@ __all__ = [
     "search_joint",
     "standard_errors",
     "training_evidence",
-    "weighted_by_noise",
 ]

@@ -17,9 +17,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from hand_diagnosis.problem import block_bootstrap, validation_rmse
+from hand_diagnosis.problem import (
+    block_bootstrap,
+    likelihood_below_floor,
+    validation_rmse,
+    weighted_by_noise,
+    white_part,
+)
 from hand_diagnosis.search.hypotheses import Hypothesis, judged
-from hand_diagnosis.search.laws import learn_law, posterior_covariance, weighted_by_noise, white_part
+from hand_diagnosis.search.laws import learn_law, posterior_covariance
 from hand_diagnosis.settings import SETTINGS, FitPass
 from hand_identification.free_parameters import FreeParameter, law_free_parameters, speed_free_parameters
 from hand_identification.joint_problem import JointProblem
@@ -68,6 +74,46 @@ def learned_below_floor(
             done[k] = replace(done[k], freed=law.freed, textbook=final.without_arrays())
             done[-1] = replace(done[-1], fit=at_floor(problem, law.fit))
     return done
+
+
+def told_apart(
+    problem: JointProblem, current: MapFit, hypotheses: Sequence[Hypothesis], rng: np.random.Generator
+) -> list[Hypothesis]:
+    """The hypotheses of a round, those close behind the first one told apart by what they leave below the floor.
+
+    hypotheses: the most evident first.  The practical floor says what may be claimed; which of several names for one
+    claim is right shows below it as well. Each leader is fitted with the weights of the noise, its law free. The log
+    evidence of one falls by the log likelihood that its validation data lack against the best leader's.
+    """
+    leaders = [h for h in hypotheses if h.log_evidence > hypotheses[0].log_evidence - SETTINGS.near_log_evidence]
+    if len(leaders) < 2 or not residual_is_correlated(
+        problem, _fine(problem, leaders[0]), SETTINGS.min_correlated_ratio
+    ):
+        return list(hypotheses)
+    scores = [_score_below_floor(problem, current, hypothesis, rng) for hypothesis in leaders]
+    best = max(scores)
+    changed = [
+        replace(hypothesis, log_evidence=hypothesis.log_evidence - (best - score))
+        for hypothesis, score in zip(leaders, scores, strict=True)
+    ]
+    return sorted(changed + list(hypotheses[len(leaders) :]), key=lambda hypothesis: -hypothesis.log_evidence)
+
+
+def _fine(problem: JointProblem, hypothesis: Hypothesis) -> MapFit:
+    """The fit of a hypothesis with its arrays, at the step of the problem."""
+    return map_fit(problem, hypothesis.fit.free, hypothesis.fit.z, 1)
+
+
+def _score_below_floor(
+    problem: JointProblem, current: MapFit, hypothesis: Hypothesis, rng: np.random.Generator
+) -> float:
+    """Log likelihood of the validation data against the white noise, of the better one of both forms of a law."""
+    sharp = weighted_by_noise(problem, _fine(problem, hypothesis))
+    fit = map_fit(sharp, hypothesis.fit.free, hypothesis.fit.z, SETTINGS.refit_iterations)
+    if hypothesis.effect.coefficients and not hypothesis.freed:
+        law = learn_law(sharp, fit, hypothesis.effect, rng)
+        fit = law.chosen
+    return likelihood_below_floor(problem, current, fit)
 
 
 def refit_below_floor(problem: JointProblem, fit: MapFit) -> MapFit:

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hand_diagnosis.problem import fitted_rmse, log_evidence, validation_rmse
-from hand_diagnosis.search.completion import completed, learned_below_floor, refit_below_floor, restarted
+from hand_diagnosis.problem import fitted_rmse, log_evidence, validation_rmse, white_part
+from hand_diagnosis.search.completion import completed, learned_below_floor, refit_below_floor, restarted, told_apart
 from hand_diagnosis.search.hypotheses import Hypothesis, amounts, fit_roughly, judged, promising, refined
-from hand_diagnosis.search.laws import begin_law, learn_law, training_evidence, white_part, with_nominal_numbers_of
+from hand_diagnosis.search.laws import begin_law, learn_law, training_evidence, with_nominal_numbers_of
 from hand_diagnosis.search.turns import with_periods
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import shape_driving
@@ -160,7 +160,7 @@ def _best_of_round(
     problem = found.problem
     hypotheses = _round(problem, current, effects, rng)
     if found.laws:
-        hypotheses = _with_best_laws(problem, current, hypotheses, rng)
+        hypotheses = told_apart(problem, current, _with_best_laws(problem, current, hypotheses, rng), rng)
     found.rounds.append(hypotheses)
     found.evidences.append(evidence)
     for hypothesis in hypotheses:
@@ -351,16 +351,15 @@ def fit_without(found: JointSearch, index: int) -> tuple[float, MapFit]:
 
 
 def _refit_below_floor(found: JointSearch, rng: np.random.Generator) -> None:
-    """Fit the first and the last model below the practical floor, where more than white noise is left.
+    """Fit the first and the last model below the practical floor; numbers that are loose there mispredict other data.
 
-    The laws of the effects found are freed where that still leaves more.
+    The laws of the effects found are freed where more than white noise is left.
     """
-    if not residual_is_correlated(found.problem, found.final, SETTINGS.min_correlated_ratio):
-        return
     if found.accepted:
         last = found.accepted[-1]
+        left = residual_is_correlated(found.problem, last.fit, SETTINGS.min_correlated_ratio)
         found.accepted[-1] = replace(last, fit=refit_below_floor(found.problem, last.fit))
-        if found.laws:
+        if found.laws and left:
             found.accepted = learned_below_floor(found.problem, found.accepted, rng)
             found.accepted = completed(found.problem, found.accepted, rng)
         if any(STAGES[hypothesis.stage] == "pressure" for hypothesis in found.accepted):

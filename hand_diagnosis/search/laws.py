@@ -13,7 +13,7 @@ have in them (MacKay, Neural Computation 4(3), 1992).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,7 +26,6 @@ from hand_model.arrays import Array
 from hand_model.effects.effect import Effect
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS
 from hand_model.kernel.rows import ROW
-from hand_recording.signals import white_noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,22 +111,6 @@ def training_evidence(problem: JointProblem, fit: MapFit) -> float:
     train = ~problem.validation
     _, logdet = np.linalg.slogdet(np.eye(len(fit.z)) + _shrink(problem, fit) * fit.normal)
     return log_likelihood(problem, fit.squares, train) - 0.5 * float(fit.z @ fit.z) - 0.5 * float(logdet)
-
-
-def white_part(problem: JointProblem, fit: MapFit, stage: int) -> float:
-    """The white part of the residual of a signal [SI]; 0 where there is none."""
-    read = [r[stage][s.use[stage]] for s, r in zip(problem.segments, fit.residuals, strict=True)]
-    return max((white_noise(r) for r in read if len(r) > SETTINGS.min_stage_samples), default=0.0)
-
-
-def weighted_by_noise(problem: JointProblem, fit: MapFit) -> JointProblem:
-    """The problem with the weights of the white noise that a fit leaves, up to SETTINGS.refit_weight times its own."""
-    weight = SETTINGS.refit_weight * problem.weight
-    for stage in range(len(weight)):
-        noise = white_part(problem, fit, stage)
-        if noise > 0.0:
-            weight[stage] = max(min(weight[stage], 1.0 / noise**2), problem.weight[stage])
-    return replace(problem, weight=weight)
 
 
 def posterior_covariance(problem: JointProblem, fit: MapFit) -> Array:

@@ -26,7 +26,11 @@ NOISE_PA, NOISE_RAD = 200.0, np.radians(0.03)
 def truth(hand: Hand) -> tuple[np.ndarray, np.ndarray]:
     """Set-points (T, J) at 100 Hz and true states (FINE T, STATES, J) of the nominal hand."""
     rng = np.random.default_rng(41)
-    commands = np.repeat(rng.uniform(0.0, 4e5, (24, len(hand.joints))), 80, axis=0)
+    return simulated(hand, np.repeat(rng.uniform(0.0, 4e5, (24, len(hand.joints))), 80, axis=0))
+
+
+def simulated(hand: Hand, commands: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Set-points (T, J) at 100 Hz and true states (FINE T, STATES, J) of the nominal hand, which begins at rest."""
     plant = HandPlant(hand, PERIOD_S / FINE)
     fine = np.repeat(commands, FINE, axis=0)
     start = np.asarray(resting_state(hand))[None]
@@ -67,6 +71,42 @@ def test_pressure_follows_the_valve_between_the_samples(hand: Hand, truth: tuple
     assert len(shaped) == len(true)
     settled = FINE * 50  # before, the set-point that was in force is not known
     assert rms((shaped - true)[settled:]) < 0.25 * rms((line - true)[settled:])
+
+
+def test_a_recording_that_begins_in_a_step_is_driven_by_the_model(hand: Hand) -> None:
+    """Fails when the first samples, which the model cannot know, keep it from shaping all others."""
+    triangle = 4e5 * np.abs(1.0 - 2.0 * (np.arange(1920) * PERIOD_S / 4.8 % 1.0))
+    commands = np.repeat(triangle[:, None], len(hand.joints), axis=1)  # 4e5 Pa at once, and slow from there on
+    signals = read(hand, simulated(hand, commands))
+    problem, free, z = fitted(signals, hand)
+    shape_driving(problem, free, z)
+    true = simulated(hand, commands)[1][::FINE, P, hand.joints.index(JOINT)]
+    finer = (len(problem.segments[0].driving_pa) - 1) // (len(true) - 1)
+    alone = without_noise(problem.segments[0].pressure_pa, PERIOD_S, NOISE_PA)[0]
+    shaped = problem.segments[0].driving_pa[::finer]
+    assert rms((shaped - true)[50:]) < 0.5 * rms((alone - true)[50:])
+
+
+def test_a_vented_partner_that_is_not_recorded_is_shaken(hand: Hand) -> None:
+    """Fails when a vented finger joint without a sensor counts as still."""
+    rng = np.random.default_rng(44)
+    commands = np.repeat(rng.uniform(0.0, 4e5, (24, len(hand.joints))), 80, axis=0)
+    partner = int(hand.partner[hand.joints.index(JOINT)])
+    commands[:, partner] = 0.0
+    made = simulated(hand, commands)
+    whole = read(hand, made)
+    names = [name for k, name in enumerate(hand.joints) if k != partner]
+    keep = [hand.joints.index(name) for name in names]
+    signals = replace(
+        whole, joints=tuple(names), set_point_pa=whole.set_point_pa[:, keep], pressure_pa=whole.pressure_pa[:, keep],
+        angle_rad=whole.angle_rad[:, keep], force_n=whole.force_n[:, keep], known=whole.known[:, keep],
+        has_set_point=whole.has_set_point[keep], has_pressure=whole.has_pressure[keep],
+    )  # fmt: skip
+    beside = Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem.segments[0].exogenous[:, PARTNER]
+    angle = made[1][::FINE, PHI, partner]
+    true = np.zeros(len(angle))
+    true[1:-1] = np.diff(angle, 2) / PERIOD_S**2
+    assert rms((beside - true)[50:-50]) < 0.5 * rms(true[50:-50])
 
 
 def test_a_model_that_is_wrong_does_no_harm(hand: Hand, truth: tuple[np.ndarray, np.ndarray]) -> None:
