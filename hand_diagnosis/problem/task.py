@@ -265,7 +265,7 @@ def initial_rest_angle(signals: Sequence[Signals], joint: str) -> bool:
 
 
 def _beside_unrecorded(problem: JointProblem, fit: MapFit, other: Array) -> MapFit:
-    """The plain model of a joint, refitted beside an unrecorded partner that it shakes, where that fits better.
+    """The plain model of a joint, refitted beside an unrecorded partner that it shakes, unless that fits clearly worse.
 
     other: (rows,) the partner's nominal parameters. Nobody knows its pressure: vented is the simplest assumption.
     """
@@ -275,7 +275,7 @@ def _beside_unrecorded(problem: JointProblem, fit: MapFit, other: Array) -> MapF
     put_partner(problem, moved)  # the arrays of the fitted part are those of the whole problem
     beside = map_fit(sharp, fit.free, fit.z, SETTINGS.rough_iterations)
     before, after = (likelihood_below_floor(sharp, still, each) for each in (still, beside))
-    if after > before:
+    if after > before - SETTINGS.min_partner_gain:
         return beside
     put_partner(problem, [np.zeros_like(acceleration) for acceleration in moved])
     return still

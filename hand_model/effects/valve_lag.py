@@ -1,8 +1,9 @@
-"""The valve is slower than its model: a longer time constant, a further one, or another one while venting."""
+"""The valve is slower than its model: a longer time constant, a further one, or another one by the error."""
 
 from __future__ import annotations
 
 import cmath
+import math
 
 from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect, Times
@@ -11,12 +12,16 @@ from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
 
 
+SMALL_SHARE = 0.05
+"""Share of the supply pressure up to which an error of the pressure counts as small."""
+
+
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
-    """Constants of the lag, and the reciprocal of the ratio while venting."""
-    tau, venting, _, _ = q
+    """Constants of the lag, the reciprocal of the ratio while venting, and the size of small errors."""
+    tau, venting, _, _, _, _, supply = q
     kept, slowness = lag_constants(tau, h)
-    return kept, slowness, 1.0 / venting
+    return kept, slowness, 1.0 / venting, SMALL_SHARE * supply
 
 
 @inline
@@ -27,7 +32,7 @@ def set_point(q, m, u, p, e, h):  # type: ignore[no-untyped-def]
     tau T p'' + (tau + T) p' + (1 + k) p = (1 + k) u: a complex pair of poles where k is large, stable for every k >= 0,
     without an error at rest. The pressure in the middle of the step is extrapolated from the last one.
     """
-    resonance, kept, slowness = q[2], q[4], q[5]
+    resonance, kept, slowness = q[2], q[7], q[8]
     lagged, last = m
     toward = u + resonance * (u - p - 0.5 * (p - last))
     behind = lagged - toward
@@ -37,13 +42,22 @@ def set_point(q, m, u, p, e, h):  # type: ignore[no-untyped-def]
 
 @inline
 def valve_error(q, error):  # type: ignore[no-untyped-def]
-    """Venting has a time constant of its own."""
-    return error if error > 0.0 else error * q[6]
+    """Venting has a time constant of its own.
+
+    The law lets the time constant go over from one to the other within an error, and be another one for small errors.
+    The rate rises with the error for all values within their bounds.
+    """
+    venting, blend, small, per_venting, small_pa = q[1], q[3], q[4], q[9], q[10]
+    sharp = error if error > 0.0 else error * per_venting
+    root = math.sqrt(error * error + blend * blend) + 1e-300
+    smooth = error / (1.0 + 0.5 * (venting - 1.0) * (1.0 - error / root))
+    return (smooth if blend > 0.0 else sharp) / (1.0 + small * small_pa / (abs(error) + small_pa))
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
     """Share of a small step of the set-point that the pressure has made after the time x [s]."""
-    tau, gain, own = max(q[0], 1e-6), q[2], q[3]
+    tau, gain = max(q[0], 1e-6), q[2]
+    own = q[5] * (1.0 + q[4]) * (1.0 + 0.5 * (q[1] - 1.0) if q[3] > 0.0 else 1.0)
     mean, product = 0.5 * (1.0 / tau + 1.0 / own), (1.0 + gain) / (tau * own)
     root = cmath.sqrt(mean * mean - product) + 1e-9
     fast, slow = -mean - root, -mean + root
@@ -60,9 +74,20 @@ EFFECT = Effect(
         Parameter(
             "valve_lag.resonance", 0.0, 50.0, "law: feedback of the pressure into the lag", 1.0, 0.0, 1.0, law=True
         ),
+        Parameter(
+            "valve_lag.blend_pa",
+            0.0,
+            2e5,
+            "law: error within which filling goes over to venting",
+            1.0,
+            0.0,
+            1e4,
+            law=True,
+        ),
+        Parameter("valve_lag.small", -0.8, 4.0, "law: longer time constant of small errors", 1.0, 0.0, 0.2, law=True),
     ),
-    reads=("valve.time_constant_s",),
-    prepared=("kept", "slowness", "per_venting"),
+    reads=("valve.time_constant_s", "supply.pressure_pa"),
+    prepared=("kept", "slowness", "per_venting", "small_pa"),
     memory={"lagged": "pressure", "last": "pressure"},
     law_memory=("last",),
     hooks={"prepare": prepare, "set_point": set_point, "valve_error": valve_error},
@@ -77,10 +102,10 @@ EFFECT = Effect(
     constitution=Constitution(
         acts_on="pressure behind the valve",
         sign="follows the set-point, without an error at rest",
-        monotone="linear; all poles are stable",
+        monotone="the rate rises with the error; all poles are stable",
         memory="one or two poles, real or a complex pair",
-        over=("time", "direction"),
-        coefficients=("valve_lag.resonance",),
+        over=("time", "direction", "pressure error"),
+        coefficients=("valve_lag.resonance", "valve_lag.blend_pa", "valve_lag.small"),
         quantity="the share of a step that the {pressure} has made",
         curve=curve,
         source="Routh's criterion for a polynomial of second order with positive coefficients; Ljung, System"

@@ -258,6 +258,8 @@ def test_every_coefficient_acts_and_a_small_one_is_small(effect: Effect) -> None
         base = acting(effect) | ({"inner_share": 0.3} if key == "inner_gap" else {})
         if key == "knee":  # contacts that yield
             base["presliding_deg"] = 0.01
+        if key == "blend_pa":  # from one time constant to another
+            base["venting_ratio"] = 2.0
         reference = still if base == acting(effect) else responses(effect, numbers(effect, **base))
         sizes = [base | {key: neutral + size * own.typical * own.scale} for size in (1.0, 1e-6)]
         large, small = (np.abs(responses(effect, numbers(effect, **values)) - reference) for values in sizes)
@@ -401,6 +403,24 @@ def test_a_valve_with_resonance_answers_as_its_transfer_function() -> None:
         curve = effect.constitution.curve  # type: ignore[union-attr]
         assert curve is not None
         assert [curve(q, t, 0.0) for t in times[::300]] == approx(list(expected[1::300]), abs=1e-6)
+
+
+def test_the_rate_of_a_valve_rises_with_the_error_between_both_time_constants() -> None:
+    """Fails when a blend of both time constants is not monotone, wrong far from it, or jumps at its middle."""
+    effect = EFFECTS["valve_lag"]
+    errors = np.linspace(-3e5, 3e5, 4001)
+    for k, q in enumerate(drawn("valve_lag", 8)):
+        q = (q[0], (0.2, 0.5, 2.0, 5.0)[k % 4], *q[2:])
+        q = (*q[:9], 1.0 / q[1], q[10])
+        rate = np.array([call(effect, "valve_error", q, error) for error in errors])
+        assert np.diff(rate).min() > 0.0
+        assert rate[2000] == 0.0
+    blended = numbers(effect, venting_ratio=3.0, blend_pa=1e4)
+    for error, slowness in ((3e6, 1.0), (-3e6, 3.0), (1e-3, 2.0)):
+        assert call(effect, "valve_error", blended, error) == approx(error / slowness, rel=1e-4)
+    slow = numbers(effect, small=1.0)
+    assert call(effect, "valve_error", slow, 1.0) == approx(0.5, rel=1e-3)
+    assert call(effect, "valve_error", slow, 1e8) == approx(1e8, rel=1e-3)
 
 
 def test_creep_is_a_sum_of_retardations() -> None:
