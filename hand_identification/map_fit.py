@@ -1,8 +1,9 @@
 """Maximum a posteriori fit of a joint by simulation error: damped Gauss-Newton, all parameter sets in one simulation.
 
 The cost is the sum of weighted squared residuals of the training blocks plus z' z, the prior of the coordinates.
-Source: Levenberg-Marquardt method (Nocedal and Wright 2006, Sec. 10.3) with several dampings tried at once. The result
-is checked against scipy.optimize.least_squares (test/identification/test_map_fit.py).
+Source: Levenberg-Marquardt method (Nocedal and Wright 2006, Sec. 10.3) with several dampings tried at once, within a
+box: a coordinate at its longest change leaves the others free to follow. The result is checked against
+scipy.optimize.least_squares (test/identification/test_map_fit.py).
 """
 
 from __future__ import annotations
@@ -19,14 +20,16 @@ from hand_recording.signals import white_noise
 
 DIFFERENCE = 0.002
 """Step of the finite differences, in standard deviations of the prior."""
-DAMPING = (0.0, 1e-2, 0.1, 1.0, 30.0)
-BOLD = (0.0, 0.1, 30.0)
-"""Dampings of the trial steps, which are simulated together; bold steps may be longer. Eight trials fill two blocks of
-lanes."""
+LONGEST_STEP, LONGEST_BOLD, LONGEST_CAREFUL = 0.7, 4.0, 0.15
+"""Longest change of a coordinate in one step, in prior standard deviations; farther away slopes are not reliable."""
+TRIALS = (
+    *((damping, LONGEST_STEP) for damping in (0.0, 1e-3, 1e-2, 0.1, 1.0, 30.0)),
+    (0.0, LONGEST_BOLD),
+    (0.0, LONGEST_CAREFUL),
+)
+"""Damping and longest change of the trial steps, which are simulated together; eight fill the lanes."""
 UNCORRELATED = 0.05
 """Autocorrelation below which residuals count as uncorrelated."""
-LONGEST_STEP, LONGEST_BOLD = 0.7, 4.0
-"""Longest change of a coordinate in one step, in prior standard deviations; farther away slopes are not reliable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,28 +179,34 @@ def _trial_steps(z: Array, normal: Array, slope: Array, bounds: tuple[Array, Arr
     hessian = normal + np.eye(len(z))
     scale = np.diag(np.diag(hessian))
     trials = []
-    limits = [(damping, LONGEST_STEP) for damping in DAMPING] + [(damping, LONGEST_BOLD) for damping in BOLD]
-    for damping, longest in limits:
-        step = _bounded_step(hessian + damping * scale, gradient, bounds[0] - z, bounds[1] - z)
-        step *= min(1.0, longest / max(float(np.abs(step).max()), 1e-300))
-        trials.append(z + step)
+    for damping, longest in TRIALS:
+        low, high = np.maximum(bounds[0] - z, -longest), np.minimum(bounds[1] - z, longest)
+        trials.append(z + _bounded_step(hessian + damping * scale, gradient, low, high))
     return np.array(trials)
 
 
 def _bounded_step(hessian: Array, gradient: Array, low: Array, high: Array) -> Array:
-    """The step (free,) to the minimum of the quadratic model; coordinates that would leave a bound stay at it."""
+    """The step (free,) to the minimum of the quadratic model within a box; few coordinates are at its sides.
+
+    Coordinates that would leave the box stay at its side until the slope there points back into it (active set method,
+    Nocedal and Wright 2006, Sec. 16.5).
+    """
     step = np.clip(np.zeros(len(gradient)), low, high)
     free = np.ones(len(gradient), dtype=bool)
-    for _ in range(len(gradient)):
-        remaining = gradient[free] + hessian[np.ix_(free, ~free)] @ step[~free]
-        inside = np.linalg.solve(hessian[np.ix_(free, free)], -remaining)
-        step[free] = np.clip(inside, low[free], high[free])
-        left = step[free] != inside
-        if not left.any():
+    for _ in range(2 * len(gradient)):
+        if free.any():
+            remaining = gradient[free] + hessian[np.ix_(free, ~free)] @ step[~free]
+            inside = np.linalg.solve(hessian[np.ix_(free, free)], -remaining)
+            step[free] = np.clip(inside, low[free], high[free])
+            left = step[free] != inside
+            if left.any():
+                free[np.flatnonzero(free)[left]] = False
+                continue
+        slope = gradient + hessian @ step
+        back = ~free & (((step <= low) & (slope < 0.0)) | ((step >= high) & (slope > 0.0))) & (low < high)
+        if not back.any():
             break
-        free[np.flatnonzero(free)[left]] = False
-        if not free.any():
-            break
+        free[back] = True
     return step
 
 

@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, lsq_linear
 
 from hand_identification import map_fit as module
 from hand_identification.free_parameters import START_CREEP, FreeParameter
@@ -211,26 +211,25 @@ def test_slopes_at_an_upper_bound_look_back() -> None:
 
 
 def test_steps_are_limited_and_damped() -> None:
-    """Broken by another damping, by a step that is longer than allowed, or by fewer trials than lanes."""
+    """Broken by another damping, a step out of its box or not the best one in it, or by fewer trials than lanes."""
     normal, slope = np.diag([3.0, 0.0]), np.array([-400.0, 1.0])
     z = np.array([0.5, -0.25])
     wide = (np.full(2, -1e9), np.full(2, 1e9))
     trials = module._trial_steps(z, normal, slope, wide)
     gradient, hessian = slope + z, normal + np.eye(2)
-    limits = [(d, 0.7) for d in (0.0, 1e-2, 0.1, 1.0, 30.0)] + [(d, 4.0) for d in (0.0, 0.1, 30.0)]
+    limits = [(d, 0.7) for d in (0.0, 1e-3, 1e-2, 0.1, 1.0, 30.0)] + [(0.0, 4.0), (0.0, 0.15)]
     assert len(trials) == len(limits) == 8
     for trial, (damping, longest) in zip(trials, limits, strict=True):
         step = np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), -gradient)
-        step *= min(1.0, longest / np.abs(step).max())
-        np.testing.assert_allclose(trial - z, step, rtol=1e-12)
+        np.testing.assert_allclose(trial - z, np.clip(step, -longest, longest), rtol=1e-12)  # nothing couples the two
     for slope in (np.array([-1.5, 0.4]), np.array([-9.0, 2.5])):  # short enough for all, and for the bold steps
         normal = np.array([[3.0, 0.8], [0.8, 1.2]])
         hessian = normal + np.eye(2)
         trials = module._trial_steps(z, normal, slope, wide)
         for trial, (damping, longest) in zip(trials, limits, strict=True):
-            step = np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), -(slope + z))
-            step *= min(1.0, longest / np.abs(step).max())
-            np.testing.assert_allclose(trial - z, step, rtol=1e-12)
+            root = np.linalg.cholesky(hessian + damping * np.diag(np.diag(hessian)))
+            best = lsq_linear(root.T, -np.linalg.solve(root, slope + z), (-longest, longest), tol=1e-14).x
+            np.testing.assert_allclose(trial - z, best, rtol=1e-6, atol=1e-9)
     bounds = np.array([0.3, -0.3]), np.array([0.9, 0.1])
     for push, reached in ((50.0, bounds[0]), (-50.0, bounds[1])):
         trials = module._trial_steps(z, np.diag([3.0, 0.0]), np.full(2, push), bounds)
