@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from hand_diagnosis.diagnosis import diagnose
 from hand_diagnosis.problem import Task, fit_part
 from hand_diagnosis.search import refit_below_floor
+from hand_diagnosis.search.completion import told_apart
+from hand_diagnosis.search.hypotheses import fit_roughly, promising
+from hand_diagnosis.settings import SETTINGS
 from hand_identification.map_fit import map_fit
 from hand_model.description import Hand
+from hand_model.effects import EFFECTS
 from test.diagnosis import recordings
 from test.diagnosis.recordings import changed, off_by_a_little, record
 
@@ -54,3 +60,23 @@ def _error(driving_pa: np.ndarray, truth_pa: np.ndarray) -> float:
     """RMS error of the driving pressure at the samples [Pa]."""
     finer = (len(driving_pa) - 1) // (len(truth_pa) - 1)
     return float(np.sqrt(np.mean((driving_pa[::finer] - truth_pa)[100:] ** 2)))
+
+
+def test_names_for_one_claim_are_told_apart_below_the_floor(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when of two names with nearly the same evidence the one that leaves more of the validation data wins."""
+    monkeypatch.setattr(recordings, "ANGLE_NOISE_RAD", np.radians(0.012))
+    monkeypatch.setattr(recordings, "PRESSURE_NOISE_PA", 60.0)
+    rng = np.random.default_rng(5)
+    law = {"tube_lag__time_constant_s": 0.008, "tube_lag__added_4_s": 0.008}
+    ready = Task([record(changed(hand, JOINT, **law), rng, 24.0)], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT)
+    problem = fit_part(ready.problem)
+    current = map_fit(problem, ready.free, ready.start)
+    tube, sensor = (
+        fit_roughly(problem, current, found, rng)
+        for name in ("tube_lag", "angle_lag")
+        for found in promising(problem, current, [EFFECTS[name]])
+    )
+    near = [replace(sensor, log_evidence=2.0), replace(tube, log_evidence=0.0)]
+    assert [h.effect.name for h in told_apart(problem, current, near, rng)] == ["tube_lag", "angle_lag"]
+    far = [replace(sensor, log_evidence=2.0), replace(tube, log_evidence=1.0 - SETTINGS.near_log_evidence)]
+    assert told_apart(problem, current, far, rng) == far
