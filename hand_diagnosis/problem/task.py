@@ -13,7 +13,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hand_diagnosis.problem.data_check import Checked
-from hand_diagnosis.problem.evidence import likelihood_below_floor, log_evidence, weighted_by_noise
+from hand_diagnosis.problem.evidence import (
+    likelihood_below_floor,
+    log_evidence,
+    validation_rmse,
+    weighted_by_noise,
+    white_part,
+)
 from hand_diagnosis.problem.splits import fit_part
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import accelerations, inflow, shaken, shape_driving
@@ -198,8 +204,9 @@ def tolerant(task: Task) -> tuple[Task, list[str]]:
     """The task with a larger tolerance where most joints ask for larger changes of their numbers, and a line about it.
 
     Empirical Bayes: a larger tolerance replaces a smaller one where the plain models of all joints together have
-    clearly more evidence with it. The gain of a joint is bounded, because it may have an effect; at least
-    min_tolerance_joints joints are needed, and most of them must gain.
+    clearly more evidence with it. Wrong numbers are all that a joint lacks whose plain model then fits; the gain of
+    another may come from an effect and does not count. At least min_tolerance_joints joints are needed, and most of
+    them must gain.
     """
     if len(task.joints) < SETTINGS.min_tolerance_joints:
         return task, []
@@ -210,8 +217,9 @@ def tolerant(task: Task) -> tuple[Task, list[str]]:
     most = SETTINGS.strong_log_evidence
     for factor in SETTINGS.tolerance_factors:
         tried = replace(task, tolerance=factor * task.tolerance, _rough={}, _inflows={})
-        other = np.array([log_evidence(problem, fit) for problem, fit in tried.nominal_fits()])
-        gain = other - evidence
+        fits = tried.nominal_fits()
+        other = np.array([log_evidence(problem, fit) for problem, fit in fits])
+        gain = np.where([_is_explained(problem, fit) for problem, fit in fits], other - evidence, 0.0)
         if np.median(gain) > 0.0 and float(np.clip(gain, -most, most).sum()) > SETTINGS.min_log_evidence:
             best, evidence = tried, other
     if best is task:
@@ -219,6 +227,13 @@ def tolerant(task: Task) -> tuple[Task, list[str]]:
     used, given = f"{100.0 * best.tolerance:.3g} %", f"{100.0 * task.tolerance:.3g} %"
     line = f"most joints ask for larger changes of the nominal numbers than the tolerance of {given}; {used} is used"
     return best, [f"{line}, so that small effects may go unnoticed: identify the numbers of the hand first"]
+
+
+def _is_explained(problem: JointProblem, fit: MapFit) -> bool:
+    """Whether a plain model leaves no more of any signal than noise and what is tolerated without an effect."""
+    rmse = np.nan_to_num(validation_rmse(problem, fit.squares))
+    noise = np.array([white_part(problem, fit, stage) for stage in range(len(rmse))])
+    return bool(np.all(rmse <= np.hypot(noise, SETTINGS.unexplained_floors * problem.floor)))
 
 
 def _moved(fit: MapFit) -> float:

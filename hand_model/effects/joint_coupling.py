@@ -28,7 +28,7 @@ EFFECT = Effect(
     ),
     hooks={"torque": torque},
     keys=("joint_coupling.stiffness_nm_per_rad", "joint_coupling.ratio", "joint_coupling.softening"),
-    probes=((0.01, 0.0, 0.0), (-0.01, 0.0, 0.0)),
+    probes=((0.01, 0.0, 0.0), (-0.01, 0.0, 0.0), (0.01, 1.0, 0.0), (-0.01, 1.0, 0.0)),
     shape=("joint_coupling.ratio", "joint_coupling.softening"),
     says="a neighbouring joint pulls with a stiffness of {stiffness_nm_per_rad}",
     experiments=("neighbour_moves",),
