@@ -55,3 +55,11 @@ def test_the_effect_of_one_joint_changes_no_tolerance(hand: Hand) -> None:
     rubbing = changed(hand, JOINTS[0], coulomb_friction__torque_nm=0.02)
     assert tolerance_of(rubbing, hand, 0.03, JOINTS) == TOLERANCE
     assert tolerance_of(hand, hand, 0.2, JOINTS[:2]) == TOLERANCE
+
+
+def test_effects_of_all_joints_are_no_wrong_numbers(hand: Hand) -> None:
+    """Fails when effects that no number explains raise the tolerance because every joint has one."""
+    true = changed(hand, JOINTS[0], coulomb_friction__torque_nm=0.02)
+    true = changed(true, JOINTS[1], tube_lag__time_constant_s=0.05)
+    true = changed(true, JOINTS[2], valve_flow_limit__choking=1.0, valve__fill_rate_pa_per_s=6e5)
+    assert tolerance_of(true, hand, 0.03, JOINTS) == TOLERANCE
