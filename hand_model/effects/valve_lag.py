@@ -11,7 +11,6 @@ from hand_model.effects.operators import lag_constants
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
 
-
 SMALL_SHARE = 0.05
 """Share of the supply pressure up to which an error of the pressure counts as small."""
 

@@ -113,7 +113,7 @@ def test_every_effect_of_the_catalogue_states_its_class() -> None:
         assert f"| `{effect.name}` | {effect.constitution.acts_on} |" in table
         own = [own.key for own in law_parameters(effect)]
         assert set(own) <= set(effect.coefficients)
-    assert len(LEARNED) == 19
+    assert len(LEARNED) == 20
 
 
 @pytest.mark.parametrize(
@@ -421,6 +421,26 @@ def test_the_rate_of_a_valve_rises_with_the_error_between_both_time_constants() 
     slow = numbers(effect, small=1.0)
     assert call(effect, "valve_error", slow, 1.0) == approx(0.5, rel=1e-3)
     assert call(effect, "valve_error", slow, 1e8) == approx(1e8, rel=1e-3)
+
+
+def test_a_bent_pressure_sensor_rises_and_is_inverted() -> None:
+    """Fails when a reading falls with the pressure, a bow has another shape, or the true pressure is lost."""
+    effect = EFFECTS["pressure_gain"]
+    pressures = np.linspace(-1e4, 1.1 * SUPPLY_PA, 300)
+    for error in (-0.5, 0.0, 0.5):
+        for q in drawn("pressure_gain", 10, error=error):
+            readings = np.array([call(effect, "pressure_reading", q, p) for p in pressures])
+            assert np.diff(readings).min() > 0.0
+    for q in drawn("pressure_gain", 11, error=0.1):
+        found = [call(effect, "pressure_true", q, call(effect, "pressure_reading", q, p)) for p in pressures]
+        assert found == approx(list(pressures), abs=30.0)
+    bent, skewed = numbers(effect, bend=0.1), numbers(effect, skew=0.1)
+    for x in (0.25, 0.5, 0.75):
+        p = x * SUPPLY_PA
+        assert call(effect, "pressure_reading", bent, p) - p == approx(0.1 * SUPPLY_PA * x * (1.0 - x))
+        assert call(effect, "pressure_reading", skewed, p) - p == approx(
+            0.1 * SUPPLY_PA * x * (1.0 - x) * (1.0 - 2.0 * x), abs=1e-6
+        )
 
 
 def test_creep_is_a_sum_of_retardations() -> None:
