@@ -105,7 +105,7 @@ class Settings:
         "N m/rad", 30.0, 0.0, 1e5,
         "stiffness of objects: on its first impact the torque stays below the limit of the joint; 0: any speed",
     )  # fmt: skip
-    max_jump_deg: float = _number("deg", 30.0, 1.0, 360.0, "largest plausible change of an angle between two frames")
+    max_jump_deg: float = _number("deg", 30.0, 1.0, 360.0, "largest plausible change of an angle within 7.5 ms")
     path_tolerance_deg: float = _number(
         "deg", 0.0, 0.0, 180.0, "a trajectory with a larger error on its path is aborted; 0: never"
     )

@@ -17,12 +17,13 @@ Far off counts sooner, by the time integral of what exceeds the band: NOT_FOLLOW
 The expectation is the set-point through the kernel's valve, whose time constant is lengthened by the dead time, from
 the pressure measured at first, or through a valve SLOWER times as slow, or anything between the two. Motion displaces
 fluid and changes the pressure (Eq. 7): the kernel's equation for the described fluid belongs to the expectation, and
-what may be wrong with it widens the band, through the lag of the valve: UNCERTAIN of what a liquid does, and all of it
-where the description does not say that there is a liquid. After GAP_S without a frame, in which the board may have
-vented, the expectation starts again.
+what may be wrong with it widens the band, through the lag of the valve: UNCERTAIN of what a liquid does. Where the
+description does not say that there is a liquid, motion does something from nothing to what a liquid does, always
+against the change of volume: a joint that falls explains a pressure that is too high and none that is too low. After
+GAP_S without a frame, in which the board may have vented, the expectation starts again.
 
 A liquid that a shove pulls below the range of its sensor makes a frame count as missing, for SUCTION_S.
-An angle may change by the largest jump between two frames, and by FASTEST_RAD_PER_S over the time that is missing.
+An angle may change by the largest jump within JUMP_S, and by FASTEST_RAD_PER_S over the time beyond, at any frame rate.
 """
 
 from __future__ import annotations
@@ -74,6 +75,8 @@ PATIENCE_S = 0.1
 """Time for which a joint may leave its path: one noisy sample or a push of its partner aborts nothing."""
 FASTEST_RAD_PER_S = 70.0
 """Speed that no joint exceeds, also when an obstacle lets it go: an angle may change by so much in a gap."""
+JUMP_S = 0.0075
+"""Time within which an angle may change by max_jump_deg: one and a half periods of 200 Hz, as stamps may jitter."""
 GAP_S = 0.1
 """After a longer time between two frames the board may have vented: the expectation starts again."""
 UNCERTAIN = 1.5
@@ -83,15 +86,16 @@ SLOWER = 2.0
 """A valve may lag behind by this factor more than described."""
 EXPECTED, _OVER, _HIGH, _LOW, _ANGLE, _SPEED, WIDER, DRIVEN, _PRESSURE, _HELD_BACK, _SLOW = range(11)
 _OFF, _STEP, _STEP_AGE, _BEFORE, _HIGH_PA_S, _LOW_PA_S, _BELIEVED, _USUAL, _BEHIND, _DRIVE, SHORT = range(11, 22)
-_CHANGE, _TURNED, _LAST_TURN, _NOISE, _CALM = range(22, 27)
+_CHANGE, _TURNED, _LAST_TURN, _NOISE, _CALM, _LOWER, _HIGHER = range(22, 29)
 """Rows of the state of `watch_pressures`. _SLOW: the expectation of a valve that lags by SLOWER times the time. _OFF:
 difference to the expectation; _BEFORE: before the _STEP that is watched; _USUAL: its mean over USUAL_S. _BELIEVED:
 set-point before the pressure was too low. _BEHIND: whether the set-point is still to return to what is asked.
 _DRIVE: largest change between two frames that the valve gives, of the last DRIVE_S. SHORT: 1 where the pressure is too
 low for what is asked, or the set-point is still to return, so that an integrator would run away. _CHANGE, _LAST_TURN:
 of _OFF and of the angle in the last frame; _TURNED: by how much the latter has changed; _NOISE: mean second difference
-of _OFF; _CALM: time without a gap."""
-_ROWS = 27
+of _OFF; _CALM: time without a gap. _LOWER, _HIGHER: how much lower and higher displaced fluid may make the pressure;
+WIDER: the larger one."""
+_ROWS = 29
 (
     _TAU, _VENT, _FILL, _A2, _A3, _LIQUID, _GROWTH, _EXPONENT, _VOLUME, _GAS_GROWTH, _GAS_GAIN, _GAS_PER_RAD, _SUPPLY,
     _LIMIT,
@@ -121,9 +125,10 @@ def is_suction(liquid: bool, position: Array, pressure: Array, elapsed_s: float)
     return liquid and 0.0 < elapsed_s <= SUCTION_S and bool(np.isfinite(position).all() > np.isfinite(pressure).all())
 
 
-def allowed_jump(max_jump: float, elapsed_s: float, period_s: float) -> float:
-    """Largest plausible change of an angle [rad] over elapsed_s [s] between two frames of a period [s]."""
-    return max_jump + FASTEST_RAD_PER_S * max(elapsed_s - 1.5 * period_s, 0.0)
+@njit(cache=True, error_model="numpy")
+def allowed_jump(max_jump, elapsed_s):  # type: ignore[no-untyped-def]
+    """Largest plausible change of an angle [rad] over elapsed_s [s] between two frames; max_jump: within JUMP_S."""
+    return max_jump + FASTEST_RAD_PER_S * max(elapsed_s - JUMP_S, 0.0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -144,7 +149,7 @@ def implausible(position, velocity, pressure, last_position, max_jump):  # type:
 
 @njit(cache=True, error_model="numpy")
 def _displaced(v, i, p, angle, speed):  # type: ignore[no-untyped-def]
-    """Pressure rate [Pa/s] of joint i by displaced fluid, and by how much it may be wrong [Pa/s]; Eq. 7."""
+    """Pressure rate [Pa/s] of joint i by displaced fluid, and how much lower and higher it may be [Pa/s]; Eq. 7."""
     around = (0.0, 0.0, 0.0, 0.0, angle, speed, 0.0)
     a2, a3, growth = v[_A2, i], v[_A3, i], v[_GROWTH, i]
     full = liquid_rate((1.0, growth, a2, a3, per_volume((1.0, growth), 0.0)[0]), p, around)
@@ -152,26 +157,29 @@ def _displaced(v, i, p, angle, speed):  # type: ignore[no-untyped-def]
     chamber = (*law, a2, a3, v[_SUPPLY, i])
     gas = gas_rate((*chamber, per_supply(chamber, 0.0)[0]), p, around)
     if v[_LIQUID, i] > 0.0:
-        return full * v[_LIQUID, i] + gas, UNCERTAIN * abs(full)
-    return gas, abs(full)
+        return full * v[_LIQUID, i] + gas, UNCERTAIN * abs(full), UNCERTAIN * abs(full)
+    return gas, max(-full, gas, 0.0), max(full, -gas, 0.0)
 
 
 @njit(cache=True, error_model="numpy")
 def _expect(s, v, i, u, angle, dt):  # type: ignore[no-untyped-def]
-    """Advance the expected pressure of joint i by dt [s]; returns the half width of its band [Pa]."""
+    """Advance the expected pressure of joint i by dt [s]; returns how far its band is below and above it [Pa]."""
     tau = v[_TAU, i]
-    rate, wrong = 0.0, 0.0
+    rate, lower, higher = 0.0, 0.0, 0.0
     if dt > 0.0:
         share = dt / (dt + SPEED_FILTER_S)
         s[_SPEED, i] += share * ((angle - s[_ANGLE, i]) / dt - s[_SPEED, i])
         s[_ANGLE, i] = angle
-        rate, wrong = _displaced(v, i, s[EXPECTED, i], angle, s[_SPEED, i])
+        rate, lower, higher = _displaced(v, i, s[EXPECTED, i], angle, s[_SPEED, i])
     s[EXPECTED, i] = max(valve_pressure(s[EXPECTED, i], u, tau, v[_VENT, i], v[_FILL, i], dt) + rate * dt, 0.0)
     slow = valve_pressure(s[_SLOW, i], u, SLOWER * tau, v[_VENT, i], v[_FILL, i], dt)
     s[_SLOW, i] = max(slow + rate * dt, 0.0)
     s[DRIVEN, i] = valve_pressure(s[DRIVEN, i], u, tau, v[_VENT, i], v[_FILL, i], dt)
-    s[WIDER, i] += dt / (dt + tau) * (wrong * tau - s[WIDER, i])
-    return BAND_PA + BAND * s[EXPECTED, i] + s[WIDER, i]
+    share, band = dt / (dt + tau), BAND_PA + BAND * s[EXPECTED, i]
+    s[_LOWER, i] += share * (lower * tau - s[_LOWER, i])
+    s[_HIGHER, i] += share * (higher * tau - s[_HIGHER, i])
+    s[WIDER, i] = max(s[_LOWER, i], s[_HIGHER, i])
+    return band + s[_LOWER, i], band + s[_HIGHER, i]
 
 
 @njit(cache=True, error_model="numpy")
@@ -234,7 +242,8 @@ def _is_step(s, v, i, change, bend, turned, p, dt):  # type: ignore[no-untyped-d
         small = math.inf
     if abs(change) <= STEP_PA + given and bend <= small:
         return False
-    _, per_rad = _displaced(v, i, s[EXPECTED, i], s[_ANGLE, i], 1.0)
+    _, lower, higher = _displaced(v, i, s[EXPECTED, i], s[_ANGLE, i], 1.0)
+    per_rad = max(lower, higher)
     moved = max(abs(turned), abs(s[_SPEED, i]) * dt)
     turn = max(abs(s[_TURNED, i]), abs(turned - s[_SPEED, i] * dt))
     large = STEP_PA + given + STEP_LAGS * per_rad * moved
@@ -250,9 +259,9 @@ def watch_pressures(s, valve, command, pressure, position, dt):  # type: ignore[
     verdict, worst = FOLLOWING, 0
     for i in range(len(command)):
         asked, turned = command[i] + s[_HELD_BACK, i], position[i] - s[_ANGLE, i]
-        band = _expect(s, valve, i, asked, position[i], dt)
+        below, above = _expect(s, valve, i, asked, position[i], dt)
         least = min(s[EXPECTED, i], s[_SLOW, i])
-        low, high = least - band, max(s[EXPECTED, i], s[_SLOW, i]) + band
+        low, high = least - below, max(s[EXPECTED, i], s[_SLOW, i]) + above
         low = min(low + max(BAND_PA - USUAL_PA + s[_USUAL, i], 0.0), least - USUAL_PA)
         s[_OVER, i] = s[_OVER, i] + dt if pressure[i] > (1.0 + OVER) * valve[_LIMIT, i] else 0.0
         _lasts(s, i, _HIGH, _HIGH_PA_S, pressure[i] - high, dt)

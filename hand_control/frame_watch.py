@@ -49,7 +49,7 @@ def _frame(  # type: ignore[no-untyped-def]
     last, pressures, valve, sensors, spacing, links, places, liquid, position, velocity, pressure, command, jump, dt
 ):
     """Whether a frame passes; then the verdicts: implausible, its joint, pressure, its joint, sensor, joint, other."""
-    verdict, worst = implausible(position, velocity, pressure, last, jump)
+    verdict, worst = implausible(position, velocity, pressure, last, allowed_jump(jump, dt))
     if verdict != FINE:
         return False, verdict, worst, FOLLOWING, 0, UNSUSPICIOUS, 0, -1
     for i in range(len(position)):
@@ -82,8 +82,7 @@ class FrameWatch:
         self.pressures, self.sensors = PressureWatch(hand), SensorWatch(hand)
         self.last_position: Array = np.full(len(hand.joints), np.nan)
         self.limits = False
-        self._period_s = 1.0 / hand.rate_hz
-        self._longest_s = min(self.sensors.gap_s, self.pressures.gap_s, 1.5 * self._period_s)
+        self._longest_s = min(self.sensors.gap_s, self.pressures.gap_s)
         self._arrays = (self.last_position, *self.pressures.arrays, *self.sensors.arrays)
         self._holds = (self.pressures.arrays[0], *self.sensors.held)
 
@@ -97,7 +96,7 @@ class FrameWatch:
         self, position: Array, velocity: Array, pressure: Array, max_jump_rad: float, elapsed_s: float
     ) -> tuple[int, int]:
         """Verdict of `implausible` and its joint, of a frame elapsed_s [s] after the last one; nothing is kept."""
-        jump = allowed_jump(max_jump_rad, elapsed_s, self._period_s)
+        jump = allowed_jump(max_jump_rad, elapsed_s)
         return implausible(position, velocity, pressure, self.last_position, jump)  # type: ignore[no-any-return]
 
     def check(
@@ -106,7 +105,7 @@ class FrameWatch:
         """What a frame shows, elapsed_s [s] after the last one that counted.
 
         measured: position [rad], velocity [rad/s], pressure [Pa], (n,) each.  command: (n,) [Pa], in force until now.
-        max_jump_rad: largest plausible change of an angle between two frames.
+        max_jump_rad: largest plausible change of an angle within JUMP_S.
         """
         if not 0.0 < elapsed_s <= self._longest_s:
             return self._after_gap(measured, command, max_jump_rad, elapsed_s)

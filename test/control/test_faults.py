@@ -17,6 +17,7 @@ from hand_control.supervisor import Phase
 from hand_messages.health import Level
 from hand_model.description import load_hand
 from hand_sim.plant import OMEGA, PHI, HandPlant, P
+from validation.faults.sensors import Case, study
 
 CONFIG = Path(__file__).parents[2] / "config"
 HAND = load_hand(CONFIG / "hand.yaml")
@@ -111,6 +112,16 @@ def test_a_starved_joint_gets_no_more_than_its_pressure_justifies() -> None:
     rig.command(index_proximal=1.2)
     rig.run(2.0)
     assert rig.tick.pressure_command[INDEX] <= 2.0 * 2.0e4 + 3.0e4 + 3e3  # and the noise of the sensor
+
+
+@pytest.mark.parametrize(("error", "joint"), [(0.0, 7), (0.1, 7), (0.3, 1)])
+def test_a_valve_that_sticks_while_its_joint_falls_is_found(error: float, joint: int) -> None:
+    """Fails when the motion of a falling joint, which can only raise a pressure, excuses one that is too low."""
+    print("seed 117")
+    found = study(HAND, [Case(error, "step back", joint, "valve stuck", False)], 117)[0]
+    assert found.warned_s is not None
+    assert found.warned_s < 0.3
+    assert found.error_deg < 10.0
 
 
 def test_force_sensors_tell_of_contact_at_once_and_go_stale() -> None:

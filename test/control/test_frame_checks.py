@@ -11,6 +11,8 @@ import pytest
 
 from hand_control.declared import Settings
 from hand_control.frame_checks import (
+    _HIGHER,
+    _LOWER,
     FINE,
     FOLLOWING,
     JUMPED,
@@ -140,6 +142,25 @@ def test_a_pressure_that_arrives_late_is_not_too_low(expected: float) -> None:
     fallen = towards(expected, expected - 1.2e4) + [expected - 1.2e4] * 40
     count, found = first(watched(expected, way + fallen))
     assert found == STUCK_LOW and count > len(way)
+
+
+@pytest.mark.parametrize("speed", [-5.0, 5.0])
+@pytest.mark.parametrize("off", [-4e4, 4e4])
+def test_motion_explains_a_pressure_only_in_its_own_direction(speed: float, off: float) -> None:
+    """Fails when a joint that extends excuses a pressure that is too low, or one that flexes one that is too high."""
+    watch = PressureWatch(HAND)
+    angle, verdicts = full(0.5 if speed > 0.0 else 1.0), []
+    watch.start(full(2e5), angle)
+    for number in range(30):
+        angle = angle + speed * DT_S
+        pressure = full(2e5)
+        pressure[2] += off * min(number / 8, 1.0)
+        verdicts.append(watch.check(full(2e5), pressure, DT_S, angle)[0])
+    explained = speed * off < 0.0
+    assert (STUCK_LOW in verdicts) == (off < 0.0 and not explained)
+    band = 2e4 + 0.1 * 2e5
+    assert (watch._state[_HIGHER, 2] > band) == (speed < 0.0)
+    assert (watch._state[_LOWER, 2] > band) == (speed > 0.0)
 
 
 def test_far_off_counts_sooner() -> None:

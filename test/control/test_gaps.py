@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,17 @@ import pytest
 
 from hand_control.controller import Controller
 from hand_control.declared import Settings
-from hand_control.frame_checks import FASTEST_RAD_PER_S, FOLLOWING, STUCK_LOW, PressureWatch, allowed_jump
+from hand_control.frame_checks import (
+    FASTEST_RAD_PER_S,
+    FINE,
+    FOLLOWING,
+    JUMP_S,
+    JUMPED,
+    STUCK_LOW,
+    PressureWatch,
+    allowed_jump,
+)
+from hand_control.frame_watch import FrameWatch
 from hand_model.description import load_hand
 from validation.faults.sensor_loop import Loop, Plant
 
@@ -20,9 +31,21 @@ COUNT = len(HAND.joints)
 
 def test_the_allowed_jump_grows_with_the_time_that_is_missing() -> None:
     """Fails when a gap is a jump, or two frames at the usual distance allow more than the parameter."""
-    assert allowed_jump(0.5, 0.005, 0.005) == 0.5
-    assert allowed_jump(0.5, 0.0925, 0.005) == pytest.approx(0.5 + 0.085 * FASTEST_RAD_PER_S)
-    assert allowed_jump(0.5, math.inf, 0.005) == math.inf
+    assert allowed_jump(0.5, 0.005) == 0.5
+    assert allowed_jump(0.5, 0.0925) == pytest.approx(0.5 + 0.085 * FASTEST_RAD_PER_S)
+    assert allowed_jump(0.5, math.inf) == math.inf
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 100.0, 200.0, 1000.0])
+def test_a_jump_is_the_same_speed_at_every_frame_rate(rate_hz: float) -> None:
+    """Fails when a joint that an obstacle lets go jumps because its frames are rare, or twice that passes."""
+    watch, still = FrameWatch(replace(HAND, rate_hz=rate_hz)), np.zeros(COUNT)
+    fastest = np.radians(30.0) + FASTEST_RAD_PER_S * max(1.0 / rate_hz - JUMP_S, 0.0)
+    for share, verdict in ((0.99, FINE), (1.01, JUMPED)):
+        watch.start(still, still, still)
+        measured = (np.where(np.arange(COUNT) == 3, share * fastest, 0.0), still, still)
+        found = watch.check(measured, still, np.radians(30.0), 1.0 / rate_hz)
+        assert found.plausible == verdict
 
 
 def driven_with_gaps(gap_frames: int, every: int, seed: int, error: float) -> tuple[Loop, int, list[int]]:
