@@ -44,7 +44,7 @@ NOTHING = Findings(FINE, 0, FOLLOWING, 0, None)
 """Of a frame that passes."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, _nrt=False, error_model="numpy")
 def _frame(  # type: ignore[no-untyped-def]
     last, pressures, valve, sensors, spacing, links, places, liquid, position, velocity, pressure, command, jump, dt
 ):
@@ -63,7 +63,7 @@ def _frame(  # type: ignore[no-untyped-def]
     return passes, verdict, worst, high_low, joint, wrong, one, other
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, _nrt=False, error_model="numpy")
 def _hold(pressures, sensors, places, spacing, command, dt):  # type: ignore[no-untyped-def]
     """Limit the set-points in place; whether a suspected sensor has lowered one."""
     cap_pressures(pressures, command, dt)
