@@ -95,7 +95,8 @@ low for what is asked, or the set-point is still to return, so that an integrato
 of _OFF and of the angle in the last frame; _TURNED: by how much the latter has changed; _NOISE: mean second difference
 of _OFF; _CALM: time without a gap. _LOWER, _HIGHER: how much lower and higher displaced fluid may make the pressure;
 WIDER: the larger one."""
-_ROWS = 29
+_ROWS, ROWS = 29, 43
+"""Rows of the state, and with the constants of the valves."""
 (
     _TAU, _VENT, _FILL, _A2, _A3, _LIQUID, _GROWTH, _EXPONENT, _VOLUME, _GAS_GROWTH, _GAS_GAIN, _GAS_PER_RAD, _SUPPLY,
     _LIMIT,
@@ -251,11 +252,12 @@ def _is_step(s, v, i, change, bend, turned, p, dt):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, _nrt=False, error_model="numpy")
-def watch_pressures(s, valve, command, pressure, position, dt):  # type: ignore[no-untyped-def]
-    """Verdict of `PressureWatch.check` and its joint; updates the state s (rows, joints) in place.
+def watch_pressures(table, command, pressure, position, dt):  # type: ignore[no-untyped-def]
+    """Verdict of `PressureWatch.check` and its joint; updates the state in the table (ROWS, joints) in place.
 
-    valve: (rows, joints).  command, pressure [Pa], position [rad]: (joints,).  dt: [s].
+    command, pressure [Pa], position [rad]: (joints,).  dt: [s].
     """
+    s, valve = table[:_ROWS], table[_ROWS:]
     verdict, worst = FOLLOWING, 0
     for i in range(len(command)):
         asked, turned = command[i] + s[_HELD_BACK, i], position[i] - s[_ANGLE, i]
@@ -313,17 +315,18 @@ class PressureWatch:
 
     expected: pressure of set-points and motion now, (n,) [Pa].  driven: what the set-points alone give, (n,) [Pa].
     wider: by how much expected may be wrong by the motion, (n,) [Pa]. Each check overwrites them.  short: (n,) 1 where
-    a pressure is too low for what is asked, or its set-point is still to return; `hold` overwrites it.  arrays: the
-    first arguments of `watch_pressures`.  gap_s: longest time between frames [s] after which nothing starts again.
+    a pressure is too low for what is asked, or its set-point is still to return; `hold` overwrites it.  gap_s: longest
+    time between frames [s] after which nothing starts again.
     """
 
-    def __init__(self, hand: Hand) -> None:
-        """Expect no pressure; `start` sets the first expectation."""
+    def __init__(self, hand: Hand, memory: Array | None = None) -> None:
+        """Expect no pressure; `start` sets the first one. memory: (ROWS, n), 0; None: an array of its own."""
         lag = hand.row("valve.time_constant_s") + hand.row("valve.dead_time_s")
         valve = [lag, hand.row("valve.vent_rate_pa_per_s"), hand.row("valve.fill_rate_pa_per_s")]
-        constants = np.array([*valve, *(hand.row(key) for key in _FLUID), hand.limits.max_pressure_pa])
-        self._state = np.zeros((_ROWS, len(hand.joints)))
-        self.arrays, self.gap_s = (self._state, constants), GAP_S
+        self._table = np.zeros((ROWS, len(hand.joints))) if memory is None else memory
+        self._table[_ROWS:] = [*valve, *(hand.row(key) for key in _FLUID), hand.limits.max_pressure_pa]
+        self._state, self._limit_pa = self._table[:_ROWS], self._table[_ROWS + _LIMIT]
+        self.gap_s = GAP_S
         self.expected: Array = self._state[EXPECTED]
         self.driven: Array = self._state[DRIVEN]
         self.wider: Array = self._state[WIDER]
@@ -335,7 +338,7 @@ class PressureWatch:
         self._state[:] = 0.0
         self._state[[EXPECTED, DRIVEN, _SLOW, _PRESSURE]] = pressure
         self._state[_BELIEVED] = np.maximum(pressure, 0.0)
-        self._state[_DRIVE] = self.arrays[1][_LIMIT]
+        self._state[_DRIVE] = self._limit_pa
         self._state[_NOISE] = STEP_PA / NOISES
         self._state[_ANGLE] = self._still if position is None else position
 
@@ -348,7 +351,7 @@ class PressureWatch:
             self._skip(pressure, position)
             dt = 0.0
         angle = self._still if position is None else position
-        return watch_pressures(*self.arrays, command, pressure, angle, dt)  # type: ignore[no-any-return]
+        return watch_pressures(self._table, command, pressure, angle, dt)  # type: ignore[no-any-return]
 
     def hold(self, command: Array, dt: float) -> None:
         """Limit set-points (n,) [Pa] in place to what the measured pressure justifies, dt [s] after the last frame."""
@@ -358,7 +361,7 @@ class PressureWatch:
         """Expect the measured state after a gap; how long a pressure has been off is kept."""
         self._state[[EXPECTED, DRIVEN, _SLOW, _PRESSURE]] = pressure
         self._state[[_SPEED, _OFF, _STEP, _CALM]] = 0.0
-        self._state[_DRIVE] = self.arrays[1][_LIMIT]
+        self._state[_DRIVE] = self._limit_pa
         self._state[_ANGLE] = self._still if position is None else position
 
 

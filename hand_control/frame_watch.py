@@ -6,6 +6,7 @@ without a gap calls once for all three, and once for all limits of the set-point
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +23,9 @@ from hand_control.frame_checks import (
     implausible,
     watch_pressures,
 )
+from hand_control.frame_checks import ROWS as PRESSURE_ROWS
 from hand_control.sensor_lines import Contradiction
+from hand_control.sensor_watch import ROWS as SENSOR_ROWS
 from hand_control.sensor_watch import SensorWatch, check_sensors, hold_sensors
 from hand_control.step_watch import FINE as UNSUSPICIOUS
 from hand_model.arrays import Array
@@ -40,34 +43,37 @@ class Findings(NamedTuple):
     contradiction: Contradiction | None
 
 
+_SENSORS = 1 + PRESSURE_ROWS
+"""Row of the memory where the sensors begin, after the last position and the pressures: each array of a call costs."""
 NOTHING = Findings(FINE, 0, FOLLOWING, 0, None)
 """Of a frame that passes."""
 
 
 @njit(cache=True, _nrt=False, error_model="numpy")
 def _frame(  # type: ignore[no-untyped-def]
-    last, pressures, valve, sensors, spacing, links, places, liquid, position, velocity, pressure, command, jump, dt
+    memory, spacing, links, liquid, position, velocity, pressure, command, jump, dt
 ):
     """Whether a frame passes; then the verdicts: implausible, its joint, pressure, its joint, sensor, joint, other."""
+    last, pressures, sensors = memory[0], memory[1:_SENSORS], memory[_SENSORS:]
     verdict, worst = implausible(position, velocity, pressure, last, allowed_jump(jump, dt))
     if verdict != FINE:
         return False, verdict, worst, FOLLOWING, 0, UNSUSPICIOUS, 0, -1
     for i in range(len(position)):
         last[i] = position[i]
-    high_low, joint = watch_pressures(pressures, valve, command, pressure, position, dt)
+    high_low, joint = watch_pressures(pressures, command, pressure, position, dt)
     drive = pressures[DRIVEN] if liquid else pressure
     wrong, one, other = check_sensors(
-        sensors, spacing, links, places, liquid, position, pressure, pressures[EXPECTED], pressures[WIDER], drive, dt
+        sensors, spacing, links, liquid, position, pressure, pressures[EXPECTED], pressures[WIDER], drive, dt
     )
     passes = high_low == FOLLOWING and wrong == UNSUSPICIOUS
     return passes, verdict, worst, high_low, joint, wrong, one, other
 
 
 @njit(cache=True, _nrt=False, error_model="numpy")
-def _hold(pressures, sensors, places, spacing, command, dt):  # type: ignore[no-untyped-def]
+def _hold(memory, spacing, command, dt):  # type: ignore[no-untyped-def]
     """Limit the set-points in place; whether a suspected sensor has lowered one."""
-    cap_pressures(pressures, command, dt)
-    return hold_sensors(sensors, places, spacing, command, dt)
+    cap_pressures(memory[1:_SENSORS], command, dt)
+    return hold_sensors(memory[_SENSORS:], spacing, command, dt)
 
 
 class FrameWatch:
@@ -79,12 +85,14 @@ class FrameWatch:
 
     def __init__(self, hand: Hand) -> None:
         """Begin without evidence; `start` gives the first measurement."""
-        self.pressures, self.sensors = PressureWatch(hand), SensorWatch(hand)
-        self.last_position: Array = np.full(len(hand.joints), np.nan)
+        self._memory = np.zeros((_SENSORS + SENSOR_ROWS, len(hand.joints)))
+        self.pressures = PressureWatch(hand, self._memory[1:_SENSORS])
+        self.sensors = SensorWatch(hand, self._memory[_SENSORS:])
+        self.last_position: Array = self._memory[0]
+        self.last_position.fill(math.nan)
         self.limits = False
         self._longest_s = min(self.sensors.gap_s, self.pressures.gap_s)
-        self._arrays = (self.last_position, *self.pressures.arrays, *self.sensors.arrays)
-        self._holds = (self.pressures.arrays[0], *self.sensors.held)
+        self._arrays = (self._memory, *self.sensors.arrays[1:])
 
     def start(self, position: Array, velocity: Array, pressure: Array) -> None:
         """Begin without evidence at position (n,) [rad], velocity (n,) [rad/s] and pressure (n,) [Pa]."""
@@ -132,4 +140,4 @@ class FrameWatch:
 
     def hold(self, command: Array) -> None:
         """Limit set-points (n,) [Pa] in place to what the pressures justify, and the sensors that are believed."""
-        self.limits = _hold(*self._holds, command, self.sensors.elapsed_s)
+        self.limits = _hold(*self._arrays[:2], command, self.sensors.elapsed_s)

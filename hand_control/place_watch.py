@@ -58,7 +58,7 @@ whether a pair is open; _BEFORE_PA: set-point before the question."""
 _OPEN, _SUSPECT_S, _ASKED, _ASKED_S, _ANSWER_S, _MODEL_I, _MODEL_K, _OF_I, _OF_K, _MISSED, _CONFIRMED = range(7, 18)
 _TOGETHER_S, _OLD = 18, 19
 """Rows of a pair, in the column of its first joint; from _OLD on, what its four motions were when the angles met."""
-_ROWS = 23
+ROWS = 23
 _FREE, _ANSWERS, _STAYS, _WAITS = range(4)
 
 
@@ -169,7 +169,7 @@ def _since(s, pair, other, w, u):  # type: ignore[no-untyped-def]
 @njit(cache=True, _nrt=False, error_model="numpy")
 def _meet(s, pair, other, w, u, position, dt):  # type: ignore[no-untyped-def]
     """Begin again with a pair whose angles meet: there an exchange makes no step."""
-    for row in range(_OLD, _ROWS):
+    for row in range(_OLD, ROWS):
         s[row, pair] *= 1.0 - dt / (dt + RECENT_S)
     meet = abs(position[pair] - position[other]) < CROSSING_RAD
     s[_TOGETHER_S, pair] = s[_TOGETHER_S, pair] + dt if meet else 0.0
@@ -251,10 +251,10 @@ class PlaceWatch:
     after: (joints,) the joint whose angle channel follows, -1 where there is none.
     """
 
-    def __init__(self, after: NDArray[np.int64]) -> None:
-        """Begin without evidence."""
+    def __init__(self, after: NDArray[np.int64], memory: Array | None = None) -> None:
+        """Begin without evidence. memory: (ROWS, joints) for the state; None: one of its own."""
         self.after = after
-        self.state = np.zeros((_ROWS, len(after)))
+        self.state = np.zeros((ROWS, len(after))) if memory is None else memory
 
     def start(self, pressure: Array) -> None:
         """Begin without evidence at pressures (n,) [Pa]."""

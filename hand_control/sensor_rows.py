@@ -1,4 +1,4 @@
-"""Rows of the table of `sensor_watch.check_sensors`: the state of the tests, then the constants of each joint."""
+"""Rows of the table of `sensor_watch.check_sensors`: state, constants of each joint, state of the places."""
 
 A, B, C, X, Z, V, PRED, DEV, TRAVEL, JERK, NOISE = range(11)
 """Of the step test: samples z, a, b, c, x; what is computed of them; mean second difference [rad]."""
@@ -14,3 +14,5 @@ P_B, P_C, P_X, P_E, DRIVE = range(33, 38)
 ROWS = 38
 A0, A1, A2, A3, J, D, JC, LOW, HIGH, MIRROR, PRESSED = range(11)
 """Constants: Eqs. 6 and 8, end stops, twice the centre of the sensor, how far a push presses a stop."""
+PLACES = ROWS + 11
+"""First row of the place watch."""

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from hand_control import sensor_rows as row
 from hand_control.place_watch import ALIKE, ENOUGH_S, NONE, RECENT_S, PlaceWatch, check_places, hold_places, open_again
+from hand_control.place_watch import ROWS as PLACE_ROWS
 from hand_control.sensor_lines import Contradiction, describe
 from hand_control.step_watch import (
     ACTIVE,
@@ -75,6 +76,8 @@ PROVEN_RAD = math.radians(2.0)
 OPPOSED = (0.45, 2.2)
 """Share of the predicted motion that is measured on a joint with the wrong sign whose constants are 30 % off."""
 PRESSURE_S, LEAST_PA, UNEXPLAINED = 0.03, 1.2e4, 0.125
+ROWS = row.PLACES + PLACE_ROWS
+"""Of the whole table."""
 _KEYS = (
     "statics.a0_nm",
     "statics.a1_nm_per_rad",
@@ -175,13 +178,13 @@ def _pressures(s, i, k, expected, wider, pressure, dt):  # type: ignore[no-untyp
 
 
 @njit(cache=True, _nrt=False, error_model="numpy")
-def check_sensors(table, spacing, links, places, liquid, position, pressure, expected, wider, drive, dt):  # type: ignore[no-untyped-def]
+def check_sensors(table, spacing, links, liquid, position, pressure, expected, wider, drive, dt):  # type: ignore[no-untyped-def]
     """Verdict, joint and other joint of a frame; updates the arrays of `SensorWatch.arrays` in place.
 
     position [rad], pressure, expected, wider, drive [Pa]: (joints,), see `SensorWatch.check`.  dt: [s].
     """
     n, verdict, joint, other = len(position), FINE, 0, -1
-    s, c = table[: row.ROWS], table[row.ROWS :]
+    s, c, places = table[: row.ROWS], table[row.ROWS : row.PLACES], table[row.PLACES :]
     partner, above, after = links[0], links[1], links[2]
     for i in range(n):
         found = _channel(s, c, i, position[i], dt)
@@ -223,45 +226,45 @@ def _wait(spacing, dt):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, _nrt=False, error_model="numpy")
-def hold_sensors(s, places, spacing, command, dt):  # type: ignore[no-untyped-def]
+def hold_sensors(table, spacing, command, dt):  # type: ignore[no-untyped-def]
     """Limit the set-points of suspected joints in place to the last ones from before; whether one is lower now.
 
-    s, places, spacing: SensorWatch.held.  command: (joints,) [Pa].  dt: [s] since the last frame.
+    table, spacing: the first of SensorWatch.arrays.  command: (joints,) [Pa].  dt: [s] since the last frame.
     """
-    limits = False
+    s, limits = table[: row.ROWS], False
     for i in range(len(command)):
         if s[row.HOLD, i] > 0.0 or spacing[5] > WARN_S:
             limits |= command[i] > s[row.BELIEVED_PA, i]
             command[i] = min(command[i], s[row.BELIEVED_PA, i])
         else:
             s[row.BELIEVED_PA, i] = command[i]
-    return hold_places(places, command, s[row.P_LAST], dt) or limits
+    return hold_places(table[row.PLACES :], command, s[row.P_LAST], dt) or limits
 
 
 class SensorWatch:
     """Compares angles and pressures of one hand with its motion, frame by frame.
 
-    arrays: the first arguments of `check_sensors`.  held: those of `hold_sensors`.  gap_s: longest time between frames
+    arrays: the first arguments of `check_sensors`.  gap_s: longest time between frames
     [s] after which the tests go on.  elapsed_s: between the last two frames.
     """
 
-    def __init__(self, hand: Hand) -> None:
-        """Begin without evidence; `start` gives the first measurement."""
+    def __init__(self, hand: Hand, memory: Array | None = None) -> None:
+        """Begin without evidence; `start` gives a measurement. memory: (ROWS, joints), 0; None: an array of its own."""
         sensors = hand.sensors
         self._joints = hand.joints
         pressed = STOP_NM / hand.row("end_stop.stiffness_nm_per_rad") + hand.row("end_stop.engagement_deg")
         constants = np.array([*(hand.row(key) for key in _KEYS), 2.0 * sensors.hall.zero_rad, pressed + BEYOND_RAD])
         constants[row.D] = np.maximum(constants[row.D], constants[row.J] / LONGEST_LAG_S)
-        table = np.concatenate([np.zeros((row.ROWS, len(hand.joints))), constants])
-        self._state, self._constants = table[: row.ROWS], table[row.ROWS :]
+        table = np.zeros((ROWS, len(hand.joints))) if memory is None else memory
+        self._state, self._constants = table[: row.ROWS], table[row.ROWS : row.PLACES]
+        self._constants[:] = constants
         self._channels = (sensors.angle_channel, sensors.pressure_channel)
-        self._places = PlaceWatch(_next(sensors.angle_channel))
+        self._places = PlaceWatch(_next(sensors.angle_channel), table[row.PLACES :])
         self._spacing = np.zeros(7)
         self._period_s = 1.0 / hand.rate_hz
         self._liquid = bool(hand.row("hydraulic.share").max() > 0.0)
         links = np.array([hand.partner, _next(sensors.pressure_channel), self._places.after], dtype=np.int64)
-        self.arrays = (table, self._spacing, links, self._places.state, self._liquid)
-        self.held = (self._state, self._places.state, self._spacing)
+        self.arrays = (table, self._spacing, links, self._liquid)
         self._none = np.zeros(len(hand.joints))
         self.gap_s, self.elapsed_s = LONGEST_S, 0.0
 
@@ -355,7 +358,7 @@ class SensorWatch:
 
         Returns whether one is lower now.
         """
-        return bool(hold_sensors(*self.held, command, self.elapsed_s))
+        return bool(hold_sensors(*self.arrays[:2], command, self.elapsed_s))
 
     @property
     def unchecked(self) -> str:
