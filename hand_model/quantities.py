@@ -133,7 +133,7 @@ class Wording:
     whole: str = "the hand"
     excitable: bool = True
     signals: tuple[str, str, str] = ("pressure", "angle", "force")
-    signal_units: tuple[tuple[float, str], ...] = ((1.0, "Pa"), (180.0 / math.pi, "deg"), (1.0, "N"))
+    signal_units: tuple[tuple[float, str], ...] = ((1e-3, "kPa"), (180.0 / math.pi, "deg"), (1.0, "N"))
     states: Mapping[str, str] = field(default_factory=dict)
     symbols: tuple[str, str, str] = ("phi", "p", "omega")
     symbol_units: tuple[tuple[float, str], tuple[float, str]] = ((1.0, "rad"), (1e-5, "bar"))

@@ -163,5 +163,23 @@ def _new(section: MutableMapping[str, Any], key: str, value: Mapping[str, Any]) 
 
 def unified_diff(name: str, before: str, after: str) -> str:
     """The difference of two texts of the file `name`, as `diff -u` writes it; "" where they are equal."""
-    lines = difflib.unified_diff(before.splitlines(keepends=True), after.splitlines(keepends=True), name, name)
+    old, new = before.splitlines(keepends=True), after.splitlines(keepends=True)
+    # difflib.unified_diff passes over lines that occur often, and then shows equal lines as changed.
+    matcher = difflib.SequenceMatcher(None, old, new, autojunk=False)
+    lines = [f"--- {name}\n", f"+++ {name}\n"] if old != new else []
+    for group in matcher.get_grouped_opcodes():
+        (_, a0, _, b0, _), (_, _, a1, _, b1) = group[0], group[-1]
+        lines.append(f"@@ -{_span(a0, a1)} +{_span(b0, b1)} @@\n")
+        for kind, i, k, m, n in group:
+            if kind == "equal":
+                lines += [f" {line}" for line in old[i:k]]
+            else:
+                lines += [f"-{line}" for line in old[i:k]] + [f"+{line}" for line in new[m:n]]
     return "".join(line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines)
+
+
+def _span(begin: int, end: int) -> str:
+    """Lines [begin, end), counted from 0, as the head of a hunk names them."""
+    count = end - begin
+    first = begin + 1 if count else begin
+    return str(first) if count == 1 else f"{first},{count}"

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DPI = 110
+BREAKS = re.compile(r"(\w[_/.]+)(?=[A-Za-z])")
+"""Places within a name, not within a number or a mark of HTML."""
 
 
 def write_html(path: Path, package: str, template: str, **values: Any) -> None:
@@ -28,6 +30,7 @@ def write_html(path: Path, package: str, template: str, **values: Any) -> None:
     )
     environment.filters["data_uri"] = data_uri
     environment.filters["code"] = code
+    environment.filters["breakable"] = breakable
     path.write_text(environment.get_template(template).render(**values), encoding="utf-8")
 
 
@@ -41,6 +44,11 @@ def png(figure: Figure, dpi: int = DPI) -> bytes:
 def code(text: str) -> Markup:
     """A text whose parts between backticks are shown as code."""
     return Markup(re.sub(r"`([^`]*)`", r"<code>\1</code>", str(escape(text))))
+
+
+def breakable(text: object) -> Markup:
+    """A text of which a long name may be broken after each part."""
+    return Markup(BREAKS.sub("\\1<wbr>", str(escape(text))))
 
 
 def data_uri(picture: bytes) -> str:

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis.pages.headline import effect_words, unit_words
-from hand_diagnosis.pages.page_plots import in_thousands
 from hand_identification.excitation import EXPERIMENTS
 from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
@@ -65,7 +64,8 @@ class Outcome:
     @property
     def concealed(self) -> str:
         """What was concealed, in a few words."""
-        factor, unit = in_thousands(1.0, HAND.units.quantity(self.key).unit)
+        unit = HAND.units.quantity(self.key).unit
+        factor, unit = (1e-3, "kPa") if unit == "Pa" else (1.0, unit)
         return f"{effect_words(self.effect)} of {factor * self.value:.3g} {unit_words(unit)} in {self.joint}"
 
     @property

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis.pages.compare import Cell, Comparison
-from hand_diagnosis.pages.page_plots import in_thousands, nth_shown
+from hand_diagnosis.pages.page_plots import nth_shown
 from hand_diagnosis.settings import SETTINGS
 from hand_model.arrays import Array
 from hand_model.quantities import HAND, Wording
@@ -86,7 +86,7 @@ def _pair(
     panels: list[Panel] = []
     parts = []
     for stage in stages:
-        scale, unit = in_thousands(*wording.signal_units[stage])
+        scale, unit = wording.signal_units[stage]
         name = wording.signals[stage]
         ours, theirs = getattr(first, FIELDS[stage])[:count, i], getattr(second, FIELDS[stage])[:, k]
         a, b = scale * ours, scale * interpolate(time_s, second.time_s, theirs, np.inf)

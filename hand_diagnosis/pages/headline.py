@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from hand_diagnosis.pages.drawing import tint
+from hand_pages.numbers import with_error
 
 PROPER = {"coulomb": "Coulomb", "hall": "Hall", "fsr": "FSR"}
 """Words of effects' names that are written otherwise in a sentence."""
@@ -42,6 +44,16 @@ def common_words(several: Iterable[Words]) -> Words:
 def effect_words(effect: str) -> str:
     """The name of an effect in words."""
     return " ".join(PROPER.get(word, word) for word in effect.split("_"))
+
+
+def in_words(text: str, report: Report) -> str:
+    """A sentence of a report with the names of its effects in words; the keys of parameters, as leak.rate, stay."""
+    findings = report["findings"]
+    names = {name for each in findings for name in (each["effect"], *each["tied_with"])}
+    names |= {row["effect"] for each in findings for row in each["alternatives"]}
+    for name in names:
+        text = re.sub(rf"\b{name}\b(?!\.\w)", effect_words(name), text)
+    return text
 
 
 def title(report: Report, whole: str = "the hand", axis: str = "joint") -> str:
@@ -111,10 +123,13 @@ def _remainder(left: Report) -> str:
 
 
 def main_number(finding: Report) -> str:
-    """The first number of a finding that the data determine, with its error and unit; "" where there is none."""
+    """The first number of a finding that the data determine, with its error and unit; "" where there is none.
+
+    A number within two standard errors of 0 says nothing that the name of the effect does not say.
+    """
     for number in finding["parameters"].values():
-        if number["determined"]:
-            return f"{number['value']:.3g} ± {number['std']:.1g} {unit_words(number['unit'])}".rstrip()
+        if number["determined"] and abs(number["value"]) > 2.0 * number["std"]:
+            return f"{with_error(number['value'], number['std'])} {unit_words(number['unit'])}".rstrip()
     return ""
 
 
@@ -132,6 +147,7 @@ def ties(report: Report) -> list[tuple[str, str, str]]:
         sentence = f"{finding['joint'] or 'everywhere'}: {names}: this recording cannot distinguish them."
         tie = finding["tie"]
         why = f"{tie['name'].replace('_', ' ')} {tie['why']}" if "name" in tie else tie["why"]
+        why = in_words(why, report)
         found.append((sentence, tie.get("command", ""), f"{why[:1].upper()}{why[1:]}."))
     return found
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,6 +17,7 @@ from hand_diagnosis.pages.headline import (
     counted,
     effect_words,
     heat_map,
+    in_words,
     ties,
     tiles,
     title,
@@ -54,6 +56,7 @@ def write_page(diagnosis: Diagnosis, report: Mapping[str, Any], out: Path, hand:
         heat=heat_map(report),
         drawing=_drawing(report, hand, [joint.joint for joint in shown]),
         words=effect_words,
+        in_words=functools.partial(in_words, report=report),
         axis=axis,
         diagnosed=f"{counted(count, axis)} diagnosed",
         made=made_rows({**report.get("made", {}), "model": report["model"]}),

@@ -54,7 +54,7 @@ def time_plots(joint: JointDiagnosis, stage: int, nth: int) -> list[Plot]:
     nth: distance of the samples to show, see every_nth.
     """
     whole = joint.whole or joint.search.problem
-    scale, unit = in_thousands(*joint.wording.signal_units[stage])
+    scale, unit = joint.wording.signal_units[stage]
     signal = joint.wording.signals[stage]
     noise = NOISE_BAND * scale * joint.result(stage).noise if joint.results else 0.0
     residuals = [_residuals(joint, fit, stage) for fit in (joint.search.nominal, joint.search.final)]
@@ -123,7 +123,7 @@ def state_plot(joint: JointDiagnosis, stage: int) -> Plot | None:
     means = state_means(joint, stage)
     if means is None or not means.rows:
         return None
-    unit = in_thousands(*joint.wording.signal_units[stage])[1]
+    unit = joint.wording.signal_units[stage][1]
     kinds: dict[str, tuple[Kind, str]] = dict(zip(("off", "on"), models_of(joint), strict=True))
     curves = [
         Curve(f"{kinds[fit][1]}, {way}", kinds[fit][0], at, mean, dots=way == joint.wording.negative)
@@ -177,7 +177,7 @@ def state_means(joint: JointDiagnosis, stage: int) -> StateMeans | None:
     edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, SETTINGS.figure_bins + 1)))
     rows = []
     for label, fit in (("off", off), ("on", joint.search.final)):
-        residual = in_thousands(*wording.signal_units[stage])[0] * fit.residuals[0][stage][use]
+        residual = wording.signal_units[stage][0] * fit.residuals[0][stage][use]
         for moving, way in ((speed > standing, wording.positive), (speed < -standing, wording.negative)):
             at, mean = _binned(values[moving], residual[moving], edges)
             if len(at) > 1:
@@ -185,16 +185,11 @@ def state_means(joint: JointDiagnosis, stage: int) -> StateMeans | None:
     return StateMeans(wording.state(name), unit, tuple(rows))
 
 
-def in_thousands(scale: float, unit: str) -> tuple[float, str]:
-    """Factor from SI and unit for an axis: kPa in place of Pa."""
-    return (1e-3 * scale, "kPa") if unit == "Pa" else (scale, unit)
-
-
 def _state_unit(name: str, wording: Wording) -> tuple[float, str]:
     """Factor from SI and unit in which a state is shown."""
     if name == "time":
         return 1.0, "s"
-    scale, unit = in_thousands(*wording.signal_units[0 if name in {"pressure", "set-point"} else 1])
+    scale, unit = wording.signal_units[0 if name in {"pressure", "set-point"} else 1]
     return scale, f"{unit}/s" if name == "speed" else unit
 
 
@@ -247,7 +242,7 @@ def _spans(joint: JointDiagnosis, k: int) -> list[tuple[float, float, str]]:
 
 def _errors(joint: JointDiagnosis, stage: int) -> str:
     """The result in a sentence: the error before and after, and the noise."""
-    scale, unit = in_thousands(*joint.wording.signal_units[stage])
+    scale, unit = joint.wording.signal_units[stage]
     if not joint.results:
         return "it has no signal to compare"
     result = joint.result(stage)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis.pages.headline import by_reason, short
-from hand_diagnosis.pages.page_plots import NOISE_BAND, in_thousands, nth_shown
+from hand_diagnosis.pages.page_plots import NOISE_BAND, nth_shown
 from hand_diagnosis.prediction import JointPrediction, Prediction, Score
 from hand_diagnosis.settings import SETTINGS
 from hand_model.quantities import Wording
@@ -74,7 +74,7 @@ def prediction_plots(joint: JointPrediction, wording: Wording, nth: int) -> list
     nth: distance of the samples to show [-].
     """
     stage = max(joint.scores, key=_floors).stage
-    scale, unit = in_thousands(*wording.signal_units[stage])
+    scale, unit = wording.signal_units[stage]
     signal = wording.signals[stage]
     plots = []
     for k, (segment, values) in enumerate(zip(joint.segments, joint.predicted, strict=True)):

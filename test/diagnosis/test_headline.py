@@ -47,10 +47,22 @@ def report(**parts: Any) -> dict[str, Any]:
     return empty | parts
 
 
+NOTHING = {"value": 0.0, "std": 0.005, "unit": "s", "determined": True}
+SLOW = FRICTION | {
+    "effect": "valve_lag",
+    "parameters": {"valve_lag.time_constant_s": NOTHING, "valve.time_constant_s": NOTHING | {"value": 0.187}},
+}
+
+
 @pytest.mark.parametrize(
     ("parts", "expected"),
     [
         ({"findings": [FRICTION]}, ANSWER),
+        ({"findings": [SLOW]}, "index_distal: valve lag of 0.187 ± 0.005 s (96%)"),
+        (
+            {"findings": [SLOW | {"parameters": {"valve_lag.time_constant_s": NOTHING}}]},
+            "index_distal: valve lag (96%)",
+        ),
         (
             {"findings": [TIED]},
             "index_distal: leak (55%) or pressure gain (40%), which this recording cannot distinguish",
@@ -68,7 +80,7 @@ def report(**parts: Any) -> dict[str, Any]:
         ({"not_judged": RESTING}, "index_distal agrees with the model; 5 of 6 joints not diagnosed"),
         ({"findings": [FRICTION] * 3}, f"{ANSWER}; {ANSWER}; and 1 more"),
     ],
-    ids=["named", "tied", "unlikely", "agrees", "nothing", "a part", "many"],
+    ids=["named", "second number", "no number", "tied", "unlikely", "agrees", "nothing", "a part", "many"],
 )
 def test_the_title_is_the_answer(parts: dict[str, Any], expected: str) -> None:
     """Fails when a tie is named as certain, an unlikely name comes first, or a joint is left out in silence."""
@@ -88,8 +100,8 @@ def test_every_tie_comes_with_its_command_or_the_reason_for_none() -> None:
     ]
     which = "leak or pressure gain: this recording cannot distinguish them."
     assert ties(report(findings=findings, next_experiment=one)) == [
-        (f"index_distal: {which}", "hand one", "Slow triangle separates leak from pressure_gain on index_distal."),
-        (f"ring_distal: {which}", "hand other", "Hold separates leak from pressure_gain on ring_distal."),
+        (f"index_distal: {which}", "hand one", "Slow triangle separates leak from pressure gain on index_distal."),
+        (f"ring_distal: {which}", "hand other", "Hold separates leak from pressure gain on ring_distal."),
         (f"everywhere: {which}", "", "No experiment of the catalogue separates them better than this recording."),
     ]
     assert ties(report(findings=[FRICTION | {"tie": None}])) == []

@@ -113,3 +113,15 @@ def test_a_file_that_is_no_patch_is_refused(tmp_path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8")
     with pytest.raises(DescriptionError, match="patch"):
         read_patch(path)
+
+
+def test_lines_that_occur_often_stay_out_of_the_difference() -> None:
+    """Fails when equal lines of a long file are shown as removed and added again, or a hunk has wrong line numbers."""
+    before = "".join(f"- name: {name}\n  lag: 0.05\n  fill: 1.0e+7\n  vent: 8.0e+6\n" for name in range(80))
+    place = before.index("- name: 40")
+    after = before[:place] + before[place:].replace("0.05", "0.06", 1)
+    lines = unified_diff("x.yaml", before, after).splitlines()
+    assert lines[2] == "@@ -159,7 +159,7 @@"
+    assert [line for line in lines[3:] if line[0] != " "] == ["-  lag: 0.05", "+  lag: 0.06"]
+    assert unified_diff("x.yaml", "", "a\n").splitlines()[2:] == ["@@ -0,0 +1 @@", "+a"]
+    assert unified_diff("x.yaml", before, before) == ""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hand_diagnosis.pages.headline import effect_words
 from hand_pages.results import Results, Section, Table, write_results
 from validation.machines import tables
 from validation.machines.tables import Machine
@@ -18,13 +20,15 @@ ERRORS_TEXT = (
     "RMS errors on recordings that no model was fitted to. Nominal: the machine file as given. Where the ratio in"
     " the last column but one is below 1, the diagnosis predicts better than every rival."
 )
+VERDICTS = ("agrees", "explained", "partly_explained", "unknown_physics")
+EFFECT = re.compile(r"`([a-z_]+)`")
 
 
 def write_page(path: Path, document: Mapping[str, Any]) -> None:
     """Write the page. document: the content of machines.json."""
     machines: Sequence[Machine] = document["machines"]
     totals = tables.total_rows(machines)
-    tiles = [(reached, f"{what}; goal {goal}") for what, reached, goal in totals]
+    tiles = [(reached, f"{what}; goal {goal}" if goal else what) for what, reached, goal in totals]
     results = Results(title(machines), ABOUT, tiles, [*_sections(machines), *_failed(document["failed"])], document)
     write_results(path, results)
 
@@ -46,7 +50,9 @@ def _sections(machines: Sequence[Machine]) -> list[Section]:
         Section("Errors of predictions", [ERRORS_TEXT], [_table(tables.ERRORS, map(tables.error_row, machines))]),
         Section("Published numbers", tables=[_table(tables.NUMBERS, tables.number_rows(machines))]),
         Section(
-            "Findings in words", [f"{each['title']}: {words}" for each in machines for words in each["statements"]]
+            "Findings in words",
+            [f"{each['title']}: {words}" for each in machines for words in each["statements"]],
+            folded=True,
         ),
     ]
 
@@ -57,5 +63,12 @@ def _failed(failed: Sequence[Mapping[str, str]]) -> list[Section]:
 
 
 def _table(head: Sequence[str], rows: Iterable[tuple[str, ...]]) -> Table:
-    """A table without the marks that the documents need."""
-    return Table(head, [[cell.replace("`", "") for cell in row] for row in rows])
+    """A table with names in words, without the marks that the documents need."""
+    return Table(head, [[_words(cell) for cell in row] for row in rows])
+
+
+def _words(cell: str) -> str:
+    """A verdict or the marked name of an effect in words; the key of a parameter, which has a point, as it is."""
+    if cell in VERDICTS:
+        return cell.replace("_", " ")
+    return EFFECT.sub(lambda found: effect_words(found[1]), cell).replace("`", "")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from hand_pages.numbers import with_error
 from validation.tables import Entry, markdown, number, source_line
 
 GOAL_RATIO = 1.1
@@ -80,7 +81,7 @@ def number_rows(machines: Sequence[Machine]) -> list[tuple[str, ...]]:
     for each in machines:
         for row in each["published"]:
             ours = row["ours"]
-            own = "not found" if ours is None else f"{number(ours['value'])} ± {ours['std']:.1g} {ours['unit']}"
+            own = "not found" if ours is None else f"{with_error(ours['value'], ours['std'])} {ours['unit']}"
             agrees = {True: "yes", False: "no", None: ""}[row["agrees"]]
             rows.append((each["title"], f"`{row['key']}`", own, number(row["published"]), agrees, row["source"]))
     return rows
