@@ -18,10 +18,9 @@ from hand_identification.joint_problem import (
 )
 from hand_model.arrays import Array, Flags
 from hand_model.compile_cache import njit
-from hand_model.effects.effect import ACCELERATION, ANGLE, EXOGENOUS, NEIGHBOUR, PARTNER, SPEED, TIME
 from hand_model.joint_model import JointModel
 from hand_model.kernel.layout import OMEGA, PHI, P
-from hand_model.kernel.open_loop import OUTPUTS
+from hand_model.kernel.open_loop import OUTPUTS, surroundings_of
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STATES
 from hand_model.material import creep_rate
 from hand_recording.local_smoothing import Windows
@@ -153,18 +152,14 @@ def _surroundings(signals: Signals, hand: JointModel, joint: str) -> Array:
     """Exogenous inputs (T, EXOGENOUS) of the joint's model, without the inflow of the whole hand (driving.py)."""
     j = signals.joints.index(joint)
     speed, acceleration = derivatives(signals.angle_rad[:, j : j + 1], signals.period_s, signals.derivative_s)
-    e = np.zeros((signals.samples, EXOGENOUS))
-    e[:, TIME] = signals.time_s
-    e[:, ANGLE], e[:, SPEED] = signals.angle_rad[:, j], speed[:, 0]
-    e[:, ACCELERATION] = acceleration[:, 0]
+    motion = signals.angle_rad[:, j], speed[:, 0], acceleration[:, 0]
     partner = int(hand.partner[hand.joints.index(joint)])
     if partner >= 0 and hand.joints[partner] in signals.joints:
-        other = signals.joints.index(hand.joints[partner])
-        e[:, PARTNER] = _quiet_acceleration(signals.angle_rad[:, other], signals.period_s)
-        e[:, NEIGHBOUR] = signals.angle_rad[:, other]
-    elif len(signals.joints) > 1:
-        e[:, NEIGHBOUR] = signals.angle_rad[:, j - 1 if j else 1]
-    return e
+        beside = signals.angle_rad[:, signals.joints.index(hand.joints[partner])]
+        return surroundings_of(signals.time_s, motion, beside, _quiet_acceleration(beside, signals.period_s))
+    if len(signals.joints) > 1:
+        return surroundings_of(signals.time_s, motion, signals.angle_rad[:, j - 1 if j else 1])
+    return surroundings_of(signals.time_s, motion)
 
 
 def _quiet_acceleration(angle_rad: Array, period_s: float) -> Array:

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from hand_identification.free_parameters import START_CREEP, FreeParameter
 from hand_model.arrays import Array, Flags
 from hand_model.kernel.layout import CREEP, OMEGA
-from hand_model.kernel.open_loop import OUTPUTS, MeasuredInputs, open_loop
+from hand_model.kernel.open_loop import OUTPUTS, READINGS, MeasuredInputs, open_loop
 from hand_recording.local_smoothing import Windows
 from hand_recording.signals import SMOOTHING_S, in_band
 
-STAGES = ("pressure", "angle", "force")
+STAGES = READINGS
 """The signal that each stage predicts, in the order of the model's outputs."""
 FORCE = STAGES.index("force")
 FLOOR = (300.0, np.radians(0.05), 0.05)

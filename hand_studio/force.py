@@ -10,14 +10,10 @@ import numpy as np
 
 from hand_model.arrays import Array
 from hand_model.description import Hand
-from hand_model.effects.effect import ACCELERATION, ANGLE, EXOGENOUS, NEIGHBOUR, PARTNER, SPEED, TIME
-from hand_model.kernel.open_loop import MeasuredInputs, open_loop
+from hand_model.kernel.open_loop import READINGS, MeasuredInputs, open_loop, surroundings_of
 from hand_recording.interpolation import bridge
 from hand_recording.signals import derivatives
 from hand_studio.window import Window
-
-FORCE = 2
-"""Row of the force among the readings of the open loop."""
 
 
 def has_force(hand: Hand, joint: int) -> bool:
@@ -35,14 +31,11 @@ def force_reading(hand: Hand, parameters: Array, window: Window, joint: int, sta
     partner = int(hand.partner[joint])
     angle = bridge(window.angle_rad[:, [joint, partner] if partner >= 0 else [joint]])[0]
     speed, acceleration = derivatives(angle, window.period_s)
-    e = np.zeros((len(angle), EXOGENOUS))
-    e[:, TIME], e[:, ANGLE] = window.time_s, angle[:, 0]
-    e[:, SPEED], e[:, ACCELERATION] = speed[:, 0], acceleration[:, 0]
-    if partner >= 0:
-        e[:, PARTNER], e[:, NEIGHBOUR] = acceleration[:, 1], angle[:, 1]
+    beside = (angle[:, 1], acceleration[:, 1]) if partner >= 0 else (0.0, 0.0)
+    e = surroundings_of(window.time_s, (angle[:, 0], speed[:, 0], acceleration[:, 0]), *beside)
     pressure = bridge(window.pressure_pa[:, joint])[0]
     inputs = MeasuredInputs(window.set_point_pa[:, joint], pressure, e, window.period_s)
     start, lever_m = state[None, :, joint], hand.lever_arm_m(joint)
     readings = open_loop(parameters[None, :, joint], np.ascontiguousarray(start), inputs, lever_m=lever_m)
-    force: Array = readings[0, FORCE]
+    force: Array = readings[0, READINGS.index("force")]
     return force

@@ -21,7 +21,17 @@ import numpy as np
 from hand_model.arrays import Array
 from hand_model.compile_cache import carray, njit, prange
 from hand_model.effects import CATALOGUE
-from hand_model.effects.effect import ACCELERATION, ANGLE, OTHER_MACHINES, PARTNER, SPEED, Effect
+from hand_model.effects.effect import (
+    ACCELERATION,
+    ANGLE,
+    EXOGENOUS,
+    NEIGHBOUR,
+    OTHER_MACHINES,
+    PARTNER,
+    SPEED,
+    TIME,
+    Effect,
+)
 from hand_model.kernel.compiled import specialise, stack_doubles
 from hand_model.kernel.hooks import Hooks, compose, equations_key, has_laws
 from hand_model.kernel.inline import FAST, inline
@@ -45,8 +55,9 @@ from hand_model.kernel.terms import terms
 
 LANES = 8
 """Parameter sets computed side by side: one vector of 512 bits, or two of 256 bits."""
-OUTPUTS = 3
-"""Readings of pressure [Pa], angle [rad] and force [N]."""
+READINGS = ("pressure", "angle", "force")
+"""What the stages predict, in order: pressure [Pa], angle [rad] and force [N]."""
+OUTPUTS = len(READINGS)
 STANDSTILL_RAD_S = 0.02
 """Speed below which friction of a machine with imposed motion acts in part only."""
 _SIZE = WORK * LANES
@@ -72,6 +83,24 @@ class MeasuredInputs:
     surroundings: Array
     period_s: float
     late_s: float = 0.0
+
+
+def surroundings_of(
+    time_s: Array,
+    motion: tuple[Array, Array, Array],
+    neighbour_rad: Array | float = 0.0,
+    partner_rad_s2: Array | float = 0.0,
+) -> Array:
+    """The surroundings (samples, EXOGENOUS) of a joint; the inflow of the whole hand is 0.
+
+    time_s: (samples,) [s].  motion: angle [rad], speed [rad/s] and acceleration [rad/s^2] of the joint, (samples,).
+    neighbour_rad: angle of another joint.  partner_rad_s2: acceleration of the joint that is coupled to it.
+    """
+    e = np.zeros((len(time_s), EXOGENOUS))
+    e[:, TIME] = time_s
+    e[:, ANGLE], e[:, SPEED], e[:, ACCELERATION] = motion
+    e[:, NEIGHBOUR], e[:, PARTNER] = neighbour_rad, partner_rad_s2
+    return e
 
 
 @inline
