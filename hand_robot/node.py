@@ -45,7 +45,7 @@ class FramePublisher(HandNode):
         self._offered: list[Any] = []
         self._joints: Any = None
         self._raw = b""
-        self._other, self._own = "", b""
+        self._other = ""
 
     def configure(self, values: dict[str, Any]) -> None:
         """Write the URDF of the hand, from which the frames follow."""
@@ -82,13 +82,8 @@ class FramePublisher(HandNode):
         return [Health("frames", Level.OK, f"{len(self._fixed) + len(self._moving)} frames")]
 
     def _search(self) -> None:
-        """Withdraw while another node publishes the description; of two nodes of this kind the lower one stays."""
-        others = [
-            name
-            for gid, name in self._describing().items()
-            if gid != self._own and (name != self.get_name() or gid < self._own or not self._own)
-        ]
-        self._other = others[0] if others else ""
+        """Withdraw while another node publishes the description; of two nodes of this kind one stays."""
+        self._other = self.gives_way_to(DESCRIPTION)
         if self._other and self._offered:
             self.log_throttled(Level.OK, "other", f"{self._other} publishes {DESCRIPTION} too; this node withdraws")
             self._withdraw()
@@ -96,9 +91,7 @@ class FramePublisher(HandNode):
             self._offer()
 
     def _offer(self) -> None:
-        before = self._describing()
-        description = self.create_publisher(String, DESCRIPTION, RETAINED_QOS)
-        self._own = min((gid for gid in self._describing() if gid not in before), default=b"")
+        description = self.sole_publisher(String, DESCRIPTION, RETAINED_QOS)
         still = self.create_publisher(TFMessage, "/tf_static", RETAINED_QOS)
         self._offered = [description, still, self.create_publisher(TFMessage, "/tf", TF_QOS)]
         description.publish(String(data=self._text))
@@ -108,14 +101,12 @@ class FramePublisher(HandNode):
         still.publish(TFMessage(transforms=self._fixed))
 
     def _withdraw(self) -> None:
-        for publisher in self._offered:
-            self.destroy_publisher(publisher)
-        self._offered, self._own = [], b""
-
-    def _describing(self) -> dict[bytes, str]:
-        """The names of the nodes that publish the description, by the identifiers of their publishers."""
-        infos = self.get_publishers_info_by_topic(self.resolve_topic_name(DESCRIPTION))
-        return {bytes(info.endpoint_gid): str(info.node_name) for info in infos}
+        if self._offered:
+            description, *frames = self._offered
+            self.destroy_sole_publisher(DESCRIPTION, description)
+            for publisher in frames:
+                self.destroy_publisher(publisher)
+        self._offered = []
 
     def _on_joints(self, raw: bytes) -> None:
         self._raw = raw

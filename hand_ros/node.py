@@ -342,6 +342,18 @@ class HandNode(LifecycleNode):
         now_ns = time.monotonic_ns()
         return self._sole.line([topic for topic, stream in self._streams.items() if stream.disturbed(now_ns)])
 
+    def gives_way_to(self, topic: str) -> str:
+        """The node beside whose publisher of a topic this node does not publish; empty where there is none."""
+        present = self._publishers_of(self.resolve_topic_name(topic))
+        other = self._sole.gives_way_to(topic, present, self.get_fully_qualified_name())
+        return "" if other is None else other.node
+
+    def destroy_sole_publisher(self, topic: str, made: RosPublisher) -> None:
+        """Publish such a topic no longer."""
+        self.destroy_publisher(made)
+        self._sole.disown(topic)
+        del self._counts[topic]
+
     def accepted_publisher(self, topic: str) -> bytes:
         """Identifier of the publisher of a topic that is not a second one; empty for none."""
         return self._sole.accepted(topic)

@@ -71,11 +71,28 @@ class SolePublishers:
         """Identifier of the accepted publisher of a topic; empty for none."""
         return self._accepted.get(topic, b"")
 
-    def update(self, topic: str, present: Sequence[Publisher]) -> None:
-        """Take the publishers of a topic that DDS lists now. It lists one that was killed for 20 s more."""
+    def disown(self, topic: str) -> None:
+        """We publish a topic no longer."""
+        self._own.pop(topic, None)
+
+    def gives_way_to(self, topic: str, present: Sequence[Publisher], name: str) -> Publisher | None:
+        """A publisher, of those that DDS lists now, beside which the node `name` does not publish; None for none.
+
+        Of two nodes of one name that publish both, that with the lower identifier stays.
+        """
+        own = self._own.get(topic, b"")
+        others = (publisher for publisher in self._live(present) if publisher.gid != own)
+        return next((each for each in others if not own or each.node != name or each.gid < own), None)
+
+    def _live(self, present: Sequence[Publisher]) -> list[Publisher]:
+        """The publishers whose process runs. DDS lists one that was killed for 20 s more."""
         for publisher in present:
             self._remember(publisher)
-        live = [publisher for publisher in present if not self._ended(publisher)]
+        return [publisher for publisher in present if not self._ended(publisher)]
+
+    def update(self, topic: str, present: Sequence[Publisher]) -> None:
+        """Take the publishers of a topic that DDS lists now."""
+        live = self._live(present)
         accepted = self._own.get(topic) or self.accepted(topic)
         gids = [publisher.gid for publisher in live]
         if topic not in self._own and accepted not in gids:

@@ -147,3 +147,22 @@ def test_our_own_process_is_found_in_proc(tmp_path: Path) -> None:
         (tmp_path / str(number) / "cmdline").write_bytes(b"")
     assert processes(7, tmp_path) == {7: (22, "no command line")}
     assert processes(8, tmp_path) == {}
+
+
+def test_a_node_gives_way_to_another_of_the_same_topic() -> None:
+    """Fails when two nodes publish one description, both of one name withdraw, or one that was killed still counts."""
+    machine = Machine(p100=1, p200=2, p300=3)
+    sole, topic, name = of(machine), "robot_description", "/hand/frame_publisher"
+    own, twin = publisher(name, 300), publisher(name, 200)
+    assert own.gid < twin.gid
+    foreign = publisher("/hand/robot_state_publisher", 100)
+    assert sole.gives_way_to(topic, [], name) is None
+    assert sole.gives_way_to(topic, [twin], name) == twin
+    sole.own(topic, own)
+    assert sole.gives_way_to(topic, [own, twin], name) is None
+    assert sole.gives_way_to(topic, [own, foreign], name) == foreign
+    del machine.running[100]
+    assert sole.gives_way_to(topic, [own, foreign], name) is None
+    sole.disown(topic)
+    sole.own(topic, twin)
+    assert sole.gives_way_to(topic, [own, twin], name) == own
