@@ -18,7 +18,7 @@ import typer
 from hand_recording.installed import default_model
 from hand_tool import interrupts
 from hand_tool.chosen_model import choose_model
-from hand_tool.console import note, require, running
+from hand_tool.console import fail, note, require, running
 from hand_tool.live import Namespace, Prefix
 from hand_tool.node_commands import Link, frames_command, node_commands
 from hand_tool.options import AsJson, Model, Quiet, Verbose
@@ -96,37 +96,40 @@ def studio(
         grasps = load_grasps(default_model().with_name("grasps.yaml"), hand)
         chosen.print(as_json)
         link = Link(serial, can, can_interface) if serial or can or sim else None
-        with ExitStack() as stack:
-            interrupts.release()
-            interrupts.end_on_sigterm()
-            from hand_client.node import HandClient
+        try:
+            with ExitStack() as stack:
+                interrupts.release()
+                interrupts.end_on_sigterm()
+                from hand_client.node import HandClient
 
-            checks: list[Callable[[], None]] = [interrupts.check]
-            client = HandClient(namespace, CLIENT, _all(checks))
-            begun_s = time.monotonic()
-            nodes = Processes(Path(stack.enter_context(TemporaryDirectory())))
-            stack.enter_context(nodes)
-            stack.enter_context(client)
-            from hand_studio.inbox import Inbox  # other nodes are discovered meanwhile
-            from hand_studio.live_page import LivePage
-            from hand_tool.until_sure import Experiments
+                checks: list[Callable[[], None]] = [interrupts.check]
+                client = HandClient(namespace, CLIENT, _all(checks))
+                begun_s = time.monotonic()
+                nodes = Processes(Path(stack.enter_context(TemporaryDirectory())))
+                stack.enter_context(nodes)
+                stack.enter_context(client)
+                from hand_studio.inbox import Inbox  # other nodes are discovered meanwhile
+                from hand_studio.live_page import LivePage
+                from hand_tool.until_sure import Experiments
 
-            page = Page(listen, port, allow_others=allow_others)
-            stack.callback(page.close)
-            if link is not None:
-                client.until(lambda: _runs_already(client, 0), max(ALONE_S - time.monotonic() + begun_s, 0.0))
-                check_alone(client, 0)
-                for command in node_commands(link, namespace, joint_prefix, chosen.path):
-                    nodes.start(command[0], command)
-            live = LivePage(page, client, hand, grasps, Inbox())
-            checks.append(live.check)
-            _announce(page, client.namespace, browser, as_json)
-            recorder = BagRecorder(stack.enter_context(TemporaryDirectory()), out, client.namespace)
-            with interrupts.until_raised():
-                study = Experiments(hand, chosen.path, out)
-                frames = frames_command(namespace, joint_prefix, chosen.path) if link is not None else []
-                live.run(recorder, study, Watch(client, nodes, frames))
-            note("hand studio: ended" if link is None else "hand studio: vented, nodes ended")
+                page = Page(listen, port, allow_others=allow_others)
+                stack.callback(page.close)
+                if link is not None:
+                    client.until(lambda: _runs_already(client, 0), max(ALONE_S - time.monotonic() + begun_s, 0.0))
+                    check_alone(client, 0)
+                    for command in node_commands(link, namespace, joint_prefix, chosen.path):
+                        nodes.start(command[0], command)
+                live = LivePage(page, client, hand, grasps, Inbox())
+                checks.append(live.check)
+                _announce(page, client.namespace, browser, as_json)
+                recorder = BagRecorder(stack.enter_context(TemporaryDirectory()), out, client.namespace)
+                with interrupts.until_raised():
+                    study = Experiments(hand, chosen.path, out)
+                    frames = frames_command(namespace, joint_prefix, chosen.path) if link is not None else []
+                    live.run(recorder, study, Watch(client, nodes, frames))
+        except ProcessError as error:  # also of a node that had to be killed after Ctrl-C
+            fail("studio", str(error), 2)
+        note("hand studio: ended" if link is None else "hand studio: vented, nodes ended")
 
 
 def _runs_already(client: HandClient, own: int) -> bool:

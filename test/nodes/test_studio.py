@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import os
 import re
 import signal
 import subprocess
@@ -300,6 +301,24 @@ def test_ctrl_c_vents_and_ends_the_hand(studio: Studio) -> None:
     assert studio.client.last_pressure_pa() == 0.0
     assert not any(Path(f"/proc/{pid}").exists() for pid in nodes)
     assert "Traceback" not in studio.log("hand")
+
+
+@pytest.mark.long
+def test_a_node_that_has_to_be_killed_is_named_after_ctrl_c(tmp_path: Path) -> None:
+    """Fails when the studio says that its nodes have ended although one of them did not, or hides which."""
+    domain = str((int(os.environ["ROS_DOMAIN_ID"]) + 1) % 100)  # the hand of the other tests is not to be heard
+    command = [*TOOL, "studio", "--sim", "--no-browser", "--json", "--quiet", "--out", str(tmp_path)]
+    environment = os.environ | {"ROS_HOME": str(tmp_path), "ROS_DOMAIN_ID": domain}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    ) as process:
+        assert process.stdout is not None and process.stdout.readline()
+        node = int(Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text(encoding="utf-8").split()[0])
+        os.kill(node, signal.SIGSTOP)
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate(timeout=3.0 * WAIT_S)
+    assert process.returncode == 2
+    assert re.fullmatch(r"hand studio: simulation did not end within 15 s: .*\n", error), error
 
 
 def test_a_recording_is_replayed_next_to_the_model_before_and_after(studio: Studio) -> None:
