@@ -42,6 +42,7 @@ UNITS = {
 PLAUSIBLE: dict[str, dict[str, tuple[float, float]]] = {
     "steps": {"settling time": (0.2, 1.5), "overshoot": (0.0, 5.0)},
     "loop": {"missed periods": (0.0, 1.0)},
+    "studio": {"load by other programs": (0.0, 1.0)},
     "effects": {"not named first": (0.0, 0.0), "wrong place": (0.0, 0.0), "wrong joint": (0.0, 0.0)},
     "compare": {"not named": (0.0, 0.0), "worst validation error": (0.0, 1.0)},
     "control": {
@@ -62,7 +63,7 @@ PLAUSIBLE: dict[str, dict[str, tuple[float, float]]] = {
 """Bounds of values by a part of their name: no time of this machine is among them."""
 
 
-MARKS: dict[str, list[Any]] = {"loop": [pytest.mark.real_time]}
+MARKS: dict[str, list[Any]] = {"loop": [pytest.mark.real_time], "studio": [pytest.mark.real_time]}
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=MARKS.get(name, [])) for name in BENCHES])

@@ -37,10 +37,11 @@ BENCHES = (
     "liquid",
     "found",
     "rivals",
+    "studio",
 )
 PROGRAMS = {"plant": ("cc",), "firmware": ("arm-none-eabi-gcc", "qemu-system-arm")}
 """Programs that a bench starts and that this package does not install."""
-MODULES = {"codec": ("rclpy",), "loop": ("rclpy", "hand_msgs.msg")}
+MODULES = {"codec": ("rclpy",), "loop": ("rclpy", "hand_msgs.msg"), "studio": ("rclpy", "hand_msgs.msg", "viser")}
 """Python modules of ROS 2 that a bench needs."""
 
 
