@@ -9,7 +9,10 @@ LEAST, MOST = 1e-4, 1e6
 
 
 def with_error(value: float, std: float) -> str:
-    """A value and its standard error: "0.0119 ± 0.0003", "66 ± 12". An error that begins with 1 has two digits."""
+    """A value and its standard error, both in the same unit [any]: "0.0119 ± 0.0003", "66 ± 12".
+
+    An error that begins with 1 has two digits.
+    """
     if not (math.isfinite(value) and math.isfinite(std)) or std <= 0.0:
         return f"{value:.3g} ± {std:.1g}"
     place = math.floor(math.log10(std))

@@ -343,7 +343,7 @@ class HandNode(LifecycleNode):
         return self._sole.line([topic for topic, stream in self._streams.items() if stream.disturbed(now_ns)])
 
     def gives_way_to(self, topic: str) -> str:
-        """The node beside whose publisher of a topic this node does not publish; empty where there is none."""
+        """The node whose publisher of a topic keeps this node from publishing; empty where there is none."""
         present = self._publishers_of(self.resolve_topic_name(topic))
         other = self._sole.gives_way_to(topic, present, self.get_fully_qualified_name())
         return "" if other is None else other.node

@@ -76,7 +76,7 @@ class SolePublishers:
         self._own.pop(topic, None)
 
     def gives_way_to(self, topic: str, present: Sequence[Publisher], name: str) -> Publisher | None:
-        """A publisher, of those that DDS lists now, beside which the node `name` does not publish; None for none.
+        """A publisher, of those that DDS lists now, that keeps the node `name` from publishing; None for none.
 
         Of two nodes of one name that publish both, that with the lower identifier stays.
         """

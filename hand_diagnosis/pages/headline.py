@@ -125,7 +125,7 @@ def _remainder(left: Report) -> str:
 def main_number(finding: Report) -> str:
     """The first number of a finding that the data determine, with its error and unit; "" where there is none.
 
-    A number within two standard errors of 0 says nothing that the name of the effect does not say.
+    A number within two standard errors of 0 adds no information to the name of the effect.
     """
     for number in finding["parameters"].values():
         if number["determined"] and abs(number["value"]) > 2.0 * number["std"]:
