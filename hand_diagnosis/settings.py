@@ -36,7 +36,7 @@ class Settings(FitSettings):
         CHOICE, "Wrong names of twins.", "Effects that the data separate are called alike.")
     near_log_evidence: float = setting(
         12.0, "log", "Log evidence behind the first effect up to which others are compared with it below the practical"
-        " floor.", CHOICE, "Twins of other forms are told apart less often.", "Slower.")
+        " floor.", CHOICE, "Twins of other forms are separated less often.", "Slower.")
     tie_recordings: int = setting(
         10, "recordings", "Recordings of one experiment that may be asked for to break a tie.",
         CHOICE, "More ties are left without an experiment.", "Experiments are proposed that nobody repeats so often.")

@@ -140,7 +140,7 @@ def _shaped(segment: Segment, model_pa: Array, finer: int) -> Segment:
 def _roughness(values: Array, use: Flags) -> float:
     """Mean square of the second differences of values (T,) over the samples that count (T,); 0 where none does.
 
-    Where a recording begins in the middle of a step, nobody knows the commands before: that tells nothing of the model.
+    Where a recording begins in the middle of a step, nobody knows the commands before, which is no fault of the model.
     """
     inside = use[2:] & use[1:-1] & use[:-2]
     return float(np.mean(np.diff(values, 2)[inside] ** 2)) if inside.any() else 0.0

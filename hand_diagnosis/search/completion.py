@@ -76,10 +76,10 @@ def learned_below_floor(
     return done
 
 
-def told_apart(
+def separated_below_floor(
     problem: JointProblem, current: MapFit, hypotheses: Sequence[Hypothesis], rng: np.random.Generator
 ) -> list[Hypothesis]:
-    """The hypotheses of a round, those close behind the first one told apart by what they leave below the floor.
+    """The hypotheses of a round, those close behind the first one separated by what they leave below it.
 
     hypotheses: the most evident first.  The practical floor says what may be claimed; which of several names for one
     claim is right shows below it as well. Each leader is fitted with the weights of the noise, its law free. The log

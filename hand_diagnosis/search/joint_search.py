@@ -13,7 +13,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hand_diagnosis.problem import fitted_rmse, log_evidence, validation_rmse, white_part
-from hand_diagnosis.search.completion import completed, learned_below_floor, refit_below_floor, restarted, told_apart
+from hand_diagnosis.search.completion import (
+    completed,
+    learned_below_floor,
+    refit_below_floor,
+    restarted,
+    separated_below_floor,
+)
 from hand_diagnosis.search.hypotheses import Hypothesis, amounts, fit_roughly, judged, promising, refined
 from hand_diagnosis.search.laws import begin_law, learn_law, training_evidence, with_nominal_numbers_of
 from hand_diagnosis.search.turns import with_periods
@@ -160,7 +166,7 @@ def _best_of_round(
     problem = found.problem
     hypotheses = _round(problem, current, effects, rng)
     if found.laws:
-        hypotheses = told_apart(problem, current, _with_best_laws(problem, current, hypotheses, rng), rng)
+        hypotheses = separated_below_floor(problem, current, _with_best_laws(problem, current, hypotheses, rng), rng)
     found.rounds.append(hypotheses)
     found.evidences.append(evidence)
     for hypothesis in hypotheses:

@@ -10,7 +10,7 @@ import pytest
 from hand_diagnosis.diagnosis import diagnose
 from hand_diagnosis.problem import Task, fit_part
 from hand_diagnosis.search import refit_below_floor
-from hand_diagnosis.search.completion import told_apart
+from hand_diagnosis.search.completion import separated_below_floor
 from hand_diagnosis.search.hypotheses import fit_roughly, promising
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.map_fit import map_fit
@@ -62,7 +62,9 @@ def _error(driving_pa: np.ndarray, truth_pa: np.ndarray) -> float:
     return float(np.sqrt(np.mean((driving_pa[::finer] - truth_pa)[100:] ** 2)))
 
 
-def test_names_for_one_claim_are_told_apart_below_the_floor(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_names_for_one_claim_are_separated_below_floor_below_the_floor(
+    hand: Hand, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Fails when of two names with nearly the same evidence the one that leaves more of the validation data wins."""
     monkeypatch.setattr(recordings, "ANGLE_NOISE_RAD", np.radians(0.012))
     monkeypatch.setattr(recordings, "PRESSURE_NOISE_PA", 60.0)
@@ -77,6 +79,6 @@ def test_names_for_one_claim_are_told_apart_below_the_floor(hand: Hand, monkeypa
         for found in promising(problem, current, [EFFECTS[name]])
     )
     near = [replace(sensor, log_evidence=2.0), replace(tube, log_evidence=0.0)]
-    assert [h.effect.name for h in told_apart(problem, current, near, rng)] == ["tube_lag", "angle_lag"]
+    assert [h.effect.name for h in separated_below_floor(problem, current, near, rng)] == ["tube_lag", "angle_lag"]
     far = [replace(sensor, log_evidence=2.0), replace(tube, log_evidence=1.0 - SETTINGS.near_log_evidence)]
-    assert told_apart(problem, current, far, rng) == far
+    assert separated_below_floor(problem, current, far, rng) == far
