@@ -365,7 +365,8 @@ def _differs(result: JointDiagnosis) -> bool:
 def _fits_better(whole: JointProblem, fit: MapFit, partner: Sequence[Array]) -> bool:
     """Whether the model of a joint fits clearly better with these accelerations of its partner.
 
-    What the joint lacks itself may be large, and the push of its partner small, so that only errors below the practical floor show it.
+    What the joint lacks itself may be large, and the push of its partner small, so that only errors below the practical
+    floor show it.
     """
     measured = [segment.exogenous[:, PARTNER].copy() for segment in whole.segments]
     problem = fit_part(whole)  # its arrays are those of the whole problem

@@ -280,7 +280,7 @@ def initial_rest_angle(signals: Sequence[Signals], joint: str) -> bool:
 
 
 def _beside_unrecorded(problem: JointProblem, fit: MapFit, other: Array) -> MapFit:
-    """The plain model of a joint, refitted beside an unrecorded partner that it shakes, unless that fits clearly worse.
+    """The plain model of a joint, refitted with an unrecorded partner that it shakes, unless that fits clearly worse.
 
     other: (rows,) the partner's nominal parameters. Nobody knows its pressure: vented is the simplest assumption.
     """
