@@ -61,25 +61,26 @@ def test_test_data_change_no_fit(hand: Hand, signals: Signals) -> None:
 
 def test_exchanged_test_data_change_no_fit(hand: Hand, signals: Signals) -> None:
     """Fails when readings of test data inside a recording are fitted, or the end of the recording is not."""
-    spoilt = signals.angle_rad.copy()
-    usual = spans_of_test(Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem)[0]
+    ready = Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT)  # its inputs come from the usual split
+    usual = spans_of_test(ready.problem)[0]
     begin = 2 * usual[0] - usual[1]
-    spoilt[begin + 150 : usual[0], hand.joints.index(JOINT)] += np.radians(3.0)
+    read = ready.problem.segments[0]
+    spoilt = read.angle_rad.copy()
+    spoilt[begin + 150 : usual[0]] += np.radians(3.0)
     fits, errors = [], []
-    for angle in (signals.angle_rad, spoilt):
-        ready = Task([replace(signals, angle_rad=angle)], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT)
-        whole = exchanged(ready.problem)
+    for angle in (read.angle_rad, spoilt):
+        whole = exchanged(replace(ready.problem, segments=[replace(read, angle_rad=angle)]))
         assert whole is not None and exchanged(whole) is None
         span = spans_of_test(whole)[0]
         assert begin <= span[0] + 250 and span[1] == usual[0]
         part = fit_part(whole)
         assert not part.segments[0].use[:, span[0] : span[1]].any()
         assert part.segments[0].use[1, usual[0] :].any()
-        fits.append(map_fit(part, ready.free, ready.start, 6))
+        fits.append(map_fit(part, ready.free, ready.start, 25, 1e-6))
         tested = evaluate_test(whole, [fits[-1]], free_axis=False)
         assert tested is not None
         errors.append(float(tested.rmse(0)[1]))
-    np.testing.assert_allclose(fits[0].z, fits[1].z, atol=0.03)
+    np.testing.assert_allclose(fits[0].z, fits[1].z, atol=1e-6)
     assert errors[0] < 1.5 * ANGLE_NOISE_RAD
     assert errors[1] > np.radians(1.0)
 
