@@ -22,6 +22,7 @@ from hand_identification.map_fit import map_fit
 from hand_model.description import Hand, load_hand
 from hand_model.effects import CATALOGUE, EFFECTS
 from hand_model.kernel.rows import ROW
+from hand_pages.numbers import with_error
 from hand_recording.loader import load_recording
 from hand_recording.replay import record_offline
 from test.diagnosis.recordings import CONFIG, changed, excitation, hand_tool, off_by_a_little, record, recorded_alone
@@ -131,7 +132,7 @@ def test_the_title_is_the_answer(report: Path, page: Browser) -> None:
     (finding,) = content["findings"]
     number = finding["parameters"]["coulomb_friction.torque_nm"]
     title = page.run("document.querySelector('h1').innerText")
-    assert title.startswith(f"index_proximal: Coulomb friction of {number['value']:.3g} ± {number['std']:.1g} N m")
+    assert title.startswith(f"index_proximal: Coulomb friction of {with_error(number['value'], number['std'])} N m")
     assert page.run("document.title") == title
     (test,) = [
         r for r in content["fit"] if (r["joint"], r["split"], r["signal"]) == ("index_proximal", "test", "angle")

@@ -51,6 +51,8 @@ def test_names_end_in_their_unit() -> None:
         ".innermost",
         ".by_square",
         ".bend",
+        ".skew",
+        ".small",
     )
     units += ("_per_rad",)
     for parameter in JOINT_PARAMETERS:
