@@ -32,6 +32,7 @@ DELAY_NS = 40_000_000
 GHOST = (0, 114, 178)
 RECORDER = "recorder"
 """Name of the node that records."""
+ENDED = "Record until sure: ended by the next request"
 UNTOUCHED_S = 1.0
 """Time after the last slider that was moved from which the sliders follow the hand."""
 
@@ -149,7 +150,8 @@ class LivePage:
             match request.name:
                 case "confirm stop":
                     self._client.stop()
-                    return "stopped: vented and latched; Enable goes on"
+                    ended = f"{ENDED}; " if self._note == ENDED else ""
+                    return f"{ended}stopped: vented and latched; Enable goes on"
                 case "enable":
                     return self._client.enable(reset=True)[1]
                 case "vent":
@@ -181,7 +183,7 @@ class LivePage:
         try:
             return record_until_sure(robot, self._study, joints, FRAME_S)
         except Superseded:
-            return "Record until sure: ended by the next request"
+            return ENDED
         except StudyError as error:
             return f"Record until sure: {error}"
         finally:
