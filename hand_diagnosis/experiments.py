@@ -17,10 +17,8 @@ from hand_identification.joint_problem import CORRELATION_S, JointProblem
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array
 from hand_model.kernel.closed_loop import ClosedLoop
-from hand_model.kernel.rows import ROW
+from hand_model.kernel.layout import PHI, P, resting_states
 from hand_model.quantities import Wording
-from hand_model.statics import equilibrium_angle
-from hand_sim.plant import PHI, STATES, P
 
 BY_HAND = {"closed_valve_push"}
 """Experiments whose outcome depends on what a person does; they cannot be simulated."""
@@ -221,11 +219,7 @@ def _sigma(problem: JointProblem, first: MapFit, second: MapFit, commands_pa: Ar
 def _readings(problem: JointProblem, fit: MapFit, commands_pa: Array, period_s: float) -> Array:
     """Pressure [Pa] and angle [rad] (2, T) of the joint alone under set-points (T,)."""
     columns, _ = problem.columns(fit.free, fit.z[None])
-    a0, a1, a2, a3 = columns[0][ROW["statics.a0_nm"] : ROW["statics.a3_nm_per_pa_rad"] + 1]
-    load = columns[0][ROW["constant_load.torque_nm"]]
-    start = np.zeros((STATES, 1))
-    rest_angle = equilibrium_angle(0.0, 0.0, load, a0, a1, a2, a3, 0.0)
-    start[PHI] = np.clip(rest_angle, columns[0][ROW["end_stop.low_deg"]], columns[0][ROW["end_stop.high_deg"]])
-    loop = ClosedLoop(columns[0][None, :, None], np.array([-1]), start[None], period_s)
+    parameters = columns[0][:, None]
+    loop = ClosedLoop(parameters[None], np.array([-1]), resting_states(parameters)[None], period_s)
     states = loop.advance(commands_pa[None, :, None])[0]
     return np.array([states[:, P, 0], states[:, PHI, 0]])

@@ -18,9 +18,7 @@ from hand_identification.free_parameters import FreeParameter
 from hand_identification.joint_problem import JointProblem, Segment
 from hand_model.arrays import Array, Flags
 from hand_model.effects.effect import PARTNER
-from hand_model.kernel.layout import PHI
-from hand_model.kernel.rows import ROW
-from hand_model.statics import equilibrium_angle
+from hand_model.kernel.layout import resting_states
 from hand_recording.interpolation import bridge, refine
 from hand_recording.local_smoothing import NOISE, Windows, local_windows, smoothed_by
 from hand_recording.signals import slopes_over, smoothing_span, white_noise
@@ -58,17 +56,20 @@ def shaken(problem: JointProblem, other: Array, by_rad_s2: Sequence[Array]) -> l
 
     other: (rows,) its parameters.  by_rad_s2: acceleration (T,) of the partner, which is the joint of the problem.
     """
-    a0, a1, a2, a3 = other[ROW["statics.a0_nm"] : ROW["statics.a3_nm_per_pa_rad"] + 1]
-    rest = float(equilibrium_angle(0.0, 0.0, float(other[ROW["constant_load.torque_nm"]]), a0, a1, a2, a3, 0.0))
     segments = []
     for segment, acceleration in zip(problem.segments, by_rad_s2, strict=True):
-        start = np.zeros_like(segment.start)
-        start[PHI] = np.clip(rest, other[ROW["end_stop.low_deg"]], other[ROW["end_stop.high_deg"]])
         exogenous = np.zeros_like(segment.exogenous)
         exogenous[:, PARTNER] = acceleration
-        vented = np.zeros_like(segment.driving_pa)
-        still = replace(segment, start=start, exogenous=exogenous, driving_pa=vented, acts=None, added=None)
-        segments.append(replace(still, commanded_pa=np.zeros_like(segment.commanded_pa)))
+        vented = replace(
+            segment,
+            commanded_pa=np.zeros_like(segment.commanded_pa),
+            driving_pa=np.zeros_like(segment.driving_pa),
+            exogenous=exogenous,
+            start=resting_states(other),
+            acts=None,
+            added=None,
+        )
+        segments.append(vented)
     alone = replace(problem, segments=segments)
     starts = np.zeros((1, 1 + len(segments)))
     return [

@@ -8,19 +8,14 @@ from hand_driver.board import Counts, Status
 from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.kernel.closed_loop import ClosedLoop
-from hand_model.kernel.layout import CREEP, OMEGA, PHI, P
+from hand_model.kernel.layout import CREEP, OMEGA, PHI, P, resting_states
 from hand_model.kernel.rows import ROW, STATES
-from hand_model.statics import equilibrium_angle
 from hand_sim.channels import Channels
 
 
 def resting_state(hand: Hand) -> Array:
     """State (STATES, joints) of a vented hand that has rested for long: no pressure, no creep."""
-    state = np.zeros((STATES, len(hand.joints)))
-    a0, a1, a2, a3 = hand.parameters[ROW["statics.a0_nm"] : ROW["statics.a3_nm_per_pa_rad"] + 1]
-    rest_angle = equilibrium_angle(0.0, 0.0, hand.row("constant_load.torque_nm"), a0, a1, a2, a3, 0.0)
-    state[PHI] = np.clip(rest_angle, hand.row("end_stop.low_deg"), hand.row("end_stop.high_deg"))
-    return state
+    return resting_states(hand.parameters)
 
 
 class HandPlants:

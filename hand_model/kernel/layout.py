@@ -6,6 +6,7 @@ import numpy as np
 
 from hand_model.arrays import Array
 from hand_model.kernel.rows import ROW, STATE_ROW, STATES, WORK_ROWS
+from hand_model.statics import equilibrium_angle
 
 P, PHI, OMEGA, CREEP = range(STATES)
 """Rows of a state array: pressure [Pa], angle [rad], speed [rad/s], creeping ratio."""
@@ -34,6 +35,18 @@ _DECAYS = (
     (EXTENSION, ROW["material.extension_time_s"]),
     (RECOVERY, ROW["material.recovery_time_s"]),
 )
+
+
+def resting_states(parameters: Array) -> Array:
+    """States (STATES, ...) of vented joints that have rested for long: no pressure, no creep.
+
+    parameters: (rows, ...), SI.
+    """
+    state = np.zeros((STATES, *parameters.shape[1:]))
+    a0, a1, a2, a3 = parameters[ROW["statics.a0_nm"] : ROW["statics.a3_nm_per_pa_rad"] + 1]
+    angle = equilibrium_angle(0.0, 0.0, parameters[ROW["constant_load.torque_nm"]], a0, a1, a2, a3, 0.0)
+    state[PHI] = np.clip(angle, parameters[ROW["end_stop.low_deg"]], parameters[ROW["end_stop.high_deg"]])
+    return state
 
 
 def prepare_rows(w: Array, h: float) -> None:
