@@ -34,7 +34,7 @@ import numpy as np
 
 from hand_control.declared import Settings
 from hand_model.arrays import Array, Flags
-from hand_model.compile_cache import njit
+from hand_model.compile_cache import without_arrays
 from hand_model.description import Hand
 from hand_model.effects.effect import ANGLE, SPEED
 from hand_model.effects.gas_compression import prepare as per_supply
@@ -126,13 +126,13 @@ def is_suction(liquid: bool, position: Array, pressure: Array, elapsed_s: float)
     return liquid and 0.0 < elapsed_s <= SUCTION_S and bool(np.isfinite(position).all() > np.isfinite(pressure).all())
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def allowed_jump(max_jump, elapsed_s):  # type: ignore[no-untyped-def]
     """Largest plausible change of an angle [rad] over elapsed_s [s] between two frames; max_jump: within JUMP_S."""
     return max_jump + FASTEST_RAD_PER_S * max(elapsed_s - JUMP_S, 0.0)
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def implausible(position, velocity, pressure, last_position, max_jump):  # type: ignore[no-untyped-def]
     """Verdict and the joint it concerns: the first that is not finite, else the one with the largest jump.
 
@@ -148,7 +148,7 @@ def implausible(position, velocity, pressure, last_position, max_jump):  # type:
     return (JUMPED if largest > max_jump else FINE), worst
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _displaced(v, i, p, angle, speed):  # type: ignore[no-untyped-def]
     """Pressure rate [Pa/s] of joint i by displaced fluid, and how much lower and higher it may be [Pa/s]; Eq. 7."""
     around = (0.0, 0.0, 0.0, 0.0, angle, speed, 0.0)
@@ -162,7 +162,7 @@ def _displaced(v, i, p, angle, speed):  # type: ignore[no-untyped-def]
     return gas, max(-full, gas, 0.0), max(full, -gas, 0.0)
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _expect(s, v, i, u, angle, dt):  # type: ignore[no-untyped-def]
     """Advance the expected pressure of joint i by dt [s]; returns how far its band is below and above it [Pa]."""
     tau = v[_TAU, i]
@@ -183,7 +183,7 @@ def _expect(s, v, i, u, angle, dt):  # type: ignore[no-untyped-def]
     return band + s[_LOWER, i], band + s[_HIGHER, i]
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _lasts(s, i, time, integral, excess, dt):  # type: ignore[no-untyped-def]
     """For how long [s] and by how much in all [Pa s] the pressure of joint i is outside its band, by excess [Pa]."""
     if excess > 0.0:
@@ -193,13 +193,13 @@ def _lasts(s, i, time, integral, excess, dt):  # type: ignore[no-untyped-def]
         s[time, i] = s[integral, i] = 0.0
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _is_short(s, i):  # type: ignore[no-untyped-def]
     """Whether the pressure of joint i has been too low for long enough to be reported."""
     return s[_LOW, i] > SHORT_S or s[_LOW_PA_S, i] > SHORT_S * BAND_PA
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _bend(s, i, change, turned, dt):  # type: ignore[no-untyped-def]
     """How far [Pa] the difference to the expectation has changed, and otherwise than in the frame before.
 
@@ -213,7 +213,7 @@ def _bend(s, i, change, turned, dt):  # type: ignore[no-untyped-def]
     return min(bend, abs(change))
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _steps(s, v, i, asked, p, turned, dt):  # type: ignore[no-untyped-def]
     """Whether the pressure p [Pa] of joint i has stepped as no valve does, and has stayed there.
 
@@ -234,7 +234,7 @@ def _steps(s, v, i, asked, p, turned, dt):  # type: ignore[no-untyped-def]
     return False
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _is_step(s, v, i, change, bend, turned, p, dt):  # type: ignore[no-untyped-def]
     """Whether neither valve nor motion explains the change, or the smaller bend [Pa], of the pressure p [Pa]."""
     given = STEP_LAGS * s[_DRIVE, i]
@@ -251,7 +251,7 @@ def _is_step(s, v, i, change, bend, turned, p, dt):  # type: ignore[no-untyped-d
     return abs(change) > large or bend > small + STEP_LAGS * per_rad * turn
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def watch_pressures(table, command, pressure, position, dt):  # type: ignore[no-untyped-def]
     """Verdict of `PressureWatch.check` and its joint; updates the state in the table (ROWS, joints) in place.
 
@@ -286,7 +286,7 @@ def watch_pressures(table, command, pressure, position, dt):  # type: ignore[no-
     return verdict, worst
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def cap_pressures(s, command, dt):  # type: ignore[no-untyped-def]
     """Limit set-points (joints,) [Pa] in place, dt [s] after the last call, see `PressureWatch.hold`.
 

@@ -29,7 +29,7 @@ from hand_control.sensor_watch import ROWS as SENSOR_ROWS
 from hand_control.sensor_watch import SensorWatch, check_sensors, hold_sensors
 from hand_control.step_watch import FINE as UNSUSPICIOUS
 from hand_model.arrays import Array
-from hand_model.compile_cache import njit
+from hand_model.compile_cache import without_arrays
 from hand_model.description import Hand
 
 
@@ -49,7 +49,7 @@ NOTHING = Findings(FINE, 0, FOLLOWING, 0, None)
 """Of a frame that passes."""
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _frame(  # type: ignore[no-untyped-def]
     memory, spacing, links, liquid, position, velocity, pressure, command, jump, dt
 ):
@@ -69,7 +69,7 @@ def _frame(  # type: ignore[no-untyped-def]
     return passes, verdict, worst, high_low, joint, wrong, one, other
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _hold(memory, spacing, command, dt):  # type: ignore[no-untyped-def]
     """Limit the set-points in place; whether a suspected sensor has lowered one."""
     cap_pressures(memory[1:_SENSORS], command, dt)

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_model.arrays import Array
-from hand_model.compile_cache import njit
+from hand_model.compile_cache import without_arrays
 
 LEAST_RAD = math.radians(2.0)
 """Motions below are no evidence."""
@@ -62,13 +62,13 @@ ROWS = 23
 _FREE, _ANSWERS, _STAYS, _WAITS = range(4)
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _is_like(u, w):  # type: ignore[no-untyped-def]
     """Whether a measured motion u is the one asked for, w [rad]."""
     return abs(w) > LEAST_RAD and ALIKE[0] < u / w < ALIKE[1]
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _careful(s, i, w, u, dt):  # type: ignore[no-untyped-def]
     """End the care with joint i when it has moved as its pressure asks."""
     s[_MOVED_S, i] = s[_MOVED_S, i] + dt if _is_like(u, w) else 0.0
@@ -76,38 +76,38 @@ def _careful(s, i, w, u, dt):  # type: ignore[no-untyped-def]
         s[_CAREFUL, i] = 0.0
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _misfit(u, w):  # type: ignore[no-untyped-def]
     """Square of the error of a measured motion u against the one asked for, w [rad], over its variance."""
     return (u - w) ** 2 / ((MODEL * w) ** 2 + FLOOR_RAD * FLOOR_RAD)
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _evidence(u_i, u_k, w_i, w_k):  # type: ignore[no-untyped-def]
     """Logarithm of how much likelier motions u are as those asked for, w [rad], of the other joint than of its own."""
     return 0.5 * (_misfit(u_i, w_i) + _misfit(u_k, w_k) - _misfit(u_i, w_k) - _misfit(u_k, w_i))
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _which(u_i, u_k, w_i, w_k):  # type: ignore[no-untyped-def]
     """1: motions u [rad] are those asked for, w, of the other joint; -1: of the joint itself; 0: undecided."""
     evidence = _evidence(u_i, u_k, w_i, w_k)
     return 1.0 if evidence > CLEAR else -1.0 if evidence < -CLEAR else 0.0
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _lasts(now, sign, dt):  # type: ignore[no-untyped-def]
     """For how long [s] a sign has been seen without a break, with that sign."""
     return max(now, 0.0) + dt if sign > 0.0 else min(now, 0.0) - dt if sign < 0.0 else 0.0
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _note(s, pair, i, k, position, model):  # type: ignore[no-untyped-def]
     s[_MODEL_I, pair], s[_MODEL_K, pair] = model[i], model[k]
     s[_OF_I, pair], s[_OF_K, pair] = position[i], position[k]
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _is_answered(s, pair, i, k, position, model, dt):  # type: ignore[no-untyped-def]
     """Whether joint k has answered the question to joint i; the question ends after ASKED_S, or when i answers."""
     s[_ASKED_S, pair] -= dt
@@ -130,7 +130,7 @@ def _is_answered(s, pair, i, k, position, model, dt):  # type: ignore[no-untyped
     return s[_CONFIRMED, pair] >= QUESTIONS
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _watch(s, pair, other, w, u, position, model, dt):  # type: ignore[no-untyped-def]
     """Whether the joints of a pair are exchanged; asks one of them where they look so."""
     if s[_ASKED_S, pair] > 0.0:
@@ -159,14 +159,14 @@ def _watch(s, pair, other, w, u, position, model, dt):  # type: ignore[no-untype
     return False
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _since(s, pair, other, w, u):  # type: ignore[no-untyped-def]
     """Motions of a pair since its angles have met: asked for, w_i and w_k, and measured, u_i and u_k [rad]."""
     old = s[_OLD:, pair]
     return w[pair] - old[0], w[other] - old[1], u[pair] - old[2], u[other] - old[3]
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _meet(s, pair, other, w, u, position, dt):  # type: ignore[no-untyped-def]
     """Begin again with a pair whose angles meet: there an exchange makes no step."""
     for row in range(_OLD, ROWS):
@@ -179,7 +179,7 @@ def _meet(s, pair, other, w, u, position, dt):  # type: ignore[no-untyped-def]
         s[_OLD + 2, pair], s[_OLD + 3, pair] = u[pair], u[other]
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def open_again(s, after):  # type: ignore[no-untyped-def]
     """Watch every pair on, and let every set-point rise slowly: frames come too rarely to see an exchange in motion."""
     for pair in range(len(after)):
@@ -188,7 +188,7 @@ def open_again(s, after):  # type: ignore[no-untyped-def]
             s[_OPEN, pair] = 1.0
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def check_places(s, after, w, u, position, model, dt):  # type: ignore[no-untyped-def]
     """The first joint of an exchanged pair, or NONE, dt [s] after the last call; updates the state s in place.
 
@@ -222,7 +222,7 @@ def check_places(s, after, w, u, position, model, dt):  # type: ignore[no-untype
     return found
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def hold_places(s, command, pressure, dt):  # type: ignore[no-untyped-def]
     """Limit set-points [Pa] in place, never below 0: a question, or a slow rise.  Whether one is lower now."""
     limits = False

@@ -52,7 +52,7 @@ from hand_control.step_watch import (
     steps,
 )
 from hand_model.arrays import Array
-from hand_model.compile_cache import njit
+from hand_model.compile_cache import without_arrays
 from hand_model.description import Hand
 from hand_model.statics import torque
 
@@ -91,7 +91,7 @@ _KEYS = (
 )
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _channel(s, c, i, phi, dt):  # type: ignore[no-untyped-def]
     """Verdict on bit-identical angles and on the end stops."""
     if phi != s[row.LAST, i]:
@@ -110,7 +110,7 @@ def _channel(s, c, i, phi, dt):  # type: ignore[no-untyped-def]
     return BEYOND if s[row.OUT_S, i] > max(BEYOND_S, 1.5 * dt) else FINE
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _outside(s, c, i, phi, p):  # type: ignore[no-untyped-def]
     """Outside torque on joint i at angle phi [rad] and pressure p [Pa], and by how much it may be wrong [N m]."""
     a1, a2, a3, d, v = c[row.A1, i], c[row.A2, i], c[row.A3, i], c[row.D, i], s[row.SPEED, i]
@@ -118,7 +118,7 @@ def _outside(s, c, i, phi, p):  # type: ignore[no-untyped-def]
     return d * v - torque(p, phi, 0.0, c[row.A0, i], a1, a2, a3, 0.0), WRONG * terms
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _is_active(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
     """Whether joint i has moved for long enough with an outside torque beyond the largest one.
 
@@ -135,7 +135,7 @@ def _is_active(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
     return s[row.ACTIVE_S, i] > max(ACTIVE_S, 2.5 * dt)
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _first_motion(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
     """Advance the motion that the pressure asks of joint i, and what is known of its sign; whether it is wrong."""
     at, p = s[row.MODEL, i], 0.5 * (p + s[row.DRIVE, i]) if dt > MOMENTUM_S else p
@@ -157,7 +157,7 @@ def _first_motion(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
     return s[row.SIGN_S, i] > ENOUGH_S
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _pressures(s, i, k, expected, wider, pressure, dt):  # type: ignore[no-untyped-def]
     """Whether the pressures of joints i and k are those that the set-points of the other one give."""
     share, least = dt / (dt + PRESSURE_S), 2.0 * (LEAST_PA + max(wider[i], wider[k])) ** 2
@@ -177,7 +177,7 @@ def _pressures(s, i, k, expected, wider, pressure, dt):  # type: ignore[no-untyp
     return s[row.PSWAP_S, i] > ENOUGH_S
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def check_sensors(table, spacing, links, liquid, position, pressure, expected, wider, drive, dt):  # type: ignore[no-untyped-def]
     """Verdict, joint and other joint of a frame; updates the arrays of `SensorWatch.arrays` in place.
 
@@ -218,14 +218,14 @@ def check_sensors(table, spacing, links, liquid, position, pressure, expected, w
     return verdict, joint, other
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _wait(spacing, dt):  # type: ignore[no-untyped-def]
     """Count the time without a complete check, and the mean time between frames, dt [s] after the last one."""
     spacing[5] += dt
     spacing[6] += dt / (dt + INTERVAL_S) * (dt - spacing[6])
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def hold_sensors(table, spacing, command, dt):  # type: ignore[no-untyped-def]
     """Limit the set-points of suspected joints in place to the last ones from before; whether one is lower now.
 

@@ -26,7 +26,7 @@ from __future__ import annotations
 import math
 
 from hand_control import sensor_rows as row
-from hand_model.compile_cache import njit
+from hand_model.compile_cache import without_arrays
 from hand_model.statics import torque
 
 MAX_OUTSIDE_NM = 0.25
@@ -58,7 +58,7 @@ FINE, JUMPED, SIGN, ANGLES_SWAPPED, PRESSURES_SWAPPED, FROZEN, BEYOND, ACTIVE, U
 """Verdicts."""
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def sample(s, spacing, position, now, dt):  # type: ignore[no-untyped-def]
     """Shift the samples of all joints (dt [s] after the last): speed, prediction, deviation and travel of each.
 
@@ -84,25 +84,25 @@ def sample(s, spacing, position, now, dt):  # type: ignore[no-untyped-def]
     return bc, (cx + dt if longest <= LONGEST_S else 0.0), MOMENTUM_S < longest <= LONGEST_S
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _least(s, i):  # type: ignore[no-untyped-def]
     return max(NOISES * s[row.NOISE, i], LEAST_RAD)
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _travelled(s, c, i, nm, dt):  # type: ignore[no-untyped-def]
     """Largest deviation [rad] of joint i within dt [s] under nm [N m] and by an impact."""
     d, lag = (1.0 - WRONG) * c[row.D, i], c[row.J, i] / c[row.D, i]
     return STEP_RAD + nm / d * (dt - lag * (1.0 - math.exp(-dt / lag))) + (1.0 + RESTITUTION) * abs(s[row.V, i]) * dt
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _balance(s, c, i, p):  # type: ignore[no-untyped-def]
     """What the pressure p [Pa] gives joint i at its predicted angle [N m]; an obstacle that holds it may let it go."""
     return torque(p, s[row.PRED, i], 0.0, c[row.A0, i], c[row.A1, i], c[row.A2, i], c[row.A3, i], 0.0)
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _reach(s, c, partner, i, dt):  # type: ignore[no-untyped-def]
     """Largest deviation [rad] within dt [s] that the largest outside torque and the pressure give."""
     held = max(abs(_balance(s, c, i, s[row.P_B, i])), abs(_balance(s, c, i, s[row.P_C, i])))
@@ -112,7 +112,7 @@ def _reach(s, c, partner, i, dt):  # type: ignore[no-untyped-def]
     return reach
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _own_reach(s, c, i, dt):  # type: ignore[no-untyped-def]
     """The same without outside torque and neighbour: what the pressure gives beyond the drag at the speed before."""
     drag, left = c[row.D, i] * s[row.V, i], 0.0
@@ -122,20 +122,20 @@ def _own_reach(s, c, i, dt):  # type: ignore[no-untyped-def]
     return _travelled(s, c, i, left, dt)
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _misses(s, i, speed, age, share):  # type: ignore[no-untyped-def]
     """Whether joint i has not travelled at a speed [rad/s] for age [s] since the break, but for a share of both."""
     slack = share * (abs(s[row.DEV, i]) + abs(speed) * age) + 0.5 * NOISES * s[row.NOISE, i]
     return abs(s[row.TRAVEL, i] - speed * age) > slack
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _turn(s, i, age):  # type: ignore[no-untyped-def]
     """By how much [rad] joint i has left its speed: at the break, or for age [s] since."""
     return max(abs(s[row.DEV, i]), abs(s[row.TRAVEL, i] - s[row.V, i] * age))
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _is_mirrored(s, c, partner, i, dt, age, rare):  # type: ignore[no-untyped-def]
     """Whether joint i has stepped to its mirrored motion: deviation after dt [s], travel for age [s] since."""
     v, dev, least, turn = s[row.V, i], abs(s[row.DEV, i]), _least(s, i), _turn(s, i, age)
@@ -162,7 +162,7 @@ def _is_mirrored(s, c, partner, i, dt, age, rare):  # type: ignore[no-untyped-de
     return REVERSED < -s[row.TRAVEL, i] / (v * age) < 1.0 / REVERSED
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _stepped(s, c, partner, i, dt, age, rare):  # type: ignore[no-untyped-def]
     """Verdict on the angle of joint i alone."""
     if _turn(s, i, age) < _least(s, i):
@@ -173,7 +173,7 @@ def _stepped(s, c, partner, i, dt, age, rare):  # type: ignore[no-untyped-def]
     return JUMPED if dev > _reach(s, c, partner, i, dt) and abs(s[row.TRAVEL, i]) < STAYS * dev else FINE
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _is_hit(s, c, i, k):  # type: ignore[no-untyped-def]
     """Whether an obstacle that stops joint i exchanges the speeds of i and k, by the inertia that they share.
 
@@ -186,7 +186,7 @@ def _is_hit(s, c, i, k):  # type: ignore[no-untyped-def]
     return alike and -RESTITUTION * own - slack < after < own + slack
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _crossed(s, i, k, least, dt, age):  # type: ignore[no-untyped-def]
     """Whether joints i and k have exchanged their speeds where their angles cross."""
     apart = abs(s[row.V, i] - s[row.V, k])
@@ -205,7 +205,7 @@ def _crossed(s, i, k, least, dt, age):  # type: ignore[no-untyped-def]
     )  # obstacles that stop both at once give back at most RESTITUTION of their speeds
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def _exchanged(s, c, partner, i, k, dt, age, rare):  # type: ignore[no-untyped-def]
     """Whether joints i and k have stepped to the predictions of each other."""
     dev, least = min(abs(s[row.DEV, i]), abs(s[row.DEV, k])), max(_least(s, i) + _least(s, k), STEP_RAD)
@@ -225,7 +225,7 @@ def _exchanged(s, c, partner, i, k, dt, age, rare):  # type: ignore[no-untyped-d
     return not _misses(s, i, s[row.V, k], age, slack) and not _misses(s, k, s[row.V, i], age, slack)
 
 
-@njit(cache=True, _nrt=False, error_model="numpy")
+@without_arrays
 def steps(s, c, partner, dt, age, rare):  # type: ignore[no-untyped-def]
     """Verdict, joint and other joint of the step test."""
     n = s.shape[1]

@@ -18,6 +18,8 @@ from typing import Any
 from numba import carray, njit, prange
 from numba.core import caching
 
+without_arrays = njit(cache=True, _nrt=False, error_model="numpy")
+"""numba.njit of functions that make no arrays, so that nothing counts references, which costs at every call."""
 _ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -62,4 +64,4 @@ if caching.IndexDataCacheFile is not CacheFile:
     _located = caching._SourceFileBackedLocatorMixin
     _located.get_source_stamp = _with_sources(_located.get_source_stamp)
 
-__all__ = ["CacheFile", "carray", "njit", "prange", "sources_digest"]
+__all__ = ["CacheFile", "carray", "njit", "prange", "sources_digest", "without_arrays"]
