@@ -9,7 +9,7 @@ from hand_diagnosis.problem.evidence import (
     log_likelihood,
     validation_rmse,
     weighted_by_noise,
-    white_part,
+    white_parts,
 )
 from hand_diagnosis.problem.splits import (
     ErrorsOnTest,
@@ -74,5 +74,5 @@ __all__ = [
     "tolerant",
     "validation_rmse",
     "weighted_by_noise",
-    "white_part",
+    "white_parts",
 ]

@@ -93,10 +93,14 @@ def block_bootstrap(
     return float(low), float(high)
 
 
-def white_part(problem: JointProblem, fit: MapFit, stage: int) -> float:
-    """The white part of the residual of a signal [SI]; 0 where there is none."""
-    read = [r[stage][s.use[stage]] for s, r in zip(problem.segments, fit.residuals, strict=True)]
-    return max((white_noise(r) for r in read if len(r) > SETTINGS.min_stage_samples), default=0.0)
+def white_parts(problem: JointProblem, fit: MapFit) -> Array:
+    """The white part of the residual of each signal (OUTPUTS,) [SI]; 0 where there is none."""
+    found = np.zeros(len(problem.weight))
+    for segment, residual in zip(problem.segments, fit.residuals, strict=True):
+        for stage, (values, use) in enumerate(zip(residual, segment.use, strict=True)):
+            if use.sum() > SETTINGS.min_stage_samples:
+                found[stage] = max(found[stage], white_noise(values[use]))
+    return found
 
 
 def likelihood_below_floor(problem: JointProblem, known: MapFit, fit: MapFit) -> float:
@@ -106,15 +110,15 @@ def likelihood_below_floor(problem: JointProblem, known: MapFit, fit: MapFit) ->
     """
     counts = problem.effective_counts(problem.validation)
     rmse = np.nan_to_num(validation_rmse(problem, fit.squares))
-    noise = np.array([white_part(problem, known, stage) or np.inf for stage in range(len(rmse))])
+    noise = white_parts(problem, known)
+    noise[noise == 0.0] = np.inf
     return float(-0.5 * (counts * np.log1p((rmse / noise) ** 2)).sum())
 
 
 def weighted_by_noise(problem: JointProblem, fit: MapFit) -> JointProblem:
     """The problem with the weights of the white noise that a fit leaves, up to SETTINGS.refit_weight times its own."""
     weight = SETTINGS.refit_weight * problem.weight
-    for stage in range(len(weight)):
-        noise = white_part(problem, fit, stage)
+    for stage, noise in enumerate(white_parts(problem, fit)):
         if noise > 0.0:
             weight[stage] = max(min(weight[stage], 1.0 / noise**2), problem.weight[stage])
     return replace(problem, weight=weight)

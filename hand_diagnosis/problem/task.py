@@ -18,7 +18,7 @@ from hand_diagnosis.problem.evidence import (
     log_evidence,
     validation_rmse,
     weighted_by_noise,
-    white_part,
+    white_parts,
 )
 from hand_diagnosis.problem.splits import fit_part
 from hand_diagnosis.settings import SETTINGS
@@ -232,8 +232,7 @@ def tolerant(task: Task) -> tuple[Task, list[str]]:
 def _is_explained(problem: JointProblem, fit: MapFit) -> bool:
     """Whether a plain model leaves no more of any signal than noise and what is tolerated without an effect."""
     rmse = np.nan_to_num(validation_rmse(problem, fit.squares))
-    noise = np.array([white_part(problem, fit, stage) for stage in range(len(rmse))])
-    return bool(np.all(rmse <= np.hypot(noise, SETTINGS.unexplained_floors * problem.floor)))
+    return bool(np.all(rmse <= np.hypot(white_parts(problem, fit), SETTINGS.unexplained_floors * problem.floor)))
 
 
 def _moved(fit: MapFit) -> float:

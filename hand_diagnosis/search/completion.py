@@ -22,7 +22,7 @@ from hand_diagnosis.problem import (
     likelihood_below_floor,
     validation_rmse,
     weighted_by_noise,
-    white_part,
+    white_parts,
 )
 from hand_diagnosis.search.hypotheses import Hypothesis, judged
 from hand_diagnosis.search.laws import learn_law, posterior_covariance
@@ -86,11 +86,12 @@ def separated_below_floor(
     evidence of one falls by the log likelihood that its validation data lack against the best leader's.
     """
     leaders = [h for h in hypotheses if h.log_evidence > hypotheses[0].log_evidence - SETTINGS.near_log_evidence]
-    if len(leaders) < 2 or not residual_is_correlated(
-        problem, _fine(problem, leaders[0]), SETTINGS.min_correlated_ratio
-    ):
+    if len(leaders) < 2:
         return list(hypotheses)
-    scores = [_score_below_floor(problem, current, hypothesis, rng) for hypothesis in leaders]
+    fits = [at_floor(problem, hypothesis.fit) for hypothesis in leaders]
+    if not residual_is_correlated(problem, fits[0], SETTINGS.min_correlated_ratio):
+        return list(hypotheses)
+    scores = [_score_below_floor(problem, current, h, fit, rng) for h, fit in zip(leaders, fits, strict=True)]
     best = max(scores)
     changed = [
         replace(hypothesis, log_evidence=hypothesis.log_evidence - (best - score))
@@ -99,17 +100,15 @@ def separated_below_floor(
     return sorted(changed + list(hypotheses[len(leaders) :]), key=lambda hypothesis: -hypothesis.log_evidence)
 
 
-def _fine(problem: JointProblem, hypothesis: Hypothesis) -> MapFit:
-    """The fit of a hypothesis with its arrays, at the step of the problem."""
-    return map_fit(problem, hypothesis.fit.free, hypothesis.fit.z, 1)
-
-
 def _score_below_floor(
-    problem: JointProblem, current: MapFit, hypothesis: Hypothesis, rng: np.random.Generator
+    problem: JointProblem, current: MapFit, hypothesis: Hypothesis, begun: MapFit, rng: np.random.Generator
 ) -> float:
-    """Log likelihood of the validation data against the white noise, of the better one of both forms of a law."""
-    sharp = weighted_by_noise(problem, _fine(problem, hypothesis))
-    fit = map_fit(sharp, hypothesis.fit.free, hypothesis.fit.z, SETTINGS.refit_iterations)
+    """Log likelihood of the validation data against the white noise, of the better one of both forms of a law.
+
+    begun: the fit of the hypothesis at the practical floor.
+    """
+    sharp = weighted_by_noise(problem, begun)
+    fit = map_fit(sharp, begun.free, begun.z, SETTINGS.refit_iterations)
     if hypothesis.effect.coefficients and not hypothesis.freed:
         law = learn_law(sharp, fit, hypothesis.effect, rng)
         fit = law.chosen
@@ -175,10 +174,7 @@ def _fitted(problem: JointProblem, free: Sequence[FreeParameter], start: Array) 
 def _stage_left(problem: JointProblem, fit: MapFit) -> int | None:
     """The signal whose validation error exceeds its white noise most, in repeatability floors; None where none does."""
     rmse = validation_rmse(problem, fit.squares)
-    left = [
-        (rmse[k] ** 2 - white_part(problem, fit, k) ** 2) / problem.floor[k] ** 2 if np.isfinite(rmse[k]) else 0.0
-        for k in range(len(rmse))
-    ]
+    left = np.nan_to_num((rmse**2 - white_parts(problem, fit) ** 2) / problem.floor**2)
     worst = int(np.argmax(left))
     return worst if left[worst] > SETTINGS.completion_min_excess**2 else None
 

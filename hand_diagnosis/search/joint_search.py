@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hand_diagnosis.problem import fitted_rmse, log_evidence, validation_rmse, white_part
+from hand_diagnosis.problem import fitted_rmse, log_evidence, validation_rmse, white_parts
 from hand_diagnosis.search.completion import (
     completed,
     learned_below_floor,
@@ -308,8 +308,8 @@ def _too_small(problem: JointProblem, current: MapFit, hypotheses: Sequence[Hypo
 def _leaves_much(problem: JointProblem, current: MapFit, fit: MapFit) -> bool:
     """Whether a fit leaves an error clearly above the noise, the white part of the current residuals, of any signal."""
     rmse = np.fmax(validation_rmse(problem, fit.squares), fitted_rmse(problem, fit.squares))
-    left = {k: rmse[k] ** 2 - white_part(problem, current, int(k)) ** 2 for k in np.flatnonzero(np.isfinite(rmse))}
-    return any(excess > (SETTINGS.law_min_excess * problem.floor[k]) ** 2 for k, excess in left.items())
+    left = np.nan_to_num(rmse**2 - white_parts(problem, current) ** 2)
+    return bool(np.any(left > (SETTINGS.law_min_excess * problem.floor) ** 2))
 
 
 def _from_other_starts(
