@@ -63,8 +63,8 @@ class Settings(FitSettings):
     refit_iterations: int = setting(
         12, "iterations", "Iterations of the last fit.", CHOICE, "It ends early.", "Slower.")
     min_correlated_ratio: float = setting(
-        1.05, "-", "RMS of a residual over its white noise from which it is correlated and the last fit worth while.",
-        CHOICE, "Every joint is fitted again.", "Correlated residuals are left.")
+        1.05, "-", "RMS of a residual over its white noise from which it is correlated, so that laws are freed and"
+        " close names compared below the practical floor.", CHOICE, "Slower.", "Correlated residuals are left.")
     bootstrap_draws: int = setting(
         400, "draws", "Draws of the paired block bootstrap of the validation error.", CHOICE,
         "Less exact intervals.", "Slower.")
