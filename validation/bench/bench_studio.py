@@ -17,10 +17,7 @@ from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import rclpy
-from rclpy.qos import qos_profile_sensor_data
-from sensor_msgs.msg import JointState
-
+from hand_client.node import HandClient
 from hand_tool.machine_load import LoadMeter
 from validation.bench.result import figure
 
@@ -43,14 +40,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 def start() -> tuple[float, float, float]:
     """One start: CPU time [s], time to wait [s], and the share of all cores that other programs used."""
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    node = rclpy.create_node("watch", namespace=NAMESPACE, context=context)
-    came: list[JointState] = []
-    node.create_subscription(JointState, "joint_states", came.append, qos_profile_sensor_data)
-    executor = rclpy.executors.SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    with TemporaryDirectory() as folder:
+    with HandClient(NAMESPACE, "bench") as client, TemporaryDirectory() as folder:
         words = ["studio", "--sim", "--no-browser", "--quiet", "--json", "--namespace", NAMESPACE, "--out", folder]
         meter, begun_s = LoadMeter(), time.monotonic()
         process = subprocess.Popen(
@@ -59,17 +49,13 @@ def start() -> tuple[float, float, float]:
             env=os.environ | {"ROS_HOME": folder},
         )
         try:
-            while not came:
-                assert process.poll() is None and time.monotonic() - begun_s < LONGEST_S, "the studio shows no hand"
-                executor.spin_once(timeout_sec=0.02)
+            came = client.until(lambda: bool(client.state.joints) or process.poll() is not None, LONGEST_S)
+            assert came and process.poll() is None, "the studio shows no hand"
             wall_s, cpu_s = time.monotonic() - begun_s, cpu_of(process.pid)
         finally:
             process.send_signal(signal.SIGINT)
             process.wait(timeout=LONGEST_S)
         load = meter.load()
-    executor.remove_node(node)
-    node.destroy_node()
-    context.shutdown()
     return cpu_s, wall_s, 0.0 if load is None else load.others
 
 
