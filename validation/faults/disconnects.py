@@ -189,17 +189,18 @@ class EmulatedLink:
         self._flowing = False
 
     def step(self) -> None:
-        """One frame of the board, and one read and one write of the driver."""
+        """One frame of the board, and what the driver reads and writes in its time."""
         self._tick += 1
         self.now_s = self._tick / RATE_HZ
         self.emulator.tick(self._tick)
         frame = self.link.read(self._stall_s if self._flowing else GLANCE_S)
         self._flowing = frame is not None
-        if frame is not None:
+        while frame is not None:  # all that have arrived, as the driver does: none stays in the queue of the port
             self.repeated |= frame.sequence <= self._last
             self._last = frame.sequence
             self.frames += 1
             self.received(frame)
+            frame = self.link.read(GLANCE_S)
         pressure_pa = np.full(VALVES, PRESSURE_PA)
         self.written(self.link.write(pressure_pa, LIFETIME_S), pressure_pa)
 
@@ -230,7 +231,7 @@ class EmulatedLink:
         back_s = self.until(lambda: self.frames > begun, outage_s + 2.0 * LONGEST_PAUSE_S)
         end_s = self.now_s + good_s
         self.until(lambda: self.now_s >= end_s, good_s + 1.0)
-        handled = down_s <= NEAR_S and back_s < float("inf") and not self.repeated
+        handled = down_s < NEAR_S + 0.5 / RATE_HZ and back_s < float("inf") and not self.repeated
         name = f"down after {down_s:.3f} s, back after {back_s:.3f} s"
         link.case(name + (", a frame was repeated" if self.repeated else ""), handled, down_s)
         self.repeated = False
