@@ -59,9 +59,14 @@ def _is_ours(file: str) -> bool:
     return path.is_relative_to(_ROOT) and path.relative_to(_ROOT).parts[0].startswith("hand_")
 
 
+def is_kept(function: Any, signature: str) -> bool:
+    """Whether the disk holds a function of `njit(cache=True)`, compiled for a signature from the present sources."""
+    return function._cache.load_overload(signature, function.targetctx) is not None
+
+
 if caching.IndexDataCacheFile is not CacheFile:
     caching.IndexDataCacheFile = CacheFile
     _located = caching._SourceFileBackedLocatorMixin
     _located.get_source_stamp = _with_sources(_located.get_source_stamp)
 
-__all__ = ["CacheFile", "carray", "njit", "prange", "sources_digest", "without_arrays"]
+__all__ = ["CacheFile", "carray", "is_kept", "njit", "prange", "sources_digest", "without_arrays"]

@@ -10,7 +10,7 @@ import numpy as np
 
 from hand_model.arrays import Array
 from hand_model.description import Hand
-from hand_model.kernel.open_loop import READINGS, MeasuredInputs, open_loop, surroundings_of
+from hand_model.kernel.open_loop import HAND_EFFECTS, READINGS, MeasuredInputs, open_loop, surroundings_of
 from hand_recording.interpolation import bridge
 from hand_recording.signals import derivatives
 from hand_studio.window import Window
@@ -36,6 +36,9 @@ def force_reading(hand: Hand, parameters: Array, window: Window, joint: int, sta
     pressure = bridge(window.pressure_pa[:, joint])[0]
     inputs = MeasuredInputs(window.set_point_pa[:, joint], pressure, e, window.period_s)
     start, lever_m = state[None, :, joint], hand.lever_arm_m(joint)
-    readings = open_loop(parameters[None, :, joint], np.ascontiguousarray(start), inputs, lever_m=lever_m)
+    # By a loop that is compiled already: while a page is live, nothing may be compiled.
+    readings = open_loop(
+        parameters[None, :, joint], np.ascontiguousarray(start), inputs, lever_m=lever_m, effects=HAND_EFFECTS
+    )
     force: Array = readings[0, READINGS.index("force")]
     return force

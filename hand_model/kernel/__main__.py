@@ -13,13 +13,14 @@ from hand_model.kernel.open_loop import HAND_EFFECTS, compile_loop
 
 
 def main() -> None:
-    """Compile the closed loops of the plain plant and of the studio, and the open loop of the fits."""
+    """Compile the closed loops of the plain plant and of the studio, and the open loops of the fits."""
     argparse.ArgumentParser(
         prog="python -m hand_model.kernel",
         description="Compile the common loops of the kernel into the cache. Example: python -m hand_model.kernel",
     ).parse_args()
     loops(())
     loops(HAND_EFFECTS)
+    compile_loop(())
     compile_loop(HAND_EFFECTS)
 
 

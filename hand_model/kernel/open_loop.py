@@ -11,6 +11,7 @@ its measured angle, and its force is predicted.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -19,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from hand_model.arrays import Array
-from hand_model.compile_cache import carray, njit, prange
+from hand_model.compile_cache import carray, is_kept, njit, prange
 from hand_model.effects import CATALOGUE
 from hand_model.effects.effect import (
     ACCELERATION,
@@ -33,7 +34,7 @@ from hand_model.effects.effect import (
     Effect,
 )
 from hand_model.kernel.compiled import specialise, stack_doubles
-from hand_model.kernel.hooks import Hooks, compose, equations_key, has_laws
+from hand_model.kernel.hooks import Hooks, active_effects, compose, equations_key, has_laws
 from hand_model.kernel.inline import FAST, inline
 from hand_model.kernel.layout import (
     ACTUATOR,
@@ -299,16 +300,63 @@ _BLOCK = "(f8[:,::1], f8[::1], i8, f8[::1], f8[:,::1], f8, i8, f8, b1, f8, f8[:,
 _LANES = "(f8[:,:,::1], f8[::1], i8, f8[::1], f8[:,::1], f8, i8, f8, b1, f8, f8[:,:,::1])"
 
 
+WORTH_S = 2.0
+"""Time [s] that a set of effects may take in the loop of all effects before a loop of its own is compiled.
+
+Its own loop is several times as fast, and stays on disk; to compile it takes about 3 s.
+"""
+
+
 @cache
-def compile_loop(effects: tuple[Effect, ...], laws: bool = False) -> Any:
-    """The compiled open loop for a set of effects in the order of the catalogue, with or without learned laws."""
+def _uncompiled(effects: tuple[Effect, ...], laws: bool) -> tuple[Any, Any]:
+    """The loop of one block and that of all blocks, specialised and not yet compiled."""
     key = equations_key("open with laws" if laws else "open", *(effect.name for effect in effects))
     stages = _stages(compose(effects, laws))
     block = njit(cache=True, fastmath=FAST, error_model="numpy")(specialise(_loop(key), stages))
-    block.compile(_BLOCK)
     lanes = njit(cache=True, parallel=True)(specialise(_blocks(key), {"block_loop": block}))
+    return block, lanes
+
+
+@cache
+def compile_loop(effects: tuple[Effect, ...], laws: bool = False) -> Any:
+    """The compiled open loop for a set of effects in the order of the catalogue, with or without learned laws."""
+    block, lanes = _uncompiled(effects, laws)
+    block.compile(_BLOCK)
     lanes.compile(_LANES)
     return lanes
+
+
+class NarrowLoops:
+    """Loops of the sets of effects that fits use most; every other set is computed by the loop of all effects.
+
+    An effect that is compiled in and neutral changes no bit, so what is computed does not depend on the choice.
+    """
+
+    def __init__(self, worth_s: float = WORTH_S) -> None:
+        """worth_s: see WORTH_S."""
+        self._worth_s = worth_s
+        self._spent_s: dict[tuple[tuple[Effect, ...], bool], float] = {}
+
+    def run(self, acting: tuple[Effect, ...], every: tuple[Effect, ...], laws: bool, arguments: tuple[Any, ...]) -> str:
+        """Compute by the loop of the effects that act, or of every one; "narrow" or "wide", which one it was.
+
+        arguments: those of the loop; its last one is filled.
+        """
+        own = acting, laws
+        if own not in self._spent_s:
+            kept = is_kept(_uncompiled(*own)[0], _BLOCK)
+            self._spent_s[own] = np.inf if kept else 0.0
+        if self._spent_s[own] >= self._worth_s:
+            compile_loop(*own)(*arguments)
+            return "narrow"
+        loop = compile_loop(every, laws)
+        begun_s = time.thread_time()
+        loop(*arguments)
+        self._spent_s[own] += time.thread_time() - begun_s
+        return "wide"
+
+
+NARROW = NarrowLoops()
 
 
 def open_loop(
@@ -327,11 +375,9 @@ def open_loop(
 
     columns: (columns, rows of JOINT_PARAMETERS) SI.  start: (columns, STATES) at the first sample.  lever_m: arm of the
     force sensor [m].  step_s: largest integration step [s].  driven: the motion is imposed, and the force is predicted.
-    effects: those compiled in, in the order of the catalogue; by default those that a fit may vary, without those of
-    other machines where none of them acts.
+    effects: those compiled in, in the order of the catalogue; by default those that act, or all that a fit may vary
+    (`NarrowLoops`), without those of other machines where none of them acts.
     """
-    if effects is None:
-        effects = OPEN_EFFECTS if np.any(columns[:, _OTHER_ROWS] != _OTHER_NEUTRAL) else HAND_EFFECTS
     count, samples = len(columns), len(inputs.surroundings)
     blocks = -(-count // LANES)
     parts = max(1, (len(inputs.set_point_pa) - 1) // max(samples - 1, 1))
@@ -347,6 +393,10 @@ def open_loop(
     out[:, 0, 0], out[:, 1, 0], out[:, 2, 0] = w[:, X + P], w[:, X + PHI], 0.0
     measured = (inputs.set_point_pa, inputs.pressure_pa, inputs.surroundings)
     u, p, e = (np.ascontiguousarray(signal, dtype=np.float64) for signal in measured)
-    loop = compile_loop(effects, has_laws(columns))
-    loop(work, u, parts, p, e, inputs.period_s, steps, lever_m, driven, inputs.late_s, out)
+    arguments = (work, u, parts, p, e, inputs.period_s, steps, lever_m, driven, inputs.late_s, out)
+    if effects is None:
+        every = OPEN_EFFECTS if np.any(columns[:, _OTHER_ROWS] != _OTHER_NEUTRAL) else HAND_EFFECTS
+        NARROW.run(active_effects(columns.T), every, has_laws(columns), arguments)
+    else:
+        compile_loop(effects, has_laws(columns))(*arguments)
     return out[:count]
