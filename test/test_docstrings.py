@@ -53,7 +53,8 @@ class Function:
     @property
     def is_compiled(self) -> bool:
         return any(
-            re.search(r"\b(njit|inline|compiled|without_arrays|_equation)\b", ast.unparse(each)) for each in self.node.decorator_list
+            re.search(r"\b(njit|inline|compiled|without_arrays|_equation)\b", ast.unparse(each))
+            for each in self.node.decorator_list
         )
 
     @property

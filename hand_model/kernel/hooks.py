@@ -275,16 +275,19 @@ def _unused(hook: str) -> Any:
     return _UNUSED.get(hook, _first)
 
 
+_OWNERS = [effect for effect in CATALOGUE for _ in effect.parameters]
+_OWN_ROWS = [ROW[own.key] for effect in CATALOGUE for own in effect.parameters]
+_OWN_NEUTRAL = np.array([own.neutral_si for effect in CATALOGUE for own in effect.parameters])
+
+
 def active_effects(parameters: NDArray[np.float64]) -> tuple[Effect, ...]:
     """Effects with an own parameter that differs from its neutral value at any joint, in the catalogue's order.
 
-    parameters: (rows of JOINT_PARAMETERS, joints) in SI. The other effects are identities and need not be compiled in.
+    parameters: (rows of JOINT_PARAMETERS, joints) in SI, or (rows, hands, joints). The other effects are identities and
+    need not be compiled in.
     """
-    return tuple(
-        effect
-        for effect in CATALOGUE
-        if any(np.any(parameters[ROW[own.key]] != own.neutral_si) for own in effect.parameters)
-    )
+    differs = (parameters[_OWN_ROWS].reshape(len(_OWN_ROWS), -1) != _OWN_NEUTRAL[:, None]).any(axis=1)
+    return tuple(dict.fromkeys(_OWNERS[k] for k in np.flatnonzero(differs)))
 
 
 _LAW_ROWS = [ROW[own.key] for effect in CATALOGUE for own in effect.parameters if own.law]

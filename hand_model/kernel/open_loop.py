@@ -11,7 +11,6 @@ its measured angle, and its force is predicted.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -50,6 +49,7 @@ from hand_model.kernel.layout import (
     X,
     prepare_rows,
 )
+from hand_model.kernel.narrow_loops import NarrowLoops
 from hand_model.kernel.rows import ROW, STARTS, STATES, STEP_S
 from hand_model.kernel.step import assemble, deliver, steps_per_sample, whole_below
 from hand_model.kernel.terms import terms
@@ -300,13 +300,6 @@ _BLOCK = "(f8[:,::1], f8[::1], i8, f8[::1], f8[:,::1], f8, i8, f8, b1, f8, f8[:,
 _LANES = "(f8[:,:,::1], f8[::1], i8, f8[::1], f8[:,::1], f8, i8, f8, b1, f8, f8[:,:,::1])"
 
 
-WORTH_S = 2.0
-"""Time [s] that a set of effects may take in the loop of all effects before a loop of its own is compiled.
-
-Its own loop is several times as fast, and stays on disk; to compile it takes about 3 s.
-"""
-
-
 @cache
 def _uncompiled(effects: tuple[Effect, ...], laws: bool) -> tuple[Any, Any]:
     """The loop of one block and that of all blocks, specialised and not yet compiled."""
@@ -326,37 +319,11 @@ def compile_loop(effects: tuple[Effect, ...], laws: bool = False) -> Any:
     return lanes
 
 
-class NarrowLoops:
-    """Loops of the sets of effects that fits use most; every other set is computed by the loop of all effects.
-
-    An effect that is compiled in and neutral changes no bit, so what is computed does not depend on the choice.
-    """
-
-    def __init__(self, worth_s: float = WORTH_S) -> None:
-        """worth_s: see WORTH_S."""
-        self._worth_s = worth_s
-        self._spent_s: dict[tuple[tuple[Effect, ...], bool], float] = {}
-
-    def run(self, acting: tuple[Effect, ...], every: tuple[Effect, ...], laws: bool, arguments: tuple[Any, ...]) -> str:
-        """Compute by the loop of the effects that act, or of every one; "narrow" or "wide", which one it was.
-
-        arguments: those of the loop; its last one is filled.
-        """
-        own = acting, laws
-        if own not in self._spent_s:
-            kept = is_kept(_uncompiled(*own)[0], _BLOCK)
-            self._spent_s[own] = np.inf if kept else 0.0
-        if self._spent_s[own] >= self._worth_s:
-            compile_loop(*own)(*arguments)
-            return "narrow"
-        loop = compile_loop(every, laws)
-        begun_s = time.thread_time()
-        loop(*arguments)
-        self._spent_s[own] += time.thread_time() - begun_s
-        return "wide"
+def _kept(effects: tuple[Effect, ...], laws: bool) -> bool:
+    return is_kept(_uncompiled(effects, laws)[0], _BLOCK)
 
 
-NARROW = NarrowLoops()
+NARROW = NarrowLoops(compile_loop, _kept)
 
 
 def open_loop(
@@ -393,10 +360,11 @@ def open_loop(
     out[:, 0, 0], out[:, 1, 0], out[:, 2, 0] = w[:, X + P], w[:, X + PHI], 0.0
     measured = (inputs.set_point_pa, inputs.pressure_pa, inputs.surroundings)
     u, p, e = (np.ascontiguousarray(signal, dtype=np.float64) for signal in measured)
-    arguments = (work, u, parts, p, e, inputs.period_s, steps, lever_m, driven, inputs.late_s, out)
+    laws = has_laws(columns)
     if effects is None:
         every = OPEN_EFFECTS if np.any(columns[:, _OTHER_ROWS] != _OTHER_NEUTRAL) else HAND_EFFECTS
-        NARROW.run(active_effects(columns.T), every, has_laws(columns), arguments)
+        loop = NARROW.loop(active_effects(columns.T), every, laws, blocks * samples * steps)
     else:
-        compile_loop(effects, has_laws(columns))(*arguments)
+        loop = compile_loop(effects, laws)
+    loop(work, u, parts, p, e, inputs.period_s, steps, lever_m, driven, inputs.late_s, out)
     return out[:count]

@@ -21,7 +21,8 @@ from hand_model.effects.effect import ANGLE, EXOGENOUS, INFLOW, NEIGHBOUR, PARTN
 from hand_model.kernel.closed_loop import ClosedLoop
 from hand_model.kernel.hooks import active_effects, compose
 from hand_model.kernel.layout import OMEGA, PHI, P
-from hand_model.kernel.open_loop import OPEN_EFFECTS, MeasuredInputs, open_loop
+from hand_model.kernel.narrow_loops import NarrowLoops
+from hand_model.kernel.open_loop import HAND_EFFECTS, OPEN_EFFECTS, MeasuredInputs, open_loop
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STATES, STEP_S
 from hand_sim.plant import HandPlant, resting_state
 
@@ -86,6 +87,43 @@ def test_the_open_loop_with_neutral_effects_changes_no_bit(hand: Hand) -> None:
     columns, start = hand.parameters[:, [4]].T, states[0][:, [4]].T
     whole, plain = (open_loop(columns, start, inputs, effects=effects) for effects in (OPEN_EFFECTS, ()))
     np.testing.assert_array_equal(whole, plain)
+
+
+def drawn_sets(count: int) -> list[tuple[Effect, ...]]:
+    """Sets of one or two effects of a hand, drawn at random."""
+    seed = int(np.random.SeedSequence().generate_state(1)[0])
+    print(f"seed {seed}")
+    rng = np.random.default_rng(seed)
+    drawn = [sorted(rng.choice(len(HAND_EFFECTS), 1 + k % 2, replace=False)) for k in range(count)]
+    return [tuple(HAND_EFFECTS[int(k)] for k in each) for each in drawn]
+
+
+def test_a_loop_of_the_acting_effects_alone_changes_no_bit(hand: Hand) -> None:
+    """Fails when a fit computes something else by the loop of its own effects than by that of all of them."""
+    rng, commands = np.random.default_rng(6), steps(4.0)
+    states = closed(hand, commands, ())[:-1]
+    inputs = measured(states, 4, 3, commands, PERIOD_S)
+    for number, effects in enumerate(drawn_sets(4)):
+        columns = np.repeat(hand.parameters[:, [4]].T, 8, axis=0)
+        for own in (own for effect in effects for own in effect.parameters if number > 1 or not own.law):
+            low, high = own.low * own.scale, own.high * own.scale
+            moved = columns[:, ROW[own.key]] + rng.uniform(-0.3, 0.5, 8) * own.typical * own.scale
+            columns[:, ROW[own.key]] = np.clip(moved, low, high)
+        start = np.repeat(states[0][:, [4]].T, 8, axis=0)
+        acting = active_effects(columns.T)
+        narrow, wide = (open_loop(columns, start, inputs, effects=each) for each in (acting, HAND_EFFECTS))
+        names = [effect.name for effect in acting]
+        np.testing.assert_array_equal(narrow, wide, err_msg=f"{names}, laws {number > 1}")
+
+
+def test_a_set_of_effects_gets_a_loop_of_its_own_when_it_is_worth_compiling() -> None:
+    """Fails when a loop is compiled for a few steps, never for many, or not taken from the disk at once."""
+    friction, leak = (EFFECTS["coulomb_friction"],), (EFFECTS["leak"],)
+    loops = NarrowLoops(lambda effects, laws: (effects, laws), lambda effects, laws: effects == leak, worth_steps=100)
+    assert loops.loop(leak, HAND_EFFECTS, False, 1) == (leak, False)
+    assert [loops.loop(friction, HAND_EFFECTS, False, 40)[0] for _ in range(3)] == [HAND_EFFECTS] * 2 + [friction]
+    assert [loops.loop(friction, HAND_EFFECTS, True, 40) for _ in range(2)] == [(HAND_EFFECTS, True), (friction, True)]
+    assert loops.loop((), OPEN_EFFECTS, False, 100) == (OPEN_EFFECTS, False)
 
 
 def test_a_description_without_effects_is_the_plain_plant(hand: Hand) -> None:
