@@ -18,6 +18,10 @@ They take about 2 s there. Its own loop is several times as fast and stays on di
 """
 LAW_STEPS = 2
 """A step with laws counts as so many."""
+WORTH_OF_MORE = 3
+"""A set of several effects must take so many times as many: other recordings hardly need the same one."""
+MOST_COMPILED = 12
+"""Loops that one process compiles for such sets; each takes about 20 MB of its memory."""
 
 
 class NarrowLoops:
@@ -32,6 +36,7 @@ class NarrowLoops:
         """compile_loop, is_kept: the loop of a set of effects, with or without laws, and whether the disk holds it."""
         self._compile, self._is_kept, self._worth = compile_loop, is_kept, worth_steps
         self._done: dict[tuple[tuple[Effect, ...], bool], float] = {}
+        self._compiled = 0
 
     def loop(self, acting: tuple[Effect, ...], every: tuple[Effect, ...], laws: bool, steps: int) -> Any:
         """The loop of the effects that act, or of every one, for a call that takes so many steps of blocks."""
@@ -39,4 +44,11 @@ class NarrowLoops:
         if own not in self._done:
             self._done[own] = math.inf if self._is_kept(*own) else 0.0
         self._done[own] += steps * (LAW_STEPS if laws else 1)
-        return self._compile(*own) if self._done[own] > self._worth else self._compile(every, laws)
+        if self._done[own] < math.inf and self._is_worth(*own):
+            self._done[own] = math.inf
+            self._compiled += 1
+        return self._compile(*own) if self._done[own] == math.inf else self._compile(every, laws)
+
+    def _is_worth(self, acting: tuple[Effect, ...], laws: bool) -> bool:
+        worth = self._worth * (WORTH_OF_MORE if len(acting) > 1 else 1)
+        return self._done[acting, laws] > worth and self._compiled < MOST_COMPILED

@@ -21,7 +21,7 @@ from hand_model.effects.effect import ANGLE, EXOGENOUS, INFLOW, NEIGHBOUR, PARTN
 from hand_model.kernel.closed_loop import ClosedLoop
 from hand_model.kernel.hooks import active_effects, compose
 from hand_model.kernel.layout import OMEGA, PHI, P
-from hand_model.kernel.narrow_loops import NarrowLoops
+from hand_model.kernel.narrow_loops import MOST_COMPILED, NarrowLoops
 from hand_model.kernel.open_loop import HAND_EFFECTS, OPEN_EFFECTS, MeasuredInputs, open_loop
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STATES, STEP_S
 from hand_sim.plant import HandPlant, resting_state
@@ -124,6 +124,11 @@ def test_a_set_of_effects_gets_a_loop_of_its_own_when_it_is_worth_compiling() ->
     assert [loops.loop(friction, HAND_EFFECTS, False, 40)[0] for _ in range(3)] == [HAND_EFFECTS] * 2 + [friction]
     assert [loops.loop(friction, HAND_EFFECTS, True, 40) for _ in range(2)] == [(HAND_EFFECTS, True), (friction, True)]
     assert loops.loop((), OPEN_EFFECTS, False, 100) == (OPEN_EFFECTS, False)
+    both = (*friction, *leak)
+    assert [loops.loop(both, HAND_EFFECTS, False, 101)[0] for _ in range(3)] == [HAND_EFFECTS, HAND_EFFECTS, both]
+    many = [(effect,) for effect in HAND_EFFECTS]
+    own = sum(loops.loop(each, HAND_EFFECTS, False, 1_000)[0] == each for each in many)
+    assert own == MOST_COMPILED - 3 + 2  # three were compiled before; two are there already
 
 
 def test_a_description_without_effects_is_the_plain_plant(hand: Hand) -> None:
