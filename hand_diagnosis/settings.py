@@ -204,6 +204,12 @@ class Settings(FitSettings):
     onset_refinements: int = setting(
         3, "-", "Repetitions of a fit and the search of the best time.", CHOICE,
         "Coarse times.", "Slower, no other result.")
+    rough_onset_s: float = setting(
+        0.3, "s", "Error of the first time of an onset; samples within it are left out at first.", CHOICE,
+        "A joint that is still moving to its new place looks like other effects.", "Quick effects are seen too little.")
+    onset_steps: int = setting(
+        20, "-", "Times tried on each side of the first one, with a plant that changes there.", CHOICE,
+        "Coarse times.", "Slower, no other result.")
     onset_candidates: int = setting(
         2, "-", "Times at which a search with an onset is tried.", CHOICE,
         "Onsets are missed.", "Slower, no other result.")

@@ -83,8 +83,7 @@ class JointProblem:
     """A joint: its segments, nominal parameters (rows,), weights (OUTPUTS,) of squared residuals, validation blocks.
 
     floor: (OUTPUTS,) SI, repeatability of each signal; what is below it is not claimed.
-    switched: rows that have their nominal values while Segment.acts is False; the prediction is that of the plant
-    without them there, and that of the plant that always had them elsewhere.
+    switched: rows that have their nominal values while Segment.acts is False; the plant changes there and moves on.
     holds_out: whether there are validation blocks; without, every block is fitted.
     spared: first sample and the one behind the last of the test data of the only recording; None: the usual ones.
     correlation_s: distance of samples that count as independent.
@@ -143,17 +142,24 @@ class JointProblem:
                 segment.commanded_pa, segment.driving_pa, segment.exogenous, segment.period_s, segment.late_s
             )
             own = columns if segment.added is None else columns + segment.added
-            predicted = self._open_loop(own, start, inputs)
-            if segment.acts is not None and not segment.acts.all():
-                without = own.copy()
-                without[:, list(self.switched)] = self.nominal[list(self.switched)]
-                predicted[:, :, ~segment.acts] = self._open_loop(without, start, inputs)[:, :, ~segment.acts]
+            predicted = self._predicted(segment, own, start, inputs)
             predicted[:, FORCE] = in_band(predicted[:, FORCE], segment.period_s, segment.band_s)
             out.append(predicted)
         return out
 
-    def _open_loop(self, columns: Array, start: Array, inputs: MeasuredInputs) -> Array:
-        return open_loop(columns, start, inputs, lever_m=self.lever_m, step_s=self.step_s, driven=self.driven)
+    def _predicted(self, segment: Segment, columns: Array, start: Array, inputs: MeasuredInputs) -> Array:
+        """Readings (k, OUTPUTS, T) of a segment, in a part of which what is switched has its nominal values."""
+        changed = None
+        if segment.acts is not None and not segment.acts.all():
+            without = columns.copy()
+            without[:, list(self.switched)] = self.nominal[list(self.switched)]
+            first, second = (columns, without) if segment.acts[0] else (without, columns)
+            # Readings of the first sample of the second part are already its own.
+            switches = max(int(np.argmax(segment.acts != segment.acts[0])) - 1, 0)
+            columns, changed = first, (switches, second) if segment.acts.any() else None
+        return open_loop(
+            columns, start, inputs, lever_m=self.lever_m, step_s=self.step_s, driven=self.driven, changed=changed
+        )
 
     def residuals(self, columns: Array, starts: Array) -> list[Array]:
         """Measured minus predicted (k, OUTPUTS, T), SI, of every segment; 0 at samples that do not count."""

@@ -25,12 +25,11 @@ from hand_diagnosis.search import JointSearch, amounts, fit_without, refit_below
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import START_CREEP, FreeParameter, merged
 from hand_identification.joint_problem import CORRELATION_S, JointProblem
-from hand_identification.map_fit import MapFit, map_fit, residual_is_correlated
+from hand_identification.map_fit import MapFit, map_fit
 from hand_model.arrays import Array, Flags
 from hand_model.effects.effect import Effect
 from hand_model.kernel.layout import CREEP, OMEGA
 from hand_model.kernel.open_loop import OUTPUTS
-from hand_model.kernel.plant_rows import PLANT_PARAMETERS
 from hand_model.kernel.rows import ROW
 from hand_model.quantities import Wording
 
@@ -84,12 +83,17 @@ def search_with_onset(
         or len(problem.segments[0].angle_rad) * problem.segments[0].period_s < SETTINGS.min_onset_recording_s
     ):
         return None
-    rows = sorted({ROW[key] for e in effects for key in e.keys if ROW[key] >= len(PLANT_PARAMETERS)})
-    rows = sorted({*rows, *(ROW[key] for key in search.effect_keys)})
+    nominal = {parameter.row for parameter in search.nominal.free}  # these vary within their tolerance at all times
+    others = {ROW[key] for effect in effects for key in effect.keys} - nominal
+    rows = sorted({*others, *(ROW[key] for key in search.effect_keys)})
     best: tuple[float, JointSearch, Onset] | None = None
     for candidate in _candidates(search, results):
-        found = again(with_onset(problem, candidate, rows), False)
-        if not found.accepted:
+        switched = with_onset(problem, candidate, rows)
+        # What shows for a short time only is not seen without the samples around the change.
+        found = next(
+            (each for p in (_without_change(switched, candidate), switched) if (each := again(p, False)).accepted), None
+        )
+        if found is None:
             continue
         found, onset, evidence = _refined(problem, found, candidate, rows)
         if best is None or evidence > best[0]:
@@ -117,15 +121,21 @@ def _with_laws(
     again: Callable[[JointProblem, bool], JointSearch],
     rows: Sequence[int],
 ) -> tuple[float, JointSearch, Onset]:
-    """The best search with an onset, again with learned laws where it leaves more than the noise, if that is better."""
-    _, found, onset = best
-    if not residual_is_correlated(found.problem, found.final, SETTINGS.min_correlated_ratio):
-        return best
+    """The best search with an onset, again at the time that was found and with learned laws, if that is better."""
+    _, _, onset = best
     learned = again(with_onset(problem, onset, rows), True)
     if not learned.accepted:
         return best
     learned, moved, evidence = _refined(problem, learned, onset, rows)
     return max((best, (evidence, learned, moved)), key=lambda each: each[0])
+
+
+def _without_change(problem: JointProblem, onset: Onset) -> JointProblem:
+    """The problem without the samples around a rough time, at which it is not known which plant moves the joint."""
+    segment = problem.segments[0]
+    times = np.arange(len(segment.angle_rad)) * segment.period_s
+    far = np.abs(times - onset.at_s) > SETTINGS.rough_onset_s
+    return replace(problem, segments=[replace(segment, use=segment.use & far)])
 
 
 def _evidence(problem: JointProblem, search: JointSearch) -> float:
@@ -139,6 +149,9 @@ def _refined(
 ) -> tuple[JointSearch, Onset, float]:
     """The search at the best time of the onset, that time, and the log evidence, summed over all times."""
     own = sorted({ROW[key] for key in found.effect_keys})
+    # Its pressure may have been shaped during the search.
+    shaped = zip(found.problem.segments, problem.segments, strict=True)
+    problem = replace(problem, segments=[replace(each, use=whole.use, acts=None) for each, whole in shaped])
     fit, occam = found.final, 0.0
     for _ in range(SETTINGS.onset_refinements):
         on, off = _both(problem, fit, own)
@@ -149,12 +162,26 @@ def _refined(
         mean = float(times @ weights)
         at = float(times[int(np.argmax(score))])
         onset = replace(onset, at_s=at, std_s=float(np.sqrt(weights @ (times - mean) ** 2)))
-        switched = with_onset(replace(problem, segments=found.problem.segments), onset, rows)
+        onset = _sharpened(problem, fit, rows, onset)
+        switched = with_onset(problem, onset, rows)
         fit = map_fit(switched, fit.free, fit.z, SETTINGS.nominal_iterations)
     evidence = log_evidence(switched, fit, amounts(fit)) + occam
     accepted = [*found.accepted[:-1], replace(found.accepted[-1], fit=fit)]
     nominal = map_fit(switched, found.nominal.free, found.nominal.z, SETTINGS.nominal_iterations)
     return replace(found, problem=switched, nominal=nominal, accepted=accepted), onset, evidence
+
+
+def _sharpened(problem: JointProblem, fit: MapFit, rows: Sequence[int], onset: Onset) -> Onset:
+    """The onset at the best time near it of the plant that changes and moves on, which takes a while to follow."""
+    period_s = problem.segments[0].period_s
+    steps = np.arange(-SETTINGS.onset_steps, SETTINGS.onset_steps + 1)
+    near = np.unique((steps * SETTINGS.rough_onset_s / SETTINGS.onset_steps / period_s).round()) * period_s
+    columns, starts = problem.columns(fit.free, fit.z[None])
+    tried = [replace(onset, at_s=float(onset.at_s + away_s)) for away_s in near]
+    squares = [with_onset(problem, each, rows).residuals(columns, starts)[0][0] ** 2 for each in tried]
+    counts = np.maximum(problem.segments[0].use.sum(axis=1) * min(period_s / problem.correlation_s, 1.0), 1.0)
+    scores = [-0.5 * float((counts * np.log1p(problem.weight * s.sum(axis=1) / counts)).sum()) for s in squares]
+    return tried[int(np.argmax(scores))]
 
 
 def _both(problem: JointProblem, fit: MapFit, rows: Sequence[int]) -> tuple[Array, Array]:

@@ -242,9 +242,9 @@ block_loop: Any = None
 
 
 def _loop(key: str) -> Callable[..., Any]:
-    """The loop of one block of lanes through all samples, to be specialised."""
+    """The loop of one block of lanes through samples begin ... end, to be specialised; work: at begin, then at end."""
 
-    def open_block(work, u, parts, reading, e, dt, steps, lever, driven, late, out):  # type: ignore[no-untyped-def]
+    def open_block(work, u, parts, reading, e, dt, steps, lever, driven, late, begin, end, out):  # type: ignore[no-untyped-def]
         _ = key
         w = carray(stack_doubles(_SIZE), (WORK, LANES))
         for row in range(WORK):
@@ -254,7 +254,7 @@ def _loop(key: str) -> Callable[..., Any]:
         finer = (reading.shape[0] - 1) / max(e.shape[0] - 1, 1)
         for i in range(LANES):
             hook_prepare(w, i, h)
-        for k in range(e.shape[0] - 1):
+        for k in range(begin, end):
             for part in range(parts):
                 first = part * (steps // parts)
                 first_split, last_split = _deliver_part(w, u, parts * k + part, dt / parts, late, steps // parts)
@@ -272,6 +272,9 @@ def _loop(key: str) -> Callable[..., Any]:
                     else:
                         free_step(w, now, h)
             read(w, _row(e, k + 1), dt, lever, driven, out, k + 1)
+        for row in range(WORK):
+            for i in range(LANES):
+                work[row, i] = w[row, i]
 
     return open_block
 
@@ -279,11 +282,11 @@ def _loop(key: str) -> Callable[..., Any]:
 def _blocks(key: str) -> Callable[..., Any]:
     """All blocks in parallel, to be specialised; the loop of a block is compiled alone so that it is vectorised."""
 
-    def open_lanes(w, u, parts, reading, e, dt, steps, lever, driven, late, out):  # type: ignore[no-untyped-def]
+    def open_lanes(w, u, parts, reading, e, dt, steps, lever, driven, late, begin, end, out):  # type: ignore[no-untyped-def]
         _ = key
         for block in prange(w.shape[0]):
             lanes = out[LANES * block : LANES * (block + 1)]
-            block_loop(w[block], u, parts, reading, e, dt, steps, lever, driven, late, lanes)
+            block_loop(w[block], u, parts, reading, e, dt, steps, lever, driven, late, begin, end, lanes)
 
     return open_lanes
 
@@ -296,8 +299,8 @@ _OTHERS = [own for effect in OPEN_EFFECTS if effect not in HAND_EFFECTS for own 
 _OTHER_ROWS, _OTHER_NEUTRAL = [ROW[own.key] for own in _OTHERS], np.array([own.neutral_si for own in _OTHERS])
 
 
-_BLOCK = "(f8[:,::1], f8[::1], i8, f8[::1], f8[:,::1], f8, i8, f8, b1, f8, f8[:,:,::1])"
-_LANES = "(f8[:,:,::1], f8[::1], i8, f8[::1], f8[:,::1], f8, i8, f8, b1, f8, f8[:,:,::1])"
+_BLOCK = "(f8[:,::1], f8[::1], i8, f8[::1], f8[:,::1], f8, i8, f8, b1, f8, i8, i8, f8[:,:,::1])"
+_LANES = "(f8[:,:,::1], f8[::1], i8, f8[::1], f8[:,::1], f8, i8, f8, b1, f8, i8, i8, f8[:,:,::1])"
 
 
 @cache
@@ -326,6 +329,15 @@ def _kept(effects: tuple[Effect, ...], laws: bool) -> bool:
 NARROW = NarrowLoops(compile_loop, _kept)
 
 
+def _loop_for(columns: Array, effects: tuple[Effect, ...] | None, steps: int) -> Any:
+    """The compiled loop for parameter sets (k, rows), see `open_loop`; steps: of blocks that it will take."""
+    laws = has_laws(columns)
+    if effects is not None:
+        return compile_loop(effects, laws)
+    every = OPEN_EFFECTS if np.any(columns[:, _OTHER_ROWS] != _OTHER_NEUTRAL) else HAND_EFFECTS
+    return NARROW.loop(active_effects(columns.T), every, laws, steps)
+
+
 def open_loop(
     columns: Array,
     start: Array,
@@ -335,6 +347,7 @@ def open_loop(
     step_s: float = STEP_S,
     driven: bool = False,
     effects: tuple[Effect, ...] | None = None,
+    changed: tuple[int, Array] | None = None,
 ) -> Array:
     """Readings (columns, OUTPUTS, samples) that each parameter set predicts from each stage's measured inputs.
 
@@ -343,28 +356,29 @@ def open_loop(
     columns: (columns, rows of JOINT_PARAMETERS) SI.  start: (columns, STATES) at the first sample.  lever_m: arm of the
     force sensor [m].  step_s: largest integration step [s].  driven: the motion is imposed, and the force is predicted.
     effects: those compiled in, in the order of the catalogue; by default those that act, or all that a fit may vary
-    (`NarrowLoops`), without those of other machines where none of them acts.
+    (`NarrowLoops`), without those of other machines where none of them acts.  changed: a sample from which on other
+    parameter sets, of the same shape, hold; the state goes on.
     """
     count, samples = len(columns), len(inputs.surroundings)
     blocks = -(-count // LANES)
     parts = max(1, (len(inputs.set_point_pa) - 1) // max(samples - 1, 1))
     steps = parts * steps_per_sample(inputs.period_s / parts, step_s)
     w = np.zeros((blocks * LANES, WORK))
-    w[:count, : len(ROW)], w[count:, : len(ROW)] = columns, columns[-1]
     w[:count, X : X + STATES], w[count:, X : X + STATES] = start, start[-1]
     for row, kind in STARTS:
         w[:, row] = w[:, X + PHI] if kind == "angle" else inputs.pressure_pa[0]
     work = np.ascontiguousarray(w.reshape(blocks, LANES, WORK).transpose(0, 2, 1))
-    prepare_rows(work, inputs.period_s / steps)
     out = np.empty((blocks * LANES, OUTPUTS, samples))
     out[:, 0, 0], out[:, 1, 0], out[:, 2, 0] = w[:, X + P], w[:, X + PHI], 0.0
     measured = (inputs.set_point_pa, inputs.pressure_pa, inputs.surroundings)
     u, p, e = (np.ascontiguousarray(signal, dtype=np.float64) for signal in measured)
-    laws = has_laws(columns)
-    if effects is None:
-        every = OPEN_EFFECTS if np.any(columns[:, _OTHER_ROWS] != _OTHER_NEUTRAL) else HAND_EFFECTS
-        loop = NARROW.loop(active_effects(columns.T), every, laws, blocks * samples * steps)
-    else:
-        loop = compile_loop(effects, laws)
-    loop(work, u, parts, p, e, inputs.period_s, steps, lever_m, driven, inputs.late_s, out)
+    periods = [(0, samples - 1, columns)]
+    if changed is not None:
+        periods = [(0, changed[0], columns), (changed[0], samples - 1, changed[1])]
+    loop = _loop_for(np.concatenate([each for _, _, each in periods]), effects, blocks * samples * steps)
+    for begin, end, holding in periods:
+        lanes = np.concatenate([holding, np.repeat(holding[-1:], blocks * LANES - count, axis=0)])
+        work[:, : len(ROW)] = lanes.reshape(blocks, LANES, len(ROW)).transpose(0, 2, 1)
+        prepare_rows(work, inputs.period_s / steps)
+        loop(work, u, parts, p, e, inputs.period_s, steps, lever_m, driven, inputs.late_s, begin, end, out)
     return out[:count]

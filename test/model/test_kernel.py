@@ -89,6 +89,25 @@ def test_the_open_loop_with_neutral_effects_changes_no_bit(hand: Hand) -> None:
     np.testing.assert_array_equal(whole, plain)
 
 
+def test_parameters_that_change_on_the_way_leave_the_state(hand: Hand) -> None:
+    """Fails when the state or the memory of effects is lost at a change, or the change comes at another sample."""
+    commands = steps(4.0)
+    states = closed(hand, commands, ())[:-1]
+    inputs = measured(states, 4, -1, commands, PERIOD_S)
+    creeping = changed(hand, constant_load__torque_nm=-0.02, hysteresis__torque_nm=0.01)
+    plain, loaded = hand.parameters[:, [4]].T, creeping.parameters[:, [4]].T
+    start = states[0][:, [4]].T
+    at = len(commands) // 2
+    always = open_loop(loaded, start, inputs)
+    np.testing.assert_array_equal(open_loop(loaded, start, inputs, changed=(at, loaded)), always)
+    late = open_loop(plain, start, inputs, changed=(at, loaded))[0]
+    before = open_loop(plain, start, inputs)[0]
+    np.testing.assert_array_equal(late[:, : at + 1], before[:, : at + 1])
+    step_deg = np.degrees(np.diff(late[1]))
+    assert abs(step_deg[at]) < 2.0 < np.degrees(np.abs(late[1] - before[1]).max())
+    np.testing.assert_allclose(late[1, -50:], always[0, 1, -50:], atol=np.radians(0.5))
+
+
 def drawn_sets(count: int) -> list[tuple[Effect, ...]]:
     """Sets of one or two effects of a hand, drawn at random."""
     seed = int(np.random.SeedSequence().generate_state(1)[0])
