@@ -25,10 +25,10 @@ STEADY = 0.3
 """Spread of the distances of stamps (their middle 80 %), in periods, up to which their median is the period."""
 SEARCHED = (0.7, 1.4)
 """Rates that are searched where stamps scatter more, relative to that of the median distance."""
-SEARCH_FRAMES = 1000
-"""Frames, from the first, in which they are searched."""
-COHERENT = 5.0
-"""Coherence of a rate, over that of stamps without any clock, from which it counts."""
+SEARCH_FRAMES, NEAR_FRAMES = 1000, 4000
+"""Frames, from the first, in which they are searched, and in which a rate near the nominal one is sought before."""
+COHERENT = 4.0
+"""Coherence of a rate, over that of stamps without any clock, from which it counts: chance gives it once in 10,000."""
 
 AS_COHERENT = 0.95
 """Coherence of a clock of constant rate, relative to that of a tracked one, from which it is the clock."""
@@ -60,7 +60,7 @@ def rebuild_ticks(stamp_ns: Stamps, rate_hz: float) -> Ticks:
         raise ValueError("the recording's frames must be two or more, with ascending stamps")
     since = (stamp_ns - stamp_ns[0]).astype(float)
     at = since * (1e-9 * rate_hz)
-    usual = usual_period(at)
+    usual = usual_period(at, nominal=1.0)
     tracked, steady = _tracked(at, usual), _steady(at, usual)
     # A clock that is tracked follows some of the scatter; one whose rate really changes is coherent in no other way.
     number = ascending_ticks(steady if _coherence(steady) > AS_COHERENT * _coherence(tracked) else tracked)
@@ -79,23 +79,29 @@ def _surprise(at: Array, number: Stamps) -> float:
     return len(at) * float(np.log(scatter)) + 2.0 * float(np.log(len(at))) * float(number[-1] + 1 - len(at))
 
 
-def usual_period(at: Array) -> float:
-    """The period of the clock behind ascending times (N,), in their unit.
+def usual_period(at: Array, nominal: float | None = None) -> float:
+    """The period of the clock behind ascending times (N,), in their unit; nominal: what it should be, where known.
 
-    The median distance, unless the times scatter so much that few distances are near it; then the period for which
-    the times have the most coherent phase (the periodogram of events: Bartlett, The spectral analysis of point
-    processes, 1963).
+    The median distance, unless the times scatter so much that few distances are near it; then the period, near the
+    nominal one or else in a wide range, for which the times have the most coherent phase (the periodogram of events:
+    Bartlett, The spectral analysis of point processes, 1963).
     """
     distances = np.diff(at)
     low, median, high = np.quantile(distances, [0.1, 0.5, 0.9])
     if high - low <= STEADY * median:
         return float(median)
-    times = at[:SEARCH_FRAMES] - at[0]
-    finest = 0.2 / max(float(times[-1]), float(median))
-    rates = np.arange(SEARCHED[0] / median, SEARCHED[1] / median, finest)
-    coherence = np.array([abs(np.exp(2j * np.pi * rate * times).sum()) for rate in rates])
-    best = int(np.argmax(coherence))
-    return 1.0 / float(rates[best]) if coherence[best] > COHERENT * len(times) ** 0.5 else float(median)
+    ranges = [(SEARCH_FRAMES, SEARCHED[0] / median, SEARCHED[1] / median)]
+    if nominal is not None:
+        ranges.insert(0, (NEAR_FRAMES, (1.0 - MAX_DRIFT) / nominal, (1.0 + MAX_DRIFT) / nominal))
+    for frames, slowest, fastest in ranges:
+        times = at[:frames] - at[0]
+        finest = 0.2 / max(float(times[-1]), float(median))
+        rates = np.arange(slowest, fastest, finest)
+        coherence = np.array([abs(np.exp(2j * np.pi * rate * times).sum()) for rate in rates])
+        best = int(np.argmax(coherence))
+        if coherence[best] > COHERENT * len(times) ** 0.5:
+            return 1.0 / float(rates[best])
+    return float(median)
 
 
 def _steady(at: Array, usual: float) -> Array:
