@@ -48,6 +48,16 @@ def test_wide_scatter_loses_no_frame_and_invents_none(rate_hz: float, scatter_ms
     assert ticks.number[-1] == tick[-1] - tick[0]
 
 
+@pytest.mark.parametrize("seed", [14, 16, 25])
+def test_a_short_recording_with_a_wide_scatter_has_its_nominal_clock(seed: int) -> None:
+    """Fails when 15 s, of which a wide search sees too little, get the median distance as their period."""
+    rng = np.random.default_rng(seed)
+    tick = np.flatnonzero(rng.random(1500) >= 0.04)
+    away = np.clip(0.3 * rng.standard_normal(len(tick)), -0.4, 0.4)
+    ticks = rebuild_ticks(np.unique(np.rint((tick + away) * 1e7).astype(np.int64)), 100.0)
+    assert np.mean(ticks.number != tick - tick[0]) < 0.02
+
+
 def test_a_stall_of_the_host_loses_no_frame() -> None:
     """Fails when frames that a busy host stamps late, one right after the other, count as later frames."""
     stamps = np.arange(COUNT) * PERIOD_NS
