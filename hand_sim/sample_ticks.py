@@ -32,7 +32,7 @@ COHERENT = 4.0
 
 AS_COHERENT = 0.95
 """Coherence of a clock of constant rate, relative to that of a tracked one, from which it is the clock."""
-FIRST_SPAN, FIRST_REACH = 500, 0.02
+FIRST_SPAN, FIRST_REACH = 2000, 0.02
 """Frames over which the search for a constant rate begins; how far the usual period may be wrong, relative."""
 
 
