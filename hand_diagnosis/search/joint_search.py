@@ -226,10 +226,14 @@ def _with_best_laws(
     leaves clearly more than the noise. Every rival whose coarse fit is near the best one is fitted to the end, so that
     learned laws are compared with learned laws.
     """
-    if not hypotheses or not _leaves_much(problem, current, hypotheses[0].fit):
-        return list(hypotheses)
+    if not hypotheses:
+        return []
     coarse = replace(problem, step_s=SETTINGS.passes[0].step_s)
     freed = [k for k, h in enumerate(hypotheses) if h.effect.coefficients][: SETTINGS.law_leaders]
+    if not _leaves_much(problem, current, hypotheses[0].fit):
+        # A textbook form fits; a rival that explains most of it as well may do so with its law.
+        enough = current.cost - SETTINGS.rival_share * (current.cost - hypotheses[0].fit.cost)
+        freed = [k for k in freed if k > 0 and hypotheses[k].fit.cost < enough]
     begun = {k: begin_law(coarse, hypotheses[k].fit, hypotheses[k].effect, rng) for k in freed}
     if not begun:
         return list(hypotheses)
