@@ -45,8 +45,8 @@ EFFECT = Effect(
     needs=("supply",),
     parameters=(
         Parameter("supply_droop.deficit_pa", 0.0, 5e5, "supply pressure missing at rest", 1.0, 0.0, 5e4),
-        Parameter("supply_droop.resistance_s", 0.0, 2.0, "sag per sum of all pressure rises", 1.0, 0.0, 0.05),
-        Parameter("supply_droop.time_constant_s", 5e-3, 5.0, "in which the supply sags and recovers", 1.0, 0.1),
+        Parameter("supply_droop.resistance_s", 0.0, 20.0, "sag per sum of all pressure rises", 1.0, 0.0, 0.05),
+        Parameter("supply_droop.time_constant_s", 5e-3, 200.0, "in which the supply sags and recovers", 1.0, 0.1),
         Parameter("supply_droop.share", 0.0, 1.0, "of the sag that the pressure valves pass on", 1.0, 0.0, 0.3),
         Parameter("supply_droop.ratio", 0.0, 2.0, "of set-point over supply that they pass on, too", 1.0, 0.0, 0.3),
         Parameter(
@@ -76,6 +76,7 @@ EFFECT = Effect(
         (0.0, 0.1, 0.05, 0.0, 0.0),
         (0.0, 0.05, 0.05, 0.7, 0.0),
         (0.0, 0.05, 0.3, 0.0, 0.7),
+        (0.0, 1.0, 20.0, 0.0, 0.7),
     ),
     spread={"supply_droop.time_constant_s": 1.0},
     shape=("supply_droop.time_constant_s",),
