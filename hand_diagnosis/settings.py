@@ -292,6 +292,8 @@ class Settings(FitSettings):
     # Learned laws
     law_leaders: int = setting(8, "hypotheses", "Hypotheses of a round whose laws are fitted coarsely; those near"
         " the best one (max_evidence_gap) are fitted on.", CHOICE, "The right class may lose by its form.", "Slower.")
+    law_probe_gain: float = setting(1.3, "-", "Gain that a probe of a law must promise, over that of the textbook form,"
+        " for a fit that begins with the law.", CHOICE, "Laws where textbook forms do.", "Other forms are missed.")
     rival_share: float = setting(0.5, "-", "Share of the leader's fall of the cost from which the law of a rival is"
         " freed where the leader leaves nothing.", CHOICE, "Slower.", "The right class may lose by its form.")
     law_min_excess: float = setting(1.0, "floors", "Validation error beyond the noise, in repeatability floors, that"

@@ -50,7 +50,9 @@ def restarted(
         for start in around(stepped, rough.fit, rows, ELSEWHERE, rng)
     ]
     best = min(fits, key=lambda fit: fit.cost, default=rough.fit)
-    return judged(problem, current, rough.effect, best, rng) if best.cost < rough.fit.cost else rough
+    if best.cost >= rough.fit.cost:
+        return rough
+    return replace(judged(problem, current, rough.effect, best, rng), freed=rough.freed, textbook=rough.textbook)
 
 
 def learned_below_floor(

@@ -7,7 +7,7 @@ prior. What the free parameters explain alone is not counted for the probe.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from hand_identification.free_parameters import (
     FreeParameter,
     effect_free_parameters,
     law_free_parameters,
+    law_probe_values,
     merged,
     probe_values,
 )
@@ -87,10 +88,15 @@ class Probes:
             yield part, problem.residuals(self.columns[part], np.repeat(self.starts, count, axis=0))
 
 
-def probes_at(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> Probes:
-    """Every probe of the effects, each set into the fit's parameters."""
+def probes_at(
+    problem: JointProblem,
+    fit: MapFit,
+    effects: Sequence[Effect],
+    values_of: Callable[[Effect, Array], list[dict[int, float]]] = probe_values,
+) -> Probes:
+    """Every probe of the effects, each set into the fit's parameters. values_of: the probes of an effect."""
     base, starts = problem.columns(fit.free, fit.z[None])
-    probes = [(effect, values) for effect in effects for values in probe_values(effect, base[0])]
+    probes = [(effect, values) for effect in effects for values in values_of(effect, base[0])]
     columns = np.repeat(base, len(probes), axis=0)
     for column, (_, values) in zip(columns, probes, strict=True):
         for row, value in values.items():
@@ -98,11 +104,27 @@ def probes_at(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> 
     return Probes(probes, columns, starts)
 
 
-def screen(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> list[Screened]:
-    """Every effect by its best probe, the most promising first."""
-    tried = probes_at(problem, fit, effects)
-    if not tried.probes:
-        return []
+def screen(problem: JointProblem, fit: MapFit, effects: Sequence[Effect], *, laws: bool = False) -> list[Screened]:
+    """Every effect by its best probe, the most promising first.
+
+    laws: whether its law is probed, too, where the recording shows much; it then has to promise clearly more.
+    """
+    best = _screened(problem, fit, probes_at(problem, fit, effects))
+    if laws:
+        learned = [effect for effect in effects if effect.coefficients]
+        for name, found in _screened(problem, fit, probes_at(problem, fit, learned, law_probe_values)).items():
+            plain = best[name].gain if name in best else 0.0
+            if found.gain > max(SETTINGS.law_probe_gain * plain, plain + 2.0 * SETTINGS.strong_log_evidence):
+                best[name] = found
+    for effect in effects:
+        relief = _relief(fit, effect)
+        if relief > (best[effect.name].gain if effect.name in best else 0.0):
+            best[effect.name] = Screened(effect, relief, {}, 1.0)
+    return sorted(best.values(), key=lambda screened: -screened.gain)
+
+
+def _screened(problem: JointProblem, fit: MapFit, tried: Probes) -> dict[str, Screened]:
+    """The best probe of each effect, by its name."""
     gains, shares = np.zeros(len(tried.probes)), np.zeros(len(tried.probes))
     long = sum(len(segment.angle_rad) for segment in problem.segments) >= SETTINGS.long_recording_samples
     at_once = SETTINGS.probes_at_once_long if long else SETTINGS.probes_at_once
@@ -112,11 +134,7 @@ def screen(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -> lis
     for (effect, values), gain, share in zip(tried.probes, gains, shares, strict=True):
         if effect.name not in best or gain > best[effect.name].gain:
             best[effect.name] = Screened(effect, float(gain), values, float(share))
-    for effect in effects:
-        relief = _relief(fit, effect)
-        if relief > (best[effect.name].gain if effect.name in best else 0.0):
-            best[effect.name] = Screened(effect, relief, {}, 1.0)
-    return sorted(best.values(), key=lambda screened: -screened.gain)
+    return best
 
 
 def _relief(fit: MapFit, effect: Effect) -> float:
@@ -149,10 +167,15 @@ def _gains(problem: JointProblem, fit: MapFit, changed: Sequence[Array]) -> tupl
     return share * (2.0 * toward - share * own), share
 
 
-def promising(problem: JointProblem, current: MapFit, effects: Sequence[Effect]) -> list[Screened]:
-    """Effects to fit, by the predicted gain of their probes; where every gain is small, also by the cost of starts."""
+def promising(
+    problem: JointProblem, current: MapFit, effects: Sequence[Effect], *, laws: bool = False
+) -> list[Screened]:
+    """Effects to fit, by the predicted gain of their probes; where every gain is small, also by the cost of starts.
+
+    laws: see `screen`.
+    """
     coarse = SETTINGS.passes[0]
-    screened = screen(problem, current, effects)
+    screened = screen(problem, current, effects, laws=laws)
     worth = [found for found in screened if found.gain > SETTINGS.min_promised_gain]
     if not worth or worth[0].gain > SETTINGS.min_promised_share * current.cost:
         return worth[: coarse.most]
@@ -170,7 +193,14 @@ def fit_roughly(problem: JointProblem, current: MapFit, screened: Screened, rng:
     cheapest = starts[1 + int(np.argmin(costs[1:]))]
     tried = [map_fit(rough, free, start, coarse.iterations, coarse.tolerance) for start in (starts[0], cheapest)]
     best = min(tried, key=lambda fit: fit.cost)
-    return judged(problem, current, screened.effect, best.without_arrays(), rng)
+    rough_one = judged(problem, current, screened.effect, best.without_arrays(), rng)
+    return replace(rough_one, freed=_freed(screened))
+
+
+def _freed(screened: Screened) -> tuple[str, ...]:
+    """Coefficients of its law with which an effect starts."""
+    effect = screened.effect
+    return tuple(key for key in effect.coefficients if ROW[key] in screened.start and key not in effect.keys)
 
 
 def refined(
@@ -216,7 +246,9 @@ def _begin(
     problem: JointProblem, current: MapFit, screened: Screened, fit_pass: FitPass
 ) -> tuple[list[FreeParameter], Array, Array]:
     """Free parameters of the model with an effect, points to start from (k, free), the screen's first, costs (k,)."""
-    free = merged(current.free, effect_free_parameters(screened.effect, problem.nominal))
+    effect, freed = screened.effect, _freed(screened)
+    law = [p for p in law_free_parameters(effect, problem.nominal) if p.key in freed]
+    free = merged(current.free, [*effect_free_parameters(effect, problem.nominal), *law])
     starts = np.array(_starts(problem, current, screened, free))
     return free, starts, costs_at(replace(problem, step_s=fit_pass.step_s), free, starts)
 
@@ -231,7 +263,7 @@ def _starts(
     """
     columns, _ = problem.columns(current.free, current.z[None])
     here = {parameter.row: float(z) for parameter, z in zip(current.free, current.z, strict=True)}
-    own = {ROW[key] for key in screened.effect.keys}
+    own = {ROW[key] for key in (*screened.effect.keys, *_freed(screened))}
     others = [probe for probe in probe_values(screened.effect, columns[0]) if probe != screened.start]
     share = min(max(screened.share, SETTINGS.start_share_low), SETTINGS.start_share_high)
     way = Way(columns[0], here, screened.effect.shape)

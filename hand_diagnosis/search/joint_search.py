@@ -164,7 +164,7 @@ def _best_of_round(
     The first in the order of evidence that is accepted; one that is not does not stand in the way of the next.
     """
     problem = found.problem
-    hypotheses = _round(problem, current, effects, rng)
+    hypotheses = _round(problem, current, effects, rng, laws=found.laws)
     if found.laws:
         hypotheses = separated_below_floor(problem, current, _with_best_laws(problem, current, hypotheses, rng), rng)
     found.rounds.append(hypotheses)
@@ -180,10 +180,21 @@ def _best_of_round(
         best, scatter = _from_other_starts(problem, current, best, rng)
         taken = max(_error_taken(problem, current, best, rmse) for rmse in (validation_rmse, fitted_rmse))
         if taken >= scatter:
-            return best
+            return _with_textbook(problem, best)
         found.not_claimable.append(NotClaimable(best.effect, best.stage, taken, scatter, SCATTER))
     found.not_claimable += _too_small(problem, current, hypotheses)
     return None
+
+
+def _with_textbook(problem: JointProblem, best: Hypothesis) -> Hypothesis:
+    """The hypothesis with a fit of its textbook form, which one that began with its law has not."""
+    if not best.freed or best.textbook is not None:
+        return best
+    rows = {ROW[key] for key in best.freed}
+    kept = np.array([parameter.row not in rows for parameter in best.fit.free])
+    free = [parameter for parameter, keep in zip(best.fit.free, kept, strict=True) if keep]
+    textbook = map_fit(problem, free, best.fit.z[kept], SETTINGS.nominal_iterations)
+    return replace(best, textbook=textbook.without_arrays())
 
 
 def _driven_anew(found: JointSearch, current: MapFit) -> tuple[MapFit, float]:
@@ -202,9 +213,10 @@ def _driven_by_own_valve(problem: JointProblem, fit: MapFit) -> MapFit:
 
 
 def _round(
-    problem: JointProblem, current: MapFit, effects: Sequence[Effect], rng: np.random.Generator
+    problem: JointProblem, current: MapFit, effects: Sequence[Effect], rng: np.random.Generator, *, laws: bool
 ) -> list[Hypothesis]:
-    ranked = _ranked([fit_roughly(problem, current, s, rng) for s in promising(problem, current, effects)])
+    chosen = promising(problem, current, effects, laws=laws and _leaves_much(problem, current, current))
+    ranked = _ranked([fit_roughly(problem, current, screened, rng) for screened in chosen])
     for fit_pass in SETTINGS.passes[1:]:
         ranked = [replace(hypothesis, fit=hypothesis.fit.without_arrays()) for hypothesis in ranked]
         near = ranked[: fit_pass.most]
@@ -259,7 +271,7 @@ def _with_best_law(
     learned = judged(problem, current, hypothesis.effect, fit, rng)
     if learned.log_evidence < hypothesis.log_evidence + SETTINGS.min_log_evidence:
         return hypothesis
-    return replace(learned, freed=law.freed, textbook=hypothesis.fit.without_arrays())
+    return replace(learned, freed=(*hypothesis.freed, *law.freed), textbook=hypothesis.fit.without_arrays())
 
 
 def _ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
