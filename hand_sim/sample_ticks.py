@@ -80,7 +80,7 @@ def _surprise(at: Array, number: Stamps) -> float:
 
 
 def usual_period(at: Array, nominal: float | None = None) -> float:
-    """The period of the clock behind ascending times (N,), in their unit; nominal: what it should be, where known.
+    """The period of the clock behind ascending times (N,), in their unit [any]; nominal: what it should be [the same].
 
     The median distance, unless the times scatter so much that few distances are near it; then the period, near the
     nominal one or else in a wide range, for which the times have the most coherent phase (the periodogram of events:

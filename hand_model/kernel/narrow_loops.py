@@ -11,14 +11,14 @@ from typing import Any
 
 from hand_model.effects.effect import Effect
 
-WORTH_STEPS = 5_000_000
+WORTH_STEPS = 10_000_000
 """Steps of blocks that a set of effects may take in the loop of all effects before a loop of its own is compiled.
 
-They take about 2 s there. Its own loop is several times as fast and stays on disk; to compile it takes about 3 s.
+They take about 4 s there. Its own loop is several times as fast and stays on disk; to compile it takes about 3 s.
 """
 LAW_STEPS = 2
 """A step with laws counts as so many."""
-WORTH_OF_MORE = 3
+WORTH_OF_MORE = 2
 """A set of several effects must take so many times as many: other recordings hardly need the same one."""
 MOST_COMPILED = 12
 """Loops that one process compiles for such sets; each takes about 20 MB of its memory."""

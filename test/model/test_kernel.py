@@ -122,9 +122,9 @@ def test_a_loop_of_the_acting_effects_alone_changes_no_bit(hand: Hand) -> None:
     rng, commands = np.random.default_rng(6), steps(4.0)
     states = closed(hand, commands, ())[:-1]
     inputs = measured(states, 4, 3, commands, PERIOD_S)
-    for number, effects in enumerate(drawn_sets(4)):
+    for number, effects in enumerate(drawn_sets(2)):
         columns = np.repeat(hand.parameters[:, [4]].T, 8, axis=0)
-        for own in (own for effect in effects for own in effect.parameters if number > 1 or not own.law):
+        for own in (own for effect in effects for own in effect.parameters if number > 0 or not own.law):
             low, high = own.low * own.scale, own.high * own.scale
             moved = columns[:, ROW[own.key]] + rng.uniform(-0.3, 0.5, 8) * own.typical * own.scale
             columns[:, ROW[own.key]] = np.clip(moved, low, high)
@@ -132,7 +132,7 @@ def test_a_loop_of_the_acting_effects_alone_changes_no_bit(hand: Hand) -> None:
         acting = active_effects(columns.T)
         narrow, wide = (open_loop(columns, start, inputs, effects=each) for each in (acting, HAND_EFFECTS))
         names = [effect.name for effect in acting]
-        np.testing.assert_array_equal(narrow, wide, err_msg=f"{names}, laws {number > 1}")
+        np.testing.assert_array_equal(narrow, wide, err_msg=f"{names}, laws {number > 0}")
 
 
 def test_a_set_of_effects_gets_a_loop_of_its_own_when_it_is_worth_compiling() -> None:
@@ -144,7 +144,7 @@ def test_a_set_of_effects_gets_a_loop_of_its_own_when_it_is_worth_compiling() ->
     assert [loops.loop(friction, HAND_EFFECTS, True, 40) for _ in range(2)] == [(HAND_EFFECTS, True), (friction, True)]
     assert loops.loop((), OPEN_EFFECTS, False, 100) == (OPEN_EFFECTS, False)
     both = (*friction, *leak)
-    assert [loops.loop(both, HAND_EFFECTS, False, 101)[0] for _ in range(3)] == [HAND_EFFECTS, HAND_EFFECTS, both]
+    assert [loops.loop(both, HAND_EFFECTS, False, 101)[0] for _ in range(2)] == [HAND_EFFECTS, both]
     many = [(effect,) for effect in HAND_EFFECTS]
     own = sum(loops.loop(each, HAND_EFFECTS, False, 1_000)[0] == each for each in many)
     assert own == MOST_COMPILED - 3 + 2  # three were compiled before; two are there already
