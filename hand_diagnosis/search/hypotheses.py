@@ -36,12 +36,16 @@ from hand_model.kernel.rows import ROW
 
 @dataclass(frozen=True, slots=True)
 class Screened:
-    """An effect, the fall of the cost that its best probe promises, and where to start: values by row (SI), share."""
+    """An effect, the fall of the cost that its best probe promises, and where to start: values by row (SI), share.
+
+    plain: its textbook form, where it starts with a coefficient of its law and that form promises something as well.
+    """
 
     effect: Effect
     gain: float
     start: dict[int, float]
     share: float
+    plain: Screened | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,9 +117,10 @@ def screen(problem: JointProblem, fit: MapFit, effects: Sequence[Effect], *, law
     if laws:
         learned = [effect for effect in effects if effect.coefficients]
         for name, found in _screened(problem, fit, probes_at(problem, fit, learned, law_probe_values)).items():
-            plain = best[name].gain if name in best else 0.0
-            if found.gain > max(SETTINGS.law_probe_gain * plain, plain + 2.0 * SETTINGS.strong_log_evidence):
-                best[name] = found
+            plain = best.get(name)
+            promised = plain.gain if plain is not None else 0.0
+            if found.gain > max(SETTINGS.law_probe_gain * promised, promised + 2.0 * SETTINGS.strong_log_evidence):
+                best[name] = replace(found, plain=plain)
     for effect in effects:
         relief = _relief(fit, effect)
         if relief > (best[effect.name].gain if effect.name in best else 0.0):
@@ -186,15 +191,21 @@ def promising(
 
 
 def fit_roughly(problem: JointProblem, current: MapFit, screened: Screened, rng: np.random.Generator) -> Hypothesis:
-    """The hypothesis of an effect by the first, coarse pass, from the screen's start and from the cheapest one."""
+    """The hypothesis of an effect by the first, coarse pass, from the screen's start and from the cheapest one.
+
+    Of a law and its textbook form, the form counts unless the law has clearly more evidence.
+    """
     coarse = SETTINGS.passes[0]
     rough = replace(problem, step_s=coarse.step_s)
     free, starts, costs = _begin(problem, current, screened, coarse)
     cheapest = starts[1 + int(np.argmin(costs[1:]))]
     tried = [map_fit(rough, free, start, coarse.iterations, coarse.tolerance) for start in (starts[0], cheapest)]
     best = min(tried, key=lambda fit: fit.cost)
-    rough_one = judged(problem, current, screened.effect, best.without_arrays(), rng)
-    return replace(rough_one, freed=_freed(screened))
+    made = replace(judged(problem, current, screened.effect, best.without_arrays(), rng), freed=_freed(screened))
+    if screened.plain is None:
+        return made
+    plain = fit_roughly(problem, current, screened.plain, rng)
+    return made if made.log_evidence > plain.log_evidence + SETTINGS.min_log_evidence else plain
 
 
 def _freed(screened: Screened) -> tuple[str, ...]:

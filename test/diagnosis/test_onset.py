@@ -61,6 +61,20 @@ def test_a_leak_that_begins_or_ends_is_found_with_its_time(begins: bool, at_s: f
     assert ("It begins at" if begins else "It ends at") in result.findings[0].statement
 
 
+def test_a_load_that_begins_moves_the_joint_to_a_new_place(hand: Hand) -> None:
+    """Fails when a number of the plain plant cannot begin, or the way to the new place looks like another effect."""
+    rng = np.random.default_rng(SEED)
+    signals = recorded(hand, changed(hand, JOINT, constant_load__torque_nm=-0.03), 10.4, rng)
+    model = off_by_a_little(hand, rng)
+    kept = ("constant_load", "hall_misalignment", "leak", "coulomb_friction")
+    without = [effect.name for effect in CATALOGUE if effect.name not in kept]
+    result = diagnose([signals], model, tolerance=0.05, seed=0, joints=[JOINT], without=without, sensor_curve=False)
+    assert [finding.effect for finding in result.findings] == ["constant_load"], result.findings
+    onset = result.findings[0].onset
+    assert onset is not None and onset.begins
+    assert abs(onset.at_s - 10.4) < max(0.02, 4.0 * onset.std_s)
+
+
 def test_a_leak_that_is_always_there_has_no_onset(hand: Hand) -> None:
     """Fails when an effect that is there all the time gets an onset, because it is little excited at first."""
     print("seed", SEED)

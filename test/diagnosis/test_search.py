@@ -62,6 +62,25 @@ def _error(driving_pa: np.ndarray, truth_pa: np.ndarray) -> float:
     return float(np.sqrt(np.mean((driving_pa[::finer] - truth_pa)[100:] ** 2)))
 
 
+def test_a_law_is_screened_where_its_textbook_form_sees_little(hand: Hand) -> None:
+    """Fails when an effect that its law alone shows is fitted without it, or one of textbook form with it."""
+    rng = np.random.default_rng(92)
+    drift = {"torque_nm": -0.03, "time_constant_s": 8.0}
+    freed = []
+    for law in ({"by_square": 1.0}, {}):
+        truth = changed(hand, JOINT, **{f"thermal_drift__{key}": value for key, value in (drift | law).items()})
+        ready = Task([record(truth, rng, 20.0)], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT)
+        problem = fit_part(ready.problem)
+        current = map_fit(problem, ready.free, ready.start)
+        (found,) = promising(problem, current, [EFFECTS["thermal_drift"]], laws=True)
+        hypothesis = fit_roughly(problem, current, found, rng)
+        freed.append(hypothesis.freed)
+        assert {p.key for p in hypothesis.fit.free} >= set(hypothesis.keys)
+        assert hypothesis.fit.cost < 0.5 * current.cost
+    print(freed)
+    assert freed[0] and not freed[1]
+
+
 def test_names_for_one_claim_are_separated_below_floor_below_the_floor(
     hand: Hand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
