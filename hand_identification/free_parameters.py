@@ -198,13 +198,12 @@ def probe_values(effect: Effect, nominal: Array) -> list[dict[int, float]]:
 def law_probe_values(effect: Effect, nominal: Array) -> list[dict[int, float]]:
     """The starting points of an effect, each with one coefficient of its law a prior deviation from the textbook form.
 
-    Values by row, SI, as `probe_values` gives them; a coefficient at its bound is left out.
+    nominal: (rows,) SI.  Values by row, SI, as `probe_values` gives them; a coefficient at its bound is left out.
     """
-    base = nominal.copy()
     coefficients = []
     for parameter in law_free_parameters(effect, nominal):
         both = (float(np.clip(parameter.value(z), parameter.low, parameter.high)) for z in (1.0, -1.0))
-        coefficients += [(parameter.row, value) for value in both if value != base[parameter.row]]
+        coefficients += [(parameter.row, value) for value in both if value != nominal[parameter.row]]
     return [probe | {row: value} for probe in probe_values(effect, nominal) for row, value in coefficients]
 
 

@@ -98,7 +98,10 @@ def probes_at(
     effects: Sequence[Effect],
     values_of: Callable[[Effect, Array], list[dict[int, float]]] = probe_values,
 ) -> Probes:
-    """Every probe of the effects, each set into the fit's parameters. values_of: the probes of an effect."""
+    """Every probe of the effects, each set into the fit's parameters.
+
+    values_of: the probes of an effect around nominal numbers (rows,).
+    """
     base, starts = problem.columns(fit.free, fit.z[None])
     probes = [(effect, values) for effect in effects for values in values_of(effect, base[0])]
     columns = np.repeat(base, len(probes), axis=0)
