@@ -202,8 +202,8 @@ def law_probe_values(effect: Effect, nominal: Array) -> list[dict[int, float]]:
     """
     coefficients = []
     for parameter in law_free_parameters(effect, nominal):
-        both = (float(np.clip(parameter.value(z), parameter.low, parameter.high)) for z in (1.0, -1.0))
-        coefficients += [(parameter.row, value) for value in both if value != nominal[parameter.row]]
+        both = np.clip(parameter.value(np.array([1.0, -1.0])), parameter.low, parameter.high)
+        coefficients += [(parameter.row, float(value)) for value in both if value != nominal[parameter.row]]
     return [probe | {row: value} for probe in probe_values(effect, nominal) for row, value in coefficients]
 
 
