@@ -111,7 +111,13 @@ def ratios(problem: JointProblem, fit: MapFit) -> Array:
     return np.asarray(validation_rmse(problem, fit.squares)[:2] / NOISE)
 
 
-@pytest.mark.parametrize("effect", TRUTHS)
+QUICK = ("backlash", "gravity", "leak", "stiffening", "tube_lag")
+"""Laws of every part, which the short tests fit; the long ones fit all."""
+
+
+@pytest.mark.parametrize(
+    "effect", [pytest.param(name, marks=() if name in QUICK else pytest.mark.long) for name in TRUTHS]
+)
 def test_a_fit_of_a_law_arrives_from_the_textbook_form(effect: str) -> None:
     """Fails when the fit of a law stays in a local minimum, is not preferred, or its evidence is not the larger one."""
     problem, nominal = made(effect, TRUTHS[effect], 1)
