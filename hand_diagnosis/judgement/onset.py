@@ -89,11 +89,10 @@ def search_with_onset(
     best: tuple[float, JointSearch, Onset] | None = None
     for candidate in _candidates(search, results):
         switched = with_onset(problem, candidate, rows)
-        # What shows for a short time only is not seen without the samples around the change.
-        found = next(
-            (each for p in (_without_change(switched, candidate), switched) if (each := again(p, False)).accepted), None
-        )
-        if found is None:
+        found = again(_without_change(switched, candidate), False)
+        if not found.accepted:  # what shows for a short time only is not seen without the samples around the change
+            found = again(switched, False)
+        if not found.accepted:
             continue
         found, onset, evidence = _refined(problem, found, candidate, rows)
         if best is None or evidence > best[0]:
@@ -179,7 +178,7 @@ def _sharpened(problem: JointProblem, fit: MapFit, rows: Sequence[int], onset: O
     columns, starts = problem.columns(fit.free, fit.z[None])
     tried = [replace(onset, at_s=float(onset.at_s + away_s)) for away_s in near]
     squares = [with_onset(problem, each, rows).residuals(columns, starts)[0][0] ** 2 for each in tried]
-    counts = np.maximum(problem.segments[0].use.sum(axis=1) * min(period_s / problem.correlation_s, 1.0), 1.0)
+    counts = _independent(problem)
     scores = [-0.5 * float((counts * np.log1p(problem.weight * s.sum(axis=1) / counts)).sum()) for s in squares]
     return tried[int(np.argmax(scores))]
 
@@ -200,11 +199,18 @@ def _profile(problem: JointProblem, on: Array, off: Array, begins: bool) -> tupl
     first, last = (off, on) if begins else (on, off)
     before = np.cumsum(first, axis=1)
     after = last.sum(axis=1, keepdims=True) - np.cumsum(last, axis=1)
-    counts = np.maximum(segment.use.sum(axis=1) * min(segment.period_s / problem.correlation_s, 1.0), 1.0)[:, None]
+    counts = _independent(problem)[:, None]
     score = -0.5 * (counts * np.log1p((before + after) / counts)).sum(axis=0)
     times = np.arange(1, on.shape[1] + 1) * segment.period_s
     inside = (times >= SETTINGS.min_onset_s) & (times <= times[-1] - SETTINGS.min_onset_s)
     return np.asarray(times[inside]), np.asarray(score[inside])
+
+
+def _independent(problem: JointProblem) -> Array:
+    """Numbers (OUTPUTS,) of samples of the recording that count as independent, at least one."""
+    segment = problem.segments[0]
+    counts = segment.use.sum(axis=1) * min(segment.period_s / problem.correlation_s, 1.0)
+    return np.asarray(np.maximum(counts, 1.0), dtype=np.float64)
 
 
 def _candidates(search: JointSearch, results: Sequence[StageResult]) -> list[Onset]:

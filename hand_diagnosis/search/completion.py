@@ -24,7 +24,7 @@ from hand_diagnosis.problem import (
     weighted_by_noise,
     white_parts,
 )
-from hand_diagnosis.search.hypotheses import Hypothesis, judged
+from hand_diagnosis.search.hypotheses import Hypothesis, with_other_fit
 from hand_diagnosis.search.laws import learn_law, posterior_covariance
 from hand_diagnosis.settings import SETTINGS, FitPass
 from hand_identification.free_parameters import FreeParameter, law_free_parameters, speed_free_parameters
@@ -52,7 +52,7 @@ def restarted(
     best = min(fits, key=lambda fit: fit.cost, default=rough.fit)
     if best.cost >= rough.fit.cost:
         return rough
-    return replace(judged(problem, current, rough.effect, best, rng), freed=rough.freed, textbook=rough.textbook)
+    return with_other_fit(problem, current, rough, best, rng)
 
 
 def learned_below_floor(

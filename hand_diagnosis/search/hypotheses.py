@@ -72,8 +72,13 @@ class Hypothesis:
 
     def free_parameters(self, nominal: Array) -> list[FreeParameter]:
         """Free parameters of the effect and of its learned law around the nominal numbers (rows,)."""
-        law = [p for p in law_free_parameters(self.effect, nominal) if p.key in self.freed]
-        return effect_free_parameters(self.effect, nominal) + law
+        return _with_law(self.effect, self.freed, nominal)
+
+
+def _with_law(effect: Effect, freed: Sequence[str], nominal: Array) -> list[FreeParameter]:
+    """Free parameters of an effect and of the freed coefficients of its law, around nominal numbers (rows,)."""
+    law = [parameter for parameter in law_free_parameters(effect, nominal) if parameter.key in freed]
+    return effect_free_parameters(effect, nominal) + law
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,8 +228,14 @@ def refined(
     """A hypothesis whose fit is continued by a later pass."""
     stepped = replace(problem, step_s=fit_pass.step_s)
     fit = map_fit(stepped, rough.fit.free, rough.fit.z, fit_pass.iterations, fit_pass.tolerance)
-    again = judged(problem, current, rough.effect, fit, rng)
-    return replace(again, freed=rough.freed, textbook=rough.textbook)
+    return with_other_fit(problem, current, rough, fit, rng)
+
+
+def with_other_fit(
+    problem: JointProblem, current: MapFit, before: Hypothesis, fit: MapFit, rng: np.random.Generator
+) -> Hypothesis:
+    """A hypothesis with another fit of the same parameters, compared with the current one anew."""
+    return replace(judged(problem, current, before.effect, fit, rng), freed=before.freed, textbook=before.textbook)
 
 
 def judged(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, rng: np.random.Generator) -> Hypothesis:
@@ -260,9 +271,7 @@ def _begin(
     problem: JointProblem, current: MapFit, screened: Screened, fit_pass: FitPass
 ) -> tuple[list[FreeParameter], Array, Array]:
     """Free parameters of the model with an effect, points to start from (k, free), the screen's first, costs (k,)."""
-    effect, freed = screened.effect, _freed(screened)
-    law = [p for p in law_free_parameters(effect, problem.nominal) if p.key in freed]
-    free = merged(current.free, [*effect_free_parameters(effect, problem.nominal), *law])
+    free = merged(current.free, _with_law(screened.effect, _freed(screened), problem.nominal))
     starts = np.array(_starts(problem, current, screened, free))
     return free, starts, costs_at(replace(problem, step_s=fit_pass.step_s), free, starts)
 

@@ -20,7 +20,15 @@ from hand_diagnosis.search.completion import (
     restarted,
     separated_below_floor,
 )
-from hand_diagnosis.search.hypotheses import Hypothesis, amounts, fit_roughly, judged, promising, refined
+from hand_diagnosis.search.hypotheses import (
+    Hypothesis,
+    amounts,
+    fit_roughly,
+    judged,
+    promising,
+    refined,
+    with_other_fit,
+)
 from hand_diagnosis.search.laws import begin_law, learn_law, training_evidence, with_nominal_numbers_of
 from hand_diagnosis.search.turns import with_periods
 from hand_diagnosis.settings import SETTINGS
@@ -341,8 +349,7 @@ def _from_other_starts(
     errors = [validation_rmse(problem, fit.squares)[best.stage] for fit in alike]
     chosen = best
     if fits[0] is not best.fit:
-        again = judged(problem, current, best.effect, fits[0], rng)
-        chosen = replace(again, freed=best.freed, textbook=best.textbook)
+        chosen = with_other_fit(problem, current, best, fits[0], rng)
     return chosen, float(np.ptp(errors))
 
 
