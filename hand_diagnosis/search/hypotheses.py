@@ -234,7 +234,7 @@ def refined(
 def with_other_fit(
     problem: JointProblem, current: MapFit, before: Hypothesis, fit: MapFit, rng: np.random.Generator
 ) -> Hypothesis:
-    """A hypothesis with another fit of the same parameters, compared with the current one anew."""
+    """A hypothesis with another fit of the same parameters, compared with the current one again."""
     return replace(judged(problem, current, before.effect, fit, rng), freed=before.freed, textbook=before.textbook)
 
 
