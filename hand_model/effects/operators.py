@@ -14,6 +14,8 @@ _TURN_HIGH, _TURN_LOW = 6.28125, 2.0 * math.pi - 6.28125
 _ROUND = 6755399441055744.0  # 1.5 * 2**52: adding and subtracting it rounds to the nearest integer
 STEEP_PER_RAD_S = 1e6
 """Slope at standstill of the direction of motion over the speed [s/rad]; it replaces the jump of the sign function."""
+ROOT = 0.02
+"""Least difference of the poles of a second-order lag over their mean [-]: nearer ones lose digits of `decay`."""
 
 
 @inline
@@ -59,6 +61,26 @@ def lag_constants(tau, h):  # type: ignore[no-untyped-def]
     """
     kept = 0.0 if tau <= 0.0 else decay(h / tau)
     return kept, tau * (1.0 / h)
+
+
+@inline
+def second_order_constants(tau, inertia, h):  # type: ignore[no-untyped-def]
+    """Constants (even, odd, slowness) of mu tau^2 d'' + tau d' + d = 0 over a step of h [s]; mu is the inertia >= 0 [-].
+
+    With w = tau d', d becomes (even + odd) d + 2 mu odd w and w becomes (even - odd) w - 2 odd d: the exact solution,
+    with real poles up to mu = 1/4. Without inertia it is that of `lag_constants`, and even = odd = kept / 2.
+    Around mu = 1/4, where both poles are equal, the poles of the next mu beside are used (1e-4 away).
+    """
+    steps = h / tau if tau > 0.0 else 1e12
+    root = math.sqrt(max(abs(1.0 - 4.0 * inertia), ROOT * ROOT))
+    slow, fast = decay(steps * (2.0 / (1.0 + root))), decay(steps * (2.0 / max(1.0 - root, 1e-12)))
+    turn = min(steps * (2.0 / (1.0 + root * root)), 1e3)
+    left = decay(turn)
+    sine, cosine = sine_cosine(turn * root)
+    real = inertia <= 0.25
+    even = 0.5 * (slow + fast) if real else left * cosine
+    odd = 0.5 * (slow - fast) / root if real else left * sine / root
+    return even, odd, tau * (1.0 / h)
 
 
 @inline

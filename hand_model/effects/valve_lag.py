@@ -1,13 +1,14 @@
-"""The valve is slower than its model: a longer time constant, a further one, or another one by the error."""
+"""The valve is slower than its model: a longer time constant, a further one or two, or another one by the error."""
 
 from __future__ import annotations
 
-import cmath
 import math
+
+import numpy as np
 
 from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect, Times
-from hand_model.effects.operators import lag_constants
+from hand_model.effects.operators import second_order_constants
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
 
@@ -17,26 +18,30 @@ SMALL_SHARE = 0.05
 
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
-    """Constants of the lag, the reciprocal of the ratio while venting, and the size of small errors."""
-    tau, venting, _, _, _, _, supply = q
-    kept, slowness = lag_constants(tau, h)
-    return kept, slowness, 1.0 / venting, SMALL_SHARE * supply
+    """Constants of the spool, the reciprocal of the ratio while venting, and the size of small errors."""
+    tau, venting, _, _, _, inertia, _, supply = q
+    even, odd, slowness = second_order_constants(tau, inertia, h)
+    return even, odd, slowness, 1.0 / venting, SMALL_SHARE * supply
 
 
 @inline
 def set_point(q, m, u, p, e, h):  # type: ignore[no-untyped-def]
     """First-order lag ahead of the valve's own: its mean over the step, in which u is constant.
 
-    The law feeds the error of the pressure back into the lag with the gain k. With the valve's own lag this is
-    tau T p'' + (tau + T) p' + (1 + k) p = (1 + k) u: a complex pair of poles where k is large, stable for every k >= 0,
-    without an error at rest. The pressure in the middle of the step is extrapolated from the last one.
+    The law gives the lag an inertia mu, as of a spool on its spring: mu tau^2 s'' + tau s' + s = u, a complex pair of
+    poles from mu = 1/4 on. And it feeds the error of the pressure back with the gain k. Without inertia this is,
+    with the valve's own lag T, tau T p'' + (tau + T) p' + (1 + k) p = (1 + k) u, stable for every k >= 0. With inertia
+    it is stable, whatever T, while k < 1/mu; so k / (1 + k mu) is used. Nothing of it leaves an error at rest. The
+    pressure in the middle of the step is extrapolated from the last one.
     """
-    resonance, kept, slowness = q[2], q[7], q[8]
-    lagged, last = m
-    toward = u + resonance * (u - p - 0.5 * (p - last))
+    resonance, inertia, even, odd, slowness = q[2], q[5], q[8], q[9], q[10]
+    lagged, last, moving = m
+    toward = u + resonance / (1.0 + resonance * inertia) * (u - p - 0.5 * (p - last))
     behind = lagged - toward
-    remaining = behind * kept
-    return toward + (behind - remaining) * slowness, (toward + remaining, p)
+    remaining = (even + odd) * behind + 2.0 * inertia * odd * moving
+    going = (even - odd) * moving - 2.0 * odd * behind
+    mean = toward + ((behind - remaining) + inertia * (moving - going)) * slowness
+    return mean, (toward + remaining, p, going)
 
 
 @inline
@@ -46,7 +51,7 @@ def valve_error(q, error):  # type: ignore[no-untyped-def]
     The law lets the time constant go over from one to the other within an error, and be another one for small errors.
     The rate rises with the error for all values within their bounds.
     """
-    venting, blend, small, per_venting, small_pa = q[1], q[3], q[4], q[9], q[10]
+    venting, blend, small, per_venting, small_pa = q[1], q[3], q[4], q[11], q[12]
     sharp = error if error > 0.0 else error * per_venting
     root = math.sqrt(error * error + blend * blend) + 1e-300
     smooth = error / (1.0 + 0.5 * (venting - 1.0) * (1.0 - error / root))
@@ -55,12 +60,12 @@ def valve_error(q, error):  # type: ignore[no-untyped-def]
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
     """Share of a small step of the set-point that the pressure has made after the time x [s]."""
-    tau, gain = max(q[0], 1e-6), q[2]
-    own = q[5] * (1.0 + q[4]) * (1.0 + 0.5 * (q[1] - 1.0) if q[3] > 0.0 else 1.0)
-    mean, product = 0.5 * (1.0 / tau + 1.0 / own), (1.0 + gain) / (tau * own)
-    root = cmath.sqrt(mean * mean - product) + 1e-9
-    fast, slow = -mean - root, -mean + root
-    return float((1.0 + (slow * cmath.exp(fast * x) - fast * cmath.exp(slow * x)) / (fast - slow)).real)
+    tau, inertia = max(q[0], 1e-6), q[5] + 1e-6
+    own = (1.0 + 1e-5) * q[6] * (1.0 + q[4]) * (1.0 + 0.5 * (q[1] - 1.0) if q[3] > 0.0 else 1.0)
+    gain = q[2] / (1.0 + q[2] * q[5])  # with 1e-5, equal time constants are no double pole
+    poles = np.polynomial.Polynomial((1.0 + gain, tau + own, (inertia * tau + own) * tau, inertia * tau * tau * own))
+    roots, slope = poles.roots(), poles.deriv()
+    return float((1.0 + ((1.0 + gain) / (roots * slope(roots)) * np.exp(roots * x)).sum()).real)
 
 
 EFFECT = Effect(
@@ -84,11 +89,12 @@ EFFECT = Effect(
             law=True,
         ),
         Parameter("valve_lag.small", -0.8, 4.0, "law: longer time constant of small errors", 1.0, 0.0, 0.2, law=True),
+        Parameter("valve_lag.inertia", 0.0, 6.0, "law: inertia of the lag; poles are complex above 0.25", 1.0, 0.0, 0.5, law=True),
     ),
     reads=("valve.time_constant_s", "supply.pressure_pa"),
-    prepared=("kept", "slowness", "per_venting", "small_pa"),
-    memory={"lagged": "pressure", "last": "pressure"},
-    law_memory=("last",),
+    prepared=("even", "odd", "slowness", "per_venting", "small_pa"),
+    memory={"lagged": "pressure", "last": "pressure", "moving": 0.0},
+    law_memory=("last", "moving"),
     hooks={"prepare": prepare, "set_point": set_point, "valve_error": valve_error},
     keys=("valve_lag.time_constant_s", "valve.time_constant_s", "valve_lag.venting_ratio"),
     probes=((0.02, Times(1.0), 1.0), (0.08, Times(1.0), 1.0), (0.0, Times(1.6), 1.0), (0.0, Times(0.5), 1.0)),
@@ -102,12 +108,12 @@ EFFECT = Effect(
         acts_on="pressure behind the valve",
         sign="follows the set-point, without an error at rest",
         monotone="the rate rises with the error; all poles are stable",
-        memory="one or two poles, real or a complex pair",
+        memory="one to three poles, real or a complex pair",
         over=("time", "direction", "pressure error"),
-        coefficients=("valve_lag.resonance", "valve_lag.blend_pa", "valve_lag.small"),
+        coefficients=("valve_lag.resonance", "valve_lag.blend_pa", "valve_lag.small", "valve_lag.inertia"),
         quantity="the share of a step that the {pressure} has made",
         curve=curve,
-        source="Routh's criterion for a polynomial of second order with positive coefficients; Ljung, System"
-        " Identification, 1999, process models",
+        source="Routh's criterion for polynomials of second and third order; Merritt, Hydraulic Control Systems, 1967,"
+        " spool valves as a second-order lag; Ljung, System Identification, 1999, process models",
     ),
 )

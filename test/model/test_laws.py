@@ -385,24 +385,42 @@ def test_gas_and_leak_stay_passive() -> None:
     assert ratio == approx([1.0, 2.0])
 
 
-def test_a_valve_with_resonance_answers_as_its_transfer_function() -> None:
-    """Fails when the step response differs from (1 + k) / (tau T s^2 + (tau + T) s + 1 + k), damped or not."""
+@pytest.mark.parametrize("gain", [0.0, 3.0, 15.0])
+@pytest.mark.parametrize("inertia", [0.0, 0.2, 0.5, 3.0])
+def test_a_valve_with_resonance_and_inertia_answers_as_its_transfer_function(gain: float, inertia: float) -> None:
+    """Fails when the step response differs from (1 + k) / ((mu tau^2 s^2 + tau s + 1)(T s + 1) + k), damped or not."""
     effect = EFFECTS["valve_lag"]
-    tau, own = 0.02, 0.02
-    for gain in (0.0, 3.0, 15.0):
-        h = 2e-4
-        q = numbers(effect, h, time_constant_s=tau, resonance=gain)
-        p, m, got = 0.0, (0.0, 0.0), []
-        for _ in range(1500):
+    tau, own, h = 0.02, 0.02, 2e-4
+    q = numbers(effect, h, time_constant_s=tau, resonance=gain, inertia=inertia)
+    p, m, got = 0.0, (0.0, 0.0, 0.0), []
+    for _ in range(1500):
+        u, m = call(effect, "set_point", q, m, 1e5, p, REST, h)
+        p += (u - p) * -np.expm1(-h / own)
+        got.append(p)
+    times, k = h * np.arange(1, 1501), gain / (1.0 + gain * inertia)
+    poles = np.polynomial.Polynomial((1.0, tau, inertia * tau**2)) * (1.0, own) + k
+    system = TransferFunction([1.0 + k], np.trim_zeros(poles.coef[::-1], "f"))
+    _, expected = step(system, T=np.append(0.0, times))
+    np.testing.assert_allclose(got, 1e5 * expected[1:], atol=400.0)
+    curve = effect.constitution.curve  # type: ignore[union-attr]
+    assert curve is not None
+    assert [curve(q, t, 0.0) for t in times[::300]] == approx(list(expected[1::300]), abs=1e-4)
+
+
+def test_a_valve_is_stable_whatever_its_law() -> None:
+    """Fails when a feedback, an inertia and two time constants within their bounds let the pressure swing up."""
+    effect, h, draw = EFFECTS["valve_lag"], 5e-4, np.random.default_rng(4)
+    for _ in range(20):
+        gain, inertia = draw.uniform(0.0, 50.0), draw.uniform(0.0, 6.0)
+        tau, own = 10.0 ** draw.uniform(-2.5, -0.5, 2)
+        q = numbers(effect, h, time_constant_s=tau, resonance=gain, inertia=inertia)
+        p, m, error = 0.0, (0.0, 0.0, 0.0), []
+        for _ in range(int(60.0 * (tau + own) / h)):
             u, m = call(effect, "set_point", q, m, 1e5, p, REST, h)
             p += (u - p) * -np.expm1(-h / own)
-            got.append(p)
-        times = h * np.arange(1, 1501)
-        _, expected = step(TransferFunction([1.0 + gain], [tau * own, tau + own, 1.0 + gain]), T=np.append(0.0, times))
-        np.testing.assert_allclose(got, 1e5 * expected[1:], atol=400.0)
-        curve = effect.constitution.curve  # type: ignore[union-attr]
-        assert curve is not None
-        assert [curve(q, t, 0.0) for t in times[::300]] == approx(list(expected[1::300]), abs=1e-6)
+            error.append(abs(p - 1e5))
+        parts = np.array_split(error, 10)
+        assert max(parts[-1]) < max(parts[1]) + 1.0 and max(error) < 1.2e5, (gain, inertia, tau, own)
 
 
 def test_the_rate_of_a_valve_rises_with_the_error_between_both_time_constants() -> None:
@@ -411,7 +429,7 @@ def test_the_rate_of_a_valve_rises_with_the_error_between_both_time_constants() 
     errors = np.linspace(-3e5, 3e5, 4001)
     for k, q in enumerate(drawn("valve_lag", 8)):
         q = (q[0], (0.2, 0.5, 2.0, 5.0)[k % 4], *q[2:])
-        q = (*q[:9], 1.0 / q[1], q[10])
+        q = (*q[:11], 1.0 / q[1], q[12])
         rate = np.array([call(effect, "valve_error", q, error) for error in errors])
         assert np.diff(rate).min() > 0.0
         assert rate[2000] == 0.0

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pytest import approx
+from scipy.linalg import expm
 
 from hand_model.effects import operators
 
@@ -42,6 +43,21 @@ def test_lag_without_a_time_constant_keeps_nothing() -> None:
     assert kept == sorted(kept, reverse=True)
     assert kept[-1] < 1e-12
     assert call("two_lag_constants", 0.5, 0.25, 1e-3)[1::2] == (approx(375.0), approx(125.0))
+
+
+@pytest.mark.parametrize("inertia", [0.0, 1e-6, 0.1, 0.2493, 0.25, 0.2507, 0.5, 3.0])
+def test_a_lag_with_inertia_is_the_exponential_of_its_matrix(inertia: float) -> None:
+    """Fails when a constant of mu d'' + d' + d = 0 is wrong for real, equal or complex poles, or without inertia."""
+    tau, h = 0.03, 5e-3
+    even, odd, slowness = call("second_order_constants", tau, inertia, h)
+    assert slowness == tau * (1.0 / h)
+    got = np.array([[even + odd, 2.0 * inertia * odd], [-2.0 * odd, even - odd]])
+    mu = max(inertia, 1e-9)
+    exact = expm(h / tau * np.array([[0.0, 1.0], [-1.0 / mu, -1.0 / mu]]))
+    assert got == approx(exact, abs=3e-4)
+    if inertia == 0.0:
+        assert even + odd == call("lag_constants", tau, h)[0]
+        assert call("second_order_constants", 0.0, inertia, h) == (0.0, 0.0, 0.0)
 
 
 def loop_after(a: float, way: float, sharp: float) -> float:
