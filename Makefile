@@ -62,7 +62,7 @@ LINT := ruff format --check . && ruff check . && mypy && hadolint Dockerfile
 test: $(BUILT) $(CHECKED) $(ACTIONS)
 	mkdir -p out
 	$(RUN) { (nice -n 19 bash -c '$(LINT)' > out/lint.log 2>&1) & lint=$$!; \
-	tests=0; python -m pytest -n $(WORKERS) --dist loadfile $(if $(LONG),-m '') $(TESTS) || tests=$$?; \
+	tests=0; python -m pytest -n $(WORKERS) $(if $(LONG),-m '') $(TESTS) || tests=$$?; \
 	checks=0; wait $$lint || checks=$$?; cat out/lint.log; exit $$((tests > checks ? tests : checks)); }
 
 lint: $(BUILT) $(CHECKED)

@@ -6,7 +6,7 @@ import numpy as np
 
 from hand_driver.board import Counts
 from hand_model.arrays import Array
-from hand_model.compile_cache import njit
+from hand_model.compile_cache import njit, without_arrays
 from hand_model.description import Hand
 from hand_model.kernel.inline import inline_exact
 from hand_model.kernel.layout import OMEGA, PHI, P
@@ -29,7 +29,7 @@ def _contact_forces(states, contact, site_joint, lever_arm, out):  # type: ignor
             out[n, i] = 0.0 if j < 0 else _contact_force(states[n], j, contact, lever_arm[i])
 
 
-@njit(cache=True)
+@without_arrays
 def _counts(state, supply, noise, joint, contact, site, site_joint, channel, reference, full_scale, out):  # type: ignore[no-untyped-def]
     """Codes of every channel; rows of joint and site as in Channels."""
     joints, sites = state.shape[1], len(site_joint)

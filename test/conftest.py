@@ -1,8 +1,9 @@
 """All tests: compiled kernels are those of the sources under test; tests in real time run alone.
 
 `make test` runs the tests in several processes (pytest-xdist). A test in real time keeps deadlines, and a process that
-is delayed by 0.1 s makes the hand vent. So the processes share a lock: a module of such tests holds it alone, all other
-tests hold it together. A separate process measures how long the machine itself stalls; a failed test states it.
+is delayed by 0.1 s makes the hand vent. So one process runs all of these at the end, and the processes share a lock:
+tests in real time hold it alone, all other tests hold it together. A separate process measures how long the machine
+itself stalls; a failed test states it.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from xdist.remote import Producer
+from xdist.scheduler import LoadScopeScheduling
 
 from hand_ros.memory import lock_memory
 
@@ -43,7 +46,11 @@ REAL_TIME = (
     "driver/test_can_",
     "driver/test_c_board",
 )
-"""Tests of processes that keep deadlines, by the beginning of their path."""
+"""Tests of processes that keep deadlines, by the beginning of their path below test/."""
+NO_DEADLINE = ("nodes/test_policies.py",)
+"""Tests of nodes that nobody commands."""
+FIRST = ("validation/", "diagnosis/")
+"""Where the longest tests are: at the end they would run while the other processes have nothing left."""
 WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
 # A domain per test process, before rclpy is imported: nodes of another process must not be heard.
 _DOMAIN = int(os.environ.get("ROS_DOMAIN_ID") or os.getpid() % 90 + 10)
@@ -56,6 +63,29 @@ os.environ["ROS_HOME"] = str(ROOT / ".pytest_cache" / "ros" / str(os.getpid()))
 # A shell that starts the tests in the background lets them ignore SIGINT, and so would every process under test.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def in_real_time(nodeid: str) -> bool:
+    """Whether a test keeps deadlines, by its path."""
+    path = nodeid.removeprefix("test/")
+    return path.startswith(REAL_TIME) and not path.startswith(NO_DEADLINE)
+
+
+class Files(LoadScopeScheduling):
+    """Gives whole files to test processes, in their order; all tests in real time, the last ones, to one of them."""
+
+    def __init__(self, config: pytest.Config, log: Producer | None = None) -> None:
+        """Begin without tests."""
+        super().__init__(config, log)
+        config.option.loadscopereorder = False  # the file with most tests is not the longest
+
+    def _split_scope(self, nodeid: str) -> str:
+        return "real time" if in_real_time(nodeid) else nodeid.split("::", maxsplit=1)[0]
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Files:
+    return Files(config, log)
 
 
 class Lock:
@@ -139,8 +169,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        if item.path.relative_to(ROOT / "test").as_posix().startswith(REAL_TIME):
+        if in_real_time(item.nodeid):
             item.add_marker(pytest.mark.real_time)
+    items.sort(key=lambda item: (in_real_time(item.nodeid), not item.nodeid.removeprefix("test/").startswith(FIRST)))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
@@ -166,7 +197,7 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> Iterator[None]:
-    """Hold the lock during a test; a module in real time keeps it, because its fixtures keep processes running."""
+    """Hold the lock during a test; tests in real time keep it, because their fixtures keep processes running."""
     alone = item.get_closest_marker("real_time") is not None
     LOCK.take("alone" if alone else "together")
     if alone:  # a collection takes seconds in a process that has run thousands of tests, and messages wait meanwhile
@@ -175,7 +206,7 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
         return (yield)
     finally:
         gc.unfreeze()
-        if not (alone and nextitem is not None and nextitem.path == item.path):
+        if not (alone and nextitem is not None and nextitem.get_closest_marker("real_time") is not None):
             LOCK.release()
 
 

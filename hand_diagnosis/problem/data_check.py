@@ -122,7 +122,7 @@ def _expected_travel(model: JointModel, joint: str, pressure_pa: Array) -> float
     a0, a1, a2, a3 = column[ROW["statics.a0_nm"] : ROW["statics.a3_nm_per_pa_rad"] + 1]
     low, high = column[ROW["end_stop.low_deg"]], column[ROW["end_stop.high_deg"]]
     ends = np.clip(np.quantile(pressure_pa, _ends()), 0.0, column[ROW["supply.pressure_pa"]])
-    angles = [float(np.clip(equilibrium_angle(p, 0.0, 0.0, a0, a1, a2, a3, 0.0), low, high)) for p in ends]
+    angles = [float(np.clip(equilibrium_angle.py_func(p, 0.0, 0.0, a0, a1, a2, a3, 0.0), low, high)) for p in ends]
     return angles[1] - angles[0]
 
 

@@ -65,11 +65,11 @@ def lag_constants(tau, h):  # type: ignore[no-untyped-def]
 
 @inline
 def second_order_constants(tau, inertia, h):  # type: ignore[no-untyped-def]
-    """Constants (even, odd, slowness) of mu tau^2 d'' + tau d' + d = 0 over a step of h [s]; mu is the inertia >= 0 [-].
+    """Constants (even, odd, slowness) of mu tau^2 d'' + tau d' + d = 0 over h [s]; mu, the inertia, is >= 0 [-].
 
     With w = tau d', d becomes (even + odd) d + 2 mu odd w and w becomes (even - odd) w - 2 odd d: the exact solution,
     with real poles up to mu = 1/4. Without inertia it is that of `lag_constants`, and even = odd = kept / 2.
-    Around mu = 1/4, where both poles are equal, the poles of the next mu beside are used (1e-4 away).
+    Around mu = 1/4, where both poles are equal, the poles of a mu 1e-4 away are used.
     """
     steps = h / tau if tau > 0.0 else 1e12
     root = math.sqrt(max(abs(1.0 - 4.0 * inertia), ROOT * ROOT))

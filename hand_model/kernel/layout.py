@@ -44,7 +44,7 @@ def resting_states(parameters: Array) -> Array:
     """
     state = np.zeros((STATES, *parameters.shape[1:]))
     a0, a1, a2, a3 = parameters[ROW["statics.a0_nm"] : ROW["statics.a3_nm_per_pa_rad"] + 1]
-    angle = equilibrium_angle(0.0, 0.0, parameters[ROW["constant_load.torque_nm"]], a0, a1, a2, a3, 0.0)
+    angle = equilibrium_angle.py_func(0.0, 0.0, parameters[ROW["constant_load.torque_nm"]], a0, a1, a2, a3, 0.0)
     state[PHI] = np.clip(angle, parameters[ROW["end_stop.low_deg"]], parameters[ROW["end_stop.high_deg"]])
     return state
 
