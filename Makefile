@@ -1,5 +1,7 @@
 # make demo | make test | make bench ...: each does all the set-up it needs, in this folder.
 SHELL := bash
+# What the tests need is installed while the packages are built.
+MAKEFLAGS += --jobs=2
 PYTHON ?= python3
 VENV := .venv
 # `make demo` installs what runs, `make studio` also the page; other targets what tests, benches and the proof import, too.

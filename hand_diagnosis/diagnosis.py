@@ -55,6 +55,7 @@ from hand_diagnosis.search import (
     refit_below_floor,
     rough_evidence,
     search_joint,
+    with_validation,
 )
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import FreeParameter, nominal_free_parameters
@@ -262,9 +263,16 @@ def _searched(
     if switched is not None:
         search, onset, rows = switched
         problem, whole = search.problem, with_onset(whole, onset, rows)
-    test, withdrawn = _tested(whole, search, rng)
-    left_out = leave_one_out(whole, search) if task.signals[0].machine and onset is None else None
-    fits, free_axis = (search.nominal, search.final), swings_freely(whole)
+    machine = task.signals[0].machine
+    free_axis = swings_freely(whole)
+    _confirm_laws(whole, search, free_axis=free_axis)
+    last = search
+    if search.accepted and not machine:
+        nominal, accepted = with_validation(problem, search.nominal, search.accepted)
+        last = replace(search, nominal=nominal, accepted=accepted)
+    test, withdrawn = _tested(whole, search, last, rng, free_axis=free_axis)
+    left_out = leave_one_out(whole, search) if machine and onset is None else None
+    fits = (search.nominal, search.final)
     if left_out is not None and left_out.withdrawn:
         test = evaluate_test(whole, fits, free_axis=free_axis)
     results = stage_results(problem, *fits, len(search.accepted))
@@ -272,8 +280,9 @@ def _searched(
     separable = [effect for effect in effects if effect.place != "force_sensor"]
     found = isolability(problem, search.nominal, separable) if search.accepted else None
     search.forget_sensitivities()
-    everything = _fitted_to_everything(whole, search, rng) if task.signals[0].machine else None
-    result = JointDiagnosis(joint, search, tuple(results), wording, test, onset, whole, everything, found, withdrawn)
+    last.forget_sensitivities()
+    reported = _fitted_to_everything(whole, search, rng) if machine else last if search.accepted else None
+    result = JointDiagnosis(joint, search, tuple(results), wording, test, onset, whole, reported, found, withdrawn)
     return replace(result, certificates=_certified(result), left_out=left_out)
 
 
@@ -302,16 +311,15 @@ def _certified(result: JointDiagnosis) -> tuple[Certificate, ...]:
 
 
 def _tested(
-    whole: JointProblem, search: JointSearch, rng: np.random.Generator
+    whole: JointProblem, search: JointSearch, last: JointSearch, rng: np.random.Generator, *, free_axis: bool
 ) -> tuple[ErrorsOnTest | None, tuple[str, ...]]:
     """Errors of the nominal and the final model on the test data; the effects that these data contradict.
 
-    The search is over. Findings are withdrawn only where a signal's test error gets clearly larger by them and none's
-    gets smaller: the right effect in too narrow a form gains less on test data than on validation data.
+    The search is over. last: the same models as they are tested, fitted to more data. Findings are withdrawn only where
+    a signal's test error gets clearly larger by them and none's gets smaller: the right effect in too narrow a form
+    gains less on test data than on validation data.
     """
-    free_axis = swings_freely(whole)
-    _confirm_laws(whole, search, free_axis=free_axis)
-    test = evaluate_test(whole, [search.nominal, search.final], free_axis=free_axis)
+    test = evaluate_test(whole, [last.nominal, last.final], free_axis=free_axis)
     if test is None or not search.accepted:
         return test, ()
     stages = range(len(test.counts))

@@ -47,8 +47,6 @@ REAL_TIME = (
     "driver/test_c_board",
 )
 """Tests of processes that keep deadlines, by the beginning of their path below test/."""
-NO_DEADLINE = ("nodes/test_policies.py",)
-"""Tests of nodes that nobody commands."""
 FIRST = ("validation/", "diagnosis/")
 """Where the longest tests are: at the end they would run while the other processes have nothing left."""
 WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
@@ -67,8 +65,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 def in_real_time(nodeid: str) -> bool:
     """Whether a test keeps deadlines, by its path."""
-    path = nodeid.removeprefix("test/")
-    return path.startswith(REAL_TIME) and not path.startswith(NO_DEADLINE)
+    return nodeid.removeprefix("test/").startswith(REAL_TIME)
 
 
 class Files(LoadScopeScheduling):

@@ -70,8 +70,8 @@ class JointResult:
 
     test: errors of the nominal model and of the final one on the test data; None where there are none.
     onset: when its effects begin or end; None where they are there all the time.  whole: the problem with the test
-    data, which the search did not see.  everything: the search with its models fitted to all data, for the numbers
-    that are reported; None: those of the search are.
+    data, which the search did not see.  last: the search with its models fitted to more data, when all choices were
+    made, for the numbers that are reported; None: those of the search are.
     """
 
     joint: str
@@ -81,12 +81,12 @@ class JointResult:
     test: ErrorsOnTest | None = None
     onset: Onset | None = None
     whole: JointProblem | None = None
-    everything: JointSearch | None = None
+    last: JointSearch | None = None
 
     @property
     def reported(self) -> JointSearch:
         """The search whose numbers are reported."""
-        return self.everything or self.search
+        return self.last or self.search
 
     def result(self, stage: int) -> StageResult:
         """The result of a signal that the joint has."""

@@ -1,6 +1,13 @@
 """Which effects, with which laws, explain a joint: hypotheses, their evidence, learned laws, the search."""
 
-from hand_diagnosis.search.completion import ELSEWHERE, at_floor, on_everything, refit_below_floor, standard_errors
+from hand_diagnosis.search.completion import (
+    ELSEWHERE,
+    at_floor,
+    on_everything,
+    refit_below_floor,
+    standard_errors,
+    with_validation,
+)
 from hand_diagnosis.search.hypotheses import Hypothesis, Isolability, Probes, amounts, isolability, probes_at
 from hand_diagnosis.search.joint_search import JointSearch, fit_without, rough_evidence, search_joint
 from hand_diagnosis.search.law_curves import LawCurve, describe, in_words
@@ -29,4 +36,5 @@ __all__ = [
     "search_joint",
     "standard_errors",
     "training_evidence",
+    "with_validation",
 ]

@@ -4,10 +4,10 @@ A search frees a law class by class and stops as soon as the cost hardly falls, 
 What is then left on data that were not fitted may be a minimum that is not the best one. The training data fit, the
 validation data choose among the fits, and one is taken only where these data confirm it.
 
-Of a machine, the numbers that its user takes home are fitted to all that was recorded. While effects are chosen,
-validation and test data take no part in a fit; when the test error has been measured, nothing is chosen against them
-any more. A law over the pressure needs every pressure that was recorded. The errors of the report remain those of the
-fit before.
+The last fits are those to data that chose before. Of a hand, the models that are tested and reported are fitted to the
+validation data, too. Of a machine, the numbers that its user takes home are fitted to all that was recorded: when the
+test error has been measured, nothing is chosen against these data any more, and a law over the pressure needs every
+pressure that was recorded.
 """
 
 from __future__ import annotations
@@ -125,6 +125,22 @@ def refit_below_floor(problem: JointProblem, fit: MapFit) -> MapFit:
     """
     sharp = weighted_by_noise(problem, fit)
     return at_floor(problem, map_fit(sharp, fit.free, fit.z, SETTINGS.refit_iterations))
+
+
+def with_validation(
+    problem: JointProblem, nominal: MapFit, accepted: Sequence[Hypothesis]
+) -> tuple[MapFit, list[Hypothesis]]:
+    """The nominal model and the effects found, fitted below the floor to training and validation data together.
+
+    For the time when nothing is chosen any more.
+    """
+    everything = replace(problem, holds_out=False)
+
+    def refit(fit: MapFit) -> MapFit:
+        sharp = replace(weighted_by_noise(problem, fit), holds_out=False)
+        return at_floor(everything, map_fit(sharp, fit.free, fit.z, SETTINGS.refit_iterations))
+
+    return refit(nominal), [*accepted[:-1], replace(accepted[-1], fit=refit(accepted[-1].fit))]
 
 
 def at_floor(problem: JointProblem, done: MapFit) -> MapFit:

@@ -90,7 +90,7 @@ EFFECT = Effect(
         ),
         Parameter("valve_lag.small", -0.8, 4.0, "law: longer time constant of small errors", 1.0, 0.0, 0.2, law=True),
         Parameter(
-            "valve_lag.inertia",
+            "valve_lag.inertia_ratio",
             0.0,
             6.0,
             "law: inertia of the lag; poles are complex above 0.25",
@@ -119,7 +119,7 @@ EFFECT = Effect(
         monotone="the rate rises with the error; all poles are stable",
         memory="one to three poles, real or a complex pair",
         over=("time", "direction", "pressure error"),
-        coefficients=("valve_lag.resonance", "valve_lag.blend_pa", "valve_lag.small", "valve_lag.inertia"),
+        coefficients=("valve_lag.resonance", "valve_lag.blend_pa", "valve_lag.small", "valve_lag.inertia_ratio"),
         quantity="the share of a step that the {pressure} has made",
         curve=curve,
         source="Routh's criterion for polynomials of second and third order; Merritt, Hydraulic Control Systems, 1967,"

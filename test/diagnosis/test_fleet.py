@@ -28,7 +28,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     paths = []
     for number, recorded in enumerate((rubbing, hand, rubbing)):
         paths.append(folder / f"hand_{number}.mcap")
-        for _ in record_offline(recorded, excitation(np.random.default_rng(number), 24.0, 11), paths[-1], seed=number):
+        for _ in record_offline(recorded, excitation(np.random.default_rng(number), 16.0, 11), paths[-1], seed=number):
             pass
     bad = folder / "hand_3.mcap"
     bad.write_text("nothing\n", encoding="utf-8")

@@ -391,7 +391,7 @@ def test_a_valve_with_resonance_and_inertia_answers_as_its_transfer_function(gai
     """Fails when the step response differs from (1 + k) / ((mu tau^2 s^2 + tau s + 1)(T s + 1) + k), damped or not."""
     effect = EFFECTS["valve_lag"]
     tau, own, h = 0.02, 0.02, 2e-4
-    q = numbers(effect, h, time_constant_s=tau, resonance=gain, inertia=inertia)
+    q = numbers(effect, h, time_constant_s=tau, resonance=gain, inertia_ratio=inertia)
     p, m, got = 0.0, (0.0, 0.0, 0.0), []
     for _ in range(1500):
         u, m = call(effect, "set_point", q, m, 1e5, p, REST, h)
@@ -413,7 +413,7 @@ def test_a_valve_is_stable_whatever_its_law() -> None:
     for _ in range(20):
         gain, inertia = draw.uniform(0.0, 50.0), draw.uniform(0.0, 6.0)
         tau, own = 10.0 ** draw.uniform(-2.5, -0.5, 2)
-        q = numbers(effect, h, time_constant_s=tau, resonance=gain, inertia=inertia)
+        q = numbers(effect, h, time_constant_s=tau, resonance=gain, inertia_ratio=inertia)
         p, m, error = 0.0, (0.0, 0.0, 0.0), []
         for _ in range(int(60.0 * (tau + own) / h)):
             u, m = call(effect, "set_point", q, m, 1e5, p, REST, h)
