@@ -64,13 +64,14 @@ def test_a_missing_effect_is_named_placed_and_measured(effect: str, hand: Hand) 
     assert after < 1.5 * ANGLE_NOISE_RAD + np.radians(0.02)
 
 
+@pytest.mark.long
 def test_what_looks_alike_is_named_together(hand: Hand) -> None:
     """Fails when one of two explanations that these data cannot separate is claimed with confidence, in the mean.
 
     A leak through a gap is a share of the pressure: a span error and a valve a little faster do just that.
     """
     shares = []
-    for seed in (102, 105):
+    for seed in (102, 103, 104, 105):
         rng = np.random.default_rng(seed)
         nominal = off_by_a_little(hand, rng)
         first = run(record(changed(hand, JOINT, leak__rate_per_s=0.5), rng), nominal, JOINT).findings[0]
