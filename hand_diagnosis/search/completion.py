@@ -135,12 +135,8 @@ def with_validation(
     For the time when nothing is chosen any more.
     """
     everything = replace(problem, holds_out=False)
-
-    def refit(fit: MapFit) -> MapFit:
-        sharp = replace(weighted_by_noise(problem, fit), holds_out=False)
-        return at_floor(everything, map_fit(sharp, fit.free, fit.z, SETTINGS.refit_iterations))
-
-    return refit(nominal), [*accepted[:-1], replace(accepted[-1], fit=refit(accepted[-1].fit))]
+    last = replace(accepted[-1], fit=refit_below_floor(everything, accepted[-1].fit))
+    return refit_below_floor(everything, nominal), [*accepted[:-1], last]
 
 
 def at_floor(problem: JointProblem, done: MapFit) -> MapFit:
