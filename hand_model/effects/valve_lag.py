@@ -59,13 +59,22 @@ def valve_error(q, error):  # type: ignore[no-untyped-def]
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
-    """Share of a small step of the set-point that the pressure has made after the time x [s]."""
-    tau, inertia = max(q[0], 1e-6), q[5] + 1e-6
-    own = (1.0 + 1e-5) * q[6] * (1.0 + q[4]) * (1.0 + 0.5 * (q[1] - 1.0) if q[3] > 0.0 else 1.0)
-    gain = q[2] / (1.0 + q[2] * q[5])  # with 1e-5, equal time constants are no double pole
-    poles = np.polynomial.Polynomial((1.0 + gain, tau + own, (inertia * tau + own) * tau, inertia * tau * tau * own))
-    roots, slope = poles.roots(), poles.deriv()
-    return float((1.0 + ((1.0 + gain) / (roots * slope(roots)) * np.exp(roots * x)).sum()).real)
+    """Share of a small step of the set-point that the pressure has made after the time x [s].
+
+    What is left of it solves the equation of `set_point` with the valve's own lag, from 1 at rest.
+    """
+    from scipy.linalg import expm  # noqa: PLC0415 - slow to import, and no node draws a curve
+
+    tau, inertia = max(q[0], 1e-6), q[5]
+    own = q[6] * (1.0 + q[4]) * (1.0 + 0.5 * (q[1] - 1.0) if q[3] > 0.0 else 1.0)
+    gain = q[2] / (1.0 + q[2] * inertia)
+    left = np.trim_zeros((1.0 + gain, tau + own, (inertia * tau + own) * tau, inertia * tau * tau * own), "b")
+    order = len(left) - 1
+    unit = (left[-1] / left[0]) ** (1.0 / order)
+    scaled = np.array(left) / unit ** np.arange(order + 1.0)
+    rates = np.eye(order, k=1)
+    rates[-1] = -scaled[:-1] / scaled[-1]
+    return float(1.0 - expm(rates * (x / unit))[0, 0])
 
 
 EFFECT = Effect(

@@ -404,7 +404,7 @@ def test_a_valve_with_resonance_and_inertia_answers_as_its_transfer_function(gai
     np.testing.assert_allclose(got, 1e5 * expected[1:], atol=400.0)
     curve = effect.constitution.curve  # type: ignore[union-attr]
     assert curve is not None
-    assert [curve(q, t, 0.0) for t in times[::300]] == approx(list(expected[1::300]), abs=1e-4)
+    assert [curve(q, t, 0.0) for t in times[::300]] == approx(list(expected[1::300]), abs=1e-6)
 
 
 def test_a_valve_is_stable_whatever_its_law() -> None:
