@@ -56,13 +56,6 @@ def adc_code(volts, reference, full_scale):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _fsr_ratios(force, c0, c1, divider, threshold, out):  # type: ignore[no-untyped-def]
-    for n in range(force.shape[0]):
-        for i in range(force.shape[1]):
-            out[n, i] = fsr_ratio(force[n, i], c0[i], c1[i], divider[i], threshold[i])
-
-
-@njit(cache=True)
 def _fsr_forces(ratio, k, divider, ratio_min, out):  # type: ignore[no-untyped-def]
     for n in range(ratio.shape[0]):
         for i in range(ratio.shape[1]):
@@ -150,9 +143,8 @@ class ForceSensors:
 
     def ratio(self, force_n: Array) -> Array:
         """U_D / U_0 = R_D / (R_S + R_D) at normal forces [N]; 0 below the threshold."""
-        force, out = _by_site(force_n)
-        _fsr_ratios(force, self.c0, self.c1, self.divider_ohm, self.threshold_n, out)
-        return out.reshape(np.shape(force_n))
+        each = np.vectorize(fsr_ratio.py_func, otypes=[np.float64])  # few numbers: compiling a loop takes 0.4 s
+        return np.asarray(each(force_n, self.c0, self.c1, self.divider_ohm, self.threshold_n))
 
 
 @dataclass(frozen=True, slots=True)
