@@ -11,7 +11,7 @@ from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 
 FORCE_AGE_S = 0.1
-"""Older readings of the force sensors are not used."""
+"""Readings of the force sensors that are this much older than the frame acted upon, or newer, are not used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class ContactMonitor:
 
     def update(self, stamp_ns: int, by_model: Array, age_s: Array, torque_nm: Array) -> None:
         """Combine the sources. by_model (n,): 1 where the law reports contact; age_s since its onset; torque_nm."""
-        if (stamp_ns - self._force_ns) * 1e-9 > FORCE_AGE_S:
+        if abs(stamp_ns - self._force_ns) * 1e-9 > FORCE_AGE_S:
             self._pressed[:] = False
             self._force[:] = np.nan
         now = (by_model != 0.0) | self._pressed
@@ -73,7 +73,8 @@ class ContactMonitor:
         touching = not self.contact[joint]
         modelled, pressed = bool(by_model[joint] != 0.0), bool(self._pressed[joint])
         onsets = [stamp_ns - round(age_s[joint] * 1e9)] * modelled + [int(self._pressed_ns[joint])] * pressed
-        onset = min(onsets) if touching else stamp_ns
+        # A reading may be newer than the frame acted upon: a late frame. No contact begins after it is reported.
+        onset = min(stamp_ns, *onsets) if touching else stamp_ns
         source = " and ".join(["model"] * modelled + ["force"] * pressed)
         force, torque = float(self._force[joint]), float(torque_nm[joint])
         return Event(

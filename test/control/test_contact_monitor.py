@@ -64,6 +64,14 @@ def test_a_force_above_the_threshold_is_a_contact_from_its_stamp_on() -> None:
     assert event.source == "force" and event.delay_s == pytest.approx(0.010)
 
 
+def test_a_reading_newer_than_the_frame_begins_with_the_frame() -> None:
+    """Fails when a late frame gives a contact that begins after its detection, or its reading is lost."""
+    monitor = ContactMonitor(HAND)
+    monitor.forces(1020 * MS, forces(index_proximal_pad=0.8), 0.5)
+    (event,) = updated(monitor, 1000)
+    assert (event.onset_ns, event.delay_s, event.source) == (1000 * MS, 0.0, "force")
+
+
 def test_a_force_at_the_threshold_is_none() -> None:
     """Fails when the threshold itself, or a smaller force, starts a contact."""
     monitor = ContactMonitor(HAND)
@@ -105,6 +113,13 @@ def test_readings_are_used_for_100_ms() -> None:
     assert updated(monitor, 1100) == []
     (end,) = updated(monitor, 1101)
     assert not end.touching and math.isnan(end.force_n)
+
+
+def test_a_reading_of_a_clock_that_is_ahead_is_not_used() -> None:
+    """Fails when a stamp in the future holds a contact that nothing can end any more."""
+    monitor = ContactMonitor(HAND)
+    monitor.forces(1101 * MS, forces(index_proximal_pad=0.9), 0.5)
+    assert updated(monitor, 1000) == []
 
 
 def test_a_failed_sensor_is_no_force() -> None:
