@@ -15,19 +15,21 @@ from hand_diagnosis.judgement import (
     Remainder,
     bound_notes,
     certify,
+    confirm_laws,
     exchange_notes,
     leave_one_out,
     ranked_findings,
     remainders,
     search_with_onset,
     stage_results,
+    tested,
     verdict,
     with_onset,
     with_other_splits,
     withdrawn_rows,
+    without_repeating,
 )
 from hand_diagnosis.problem import (
-    ErrorsOnTest,
     Prepared,
     Task,
     check,
@@ -75,13 +77,13 @@ from hand_recording.signals import Signals
 class JointDiagnosis(JointResult):
     """A joint: its search, its signals on validation data, and what its data can separate where something was found.
 
-    withdrawn: effects that validation data confirm and that make the test error clearly larger.  certificates: of an
+    withdrawn: effects that validation data confirm and that are not claimed, with the reason.  certificates: of an
     explained joint, the strongest attack on each signal.  left_out: errors on recordings of a machine that
     were left out of the fit, and effects that do not hold there.
     """
 
     isolability: Isolability | None = None
-    withdrawn: tuple[str, ...] = ()
+    withdrawn: tuple[tuple[str, str], ...] = ()
     certificates: tuple[Certificate, ...] = ()
     left_out: LeftOut | None = None
 
@@ -265,12 +267,13 @@ def _searched(
         problem, whole = search.problem, with_onset(whole, onset, rows)
     machine = task.signals[0].machine
     free_axis = swings_freely(whole)
-    _confirm_laws(whole, search, free_axis=free_axis)
+    withdrawn = without_repeating(search)
+    confirm_laws(whole, search, free_axis=free_axis)
     last = search
     if search.accepted and not machine:
         nominal, accepted = with_validation(problem, search.nominal, search.accepted)
         last = replace(search, nominal=nominal, accepted=accepted)
-    test, withdrawn = _tested(whole, search, last, rng, free_axis=free_axis)
+    test, contradicted = tested(whole, search, last, rng, free_axis=free_axis)
     left_out = leave_one_out(whole, search) if machine and onset is None else None
     fits = (search.nominal, search.final)
     if left_out is not None and left_out.withdrawn:
@@ -282,6 +285,7 @@ def _searched(
     search.forget_sensitivities()
     last.forget_sensitivities()
     reported = _fitted_to_everything(whole, search, rng) if machine else last if search.accepted else None
+    withdrawn += contradicted
     result = JointDiagnosis(joint, search, tuple(results), wording, test, onset, whole, reported, found, withdrawn)
     return replace(result, certificates=_certified(result), left_out=left_out)
 
@@ -308,44 +312,6 @@ def _certified(result: JointDiagnosis) -> tuple[Certificate, ...]:
         return ()
     free_axis = swings_freely(whole)
     return certify(search.problem, whole, search.final, result.results, free_axis=free_axis)
-
-
-def _tested(
-    whole: JointProblem, search: JointSearch, last: JointSearch, rng: np.random.Generator, *, free_axis: bool
-) -> tuple[ErrorsOnTest | None, tuple[str, ...]]:
-    """Errors of the nominal and the final model on the test data; the effects that these data contradict.
-
-    The search is over. last: the same models as they are tested, fitted to more data. Findings are withdrawn only where
-    a signal's test error gets clearly larger by them and none's gets smaller: the right effect in too narrow a form
-    gains less on test data than on validation data.
-    """
-    test = evaluate_test(whole, [last.nominal, last.final], free_axis=free_axis)
-    if test is None or not search.accepted:
-        return test, ()
-    stages = range(len(test.counts))
-    worse = any(test.clearly_worse(0, 1, stage, rng) for stage in stages)
-    if not worse or any(test.clearly_worse(1, 0, stage, rng) for stage in stages):
-        return test, ()
-    names = tuple(hypothesis.effect.name for hypothesis in search.accepted)
-    search.accepted.clear()
-    return evaluate_test(whole, [search.nominal, search.nominal], free_axis=free_axis), names
-
-
-def _confirm_laws(whole: JointProblem, search: JointSearch, *, free_axis: bool) -> None:
-    """Put back the textbook forms of all laws where the learned ones do not reduce the test error.
-
-    A law that is learned over a time or a travel may not hold beyond the fitted data.
-    """
-    learned = [hypothesis for hypothesis in search.accepted if hypothesis.freed]
-    if not learned:
-        return
-    textbook = search.with_textbook_laws()
-    test = evaluate_test(whole, [textbook.final, search.final], free_axis=free_axis)
-    if test is None:
-        return
-    before, after = (np.nansum(test.rmse(k) ** 2 / whole.floor**2) for k in (0, 1))
-    if after >= before:
-        search.accepted[:] = textbook.accepted
 
 
 def _beside_models(task: Task, done: Sequence[JointDiagnosis]) -> list[JointDiagnosis]:

@@ -48,6 +48,7 @@ FORMS: dict[str, tuple[int, float, frozenset[str]]] = {
     "cogging": (15, 5e-3, frozenset()),
     "shaken": (16, 5e-3, frozenset()),
     "plain": (0, 0.0, frozenset()),
+    "coarse_teeth": (17, 5e-3, frozenset()),
 }
 
 
@@ -125,6 +126,8 @@ def _simulate(u, q, form, size, dt, finer):  # type: ignore[no-untyped-def]
                 m -= size * math.copysign(math.sqrt(abs(w) + 0.01) - 0.1, w)
             elif form == 15:
                 m -= size * math.sin(14.0 * phi)
+            elif form == 17:
+                m -= size * math.sin(7.0 * phi + 0.5)
             elif form == 16:
                 m += size * math.sin(2.0 * math.pi * 1.7 * t)
             m += stop * (max(low - phi, 0.0) - max(phi - high, 0.0))

@@ -1,6 +1,7 @@
 """What a fitted model leaves, and what that means: errors against noise, onsets, findings, remainders, certificates."""
 
 from hand_diagnosis.judgement.certificate import GAUSSIAN_PROCESS, LAGGED_INPUTS, Certificate, certify
+from hand_diagnosis.judgement.confirmation import confirm_laws, tested, without_repeating
 from hand_diagnosis.judgement.findings import Finding, JointResult, Number, joint_findings, ranked_findings, said
 from hand_diagnosis.judgement.notes import bound_notes, errors_by_split, exchange_notes
 from hand_diagnosis.judgement.onset import (
@@ -12,7 +13,8 @@ from hand_diagnosis.judgement.onset import (
     with_onset,
     withdrawn_rows,
 )
-from hand_diagnosis.judgement.remainder import Remainder, RemainderLaw, described, learn_remainder, remainders, verdict
+from hand_diagnosis.judgement.remainder import Remainder, remainders, verdict
+from hand_diagnosis.judgement.remainder_law import RemainderLaw, described, learn_remainder
 from hand_diagnosis.judgement.residual_structure import Region, describe, locate, states_of
 from hand_diagnosis.judgement.stage_errors import Excess, StageResult, stage_results, with_other_splits
 
@@ -32,6 +34,7 @@ __all__ = [
     "StageResult",
     "bound_notes",
     "certify",
+    "confirm_laws",
     "describe",
     "described",
     "error_rows",
@@ -47,8 +50,10 @@ __all__ = [
     "search_with_onset",
     "stage_results",
     "states_of",
+    "tested",
     "verdict",
     "with_onset",
     "with_other_splits",
     "withdrawn_rows",
+    "without_repeating",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hand_diagnosis.judgement.findings import JointResult
-from hand_diagnosis.judgement.remainder import RemainderLaw
+from hand_diagnosis.judgement.remainder_law import RemainderLaw
 from hand_diagnosis.problem import stretch_of_test
 from hand_identification.free_parameters import FARTHEST, WIDE
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS

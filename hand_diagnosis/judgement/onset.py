@@ -388,9 +388,9 @@ def error_rows(joint: str, found: LeftOut | None, wording: Wording) -> list[dict
     ]
 
 
-def withdrawn_rows(joint: str, found: LeftOut | None, on_test: Sequence[str]) -> list[dict[str, str]]:
-    """For report.json: effects that were withdrawn, and why. on_test: those that the test data contradict."""
-    rows = [(name, "it improves the validation error and makes the test error clearly larger") for name in on_test]
+def withdrawn_rows(joint: str, found: LeftOut | None, others: Sequence[tuple[str, str]]) -> list[dict[str, str]]:
+    """For report.json: effects that were withdrawn, and why. others: those withdrawn before, with the reasons."""
+    rows = list(others)
     for name, without, having in found.withdrawn if found else ():
         change = f"{without:.3g} floors without it, {having:.3g} with it"
         rows.append((name, f"its gain does not carry over to recordings left out of the fit ({change})"))

@@ -12,6 +12,7 @@ from hand_diagnosis.search.hypotheses import Hypothesis, Isolability, Probes, am
 from hand_diagnosis.search.joint_search import JointSearch, fit_without, rough_evidence, search_joint
 from hand_diagnosis.search.law_curves import LawCurve, describe, in_words
 from hand_diagnosis.search.laws import LearnedLaw, learn_law, posterior_covariance, training_evidence
+from hand_diagnosis.search.turns import period_of_torque
 
 __all__ = [
     "ELSEWHERE",
@@ -29,6 +30,7 @@ __all__ = [
     "isolability",
     "learn_law",
     "on_everything",
+    "period_of_torque",
     "posterior_covariance",
     "probes_at",
     "refit_below_floor",

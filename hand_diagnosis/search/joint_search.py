@@ -366,11 +366,11 @@ def _eliminate_backward(found: JointSearch) -> None:
         found.accepted = kept
 
 
-def fit_without(found: JointSearch, index: int) -> tuple[float, MapFit]:
-    """Log evidence [nats] and fit of the best model without one of its effects, the index-th accepted one."""
+def fit_without(found: JointSearch, *left_out: int) -> tuple[float, MapFit]:
+    """Log evidence [nats] and fit of the best model without some of its effects, by their places among the accepted."""
     free = list(found.nominal.free)
     for k, hypothesis in enumerate(found.accepted):
-        if k != index:
+        if k not in left_out:
             free = merged(free, hypothesis.free_parameters(found.problem.nominal))
     final = found.final
     start = {parameter.row: z for parameter, z in zip(final.free, final.z, strict=True)}

@@ -12,24 +12,31 @@ from hand_model.kernel.plant_rows import Parameter
 def damping(q, omega):  # type: ignore[no-untyped-def]
     """Damping added by the quadratic part.
 
-    By the law the torque also rises more steeply beyond 1, 3 and 10 rad/s, and a part of it thins with the rate.
+    By the law, shares of it appear with the speed, half of each at 0.3, 1, 3 and 10 rad/s, and one thins with it.
     """
-    quadratic, a, b, c, thinning, _ = q
+    quadratic, a, b, c, d, thinning, _ = q
     speed = abs(omega)
-    steeper = a * max(speed - 1.0, 0.0) + b * max(speed - 3.0, 0.0) + c * max(speed - 10.0, 0.0)
-    return quadratic * speed + steeper / max(speed, 1.0) + thinning / (1.0 + speed)
+    appears = a / (speed + 0.3) + b / (speed + 1.0) + c / (speed + 3.0) + d / (speed + 10.0)
+    return quadratic * speed + appears * speed + thinning / (1.0 + speed)
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
     """Torque of the whole viscous friction [N m] at the speed x [rad/s]."""
-    return float((q[5] + damping(q, x)) * x)
+    return float((q[6] + damping(q, x)) * x)
 
 
-_STEEPER = tuple(
+_APPEARS = tuple(
     Parameter(
-        f"viscous_friction.beyond_{s}_nm_s_per_rad", 0.0, 10.0, f"law: more beyond {s} rad/s", 1.0, 0.0, 1e-3, law=True
+        f"viscous_friction.from_{name}_nm_s_per_rad",
+        0.0,
+        10.0,
+        f"law: more at speed, half of it at {speed} rad/s",
+        1.0,
+        0.0,
+        1e-3,
+        law=True,
     )
-    for s in (1, 3, 10)
+    for name, speed in (("0_3", 0.3), ("1", 1), ("3", 3), ("10", 10))
 )
 _THINNING = Parameter(
     "viscous_friction.thinning_nm_s_per_rad",
@@ -46,7 +53,7 @@ EFFECT = Effect(
     place="joint",
     parameters=(
         Parameter("viscous_friction.quadratic_nm_s2_per_rad2", 0.0, 1.0, "torque per squared speed", 1.0, 0.0, 1e-3),
-        *_STEEPER,
+        *_APPEARS,
         _THINNING,
     ),
     reads=("dynamics.viscous_friction_nm_s_per_rad",),
@@ -64,10 +71,11 @@ EFFECT = Effect(
         passive=True,
         monotone="the torque rises with the speed: convex, but for a part that thins with the rate",
         over=("speed",),
-        coefficients=tuple(parameter.key for parameter in (*_STEEPER, _THINNING)),
+        coefficients=tuple(parameter.key for parameter in (*_APPEARS, _THINNING)),
         quantity="the viscous {torque}",
         unit="nm",
         curve=curve,
-        source="Rayleigh's dissipation function; shear thinning by Cross, J. Colloid Sci. 20(5), 1965",
+        source="Rayleigh's dissipation function; non-negative spectrum of rates: Schilling, Bernstein Functions, 2012;"
+        " shear thinning: Cross, J. Colloid Sci. 20(5), 1965",
     ),
 )

@@ -50,8 +50,9 @@ TRUTHS: Mapping[str, Mapping[str, float]] = {
     "hysteresis": {"torque_nm": 0.02, "scale_deg": 0.15, "unload_4": 3.0, "knee_8": 1.0},
     "stiffening": {"angle_2_nm": 0.02, "angle_5_nm": -0.015},
     "ageing": {"stiffness_per_h": 1.0 / 3600.0, "early": 0.3},
-    "viscous_friction": {"beyond_3_nm_s_per_rad": 2e-3, "thinning_nm_s_per_rad": 3e-3},
+    "viscous_friction": {"from_3_nm_s_per_rad": 3e-3, "thinning_nm_s_per_rad": 3e-3},
     "backlash": {"gap_deg": 0.05, "inner_share": 0.5, "inner_gap": 0.3},
+    "hall_misalignment": {"sine_deg": 0.02, "cosine_3_deg": 0.02},
     "gravity": {"sine_nm": 0.03, "turning_rad_per_s": 0.03},
     "valve_hysteresis": {"width_pa": 1.2e4, "follows": 0.4, "inner": 0.5},
 }

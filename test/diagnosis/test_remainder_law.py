@@ -90,6 +90,19 @@ def test_the_law_is_reported_written_and_drafted(hand: Hand, tmp_path: Path) -> 
     _check_draft(tmp_path, left["law"]["points"], pitch)
 
 
+def test_what_repeats_over_the_angle_is_no_stiffening(hand: Hand) -> None:
+    """Fails when teeth get the name of a law that has a coefficient at every few degrees, or their pitch is lost."""
+    others = [name for name, effect in EFFECTS.items() if effect.keys and name != "stiffening"]
+    signals, _ = recording(hand, "coarse_teeth", 60.0, SEED)
+    report = diagnose([signals], nominal_model(hand, SEED), joints=[JOINT], without=others, sensor_curve=False)
+    (withdrawn,) = report.content["withdrawn"]
+    assert withdrawn["effect"] == "stiffening" and "repeats every 51" in withdrawn["reason"]
+    (left,) = report.remainder
+    assert not report.findings and left["family"] == "periodic_in_angle"
+    before, after = left["law"]["errors_si"]["test"]
+    assert after < 0.1 * before
+
+
 def _check_draft(folder: Path, points: list[list[float]], pitch: float) -> None:
     """The draft of an effect is the law of the report."""
     root = Path(__file__).resolve().parents[2]

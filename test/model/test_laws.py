@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pytest import approx
+from scipy.optimize import nnls
 from scipy.signal import TransferFunction, step
 
 from hand_identification.model_file import write_model
@@ -113,7 +114,7 @@ def test_every_effect_of_the_catalogue_states_its_class() -> None:
         assert f"| `{effect.name}` | {effect.constitution.acts_on} |" in table
         own = [own.key for own in law_parameters(effect)]
         assert set(own) <= set(effect.coefficients)
-    assert len(LEARNED) == 20
+    assert len(LEARNED) == 21
 
 
 @pytest.mark.parametrize(
@@ -295,8 +296,32 @@ def test_viscous_friction_rises_with_the_speed() -> None:
         assert torque[0] == 0.0
         assert np.diff(torque).min() > 0.0
         assert call(effect, "damping", q, -2.0) == call(effect, "damping", q, 2.0) > 0.0
-    alone = numbers(effect, beyond_3_nm_s_per_rad=2e-3)
-    assert call(effect, "damping", alone, 7.0) * 7.0 == approx(2e-3 * 4.0)
+    alone = numbers(effect, from_3_nm_s_per_rad=2e-3)
+    assert call(effect, "damping", alone, 7.0) == approx(2e-3 * 7.0 / (7.0 + 3.0))
+    assert call(effect, "damping", alone, 3.0) == approx(1e-3)
+
+
+@pytest.mark.parametrize("power", [1.2, 1.4, 1.6, 1.8])
+def test_viscous_friction_describes_drag_of_any_power(power: float) -> None:
+    """Fails when the shares by speed cannot add up to a torque that grows with a power between 1 and 2."""
+    effect = EFFECTS["viscous_friction"]
+    speeds = np.geomspace(0.1, 10.0, 60)
+    names = [key.partition(".")[2] for key in effect.coefficients if "from" in key] + ["quadratic_nm_s2_per_rad2"]
+    shares = [
+        [call(effect, "damping", numbers(effect, **{name: 1.0}), omega) * omega for omega in speeds] for name in names
+    ]
+    torque = speeds**power
+    left = nnls(np.array([*shares, speeds]).T / torque[:, None], np.ones(len(speeds)))[1]
+    assert left / np.sqrt(len(speeds)) < 0.02
+
+
+def test_the_error_of_a_magnet_is_a_sum_of_harmonics() -> None:
+    """Fails when a coefficient belongs to another harmonic, or the reading is not periodic in the angle."""
+    effect = EFFECTS["hall_misalignment"]
+    for q in drawn("hall_misalignment", 17, sine_deg=0.01, cosine_2_deg=0.02):
+        for phi in (-2.0, 0.3, 1.4):
+            series = sum(q[2 * k] * np.sin((k + 1) * phi) + q[2 * k + 1] * np.cos((k + 1) * phi) for k in range(4))
+            assert call(effect, "angle_reading", q, phi) == approx(phi + series, abs=1e-6)
 
 
 def test_a_dead_band_stays_within_its_sector() -> None:

@@ -1,0 +1,91 @@
+"""What a search found, confirmed or withdrawn: by the test data, and by a simpler description without a name.
+
+The search is over; its accepted effects are changed in place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hand_diagnosis.judgement.remainder_law import repeating_torque
+from hand_diagnosis.problem import ErrorsOnTest, evaluate_test
+from hand_diagnosis.search import Hypothesis, JointSearch, fit_without, training_evidence
+from hand_diagnosis.settings import SETTINGS
+from hand_identification.joint_problem import STAGES, JointProblem
+from hand_model.kernel.rows import ROW
+
+CONTRADICTED = "it improves the validation error and makes the test error clearly larger"
+Withdrawn = tuple[tuple[str, str], ...]
+"""Names of effects, each with the reason why it is not claimed."""
+
+
+def without_repeating(search: JointSearch) -> Withdrawn:
+    """Withdraw effects over the angle in whose place one harmonic of the angle has more evidence.
+
+    A law with a coefficient at every few degrees follows a torque that only repeats, as that of teeth does, and so
+    would get its name. The harmonic has no name in a hand; it remains, and is described as what repeats.
+    """
+    places = [k for k, hypothesis in enumerate(search.accepted) if _over_the_angle(hypothesis)]
+    if not any(search.accepted[k].freed for k in places):
+        return ()
+    found = repeating_torque(search.problem, fit_without(search, *places)[1])
+    if found is None:
+        return ()
+    problem, placed, fit = found
+    gain = training_evidence(problem, fit) - training_evidence(search.problem, search.final)
+    if gain < SETTINGS.strong_log_evidence:
+        return ()
+    names = [search.accepted[k].effect.name for k in places]
+    kept = [hypothesis for k, hypothesis in enumerate(search.accepted) if k not in places]
+    if kept:
+        kept[-1] = replace(kept[-1], fit=fit_without(search, *places)[1])
+    search.accepted[:] = kept
+    turn = 1.0 / problem.columns(fit.free, fit.z[None])[0][0, ROW[placed.key]]
+    reason = f"a torque that repeats every {np.degrees(turn):.3g} deg of the joint explains the same more simply"
+    return tuple((name, reason) for name in names)
+
+
+def _over_the_angle(hypothesis: Hypothesis) -> bool:
+    known = hypothesis.effect.constitution
+    return STAGES[hypothesis.stage] == "angle" and known is not None and known.over[:1] == ("angle",)
+
+
+def confirm_laws(whole: JointProblem, search: JointSearch, *, free_axis: bool) -> None:
+    """Put back the textbook forms of all laws where the learned ones do not reduce the test error.
+
+    whole: the problem with its test data.  free_axis: see splits.evaluate_test.
+    A law that is learned over a time or a travel may not hold beyond the fitted data.
+    """
+    learned = [hypothesis for hypothesis in search.accepted if hypothesis.freed]
+    if not learned:
+        return
+    textbook = search.with_textbook_laws()
+    test = evaluate_test(whole, [textbook.final, search.final], free_axis=free_axis)
+    if test is None:
+        return
+    before, after = (np.nansum(test.rmse(k) ** 2 / whole.floor**2) for k in (0, 1))
+    if after >= before:
+        search.accepted[:] = textbook.accepted
+
+
+def tested(
+    whole: JointProblem, search: JointSearch, last: JointSearch, rng: np.random.Generator, *, free_axis: bool
+) -> tuple[ErrorsOnTest | None, Withdrawn]:
+    """Errors of the nominal and the final model on the test data; the effects that these data contradict.
+
+    last: the same models as they are tested, fitted to more data. Findings are withdrawn only where a signal's test
+    error gets clearly larger by them and none's gets smaller: the right effect in too narrow a form gains less on test
+    data than on validation data.
+    """
+    test = evaluate_test(whole, [last.nominal, last.final], free_axis=free_axis)
+    if test is None or not search.accepted:
+        return test, ()
+    stages = range(len(test.counts))
+    worse = any(test.clearly_worse(0, 1, stage, rng) for stage in stages)
+    if not worse or any(test.clearly_worse(1, 0, stage, rng) for stage in stages):
+        return test, ()
+    names = tuple((hypothesis.effect.name, CONTRADICTED) for hypothesis in search.accepted)
+    search.accepted.clear()
+    return evaluate_test(whole, [search.nominal, search.nominal], free_axis=free_axis), names
