@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from hand_diagnosis.api import Report, diagnose
-from hand_diagnosis.diagnosis import _confirm_laws
+from hand_diagnosis.judgement import confirm_laws
 from hand_diagnosis.report import schema
 from hand_identification.map_fit import map_fit
 from hand_model.arrays import Array
@@ -128,9 +128,9 @@ def test_a_law_that_the_test_data_contradict_is_withdrawn(leaking: tuple[Hand, S
     wrong = found.fit.z.copy()
     wrong[index] *= 4.0  # a law that the fitted data would not have given
     search.accepted[0] = replace(found, fit=map_fit(search.problem, found.fit.free, wrong, 1))
-    _confirm_laws(joint.whole, search, free_axis=False)
+    confirm_laws(joint.whole, search, free_axis=False)
     assert search.accepted[0].freed == ()
     assert "leak.with_pressure" not in {p.key for p in search.final.free}
     right = replace(joint.search, accepted=list(joint.search.accepted))
-    _confirm_laws(joint.whole, right, free_axis=False)
+    confirm_laws(joint.whole, right, free_axis=False)
     assert right.accepted[0].freed == ("leak.with_pressure",)
