@@ -60,20 +60,23 @@ def learned_below_floor(
 ) -> list[Hypothesis]:
     """The effects found with free laws, where the validation data confirm what these explain below the floor.
 
+    A law that is free in part gets its other coefficients.
+
     accepted: in the order in which they were found; the last one holds the fit of all.
     """
     done = list(accepted)
     for k, hypothesis in enumerate(done):
         final = done[-1].fit
         correlated = residual_is_correlated(problem, final, SETTINGS.min_correlated_ratio)
-        if not hypothesis.effect.coefficients or hypothesis.freed or not correlated:
+        if set(hypothesis.effect.coefficients) <= {parameter.key for parameter in final.free} or not correlated:
             continue
         sharp = weighted_by_noise(problem, final)
         # Evidence and covariance of both laws must come from the same weights.
         textbook = map_fit(sharp, final.free, final.z, SETTINGS.refit_iterations)
         law = learn_law(sharp, textbook, hypothesis.effect, rng)
         if law.preferred:
-            done[k] = replace(done[k], freed=law.freed, textbook=final.without_arrays())
+            plain = hypothesis.textbook or final.without_arrays()
+            done[k] = replace(done[k], freed=(*hypothesis.freed, *law.freed), textbook=plain)
             done[-1] = replace(done[-1], fit=at_floor(problem, law.fit))
     return done
 

@@ -35,7 +35,7 @@ class LearnedLaw:
     freed: keys of the coefficients that are left.  evidence: log evidence of the learned law over that of the textbook
     form, training data alone.  coefficients: effective number of them.  stage: signal whose validation error changes
     most, as its place in STAGES.  fall: 95 % interval of the relative fall of its validation mean square.
-    preferred: whether evidence and validation data both prefer the learned form.
+    preferred: whether training and validation data together prefer the learned form, and the latter confirm it.
     """
 
     effect: Effect
@@ -211,7 +211,9 @@ def _compared(problem: JointProblem, textbook: MapFit, fit: MapFit, effect: Effe
     rng = np.random.default_rng(SETTINGS.noise_seed)
     fall = block_bootstrap(problem, textbook.squares, fit.squares, stage, rng)
     better = fall[0] > 0.0 and after[stage] < (1.0 - SETTINGS.min_relative_improvement) * before[stage]
-    better = better or (evidence > SETTINGS.strong_log_evidence and fall[1] >= 0.0 and _falls(problem, textbook, fit))
+    # Where the validation data confirm the law, what they gain counts next to the evidence of the training data.
+    confirmed = better and evidence + _validation_gain(problem, textbook, fit) > 0.0
+    strong = evidence > SETTINGS.strong_log_evidence and fall[1] >= 0.0 and _falls(problem, textbook, fit)
     return LearnedLaw(
         effect,
         textbook,
@@ -221,8 +223,14 @@ def _compared(problem: JointProblem, textbook: MapFit, fit: MapFit, effect: Effe
         float(sum(1.0 - covariance[k, k] for k in own)),
         stage,
         fall,
-        bool(own and better and evidence > 0.0),
+        bool(own and (confirmed or strong)),
     )
+
+
+def _validation_gain(problem: JointProblem, before: MapFit, after: MapFit) -> float:
+    """By how much the log likelihood of the validation data rises."""
+    old, new = (log_likelihood(problem, fit.squares, problem.validation) for fit in (before, after))
+    return new - old
 
 
 def _falls(problem: JointProblem, textbook: MapFit, fit: MapFit) -> bool:
