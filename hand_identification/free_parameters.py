@@ -145,6 +145,13 @@ def law_free_parameters(effect: Effect, nominal: Array) -> list[FreeParameter]:
     return _free_parameters(effect, effect.coefficients, nominal)
 
 
+def law_scales(effect: Effect) -> tuple[str, ...]:
+    """Coefficients of a law that are scales, such as a period: they say nothing of how much, and have no absence."""
+    return tuple(
+        key for key in effect.coefficients if key in effect.spread or not JOINT_PARAMETERS[ROW[key]].typical > 0.0
+    )
+
+
 def _free_parameters(effect: Effect, keys: Sequence[str], nominal: Array) -> list[FreeParameter]:
     free = []
     for key in keys:

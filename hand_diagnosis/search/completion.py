@@ -25,7 +25,7 @@ from hand_diagnosis.problem import (
     white_parts,
 )
 from hand_diagnosis.search.hypotheses import Hypothesis, with_other_fit
-from hand_diagnosis.search.laws import learn_law, posterior_covariance
+from hand_diagnosis.search.laws import learn_law, posterior_covariance, thinned
 from hand_diagnosis.settings import SETTINGS, FitPass
 from hand_identification.free_parameters import FreeParameter, law_free_parameters, speed_free_parameters
 from hand_identification.joint_problem import JointProblem
@@ -44,7 +44,7 @@ def restarted(
 ) -> Hypothesis:
     """A hypothesis by the best fit from the cheapest points elsewhere in its own numbers, or as it is."""
     stepped = replace(problem, step_s=fit_pass.step_s)
-    rows = {ROW[key] for key in rough.effect.keys}
+    rows = {ROW[key] for key in (*rough.effect.keys, *rough.freed)}
     fits = [
         map_fit(stepped, rough.fit.free, start, fit_pass.iterations, fit_pass.tolerance).without_arrays()
         for start in around(stepped, rough.fit, rows, ELSEWHERE, rng)
@@ -168,6 +168,12 @@ def completed(problem: JointProblem, accepted: Sequence[Hypothesis], rng: np.ran
     free = [*fit.free, *added]
     fits = [_fitted(sharp, free, start) for start in _starts(fit, free, own, rng)]
     best = min(fits, key=lambda each: _validation_score(problem, each))
+    coefficients = {ROW[key] for hypothesis in accepted for key in hypothesis.effect.coefficients}
+    fewer = thinned(sharp, best, coefficients - {ROW[key] for h in accepted for key in h.effect.keys})
+    if _validation_score(problem, fewer) <= (1.0 + SETTINGS.min_relative_improvement) * _validation_score(
+        problem, best
+    ):
+        best = fewer
     if not _confirmed(problem, fit, best, stage):
         return list(accepted)
     return _with_fit(problem, accepted, best)

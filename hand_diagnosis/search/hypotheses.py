@@ -21,6 +21,7 @@ from hand_identification.free_parameters import (
     effect_free_parameters,
     law_free_parameters,
     law_probe_values,
+    law_scales,
     merged,
     probe_values,
 )
@@ -217,9 +218,11 @@ def fit_roughly(problem: JointProblem, current: MapFit, screened: Screened, rng:
 
 
 def _freed(screened: Screened) -> tuple[str, ...]:
-    """Coefficients of its law with which an effect starts."""
-    effect = screened.effect
-    return tuple(key for key in effect.coefficients if ROW[key] in screened.start and key not in effect.keys)
+    """Coefficients of its law with which an effect starts, and the scales of the law with them."""
+    effect, own = screened.effect, screened.effect.keys
+    started = tuple(key for key in effect.coefficients if ROW[key] in screened.start and key not in own)
+    scales = (key for key in law_scales(effect) if key not in (*started, *own))
+    return (*started, *scales) if started else ()
 
 
 def refined(

@@ -65,7 +65,7 @@ def learn_law(
     begun = begun or begin_law(problem, textbook, effect, rng, SETTINGS.law_fits[1])
     rows = {p.row for p in _added(problem, textbook, effect)}
     ended = [map_fit(problem, fit.free, fit.z, SETTINGS.law_iterations[1]) for fit in begun[: SETTINGS.law_fits[2]]]
-    fit = _thinned(problem, min(ended, key=lambda fit: fit.cost), rows)
+    fit = thinned(problem, min(ended, key=lambda fit: fit.cost), rows)
     return _compared(problem, textbook, fit, effect, rows)
 
 
@@ -182,12 +182,15 @@ def _nominal(fit: MapFit) -> Array:
     return np.array([(p.row < len(PLANT_PARAMETERS) and not p.log) or p.row >= START_CREEP for p in fit.free])
 
 
-def _thinned(problem: JointProblem, fit: MapFit, rows: set[int]) -> MapFit:
-    """The fit without the coefficients (rows) that the training data do not need, by their evidence."""
+def thinned(problem: JointProblem, fit: MapFit, rows: set[int]) -> MapFit:
+    """The fit without the coefficients (rows) that the training data do not need, by their evidence.
+
+    A scale, such as a period, stays: its expected value is no absence.
+    """
     for _ in range(2):
         deviation = np.sqrt(np.diag(posterior_covariance(problem, fit)))
         surplus = [
-            p.row in rows and abs(z) < SETTINGS.law_surplus_errors * sigma
+            p.row in rows and not p.log and abs(z) < SETTINGS.law_surplus_errors * sigma
             for p, z, sigma in zip(fit.free, fit.z, deviation, strict=True)
         ]
         if not any(surplus):

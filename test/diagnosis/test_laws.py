@@ -15,7 +15,7 @@ import pytest
 from pytest import approx
 
 from hand_diagnosis.problem import validation_rmse
-from hand_diagnosis.search import LearnedLaw, describe, learn_law, posterior_covariance, training_evidence
+from hand_diagnosis.search import LearnedLaw, describe, laws, learn_law, posterior_covariance, training_evidence
 from hand_identification.driving import shape_driving
 from hand_identification.free_parameters import (
     effect_free_parameters,
@@ -166,6 +166,17 @@ def test_the_effective_number_of_coefficients_is_the_share_of_information(
     covariance = posterior_covariance(problem, law.fit)
     assert law.coefficients == approx(len(own) - np.trace(covariance[np.ix_(own, own)]))
     assert np.all(np.linalg.eigvalsh(covariance) <= 1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(("lacking", "preferred"), [(0.5, True), (1e6, False)])
+def test_validation_data_count_next_to_the_evidence(
+    leaking: tuple[JointProblem, LearnedLaw], monkeypatch: pytest.MonkeyPatch, lacking: float, preferred: bool
+) -> None:
+    """Fails when a law that validation data confirm is refused for little evidence, or taken against all of it."""
+    problem, law = leaking
+    monkeypatch.setattr(laws, "training_evidence", lambda _, fit: -lacking if fit is law.fit else 0.0)
+    rows = {ROW[key] for key in law.freed}
+    assert laws._compared(problem, law.textbook, law.fit, law.effect, rows).preferred is preferred
 
 
 def test_a_law_is_described_by_points_and_in_words(leaking: tuple[JointProblem, LearnedLaw]) -> None:

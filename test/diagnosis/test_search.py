@@ -78,7 +78,8 @@ def test_a_law_is_screened_where_its_textbook_form_sees_little(hand: Hand) -> No
         assert {p.key for p in hypothesis.fit.free} >= set(hypothesis.keys)
         assert hypothesis.fit.cost < 0.5 * current.cost
     print(freed)
-    assert freed[0] and not freed[1]
+    # A scale of the law comes with it: held where it is expected, it would extrapolate wrongly.
+    assert len(freed[0]) > 1 and "thermal_drift.faster" in freed[0] and not freed[1]
 
 
 def test_names_for_one_claim_are_separated_below_floor_below_the_floor(
