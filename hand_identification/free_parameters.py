@@ -146,7 +146,7 @@ def law_free_parameters(effect: Effect, nominal: Array) -> list[FreeParameter]:
 
 
 def law_scales(effect: Effect) -> tuple[str, ...]:
-    """Coefficients of a law that are scales, such as a period: no amounts, so none has a value at which it is absent."""
+    """Coefficients of a law that are scales, such as a period: no amounts, so no value means that it is absent."""
     return tuple(
         key for key in effect.coefficients if key in effect.spread or not JOINT_PARAMETERS[ROW[key]].typical > 0.0
     )
