@@ -18,6 +18,8 @@ COLORS = ("#808080", "#0072b2", "#009e73")
 
 WIDTHS = (6, 2, 2)
 """Widths of their lines: the measured curve is seen also where a model lies on it."""
+PADDING = (10, 24, 0, 0)
+"""Around a plot [pixels]: a number at the top of its axis is drawn whole."""
 KINDS = (("angle", "degrees", "deg", np.degrees(1.0)), ("pressure", "bar", "bar", 1e-5), ("force", "N", "N", 1.0))
 """Name, label of the axis, unit and factor from SI of each plot."""
 
@@ -43,6 +45,7 @@ class Curves:
             scales={"x": uplot.Scale(time=False)},
             axes=(uplot.Axis(label="s", size=44), uplot.Axis(label=label, size=56)),
             aspect=aspect,
+            padding=PADDING,
         )
 
     @property

@@ -16,6 +16,7 @@ from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_studio.curves import Curves
 from hand_studio.inbox import Inbox
+from hand_studio.legend import LIVE, legend
 from hand_studio.page import Page
 from hand_studio.what_if import ALL, WhatIf
 
@@ -40,6 +41,7 @@ class Panel:
         self._status = gui.add_html(_status(LOOKING, (), ""))
         self._button("Emergency stop", "stop", color="red")
         self._record = self._button("Record", "record")
+        gui.add_html(legend(LIVE, hand))
         tabs = gui.add_tab_group()
         with tabs.add_tab("Drive"):
             self._add_drive(gui, grasps)
@@ -83,7 +85,8 @@ class Panel:
 
     def show(self, state: LiveState, note: str, mismatch: Array) -> None:
         """Show values and safety of the hand, a line about the last request, and the mismatch (joints,) [-]."""
-        rate = f"{state.rate_hz:.0f} Hz, latency {1e3 * state.latency_s:.1f} ms" if state.joints else ""
+        known = math.isfinite(state.rate_hz)
+        rate = f"{state.rate_hz:.0f} Hz, latency {1e3 * state.latency_s:.1f} ms" if known else ""
         self._status.content = _status(*said(state), rate, note)
         self._values.content = _table(state, dict(zip(self._hand.joints, mismatch.tolist(), strict=True)))
 
@@ -126,11 +129,12 @@ def said(state: LiveState) -> tuple[str, tuple[str, ...]]:
 
 
 def _status(safety: str, problems: Sequence[str], rate: str, note: str = "") -> str:
-    bad = "color:light-dark(#b3261e,#ff8a80);overflow-wrap:anywhere"
+    bad = "color:light-dark(#b3261e,#ff8a80)"
     bold = f"font-weight:600;{bad if safety.startswith('vented') else ''}"
     lines = [f'<div id="safety" style="{bold}">{escape(safety)}</div>', f"<div>{escape(rate)}</div>"]
     lines += [f'<div style="font-size:0.85em;{bad}">{escape(text)}</div>' for text in problems]
-    return f'<div style="padding:0.4em 0.8em">{"".join(lines)}<div id="note">{escape(note)}</div></div>'
+    lines.append(f'<div id="note">{escape(note)}</div>')
+    return f'<div style="padding:0.4em 0.8em;overflow-wrap:anywhere">{"".join(lines)}</div>'
 
 
 def _fixed(value: float, digits: int) -> str:
@@ -149,4 +153,4 @@ def _table(state: LiveState, mismatch: dict[str, float]) -> str:
             f"<tr><td style='text-align:left'>{escape(joint)}</td>{''.join(f'<td>{text}</td>' for text in texts)}</tr>"
         )
     style = "width:100%;padding-right:0.6em;font-size:0.76em;text-align:right;font-variant-numeric:tabular-nums"
-    return f'<table style="{style}">{"".join(rows)}</table>'
+    return f'<div style="overflow-x:auto"><table style="{style}">{"".join(rows)}</table></div>'

@@ -11,6 +11,7 @@ import numpy as np
 
 from hand_studio.curves import Curves
 from hand_studio.hand_view import HandView
+from hand_studio.legend import REPLAY, legend
 from hand_studio.page import Page
 from hand_studio.replay import Replay, Run
 from hand_studio.tint import tints
@@ -20,11 +21,6 @@ FRAME_S = 0.04
 """Period of the pictures."""
 BEFORE, AFTER = (0, 114, 178), (0, 158, 115)
 """Colours of the ghosts (Okabe and Ito 2008)."""
-
-LEGEND = (
-    "Solid: the measured hand, coloured where it differs from the model. Ghosts: the model before (blue) and"
-    " {second} (green); they are visible only where they differ from the hand."
-)
 
 
 class ReplayPage:
@@ -45,7 +41,7 @@ class ReplayPage:
         gui = server.gui
         gui.add_html(f'<div style="padding:0.4em 0.8em;font-weight:600">{escape(name)}</div>')
         second = "after" if after is not before else "what if"
-        gui.add_html(f'<div style="padding:0 0.8em;font-size:0.85em">{LEGEND.format(second=second)}</div>')
+        gui.add_html(legend(REPLAY.format(second=second), hand))
         self._play = gui.add_checkbox("Play", initial_value=False)
         step = max(0.01, round(replay.duration_s / 2000.0, 2))
         self._time: Any = gui.add_slider("time s", 0.0, replay.duration_s, step, 0.0)

@@ -28,6 +28,7 @@ from hand_tool.studio_replay import replay
 
 if TYPE_CHECKING:
     from hand_client.node import HandClient
+    from hand_model.description import Hand
     from hand_studio.page import Page
 
 ALONE_S = 1.0
@@ -82,10 +83,13 @@ def studio(
         from hand_control.grasps import load_grasps
         from hand_model.description import load_hand
         from hand_model.geometry import geometry_of
+        from hand_studio.legend import switching
         from hand_studio.page import Page
 
         hand = load_hand(chosen.path, joint_prefix)
         geometry_of(hand)
+        if warning := switching(hand):
+            note(f"hand studio: {warning}")
         if recording is not None:
             chosen.print(as_json)
             announce = functools.partial(_announce, browser=browser, as_json=as_json)
@@ -126,7 +130,7 @@ def studio(
                 with interrupts.until_raised():
                     study = Experiments(hand, chosen.path, out)
                     frames = frames_command(namespace, joint_prefix, chosen.path) if link is not None else []
-                    live.run(recorder, study, Watch(client, nodes, frames))
+                    live.run(recorder, study, Watch(client, hand, nodes, frames))
         except ProcessError as error:  # also of a node that had to be killed after Ctrl-C
             fail("studio", str(error), 2)
         note("hand studio: ended" if link is None else "hand studio: vented, nodes ended")
@@ -142,6 +146,15 @@ def check_alone(client: HandClient, own: int) -> None:
     """Raise ValueError, one line, where a hand runs already. own: controllers that this command has started."""
     if _runs_already(client, own):
         raise ValueError(f"a hand runs already in {client.namespace}; show it with: hand studio; or end it")
+
+
+def check_joints(joints: Sequence[str], hand: Hand, namespace: str) -> None:
+    """Raise ValueError, one line, where a running hand has other joints than the model; none: not known yet."""
+    unknown = sorted(set(joints) - set(hand.joints))
+    missing = sorted(set(hand.joints) - set(joints))
+    if joints and (unknown or missing):
+        what = f"has no joint {missing[0]}" if missing else f"has a joint {unknown[0]} that {hand.path} lacks"
+        raise ValueError(f"the hand in {namespace} {what}; it has {', '.join(joints)}: give --joint-prefix or --model")
 
 
 def _all(checks: Sequence[Callable[[], None]]) -> Callable[[], None]:
@@ -173,14 +186,16 @@ def _announce(page: Page, shown: str, browser: bool, as_json: bool) -> None:
 
 
 class Watch:
-    """Called all the time: raises where the hand does not come, a node ends, or another studio drives the hand."""
+    """Called all the time: raises where the hand does not come or is not that of the model, a node ends, or another
+    studio drives the hand.
+    """
 
-    def __init__(self, client: HandClient, nodes: Processes, frames: list[str]) -> None:
+    def __init__(self, client: HandClient, hand: Hand, nodes: Processes, frames: list[str]) -> None:
         """frames: the command of the node for other viewers, begun when the page has its hand; [] where none is begun.
 
         Only a command that started the other nodes starts this one, too.
         """
-        self._client, self._nodes, self._started = client, nodes, bool(frames)
+        self._client, self._hand, self._nodes, self._started = client, hand, nodes, bool(frames)
         self._frames = frames
         self._begun_s, self._heard = time.monotonic(), False
 
@@ -189,6 +204,7 @@ class Watch:
         self._nodes.check()
         waited_s = time.monotonic() - self._begun_s
         self._heard = self._heard or bool(self._client.state.joints)
+        check_joints(self._client.state.joints, self._hand, self._client.namespace)
         if waited_s < HEARD_S:
             if self._started:
                 check_alone(self._client, 1)

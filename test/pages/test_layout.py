@@ -10,7 +10,13 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from test.pages.kinds import PAGES, write
+from hand_client.live_state import ERROR, LiveState
+from hand_model.description import load_hand
+from hand_recording.installed import default_model
+from hand_studio.inbox import Inbox
+from hand_studio.page import Page
+from hand_studio.panel import Panel
+from test.pages.kinds import MADE, PAGES, write
 from validation.browser import Browser
 
 PHONE, DESKTOP = (360, 780), (1280, 900)
@@ -45,7 +51,7 @@ CONTRASTS = """
 })()
 """
 WIDER = """
-[...document.querySelectorAll("main *")].filter((e) => {
+[...document.querySelectorAll("main *, #root *")].filter((e) => {
   for (let p = e.parentElement; p; p = p.parentElement) if (getComputedStyle(p).overflowX === "auto") return false;
   return !(e instanceof SVGElement) && e.getBoundingClientRect().right > innerWidth + 0.5;
 }).map((e) => `${e.tagName} ${e.className}`).slice(0, 5)
@@ -116,3 +122,25 @@ def test_every_page_fits_a_telephone_is_legible_in_the_dark_and_prints(
         assert paper > 0.9 and ink < 0.3
     browser.emulate(DESKTOP)
     assert browser.run("document.documentElement.scrollWidth") <= DESKTOP[0]
+
+
+def test_the_studio_fits_a_telephone(browser: Browser) -> None:
+    """Fails when a tab of the studio is wider than a telephone, or does not explain ghost and colours."""
+    hand, page = load_hand(default_model()), Page()
+    try:
+        panel = Panel(page, hand, ["cylindrical", "lateral", "tripod"], Inbox())
+        state = LiveState(statuses={"controller: safety": (ERROR, "vented: " + "a_reason_without_a_space" * 4)})
+        state.frame(hand.joints, [1.0] * len(hand.joints), 0, 1)
+        panel.show(state, f"recording to {MADE['command']}", np.full(len(hand.joints), 499.0))
+        browser.emulate(PHONE)
+        browser.open(page.url)
+        browser.until_shown("Blue ghost: the model")
+        for tab, shown in (("Drive", "grasp"), ("Model", "What if"), ("Find", "Record until"), ("Values", "57.3")):
+            browser.click(tab)
+            browser.until_shown(shown)
+            assert browser.run("document.documentElement.scrollWidth") == PHONE[0]
+            assert browser.run(WIDER) == [], tab
+        assert browser.run("(each => each.scrollWidth <= each.clientWidth)(document.querySelector('#note'))")
+    finally:
+        browser.open("about:blank")
+        page.close()

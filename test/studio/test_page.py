@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,9 +21,11 @@ from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
 from hand_client.live_state import ERROR, LiveState
+from hand_model.description import load_hand
 from hand_model.geometry import Shape, pose, rotation_about
 from hand_studio.hand_meshes import mesh, quaternion
 from hand_studio.inbox import Inbox, Request
+from hand_studio.legend import LIVE, legend
 from hand_studio.page import Page, check_address, may_drive
 from hand_studio.panel import LOOKING, said
 from hand_tool import studio
@@ -151,6 +154,38 @@ def test_what_the_studio_lacks_is_named(tmp_path: Path, monkeypatch: pytest.Monk
     answer = CliRunner().invoke(app, ["studio", "--sim"])
     assert answer.exit_code == 2 and "pip install 'fluidic_hand[studio]'" in answer.output
     assert len(answer.output.splitlines()) == 1
+
+
+def test_a_running_hand_that_is_not_the_models_is_one_line() -> None:
+    """Fails when a hand with other joints is shown at rest without a reason, or one whose joints come in another order
+    is refused.
+    """
+    hand = load_hand(CONFIG)
+    client: Any = SimpleNamespace(state=LiveState(), others=list, namespace="/left_hand")
+    nodes: Any = SimpleNamespace(check=lambda: None)
+    watch = studio.Watch(client, hand, nodes, [])
+    watch()
+    client.state.joints = hand.joints[::-1]
+    watch()
+    for joints, reason in (
+        (tuple(f"left_{joint}" for joint in hand.joints), "has no joint index_distal; it has left_"),
+        (hand.joints[:-1], f"has no joint {hand.joints[-1]}"),
+        ((*hand.joints, "wrist"), f"has a joint wrist that {CONFIG} lacks"),
+    ):
+        client.state.joints = joints
+        with pytest.raises(ValueError, match=rf"the hand in /left_hand {re.escape(reason)}.* give --joint-prefix"):
+            watch()
+
+
+def test_a_hand_whose_valves_switch_is_shown_with_a_warning(tmp_path: Path) -> None:
+    """Fails when a model with analog valves is shown next to a hand with switching ones without a word."""
+    text = CONFIG.read_text(encoding="utf-8")
+    (tmp_path / "hand.yaml").write_text(text.replace("valve_kind: analog", "valve_kind: switching"), encoding="utf-8")
+    for path, warns in ((tmp_path / "hand.yaml", True), (CONFIG, False)):
+        hand = load_hand(path)
+        assert ("valve_kind of" in legend(LIVE, hand)) == warns and "Blue ghost" in legend(LIVE, hand)
+        answer = CliRunner().invoke(app, ["studio", str(tmp_path / "none.mcap"), "--model", str(path)])
+        assert answer.exit_code == 2 and ("is switching, but the model" in answer.output) == warns
 
 
 def test_the_status_says_once_why_the_hand_does_not_move() -> None:
