@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,8 +16,9 @@ from hand_model.kernel.rows import ROW
 from hand_recording.hand_signals import hand_signals
 from hand_recording.loader import load_recording
 from hand_recording.replay import record_offline
-from hand_studio.replay import Replay, window_of
+from hand_studio.replay import SEGMENT_S, Replay, window_of
 from hand_studio.tint import NOISE
+from hand_studio.window import Window
 from hand_tool.cli import app
 
 HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
@@ -88,6 +90,22 @@ def test_what_if_goes_on_from_the_segment_before(shown: Replay, monkeypatch: pyt
     for segment in range(last + 1):
         again = short.what_if(run, HAND.parameters, segment)
         assert again.angle_rad == pytest.approx(run.angle_rad[short.cut(segment)], abs=np.radians(0.2))
+
+
+def test_what_if_of_a_segment_follows_a_slider(shown: Replay) -> None:
+    """Fails when a model and its curves for a whole segment of all joints take over 0.1 s of CPU."""
+    window = shown.window
+    signals = (window.angle_rad, window.pressure_pa, window.set_point_pa, window.force_n)
+    times = round(SEGMENT_S / shown.duration_s)
+    long = Replay(HAND, Window(window.period_s, *(np.tile(np.asarray(signal), (times, 1)) for signal in signals)))
+    run, taken = long.run(HAND.parameters), []
+    for _ in range(3):
+        begun = time.process_time()
+        made = long.what_if(run, rubbing().parameters, 0)
+        long.curves(0, RUBBING, (run, made))
+        taken.append(time.process_time() - begun)
+    assert len(made.angle_rad) == SEGMENT_S * HAND.rate_hz
+    assert min(taken) < 0.1
 
 
 def test_the_mismatch_names_the_joint(shown: Replay) -> None:
