@@ -1,44 +1,74 @@
 """Make the sample recordings of this folder again: python examples/make_samples.py [FOLDER]
 
 The index finger moves by the experiments `reversals` and `steps` at once, once by the described hand and once by a hand
-with an effect that its description lacks. The slide is a mass on a spring and damper that rubs.
+with an effect that its description lacks. The tables have this finger. The MCAP recordings have the whole hand;
+they are small, because they are shorter and their board sends BAG_HZ frames a second. The slide is a mass on a spring
+and damper that rubs.
 """
 
 from __future__ import annotations
 
+import struct
 import sys
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
 
 from hand_identification.excitation import EXPERIMENTS
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_model.kernel.rows import ROW
 from hand_recording.loader import load_recording
-from hand_recording.replay import record_offline
+from hand_recording.replay import START_NS, record_offline
+from hand_robot.urdf import urdf_text
 
 HERE = Path(__file__).resolve().parent
 JOINTS = ("index_proximal", "index_distal")
 SECONDS, SEED = 16.0, 20
+BAG_S, BAG_HZ = 9.0, 100.0
+TOPICS = [f"/hand/{name}" for name in ("joint_states", "pressures", "contact_forces", "valve_command")]
+"""Of the MCAP recordings, next to robot_description."""
 CONCEALED = {"coulomb_friction.torque_nm": 0.012}
 """The effect of index_distal in index_concealed.csv, SI."""
 SLIDE_FRICTION_N = 0.5
 
 
-def finger(truth: Hand, folder: Path) -> Array:
-    """Time [s], then set-point [bar], pressure [bar] and angle [deg] of each joint, (T, 7)."""
-    time_s = np.arange(0.0, SECONDS, 1.0 / truth.rate_hz)
+def record(truth: Hand, seconds: float, path: Path) -> None:
+    """Record a hand whose finger moves."""
+    time_s = np.arange(0.0, seconds, 1.0 / truth.rate_hz)
     rng = np.random.default_rng(SEED)
     commands = np.zeros((len(time_s), len(truth.joints)))
     for name, shape in zip(JOINTS, ("reversals", "steps"), strict=True):
         commands[:, truth.joints.index(name)] = 4e5 * np.clip(EXPERIMENTS[shape](time_s, rng), 0.0, 1.0)
-    path = folder / "finger.mcap"
-    path.unlink(missing_ok=True)
     for _ in record_offline(truth, commands, path, seed=SEED):
         pass
+
+
+def compress(recording: Path, hand: Hand, out: Path) -> None:
+    """Copy an MCAP recording with the better compression, and with the robot_description that 3-D views need."""
+    text = urdf_text(hand).encode()
+    with recording.open("rb") as source, out.open("wb") as target:
+        writer = Writer(target, compression=CompressionType.ZSTD)
+        writer.start(profile="ros2", library="fluidic_hand")
+        kind = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        robot = writer.register_channel("/hand/robot_description", "cdr", kind)
+        message = b"\0\1\0\0" + struct.pack("<I", len(text) + 1) + text + b"\0"
+        writer.add_message(robot, START_NS, message, START_NS)
+        channels: dict[int, int] = {}
+        for schema, channel, copied in make_reader(source).iter_messages(TOPICS):
+            if channel.id not in channels:
+                kind = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(channel.topic, "cdr", kind, channel.metadata)
+            writer.add_message(channels[channel.id], copied.log_time, copied.data, copied.publish_time)
+        writer.finish()
+
+
+def table(path: Path) -> Array:
+    """Time [s], then set-point [bar], pressure [bar] and angle [deg] of each joint of a recording, (T, 7)."""
     base = load_recording(path).on_time_base(joints=JOINTS)
     parts = [base.time_s[:, None]]
     for k in range(len(JOINTS)):
@@ -79,9 +109,11 @@ def main(out: Path) -> None:
         (out / folder).mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory() as scratch:
         for name, truth in (("plain", hand), ("concealed", replace(hand, parameters=parameters))):
-            rows = finger(truth, Path(scratch))
             path = out / "recordings" / f"index_{name}.csv"
-            np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt="%.5g")
+            record(truth, SECONDS, Path(scratch) / f"{name}.mcap")
+            record(replace(truth, rate_hz=BAG_HZ), BAG_S, Path(scratch) / f"short_{name}.mcap")
+            compress(Path(scratch) / f"short_{name}.mcap", hand, path.with_suffix(".mcap"))
+            np.savetxt(path, table(Path(scratch) / f"{name}.mcap"), delimiter=",", header=head, comments="", fmt="%.5g")
     np.savetxt(
         out / "machine" / "slide.csv", slide(), delimiter=",", header="t_s,force_N,x_mm", comments="", fmt="%.5g"
     )
