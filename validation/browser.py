@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import io
 import itertools
 import json
 import os
@@ -13,6 +14,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from matplotlib.image import imread
 from websockets.sync.client import connect
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -24,6 +27,12 @@ KEEP_LAST = ("setpriv", "--bounding-set", "-sys_nice", "--inh-caps", "-sys_nice"
 """Without a graphics card the browser takes every core that it gets, and the hand under test keeps deadlines. So it has
 the lowest priority, and where it runs as root, it loses the right to raise that of the process that draws."""
 WAIT_S = 30.0
+
+
+def changed(first: bytes, second: bytes) -> float:
+    """Share of the pixels that differ clearly between two PNG pictures of one size."""
+    pictures = [imread(io.BytesIO(picture))[..., :3] for picture in (first, second)]
+    return float(np.mean(np.abs(pictures[0] - pictures[1]).max(axis=-1) > 0.1))
 
 
 class Browser:
@@ -49,6 +58,11 @@ class Browser:
         page = next(target["targetId"] for target in targets if target["type"] == "page")
         self._session = self._call("Target.attachToTarget", targetId=page, flatten=True)["sessionId"]
         self.open(url)
+
+    @property
+    def pid(self) -> int:
+        """Number of its first process."""
+        return self._process.pid
 
     def open(self, url: str) -> None:
         """Show another page."""

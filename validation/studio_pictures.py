@@ -1,7 +1,7 @@
 """Pictures of the studio for the documents.
 
-A simulated hand grasps, a recording of another one is replayed, and a headless browser takes the pictures; it needs
-chromium.
+A simulated hand grasps, another one is looked at by Record until sure, a recording is replayed, and a headless browser
+takes the pictures; it needs chromium.
 
 Example: python -m validation.studio_pictures
 """
@@ -34,35 +34,35 @@ CLOSE = "document.querySelectorAll('.mantine-Notification-closeButton').forEach(
 """Closes what the page says about a browser without a graphics card."""
 LOAD_NM, RECORDED_S = 0.05, 8.0
 """Concealed load and length of the recording that is replayed."""
+RUBBING, FRICTION_NM = "index_proximal", 0.012
+"""Joint and size of the friction that Record until sure finds."""
+SURE_S = 600.0
+"""Longest time for it."""
 
 
 def main() -> None:
     """Write every picture into a folder."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("docs/pictures"), help="folder of the pictures")
-    parser.add_argument("--only", choices=("live", "replay"), help="only these pictures; replay needs no ROS")
+    parser.add_argument("--only", choices=("live", "find", "replay"), help="only these pictures; replay needs no ROS")
     options = parser.parse_args()
     out: Path = options.out
     out.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory() as folder:
-        if options.only != "replay":
-            live(Path(folder), out / "studio.png")
-        if options.only != "live":
-            replay(Path(folder), out / "studio_replay.png")
+        for name, draw in (("live", live), ("find", find), ("replay", replay)):
+            if options.only in (None, name):
+                (Path(folder) / name).mkdir()
+                draw(Path(folder) / name, out)
 
 
 def live(folder: Path, out: Path) -> None:
     """The page of a simulated hand that holds the tripod grasp, and next to it a model with a load on every joint."""
-    command = [sys.executable, "-m", "hand_tool", "studio", "--sim", "--no-browser", "--json", "--out", str(folder)]
-    environment = os.environ | {"ROS_HOME": str(folder)}
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
-    assert process.stdout is not None
-    page = Browser(folder, json.loads(process.stdout.readline())["url"], SIZE)
+    process, page = _studio(folder, "--sim", "--out", str(folder))
     try:
         page.until_shown("Hz, latency")
         page.run(CLOSE)
         _grasp(page)
-        out.write_bytes(page.picture())
+        (out / "studio.png").write_bytes(page.picture())
         page.click("Model")
         page.press("torque_nm", "End")
         time.sleep(1.0)
@@ -73,11 +73,48 @@ def live(folder: Path, out: Path) -> None:
             page.click("Model")
             time.sleep(1.0)
             picture = page.picture()
-        out.with_name("studio_model.png").write_bytes(picture)
+        (out / "studio_model.png").write_bytes(picture)
     finally:
         page.close()
-        process.send_signal(signal.SIGINT)
-        process.wait(timeout=30)
+        _end(process)
+
+
+def find(folder: Path, out: Path) -> None:
+    """Record until sure, next to a hand with friction in a joint that the model lacks, when it has its answer."""
+    model = yaml.safe_load(default_model().read_text(encoding="utf-8"))
+    next(joint for joint in model["joints"] if joint["name"] == RUBBING)["coulomb_friction"] = {
+        "torque_nm": FRICTION_NM
+    }
+    rubs = folder / "rubs.yaml"
+    rubs.write_text(yaml.safe_dump(model), encoding="utf-8")
+    hand = _start(folder, "up", "--sim", "--model", str(rubs))
+    assert hand.stdout is not None
+    while "controlling" not in hand.stdout.readline():
+        assert hand.poll() is None, "hand up has ended"
+    process, page = _studio(folder, "--out", str(folder))
+    try:
+        page.until_shown("Hz, latency")
+        page.run(CLOSE)
+        page.click("Find")
+        page.choose("joint", RUBBING)
+        while not _look(page):
+            pass
+        (out / "studio_find.png").write_bytes(page.picture())
+    finally:
+        page.close()
+        _end(process)
+        _end(hand)
+
+
+def _look(page: Browser) -> bool:
+    """Record until sure, from the button to the answer; False where a busy machine vents the hand meanwhile."""
+    page.click("Drive")
+    page.click("Enable")
+    time.sleep(2.0)
+    page.click("Find")
+    page.click("Record until sure")
+    page.until("/recordings?$|^not sure|^Record until sure:/.test(document.querySelector('#note').innerText)", SURE_S)
+    return not page.run("document.querySelector('#note').innerText.startsWith('Record until sure:')")
 
 
 def replay(folder: Path, out: Path) -> None:
@@ -95,21 +132,37 @@ def replay(folder: Path, out: Path) -> None:
     model["joint_defaults"]["constant_load"] = {"torque_nm": LOAD_NM}
     found = folder / "found.yaml"
     found.write_text(yaml.safe_dump(model), encoding="utf-8")
-    words = [str(recording), "--after", str(found), "--no-browser", "--json"]
-    process = subprocess.Popen([sys.executable, "-m", "hand_tool", "studio", *words], stdout=subprocess.PIPE, text=True)
-    assert process.stdout is not None
-    page = Browser(folder, json.loads(process.stdout.readline())["url"], SIZE)
+    process, page = _studio(folder, str(recording), "--after", str(found))
     try:
         page.until_shown("RMS difference: before")
         page.run(CLOSE)
         page.press("time s", "End")
         page.run("document.activeElement.blur()")
         time.sleep(3.0)
-        out.write_bytes(page.picture())
+        (out / "studio_replay.png").write_bytes(page.picture())
     finally:
         page.close()
-        process.send_signal(signal.SIGINT)
-        process.wait(timeout=30)
+        _end(process)
+
+
+def _start(folder: Path, *words: str) -> subprocess.Popen[str]:
+    """Begin a command of `hand`."""
+    environment = os.environ | {"ROS_HOME": str(folder)}
+    return subprocess.Popen(
+        [sys.executable, "-m", "hand_tool", *words], stdout=subprocess.PIPE, text=True, env=environment
+    )
+
+
+def _studio(folder: Path, *words: str) -> tuple[subprocess.Popen[str], Browser]:
+    """Begin `hand studio`, and open its page."""
+    process = _start(folder, "studio", "--no-browser", "--json", *words)
+    assert process.stdout is not None
+    return process, Browser(folder, json.loads(process.stdout.readline())["url"], SIZE)
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    process.send_signal(signal.SIGINT)
+    process.wait(timeout=30)
 
 
 def _vented(page: Browser) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import os
@@ -17,7 +16,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from matplotlib.image import imread
 
 from hand_model.description import load_hand
 from hand_model.kernel.rows import ROW
@@ -29,7 +27,7 @@ from hand_studio.page import Page
 from hand_studio.panel import Panel
 from hand_studio.until_sure import Answer, Cause, Motion, table
 from test.nodes.stack import TOOL, WAIT_S, Client, Stack
-from validation.browser import Browser
+from validation.browser import Browser, changed
 
 CONFIG = Path(__file__).parents[2] / "config" / "hand.yaml"
 BARS = "[...document.querySelectorAll('#sure ~ table div')].map(bar => bar.style.width)"
@@ -102,12 +100,6 @@ class Studio(Stack):
             self.page.press(joint, "Home" if key == "End" else "End")  # arrows would turn the camera, too
             self.page.press(joint, key)
             self.during(2.5, lambda: not low_rad < self.client.angle(joint) < high_rad)
-
-
-def changed(first: bytes, second: bytes) -> float:
-    """Share of the pixels that differ clearly between two PNG pictures of one size."""
-    pictures = [imread(io.BytesIO(picture))[..., :3] for picture in (first, second)]
-    return float(np.mean(np.abs(pictures[0] - pictures[1]).max(axis=-1) > 0.1))
 
 
 @pytest.fixture(scope="module")
@@ -342,6 +334,11 @@ def test_a_recording_is_replayed_next_to_the_model_before_and_after(studio: Stud
             studio.page.until_shown("RMS difference: before")
             off_deg = re.search(r"before: ([\d.]+) deg, after: ([\d.]+) deg", studio.page.text())
             assert off_deg is not None and float(off_deg[2]) < 0.3 < 3.0 < float(off_deg[1])
+            assert "Ghosts: the model before (blue) and after (green)" in studio.page.text()
+            studio.page.press("torque_nm", "Home")
+            studio.page.until("parseFloat(document.body.innerText.split('after: ')[1]) > 3")
+            studio.page.click("Reset to what was found")
+            studio.page.until("parseFloat(document.body.innerText.split('after: ')[1]) < 0.3")
             scheme = "getComputedStyle(document.documentElement).colorScheme"
             assert studio.page.run(scheme) == "light"
             studio.page.click("Dark or light")
