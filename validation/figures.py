@@ -67,6 +67,7 @@ PARTS: dict[str, Part] = {
     **{_bench(name): Part(f"bench/{name}", tables.bench_table) for name in BENCHES},
     _bench("loop"): Part("bench/loop", tables.loop_table),
     _bench("steps"): Part("bench/steps", tables.steps_sentence, exact=True),
+    _bench("demo"): Part("bench/demo", tables.demo_sentence),
     _bench("effects"): Part("bench/effects", tables.effects_table),
     _bench("compare"): Part("bench/compare", tables.compare_table),
     "make faults # hazards": Part("faults", faults_page.hazards_table),

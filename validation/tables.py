@@ -73,6 +73,18 @@ def steps_sentence(entry: Entry) -> str:
     )
 
 
+def demo_sentence(entry: Entry) -> str:
+    """How often the end of the demo is right, and how long it takes."""
+    wrong, middle_s, longest_s, cpu_s, others = (result["ours"] for result in entry["results"])
+    rows = entry["results"][0]["rows"]
+    right = round((1.0 - wrong) * len(rows))
+    return (
+        f"Of {len(rows)} effects that were drawn and concealed, {right} were named first and in their joint. The"
+        f" diagnosis took {middle_s:.1f} s at the median and {longest_s:.1f} s at most, or {cpu_s:.1f} s of processor"
+        f" time, while other programs used {100.0 * others:.0f} % of the machine. {source_line(entry)}"
+    )
+
+
 def effects_table(entry: Entry) -> str:
     """Each effect alone at twice its detection limit."""
     rows = []

@@ -43,6 +43,7 @@ PLAUSIBLE: dict[str, dict[str, tuple[float, float]]] = {
     "steps": {"settling time": (0.2, 1.5), "overshoot": (0.0, 5.0)},
     "loop": {"missed periods": (0.0, 1.0)},
     "studio": {"load by other programs": (0.0, 1.0)},
+    "demo": {"not named first": (0.0, 0.0)},
     "effects": {"not named first": (0.0, 0.0), "wrong place": (0.0, 0.0), "wrong joint": (0.0, 0.0)},
     "compare": {"not named": (0.0, 0.0), "worst validation error": (0.0, 1.0)},
     "control": {

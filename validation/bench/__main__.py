@@ -38,9 +38,14 @@ BENCHES = (
     "found",
     "rivals",
     "studio",
+    "demo",
 )
-PROGRAMS = {"plant": ("cc",), "firmware": ("arm-none-eabi-gcc", "qemu-system-arm")}
-"""Programs that a bench starts and that this package does not install."""
+PROGRAMS = {
+    "plant": ("cc",),
+    "firmware": ("arm-none-eabi-gcc", "qemu-system-arm"),
+    "studio": ("chromium|chromium-browser|google-chrome",),
+}
+"""Programs that a bench starts and that this package does not install; one of several names with | between them."""
 MODULES = {"codec": ("rclpy",), "loop": ("rclpy", "hand_msgs.msg"), "studio": ("rclpy", "hand_msgs.msg", "viser")}
 """Python modules of ROS 2 that a bench needs."""
 
@@ -97,7 +102,7 @@ def quick_results(name: str) -> tuple[dict[str, Any], ...]:
 
 def missing_tools(name: str) -> str:
     """What this machine lacks for a bench, as a phrase; empty where nothing is missing."""
-    missing = [program for program in PROGRAMS.get(name, ()) if shutil.which(program) is None]
+    missing = [names for names in PROGRAMS.get(name, ()) if not any(map(shutil.which, names.split("|")))]
     missing += [f"the Python module {module}" for module in MODULES.get(name, ()) if not _importable(module)]
     return " and ".join(missing)
 
