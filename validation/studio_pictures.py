@@ -155,9 +155,11 @@ def _start(folder: Path, *words: str) -> subprocess.Popen[str]:
 
 def _studio(folder: Path, *words: str) -> tuple[subprocess.Popen[str], Browser]:
     """Begin `hand studio`, and open its page."""
+    page = Browser(folder, "about:blank", SIZE)
     process = _start(folder, "studio", "--no-browser", "--json", *words)
     assert process.stdout is not None
-    return process, Browser(folder, json.loads(process.stdout.readline())["url"], SIZE)
+    page.open(json.loads(process.stdout.readline())["url"])
+    return process, page
 
 
 def _end(process: subprocess.Popen[str]) -> None:
