@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
 from hand_driver.board import Frame, Status
 from hand_driver.measurement import Converter
 from hand_driver.topics import TOPICS, FrameTopics
 from hand_messages.cdr import Layout
+from hand_messages.cdr_walk import Plan
 from hand_messages.layouts import VALVE_COMMAND
 from hand_model.arrays import Array
 from hand_model.description import Hand
@@ -31,6 +33,20 @@ MIN_SHARE = 0.1
 """Least share of the frames that a replay must reach."""
 LIFETIME_S = 0.1
 """Lifetime of the set-points of a simulated recording."""
+DESCRIPTION, DESCRIPTION_TYPE = "robot_description", "std_msgs/msg/String"
+_FOREVER = QosTime(9223372036, 854775807)
+DESCRIPTION_QOS = Qos(
+    QosHistory.KEEP_LAST,
+    1,
+    QosReliability.RELIABLE,
+    QosDurability.TRANSIENT_LOCAL,
+    _FOREVER,
+    _FOREVER,
+    QosLiveliness.AUTOMATIC,
+    _FOREVER,
+    False,
+)
+"""As a running hand offers robot_description, so that a player keeps it for late subscribers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +97,11 @@ def simulate_recording(hand: Hand, set_point_pa: Array, start_ns: int = START_NS
     return Replay(hand, "/hand", ticks, states, commands)
 
 
-def record_offline(hand: Hand, set_point_pa: Array, out: Path, seed: int, storage: str = "mcap") -> Iterator[float]:
+def record_offline(
+    hand: Hand, set_point_pa: Array, out: Path, seed: int, storage: str = "mcap", urdf: str = ""
+) -> Iterator[float]:
     """Write simulate_recording's recording of set-points (T, joints) [Pa]; yields the share done, 0 to 1."""
-    yield from write_replay(simulate_recording(hand, set_point_pa), out, storage, seed)
+    yield from write_replay(simulate_recording(hand, set_point_pa), out, storage, seed, urdf)
 
 
 def messages(result: Replay, seed: int | None) -> Iterator[tuple[int, tuple[bytes, ...]]]:
@@ -102,8 +120,11 @@ def messages(result: Replay, seed: int | None) -> Iterator[tuple[int, tuple[byte
         yield int(stamp_ns), topics.encode(int(stamp_ns), frame, converter.convert(frame))
 
 
-def write_replay(result: Replay, out: Path, storage: str, seed: int | None) -> Iterator[float]:
-    """Write the replay and its commands as a recording; yields the share done, 0 ... 1. Raises BagError."""
+def write_replay(result: Replay, out: Path, storage: str, seed: int | None, urdf: str = "") -> Iterator[float]:
+    """Write the replay and its commands as a recording; yields the share done, 0 ... 1. Raises BagError.
+
+    urdf: of the hand, written as robot_description, the first message; empty: none.
+    """
     names = [f"{result.namespace}/{topic}" for topic in TOPICS]
     bag = open_bag(out, storage)
     try:
@@ -111,6 +132,11 @@ def write_replay(result: Replay, out: Path, storage: str, seed: int | None) -> I
             bag.add_topic(Topic.of(name, spec.type))
         command = f"{result.namespace}/valve_command"
         bag.add_topic(Topic.of(command, VALVE_COMMAND.type))
+        if urdf:
+            description = f"{result.namespace}/{DESCRIPTION}"
+            bag.add_topic(Topic.of(description, DESCRIPTION_TYPE, [DESCRIPTION_QOS]))
+            begin_ns = int(min([*result.stamp_ns[:1], *result.commands.sent_ns[:1]]))
+            bag.write(description, _encoded_description(urdf), begin_ns, begin_ns)
         sent = iter(_encoded_commands(result))
         waiting = next(sent, None)
         for index, (stamp_ns, raws) in enumerate(messages(result, seed)):
@@ -122,6 +148,12 @@ def write_replay(result: Replay, out: Path, storage: str, seed: int | None) -> I
             yield (index + 1) / len(result.states)
     finally:
         bag.close()
+
+
+def _encoded_description(urdf: str) -> bytes:
+    plan = Plan()
+    plan.string(urdf)
+    return bytes(plan.template)
 
 
 def _encoded_commands(result: Replay) -> Iterator[tuple[int, bytes]]:

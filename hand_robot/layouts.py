@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +26,8 @@ COLORS = (
 DIAGNOSTICS = "/diagnostics"
 JOINT_STATES, PRESSURES, FORCES = "joint_states", "pressures", "contact_forces"
 STATE, COMMAND, ROBOT = "controller_state", "valve_command", "robot_description"
+STATUSES = ("safety", "board", "commands", "valves", "sensors")
+"""Parts of the controller whose levels on /diagnostics PlotJuggler shows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,24 +140,38 @@ def _hand_3d(hand: Hand, namespace: str) -> dict[str, Any]:
 
 
 def plotjuggler_text(hand: Hand, namespace: str = "hand") -> str:
-    """A layout of PlotJuggler, XML: a tab for each kind of signal, a plot for each finger."""
+    """A layout of PlotJuggler, XML: a tab for each kind of signal, a plot for each finger, and one of diagnostics."""
     root = ET.Element("root")
     window = ET.SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
     for title, rows in curves(hand, namespace).items():
-        tab = ET.SubElement(window, "Tab", tab_name=title, containers="1")
-        fingers: dict[str, list[Curve]] = {}
+        fingers: dict[str, list[tuple[str, str]]] = {}
         for curve in rows:
-            fingers.setdefault(curve.label.removeprefix(hand.prefix).split("_")[0], []).append(curve)
-        sizes = ";".join([f"{1.0 / len(fingers):.4f}"] * len(fingers))
-        container = ET.SubElement(tab, "Container")
-        splitter = ET.SubElement(container, "DockSplitter", orientation="-", count=str(len(fingers)), sizes=sizes)
-        for finger, group in fingers.items():
-            area = ET.SubElement(splitter, "DockArea", name=f"{finger}, {title}")
-            plot = ET.SubElement(area, "plot", mode="TimeSeries", style="Lines", flip_x="false", flip_y="false")
-            for curve in group:
-                ET.SubElement(plot, "curve", name=_series(curve, hand), color=curve.color)
+            finger = curve.label.removeprefix(hand.prefix).split("_")[0]
+            fingers.setdefault(f"{finger}, {title}", []).append((_series(curve, hand), curve.color))
+        _add_tab(window, title, fingers)
+    levels = list(zip(level_series(namespace), COLORS, strict=False))
+    _add_tab(window, "diagnostics", {"levels of the controller: 0 OK, 1 warning, 2 error": levels})
     ET.SubElement(root, "use_relative_time_offset", enabled="1")
     return document(root, "Made by: hand urdf. Load it after the data: plotjuggler, Layout, Load.")
+
+
+def level_series(namespace: str) -> list[str]:
+    """Names that PlotJuggler gives the levels of the controller: topic, hardware_id, status, key of a value."""
+    space = f"/{namespace.strip('/')}"
+    return [f"{DIAGNOSTICS}/{space}/{space}/controller: {part}/level" for part in STATUSES]
+
+
+def _add_tab(window: ET.Element, title: str, plots: Mapping[str, list[tuple[str, str]]]) -> None:
+    """A tab with its plots one below the other. plots: series and colours by the title of the plot."""
+    tab = ET.SubElement(window, "Tab", tab_name=title, containers="1")
+    sizes = ";".join([f"{1.0 / len(plots):.4f}"] * len(plots))
+    container = ET.SubElement(tab, "Container")
+    splitter = ET.SubElement(container, "DockSplitter", orientation="-", count=str(len(plots)), sizes=sizes)
+    for name, series in plots.items():
+        area = ET.SubElement(splitter, "DockArea", name=name)
+        plot = ET.SubElement(area, "plot", mode="TimeSeries", style="Lines", flip_x="false", flip_y="false")
+        for each, color in series:
+            ET.SubElement(plot, "curve", name=each, color=color)
 
 
 def _series(curve: Curve, hand: Hand) -> str:

@@ -64,6 +64,11 @@ def urdf_text(
     return document(root, f"Made by: hand urdf, from {hand.path.name}. Lengths in m, angles in rad, masses in kg.")
 
 
+def description_text(hand: Hand) -> str:
+    """The text of the topic robot_description; empty for a hand without geometry."""
+    return "" if hand.geometry is None else urdf_text(hand)
+
+
 def macro_text(hand: Hand) -> str:
     """The xacro macro `fluidic_hand`: of this hand, and with the other `side` of its mirror image."""
     style = Style(hand.prefix, symbolic=True)

@@ -462,12 +462,14 @@ class HandNode(LifecycleNode):
             self.log_throttled(Level.WARN, "silent", line, RARELY_S)
 
     def _status(self, status: Health) -> DiagnosticStatus:
+        values = {"level": str(int(status.level))}
         return DiagnosticStatus(
             level=bytes([status.level]),
             name=f"{self.get_fully_qualified_name()}: {status.name}",
             message=status.message,
             hardware_id=self.get_namespace(),
-            values=[KeyValue(key=key, value=value) for key, value in status.values.items()],
+            # PlotJuggler plots the numbers among the values, and not the level itself.
+            values=[KeyValue(key=key, value=value) for key, value in (values | status.values).items()],
         )
 
 

@@ -149,6 +149,7 @@ def _prepare(files: Files, model: Path) -> tuple[Hand, dict[str, Grasp]]:
 
 def _play(files: Files, hand: Hand, grasps: dict[str, Grasp], progress: Progress) -> Load | None:
     """Record simulation and controller while they perform the grasps; the load of the machine meanwhile."""
+    from hand_robot.urdf import description_text
     from hand_tool.live_node import NotReadyError, Pose, perform
     from hand_tool.machine_load import LoadMeter
 
@@ -176,7 +177,7 @@ def _play(files: Files, hand: Hand, grasps: dict[str, Grasp], progress: Progress
             progress.update(bar, description=label, advance=seconds if moving else 0.0)
 
         try:
-            perform(hand.joints, poses, show, processes.check)
+            perform(hand.joints, poses, description_text(hand), show, processes.check)
         except NotReadyError as error:
             raise ProcessError(str(error)) from None
         progress.update(bar, description="grasps performed and recorded", completed=total)
@@ -205,13 +206,14 @@ def _evaluate(
     """Replay offline, compare, write page and summary; returns what is in summary.json, and the figures."""
     from hand_recording.loader import load_recording
     from hand_recording.replay import replay_recording, write_replay
+    from hand_robot.urdf import description_text
     from hand_tool.demo_page import write_page
     from hand_tool.demo_summary import summarise
 
     recording = load_recording(files.recording)
     result = replay_recording(recording, hand)
     bar = progress.add_task("replaying the recording offline", total=1.0)
-    for share in write_replay(result, files.replay, "mcap", None):
+    for share in write_replay(result, files.replay, "mcap", None, description_text(hand)):
         progress.update(bar, completed=share)
     bar = progress.add_task("drawing the page", total=None)
     summary = summarise(recording, result, load)

@@ -22,6 +22,7 @@ from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
 from hand_model.quantities import HAND
 from hand_recording.replay import record_offline
+from hand_robot.urdf import description_text
 from hand_tool.processes import ProcessError
 
 CONCEALED = {
@@ -101,7 +102,8 @@ def conceal_and_diagnose(hand: Hand, model: Path, folder: Path, seed: int) -> Ou
     recording = folder / "recording.mcap"
     folder.mkdir(parents=True, exist_ok=True)
     recording.unlink(missing_ok=True)
-    for _ in record_offline(_with(hand, key, joint, value), _set_points(hand, moved, rng), recording, seed):
+    truth, commands = _with(hand, key, joint, value), _set_points(hand, moved, rng)
+    for _ in record_offline(truth, commands, recording, seed, urdf=description_text(hand)):
         pass
     begun = time.monotonic()
     report = _diagnose(recording, model, folder, moved)

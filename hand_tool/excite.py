@@ -59,6 +59,7 @@ def excite(
         from hand_identification.excitation import set_points
         from hand_model.description import load_hand
         from hand_recording.replay import record_offline
+        from hand_robot.urdf import description_text
 
         hand = load_hand(chosen.path)
         if not 0.0 < max_pressure_bar * 1e5 <= hand.supply_pressure_pa:
@@ -71,9 +72,10 @@ def excite(
             interrupts.release()  # Ctrl-C must vent the hand and close the recording
         with progress_bar(as_json) as progress:
             bar = progress.add_task(name, total=1.0)
-            shares = (
-                _live(hand, commands, out, namespace) if live else record_offline(hand, commands, out, seed, storage)
-            )
+            if live:
+                shares = _live(hand, commands, out, namespace)
+            else:
+                shares = record_offline(hand, commands, out, seed, storage, description_text(hand))
             for share in shares:
                 progress.update(bar, completed=share)
         outputs.complete(out)

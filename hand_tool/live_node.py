@@ -16,11 +16,12 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from hand_model.arrays import Array
 from hand_model.description import Hand
-from hand_ros.node import DEFAULT_NAMESPACE, QUEUED_QOS, SENSOR_QOS
+from hand_ros.node import DEFAULT_NAMESPACE, QUEUED_QOS, RETAINED_QOS, SENSOR_QOS
 
 READY_S = 60.0
 """Longest wait for the controller: discovery takes seconds, a first compile of the kernels some more."""
@@ -52,11 +53,13 @@ class Pose:
 def perform(
     joints: Sequence[str],
     poses: Sequence[Pose],
+    urdf: str,
     on_progress: Callable[[str, float], None],
     healthy: Callable[[], None],
 ) -> None:
     """Send the poses one after the other as trajectories; returns after the last.
 
+    urdf: published as robot_description, so that the recording has it; empty: not published.
     on_progress(label, seconds) is called about ten times a second, healthy() too: it raises to give up.
     Raises NotReadyError when no controller answers.
     """
@@ -72,9 +75,13 @@ def perform(
     try:
         node.create_subscription(ControllerState, "controller_state", count, SENSOR_QOS, raw=True)
         publisher = node.create_publisher(JointTrajectory, "joint_trajectory", QUEUED_QOS)
+        described = ("robot_description",) if urdf else ()
+        for topic in described:
+            node.create_publisher(String, topic, RETAINED_QOS).publish(String(data=urdf))
         end = time.monotonic() + READY_S
         # The recorder must hear the commands from the first on: nothing moves before it listens, too.
-        recorded = ("joint_trajectory", "valve_command", "joint_states", "pressures", "contact_forces", "adc")
+        driven = ("joint_trajectory", "valve_command", "joint_states", "pressures", "contact_forces", "adc")
+        recorded = driven + described
         while seen[0] == 0 or publisher.get_subscription_count() < 2 or not _recorded(node, recorded):
             _spin(executor, TICK_S)
             healthy()

@@ -42,6 +42,7 @@ def simulate(
         from hand_model.description import load_hand
         from hand_recording.loader import load_recording
         from hand_recording.replay import replay_recording, write_replay
+        from hand_robot.urdf import description_text
 
         hand = load_hand(chosen.path)
         loaded = load_recording(recording)
@@ -49,7 +50,7 @@ def simulate(
         result = replay_recording(loaded, hand)
         with progress_bar(as_json) as progress:
             bar = progress.add_task("writing", total=1.0)
-            for share in write_replay(result, out, storage, seed):
+            for share in write_replay(result, out, storage, seed, description_text(hand)):
                 progress.update(bar, completed=share)
         outputs.complete(out)
         _report(result, loaded, out, chosen, as_json)

@@ -81,10 +81,25 @@ def test_a_change_is_published_at_once_and_no_change_once_a_second(probe: Probe,
     probe.status = Health("safety", Level.ERROR, "vented: a fault")
     probe.publish_health()
     assert len(probe.published) == 2
+    assert [(each.key, each.value) for each in probe.published[-1].status[0].values] == [("level", "2")]
     for _ in range(100):  # 10 s of the timer
         clock.now_s += 0.1
         probe.publish_health()
     assert 2 + 9 <= len(probe.published) <= 2 + 10
+
+
+def test_a_node_without_frames_is_reported_once(probe: Probe, clock: Clock) -> None:
+    """Fails when a node that receives no frames logs nothing, repeats its line at once, or is called healthy."""
+    probe.cycles = 0
+    for _ in range(100):  # 10 s of the timer
+        clock.now_s += 0.1
+        probe.publish_health()
+    assert probe.logged == ["not healthy: probe in /hand receives no frames"]
+    for _ in range(20):
+        clock.now_s += 0.1
+        probe.cycles += 20
+        probe.publish_health()
+    assert len(probe.logged) == 2 and probe.logged[1].startswith("healthy: probe runs in /hand at ")
 
 
 def test_a_latched_fault_is_logged_once_and_then_rarely(probe: Probe, clock: Clock) -> None:

@@ -46,7 +46,7 @@ with HandClient("hand", sys.argv[1]) as c:
 """
 NODES = ("driver", "simulation", "controller", "frame_publisher", "recorder")
 LIVE = {
-    "demo": "perform(['a'], [], lambda *_: None, lambda: None)",
+    "demo": "perform(['a'], [], 'a', lambda *_: None, lambda: None)",
     "experiment": "list(run_experiment(load_hand('config/hand.yaml'), zeros((1, 11)), 'hand', lambda: None))",
 }
 """The nodes of the tool, and the call that makes each: they then wait for a hand."""

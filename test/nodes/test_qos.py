@@ -8,13 +8,15 @@ import resource
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from hand_msgs.msg import AdcFrame, BoardState, Contact, ContactForces, ControllerState, JointPressures, ValveCommand
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
-from test.nodes.viewer_paths import check_foxglove, check_plotjuggler
+from test.nodes.viewer_paths import DIAGNOSTICS, check_foxglove, check_plotjuggler, joined
 
 if TYPE_CHECKING:
     from test.nodes.stack import Client, Stack
@@ -41,13 +43,19 @@ def test_every_topic_reaches_a_default_subscriber_and_late_ones_get_the_last_sta
     received: dict[str, list[Any]] = {topic: [] for topic in TOPICS}
     for topic, kind in TOPICS.items():
         client.node.create_subscription(kind, topic, received[topic].append, 10)
+    seen: dict[str, Any] = {}
+    client.node.create_subscription(String, "robot_description", lambda m: seen.update({"robot_description": m}), LATE)
+    statuses: list[Any] = []
+    client.node.create_subscription(DiagnosticArray, "/diagnostics", lambda m: statuses.extend(m.status), 10)
     stack.node("simulation")
     stack.node("controller")
+    stack.node("frame_publisher")
     client.controlling()
-    client.until(lambda: min(len(messages) for messages in received.values()) >= 3)
+    client.until(lambda: min(len(messages) for messages in received.values()) >= 3 and seen)
     assert {messages[-1].header.frame_id for messages in received.values()} == {"palm"}
     newest = {f"/hand/{topic}": messages[-1] for topic, messages in received.items()}
-    check_foxglove(newest, {name for name, _ in client.node.get_topic_names_and_types()})
+    newest |= {"/hand/robot_description": seen["robot_description"], DIAGNOSTICS: joined(statuses)}
+    check_foxglove(newest)
     check_plotjuggler(newest)
     spaces = [name for name, _ in client.node.get_topic_names_and_types() if name.startswith("/hand/")]
     publishers = [info for name in spaces for info in client.node.get_publishers_info_by_topic(name)]

@@ -33,7 +33,7 @@ def test_plotjuggler_and_rviz_name_the_hand(hand: Hand) -> None:
     """Broken by a curve that is listed under another finger, or a fixed frame that the URDF does not have."""
     root = ET.fromstring(plotjuggler_text(hand, "left_hand"))
     areas = root.findall(".//DockArea")
-    assert len(areas) == 5 * 2 + 6 + 5
+    assert len(areas) == 5 * 2 + 6 + 5 + 1
     index = next(area for area in areas if str(area.get("name")).startswith("index, angles"))
     names = {str(curve.get("name")) for curve in index.iter("curve")}
     assert f"/left_hand/joint_states/{hand.prefix}index_distal/position" in names

@@ -17,6 +17,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from hand_recording.installed import default_model
+from test.nodes.viewer_paths import check_foxglove, check_plotjuggler, newest_of
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run")
@@ -67,6 +68,14 @@ def test_both_recordings_hold_the_hands_topics(result: Path) -> None:
         assert summary is not None
         topics = {channel.topic for channel in summary.channels.values()}
         assert common | more <= topics
+
+
+def test_the_layouts_of_the_viewers_show_the_recording(result: Path) -> None:
+    """Fails when the demo does not record what a layout shows, as the description that gives the 3-D hand its shape."""
+    recorded = newest_of(result / "recording.mcap")
+    check_foxglove(recorded)
+    check_plotjuggler(recorded)
+    assert newest_of(result / "replay.mcap")["/hand/robot_description"].data == recorded["/hand/robot_description"].data
 
 
 def test_contact_forces_were_felt(result: Path) -> None:
