@@ -34,7 +34,7 @@ def kept_files(root: Path) -> dict[str, str]:
         "config/layouts/hand.foxglove.json": foxglove_text(hand),
         "config/layouts/hand.plotjuggler.xml": plotjuggler_text(hand),
         "config/layouts/hand.rviz": rviz_text(hand),
-        **{f"moveit/{name}": text for name, text in made.items()},
+        **{f"moveit/config/{name}": text for name, text in made.items()},
     }
 
 

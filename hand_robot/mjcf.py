@@ -1,9 +1,12 @@
-"""MJCF of a hand for MuJoCo, with Eq. 6 as actuators whose control is the pressure set-point in Pa.
+"""MJCF of a hand for MuJoCo, with Eq. 6 as actuators whose control is the pressure set-point in Pa, or with servos.
 
 A valve is a first-order filter (dynprm: its time constant), and the torque a_0 + a_1 phi + a_2 p + a_3 p phi is an
 affine gain and an affine bias over the joint angle. The moving parts of an actuator are armature. As in the nominal
 model, links are without weight (gravcomp); friction of the nominal model is damping and frictionloss. Not in this
 model: dead time and flow limits of the valve, creep of the material, and the effects of the catalogue.
+
+A servo stands for valve, actuator and controller of a joint: its control is an angle. So position commands of
+ros2_control move the hand; its torque is bounded as that of the controller, its motion in time is not that of the hand.
 """
 
 from __future__ import annotations
@@ -22,10 +25,15 @@ from hand_robot.xml_text import document, number, numbers
 MIDDLE_RAD = math.radians(45.0)
 PAD_RADIUS_M = 0.006
 """Radius of the site of a touch sensor."""
+FULL_TORQUE_RAD = math.radians(5.0)
+"""Error of a servo at which it gives the largest torque of its joint."""
 
 
-def mjcf_text(hand: Hand) -> str:
-    """An MJCF document. Raises ValueError, one line, for a hand without geometry."""
+def mjcf_text(hand: Hand, servos: bool = False) -> str:
+    """An MJCF document. servos: controls are angles [rad] instead of pressures [Pa].
+
+    Raises ValueError, one line, for a hand without geometry.
+    """
     geometry = geometry_of(hand)
     root = ET.Element("mujoco", model=hand.prefix + hand.name)
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -42,9 +50,13 @@ def mjcf_text(hand: Hand) -> str:
         site = ET.SubElement(bodies[frame.link], "site", name=frame.name, size=size)
         _place(site, frame.pose)
     _add_contacts(root, hand)
-    _add_actuators(root, hand)
+    if servos:
+        _add_servos(root, hand)
+    else:
+        _add_actuators(root, hand)
     _add_sensors(root, hand, geometry)
-    return document(root, f"Made by: hand urdf, from {hand.path.name}. Controls are pressures in Pa.")
+    controls = "angles in rad" if servos else "pressures in Pa"
+    return document(root, f"Made by: hand urdf, from {hand.path.name}. Controls are {controls}.")
 
 
 def armatures(hand: Hand) -> Array:
@@ -116,6 +128,28 @@ def _add_actuators(root: ET.Element, hand: Hand) -> None:
             gainprm=numbers((a2[index], a3[index], 0.0)),
             biastype="affine",
             biasprm=numbers((a0[index], a1[index], 0.0)),
+        )
+
+
+def _add_servos(root: ET.Element, hand: Hand) -> None:
+    """Position actuators, critically damped together with the friction of the joint where the finger is straight."""
+    actuator = ET.SubElement(root, "actuator")
+    limits = hand.limits
+    stiffness = limits.max_torque_nm / FULL_TORQUE_RAD
+    inertia = np.abs(mass_matrix(hand, np.zeros(len(hand.joints)))).sum(axis=1) + armatures(hand)
+    critical = 2.0 * np.sqrt(stiffness * inertia)
+    damping = np.maximum(critical - hand.row("dynamics.viscous_friction_nm_s_per_rad"), 0.0)
+    for index, joint in enumerate(hand.joints):
+        torque = limits.max_torque_nm[index]
+        ET.SubElement(
+            actuator,
+            "position",
+            name=joint,
+            joint=joint,
+            kp=number(stiffness[index]),
+            kv=number(damping[index]),
+            ctrlrange=numbers((limits.low_rad[index], limits.high_rad[index])),
+            forcerange=numbers((-torque, torque)),
         )
 
 

@@ -1,4 +1,4 @@
-"""The files of the MoveIt configuration package `fluidic_hand_moveit_config`, folder `moveit`, as texts.
+"""The files of a MoveIt configuration of a hand, as texts: of the package `moveit`, or for a robot's own.
 
 MoveIt drives the hand by its own action follow_joint_trajectory, so that no ros2_control is needed between them.
 """
@@ -18,16 +18,18 @@ from hand_robot.urdf import max_speed_rad_s
 
 SOLVER = "kdl_kinematics_plugin/KDLKinematicsPlugin"
 MANAGER = "moveit_simple_controller_manager"
-NAMESPACE = "hand"
 
 
-def moveit_files(hand: Hand, grasps: Mapping[str, Grasp]) -> dict[str, str]:
-    """Texts by the path of the file in the package. ValueError, one line, for a hand without geometry."""
+def moveit_files(hand: Hand, grasps: Mapping[str, Grasp], namespace: str = "hand", mount: str = "") -> dict[str, str]:
+    """Texts by the name of the file. namespace: of the hand's topics.  mount: parent link of the hand; empty: none.
+
+    Raises ValueError, one line, for a hand without geometry.
+    """
     return {
-        f"config/{hand.name}.srdf": srdf_text(hand, grasps),
-        "config/joint_limits.yaml": yaml_text(joint_limits(hand)),
-        "config/kinematics.yaml": yaml_text(kinematics(hand)),
-        "config/moveit_controllers.yaml": yaml_text(moveit_controllers(hand, NAMESPACE)),
+        f"{hand.name}.srdf": srdf_text(hand, grasps, mount),
+        "joint_limits.yaml": yaml_text(joint_limits(hand)),
+        "kinematics.yaml": yaml_text(kinematics(hand)),
+        "moveit_controllers.yaml": yaml_text(moveit_controllers(hand, namespace)),
     }
 
 

@@ -6,6 +6,7 @@ robot_description in a namespace: while another one does, this node publishes no
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from hand_model.geometry import frame_prefix
 from hand_robot.frames import Transform, transforms_of
 from hand_robot.urdf import Mount, urdf_text
 from hand_ros.node import RETAINED_QOS, SENSOR_QOS, HandNode, default_config, end, run
-from hand_ros.parameters import NodeParameter
+from hand_ros.parameters import NodeParameter, ParameterError
 
 DESCRIPTION = "robot_description"
 TF_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
@@ -32,6 +33,8 @@ PARAMETERS = (
     NodeParameter("hand_description", "", "path of hand.yaml; if empty, the installed file"),
     NodeParameter("joint_prefix", "", "beginning of the names of joints and frames; if empty, that of hand.yaml"),
     NodeParameter("mount", "", "parent link of the hand in robot_description; empty: none"),
+    NodeParameter("mount_xyz_m", [0.0, 0.0, 0.0], "position of the hand in the frame of the mount [m]"),
+    NodeParameter("mount_rpy_rad", [0.0, 0.0, 0.0], "roll, pitch and yaw in the frame of the mount [rad]"),
     NodeParameter("frame_rate_hz", 30.0, "largest rate of /tf [Hz]", 1.0, 1000.0),
 )
 
@@ -51,7 +54,8 @@ class FramePublisher(HandNode):
         """Write the URDF of the hand, from which the frames follow."""
         path = Path(values["hand_description"] or default_config("hand.yaml"))
         hand = load_hand(path, values["joint_prefix"])
-        self._text = urdf_text(hand, Mount(values["mount"]), namespace=self.get_namespace().strip("/"))
+        mount = Mount(values["mount"], _three(values, "mount_xyz_m"), _three(values, "mount_rpy_rad"))
+        self._text = urdf_text(hand, mount, namespace=self.get_namespace().strip("/"))
         transforms = transforms_of(self._text, frame_prefix(hand, self.get_namespace()))
         self._fixed = [_message(transform) for transform in transforms if not transform.joint]
         self._moving = {
@@ -126,6 +130,14 @@ class FramePublisher(HandNode):
             moved.append(message)
         if moved:
             self._offered[2].publish(TFMessage(transforms=moved))
+
+
+def _three(values: dict[str, Any], name: str) -> tuple[float, float, float]:
+    """Three finite numbers of a parameter. Raises ParameterError."""
+    numbers = values[name]
+    if len(numbers) != 3 or not all(map(math.isfinite, numbers)):
+        raise ParameterError(f"parameter {name} is {numbers}; it must be three numbers")
+    return numbers[0], numbers[1], numbers[2]
 
 
 def _message(transform: Transform) -> TransformStamped:

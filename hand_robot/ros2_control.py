@@ -2,7 +2,7 @@
 
 `topic_based` uses joint_state_topic_hardware_interface (ros-controls/topic_based_hardware_interfaces): it reads
 `joint_states` and writes `joint_commands` of this stack, so that the safety of driver and controller stays in force.
-`mujoco` uses mujoco_ros2_control with the MJCF of this hand.
+`mujoco` uses mujoco_ros2_control, which runs the MJCF with servos in place of driver, controller and hand.
 """
 
 from __future__ import annotations
@@ -46,10 +46,14 @@ def control_element(hand: Hand, style: Style, control: str, namespace: str, mujo
     return root
 
 
+def controller_names(prefix: str) -> tuple[str, str]:
+    """Names of the trajectory controller and of the broadcaster of a hand with this prefix."""
+    return f"{prefix}hand_controller", f"{prefix}hand_state_broadcaster"
+
+
 def controllers(hand: Hand) -> dict[str, Any]:
     """The content of controllers.yaml: a joint trajectory controller and a broadcaster for one hand."""
-    trajectory = f"{hand.prefix}hand_controller"
-    broadcaster = f"{hand.prefix}hand_state_broadcaster"
+    trajectory, broadcaster = controller_names(hand.prefix)
     return {
         "controller_manager": {
             "ros__parameters": {

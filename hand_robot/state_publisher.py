@@ -13,16 +13,20 @@ PACKAGE = "robot_state_publisher"
 
 
 def state_publisher(
-    hand_description: str, namespace: str, joint_prefix: str = "", mount: str = "", use_sim_time: bool = False
+    hand_description: str,
+    namespace: str,
+    joint_prefix: str = "",
+    mount: Mount | None = None,
+    use_sim_time: bool = False,
 ) -> dict[str, Any] | None:
     """Arguments of the launch action Node; None where the description has no geometry or cannot be read.
 
-    hand_description: path of hand.yaml.  mount: parent link of the hand; "" for none. The nodes of the hand report a
-    description that cannot be read; a launch without its robot_state_publisher is otherwise complete.
+    hand_description: path of hand.yaml. The nodes of the hand report a description that cannot be read; a launch
+    without its robot_state_publisher is otherwise complete.
     """
     try:
         hand = load_hand(Path(hand_description), joint_prefix)
-        text = urdf_text(hand, Mount(mount), namespace=namespace)
+        text = urdf_text(hand, mount, namespace=namespace)
     except (DescriptionError, ValueError, OSError):
         return None
     parameters = {

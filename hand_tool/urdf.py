@@ -1,8 +1,9 @@
-"""`hand urdf`: the hand as URDF, SRDF or MJCF for other programs, and layouts of viewers for its topics."""
+"""`hand urdf`: the hand for other programs, as models, settings of ros2_control and MoveIt, and layouts of viewers."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Mapping
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,7 +16,9 @@ from hand_tool.options import Model, Quiet, Verbose
 from hand_tool.paths import check_file, check_new
 
 if TYPE_CHECKING:
+    from hand_control.grasps import Grasp
     from hand_model.description import Hand
+    from hand_robot.urdf import Mount
 
 
 class Format(Enum):
@@ -25,6 +28,8 @@ class Format(Enum):
     XACRO = "xacro"
     SRDF = "srdf"
     MJCF = "mjcf"
+    CONTROLLERS = "controllers"
+    MOVEIT = "moveit"
     FOXGLOVE = "foxglove"
     PLOTJUGGLER = "plotjuggler"
     RVIZ = "rviz"
@@ -40,11 +45,15 @@ class Control(Enum):
 
 def urdf(
     *,
-    out: Annotated[Path | None, typer.Option(help="New file. Default: standard output.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="New file; for moveit a new folder. Default: standard output.")
+    ] = None,
     form: Annotated[
         Format,
         typer.Option(
-            "--format", help="xacro: a macro of both hands. mjcf: for MuJoCo. The last three: layouts of viewers."
+            "--format",
+            help="xacro: a macro of both hands. mjcf: for MuJoCo. controllers: parameters of ros2_control. "
+            "moveit: SRDF, limits, kinematics and controllers. The last three: layouts of viewers.",
         ),
     ] = Format.URDF,
     prefix: Annotated[
@@ -58,19 +67,26 @@ def urdf(
         tuple[float, float, float], typer.Option(help="Roll, pitch and yaw in the frame of the mount [rad].")
     ] = (0.0, 0.0, 0.0),
     ros2_control: Annotated[
-        Control, typer.Option("--ros2-control", help="Tags for ros2_control in the URDF.")
+        Control,
+        typer.Option(
+            "--ros2-control", help="Tags for ros2_control in the URDF. mujoco, with mjcf: servos for these tags."
+        ),
     ] = Control.NONE,
-    namespace: Annotated[str, typer.Option(help="Namespace of the hand's topics, for topic_based.")] = "hand",
+    namespace: Annotated[
+        str, typer.Option(help="Namespace of the hand's topics, for topic_based, moveit and layouts.")
+    ] = "hand",
     mujoco_model: Annotated[str, typer.Option(help="Path of the MJCF, for mujoco.")] = "hand.xml",
     grasps: Annotated[
         Path | None,
-        typer.Option(help="Grasp patterns of the SRDF's named states. Default: grasps.yaml next to the model."),
+        typer.Option(
+            help="Grasp patterns: the named states of srdf and moveit. Default: grasps.yaml next to the model."
+        ),
     ] = None,
     model: Model = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Write the hand as URDF, xacro, SRDF, MJCF or a viewer's layout, from `geometry` in hand.yaml.
+    """Write the hand as URDF, xacro, SRDF, MJCF, settings of ros2_control or MoveIt, or a viewer's layout.
 
     Example: hand urdf --prefix left_ --mount tool0 --ros2-control topic_based --out left_hand.urdf
 
@@ -79,42 +95,63 @@ def urdf(
     with running("urdf", *([out] if out else [])) as outputs:
         if out is not None:
             check_new(out, "models")
+        elif form is Format.MOVEIT:
+            raise ValueError("--format moveit writes several files; --out must name a new folder")
         _check_names(prefix, mount, namespace)
         chosen = choose_model(model)
-        patterns = check_file(grasps or chosen.path.with_name("grasps.yaml")) if form is Format.SRDF else None
+        with_grasps = form in (Format.SRDF, Format.MOVEIT)
+        patterns = check_file(grasps or chosen.path.with_name("grasps.yaml")) if with_grasps else None
         chosen.print()
+        from hand_control.grasps import load_grasps
         from hand_model.description import load_hand
+        from hand_robot.urdf import Mount
 
         hand = load_hand(chosen.path, prefix)
-        if form in (Format.URDF, Format.XACRO):
-            from hand_robot.urdf import Mount, macro_text, urdf_text
-
-            where = Mount(mount, mount_xyz, mount_rpy)
-            urdf = form is Format.URDF
-            text = urdf_text(hand, where, ros2_control.value, namespace, mujoco_model) if urdf else macro_text(hand)
-        else:
-            text = _text(form, hand, patterns, mount, namespace)
+        known = load_grasps(patterns, hand) if patterns is not None else {}
+        where = Mount(mount, mount_xyz, mount_rpy)
+        texts = _texts(form, hand, known, where, namespace, ros2_control, mujoco_model)
         if out is None:
-            sys.stdout.write(text)
+            sys.stdout.write(texts[""])
             return
-        out.write_text(text, encoding="utf-8")
+        for name, text in texts.items():
+            file = out / name if name else out
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(text, encoding="utf-8")
         outputs.complete(out)
         note(f"{form.value} written to {out}")
 
 
-def _text(form: Format, hand: Hand, patterns: Path | None, mount: str, namespace: str) -> str:
-    """The text of every format but URDF and xacro."""
-    from hand_control.grasps import load_grasps
+def _texts(
+    form: Format,
+    hand: Hand,
+    grasps: Mapping[str, Grasp],
+    mount: Mount,
+    namespace: str,
+    control: Control,
+    mujoco_model: str,
+) -> dict[str, str]:
+    """The texts by the name of the file; a format of one file has no name."""
+    from hand_model.yaml_document import yaml_text
     from hand_robot import layouts
     from hand_robot.mjcf import mjcf_text
+    from hand_robot.moveit import moveit_files
+    from hand_robot.ros2_control import controllers
     from hand_robot.srdf import srdf_text
+    from hand_robot.urdf import macro_text, urdf_text
 
-    if form is Format.SRDF and patterns is not None:
-        return srdf_text(hand, load_grasps(patterns, hand), mount)
-    if form is Format.MJCF:
-        return mjcf_text(hand)
-    makers = {Format.FOXGLOVE: layouts.foxglove_text, Format.PLOTJUGGLER: layouts.plotjuggler_text}
-    return makers.get(form, layouts.rviz_text)(hand, namespace)
+    if form is Format.MOVEIT:
+        return moveit_files(hand, grasps, namespace, mount.link)
+    makers: dict[Format, Callable[[], str]] = {
+        Format.URDF: lambda: urdf_text(hand, mount, control.value, namespace, mujoco_model),
+        Format.XACRO: lambda: macro_text(hand),
+        Format.SRDF: lambda: srdf_text(hand, grasps, mount.link),
+        Format.MJCF: lambda: mjcf_text(hand, servos=control is Control.MUJOCO),
+        Format.CONTROLLERS: lambda: yaml_text(controllers(hand)),
+        Format.FOXGLOVE: lambda: layouts.foxglove_text(hand, namespace),
+        Format.PLOTJUGGLER: lambda: layouts.plotjuggler_text(hand, namespace),
+        Format.RVIZ: lambda: layouts.rviz_text(hand, namespace),
+    }
+    return {"": makers[form]()}
 
 
 def _check_names(prefix: str, mount: str, namespace: str) -> None:

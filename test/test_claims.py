@@ -17,6 +17,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from hand_robot.launch_nodes import ARGUMENTS
 from hand_tool.cli import app
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -212,9 +213,10 @@ def check_ros(words: list[str]) -> None:
     if kind == "launch":
         launch = folders.get(package, ROOT / package) / name
         assert launch.is_file(), name
+        known = {each.name for each in ARGUMENTS} if launch.parent == ROOT / "launch" else set()
         for word in words[4:]:
             argument = word.partition(":=")[0]
-            assert f'"{argument}"' in launch.read_text(encoding="utf-8"), word
+            assert argument in known or f'"{argument}"' in launch.read_text(encoding="utf-8"), word
         return
     assert name in executables(), f"no executable {name}"
     sources = "".join(path.read_text(encoding="utf-8") for path in ROOT.glob("hand_*/*.py"))
@@ -223,6 +225,39 @@ def check_ros(words: list[str]) -> None:
             assert f'"{word.partition(":=")[0]}"' in sources, f"no parameter {word}"
         if before == "--params-file":
             assert (ROOT / word).is_file(), word
+
+
+NAMESPACE = re.compile(r"namespace(?::=|=| )/?(\w+)")
+PREFIX = re.compile(r"prefix(?::=|=| )(\w+)")
+
+
+def layouts_of_another_hand(section: str) -> list[str]:
+    """Layouts that a section opens or makes although it starts a hand of another namespace or prefix."""
+    lines = [
+        line for line in section.splitlines() if re.search(r"(?:hand (?:up|studio)|ros2 launch fluidic_hand) ", line)
+    ]
+    started = {(tuple(NAMESPACE.findall(line)), tuple(PREFIX.findall(line))) for line in lines} - {((), ())}
+    if not started:
+        return []
+    made = [line for line in section.splitlines() if re.search(r"--format (?:foxglove|plotjuggler|rviz)", line)]
+    wrong = [line for line in made if (tuple(NAMESPACE.findall(line)), tuple(PREFIX.findall(line))) not in started]
+    return wrong + re.findall(r"config/layouts/\S+", section)
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "CHANGELOG.md"])
+def test_the_layouts_are_those_of_the_hand_that_was_started(name: str) -> None:
+    """Fails when a section starts a hand with a namespace or prefix and opens the layout of another one."""
+    for section in re.split(r"^## ", text_of(name), flags=re.MULTILINE):
+        assert layouts_of_another_hand(section) == [], section.splitlines()[0]
+
+
+def test_a_layout_of_another_hand_is_found() -> None:
+    """Fails when the search passes over the shipped layout, or over one with another prefix."""
+    start = "    hand up --sim --namespace left_hand --joint-prefix left_\n"
+    make = "    hand urdf --format foxglove --prefix {} --namespace left_hand\n"
+    assert layouts_of_another_hand(start + make.format("left_")) == []
+    assert layouts_of_another_hand(start + make.format("right_")) == [make.format("right_").strip("\n")]
+    assert layouts_of_another_hand(start + "open `config/layouts/hand.rviz`")
 
 
 def executables() -> set[str]:

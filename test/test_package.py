@@ -12,8 +12,6 @@ import xml.etree.ElementTree as ET
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, ClassVar
 
 import pytest
 
@@ -263,68 +261,6 @@ def test_pip_puts_only_hand_on_the_path(installed: Path) -> None:
     nodes = sorted((installed.parent / "lib" / "fluidic_hand").iterdir())
     assert [path.name for path in nodes] == ["controller", "driver", "frame_publisher", "recorder", "simulation"]
     assert all(os.access(path, os.X_OK) for path in nodes)
-
-
-def test_launch_files_start_what_exists_with_parameters_that_exist() -> None:
-    """Fails when a launch file names an executable, file or driver parameter that is not there."""
-    from hand_driver.node import PARAMETERS  # noqa: PLC0415 - needs ROS, the other tests here do not
-
-    executables = {path.name for path in (ROOT / "tools" / "nodes").iterdir()}
-    for path in (ROOT / "launch").glob("*.launch.py"):
-        text = path.read_text(encoding="utf-8")
-        compile(text, path.name, "exec")
-        assert set(re.findall(r'executable="(\w+)"', text)) <= executables
-        assert all((ROOT / "config" / name).is_file() for name in re.findall(r'"([\w.]+\.yaml)"', text))
-        board = re.findall(r'^    "(\w+)": \("', text, re.MULTILINE)
-        assert {*board, "hand_description"} <= {parameter.name for parameter in PARAMETERS}
-
-
-class Described:
-    """What stands for a class of the packages launch and launch_ros: it keeps its arguments."""
-
-    made: ClassVar[list[Described]] = []
-
-    def __init__(self, *arguments: Any, **named: Any) -> None:
-        self.arguments, self.named = arguments, named
-        Described.made.append(self)
-
-
-@pytest.mark.parametrize("path", sorted((ROOT / "launch").glob("*.launch.py")), ids=lambda path: path.name)
-def test_launch_files_describe_their_arguments_and_end_with_a_node_that_cannot_be_configured(
-    path: Path,
-) -> None:
-    """Fails when an argument has no description, is used and not declared, or an unconfigured node stays up."""
-    kinds = {name: type(name, (Described,), {}) for name in ("DeclareLaunchArgument", "LaunchConfiguration", "Node")}
-    text = path.read_text(encoding="utf-8")
-    Described.made.clear()
-    lines = [line for line in text.splitlines() if not line.startswith(("from launch", "import launch"))]
-    names = set(re.findall(r"^from launch\S* import (.+)$", text, re.MULTILINE))
-    namespace: dict[str, Any] = {name: kinds.get(name, Described) for line in names for name in line.split(", ")}
-    exec(compile("from __future__ import annotations\n" + "\n".join(lines), path.name, "exec"), namespace)
-    namespace["generate_launch_description"]()
-    made = {name: [item for item in Described.made if type(item) is kind] for name, kind in kinds.items()}
-    declared = {item.arguments[0]: item.named for item in made["DeclareLaunchArgument"]}
-    assert {"namespace", "hand_description", "parameter_file", "use_sim_time", "log_level"} <= set(declared)
-    assert all(named["description"] and "default_value" in named for named in declared.values())
-    assert {item.arguments[0] for item in made["LaunchConfiguration"]} <= set(declared)
-    assert declared["localhost_only"]["default_value"] == "true"
-    order = [item.arguments[:1] for item in Described.made]
-    (local,) = (item for item in Described.made if item.arguments[:1] == ("ROS_AUTOMATIC_DISCOVERY_RANGE",))
-    assert local.arguments[1] == "LOCALHOST" and local.named["condition"].arguments[0].arguments == ("localhost_only",)
-    assert all(order.index(local.arguments[:1]) < Described.made.index(node) for node in made["Node"])
-    given = [values for node in made["Node"] for values in node.named["parameters"]]
-    enabled = [values for values in given if "enabled_at_start" in str(values)]
-    assert enabled == [{"enabled_at_start": True}] * path.name.startswith("simulated")
-    for node in made["Node"]:
-        if node.named["executable"] == "recorder":
-            continue
-        given = [values for values in node.named["parameters"] if isinstance(values, dict)]
-        assert any(values.get("exit_unconfigured") for values in given)
-        assert node.named["parameters"][0].arguments == ("parameter_file",)
-        on_exit = node.named["on_exit"]
-        (ended,) = on_exit(SimpleNamespace(returncode=2, process_name="controller-1"), None)
-        assert "controller-1" in ended.named["reason"]
-        assert on_exit(SimpleNamespace(returncode=0, process_name="controller-1"), None) == []
 
 
 def test_interface_is_the_published_one() -> None:

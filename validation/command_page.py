@@ -53,4 +53,4 @@ def _default(parameter: Any) -> str:
         return "required"
     value = parameter.default
     absent = value is None or value is False or callable(value) or str(value) in {"", "()", "[]"}
-    return "" if absent else f"`{value}`"
+    return "" if absent else f"`{getattr(value, 'value', value)}`"

@@ -10,11 +10,12 @@ import ament_index_python.packages
 import pytest
 import xacro
 import yaml
+from typer.testing import CliRunner
 
 from hand_model.description import load_hand
 from hand_robot.kept_files import kept_files
-from hand_robot.moveit import moveit_controllers
 from hand_robot.ros2_control import controllers
+from hand_tool.cli import app
 
 ROOT = Path(__file__).resolve().parents[2]
 MOVEIT = ROOT / "moveit"
@@ -87,5 +88,19 @@ def test_the_controllers_of_two_hands_differ() -> None:
             assert content[name]["ros__parameters"]["joints"] == list(hand.joints)
         limits = content[f"{hand.prefix}hand_controller"]["ros__parameters"]["constraints"]
         assert set(hand.joints) <= set(limits)
-    named = moveit_controllers(left, "/left_hand/")["moveit_simple_controller_manager"]["controller_names"]
-    assert named == ["left_hand"]
+
+
+def test_the_files_for_moveit_are_those_of_the_prefix(tmp_path: Path) -> None:
+    """Fails when `hand urdf --format moveit` names a joint without its prefix, another namespace, or no mount."""
+    out = tmp_path / "moveit"
+    words = ["--prefix", "left_", "--namespace", "/left_hand/", "--mount", "tool0", "--out", str(out)]
+    assert CliRunner().invoke(app, ["urdf", "--format", "moveit", *words]).exit_code == 0
+    assert {path.name for path in out.iterdir()} == {Path(name).name for name in kept_files(ROOT) if "moveit/" in name}
+    read = {path.stem: yaml.safe_load(path.read_text(encoding="utf-8")) for path in out.glob("*.yaml")}
+    joints = load_hand(ROOT / "config" / "hand.yaml", "left_").joints
+    assert tuple(read["joint_limits"]["joint_limits"]) == joints
+    simple = read["moveit_controllers"]["moveit_simple_controller_manager"]
+    assert simple["controller_names"] == ["left_hand"] and tuple(simple["left_hand"]["joints"]) == joints
+    srdf = ET.parse(out / "fluidic_hand.srdf").getroot()
+    assert {effector.get("parent_link") for effector in srdf.findall("end_effector")} == {"tool0"}
+    assert set(read["kinematics"]) == {str(group.get("name")) for group in srdf.findall("group")} - {"left_hand"}

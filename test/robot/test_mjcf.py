@@ -68,6 +68,24 @@ def test_pressure_holds_the_angle_of_equation_6(hand: Hand, model: Any) -> None:
     np.testing.assert_allclose(data.qpos, expected, atol=np.radians(0.1))
 
 
+def test_servos_reach_the_commanded_angles_within_the_torque_limit(hand: Hand) -> None:
+    """Fails when a position command of ros2_control moves no joint, a joint beyond it, or with more than its torque.
+
+    mujoco_ros2_control takes an actuator for one of positions where its gain is the opposite of its stiffness.
+    """
+    model: Any = mujoco.MjModel.from_xml_string(mjcf_text(hand, servos=True))
+    np.testing.assert_array_equal(model.actuator_gainprm[:, 0], -model.actuator_biasprm[:, 1])
+    data = mujoco.MjData(model)
+    data.ctrl = np.linspace(0.3, 1.0, model.nu)
+    highest, torque = np.zeros(model.nq), np.zeros(model.nu)
+    while data.time < 0.5:
+        mujoco.mj_step(model, data)
+        highest, torque = np.maximum(highest, data.qpos), np.maximum(torque, np.abs(data.actuator_force))
+    np.testing.assert_allclose(data.qpos, data.ctrl, atol=np.radians(0.1))
+    assert np.all(highest < data.ctrl + np.radians(1.0))
+    np.testing.assert_allclose(torque, hand.limits.max_torque_nm)
+
+
 def test_closed_grasps_of_nothing_do_not_pass_through_each_other(hand: Hand, model: Any, grasps: Any) -> None:
     """Broken by a thumb that passes through a finger in a closed pattern, or by contacts of a resting hand."""
     data = mujoco.MjData(model)

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import io
-import sys
 import types
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
 import pytest
 import xacro
+import yaml
 import yourdfpy
+from typer.testing import CliRunner
 
+from hand_recording.node import PARAMETERS
+from hand_robot.launch_nodes import ARGUMENTS
+from hand_tool.cli import app
 from test.robot.fake_launch import declared, names_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,32 +45,61 @@ def test_the_urdf_has_a_left_and_a_right_hand(arm_prefix: str) -> None:
         assert (thumb[1, 3] - palm[1, 3]) * sign < -0.05
 
 
-@pytest.mark.parametrize("simulated", ["true", "false"])
-def test_the_launch_gives_arguments_that_the_included_files_declare(
-    simulated: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Fails when an argument does not exist, or namespace, prefix and URDF do not fit together."""
+def launched(monkeypatch: pytest.MonkeyPatch, **given: str) -> list[Any]:
+    """The actions of the launch file; given: arguments other than the arm's prefix."""
     functions = names_of(EXAMPLE / "two_hands.launch.py", monkeypatch)
     stand_in: Any = types.ModuleType("xacro")
     stand_in.process_file = lambda path, mappings: xacro.process_file(path, mappings=mappings | {"hand_macro": MACRO})
-    functions["hands"].__globals__["xacro"] = stand_in
+    functions["both_hands"].__globals__["xacro"] = stand_in
     (description,) = functions["generate_launch_description"]().arguments
     arguments = declared(description)
     assert all(named["description"] for named in arguments.values())
     context = {name: named["default_value"] for name, named in arguments.items()}
-    actions = functions["hands"](context | {"arm_prefix": "robot1_", "simulated": simulated})
-    name = "simulated_hand.launch.py" if simulated == "true" else "hand.launch.py"
+    actions: list[Any] = functions["both_hands"](context | {"arm_prefix": "robot1_"} | given)
+    return actions
+
+
+def test_the_launch_gives_arguments_that_the_included_file_declares(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when an argument does not exist, is not passed on, or namespace, prefix and URDF do not fit together."""
+    passed = {"use_sim_time": "true", "log_level": "debug", "hand_description": "mine.yaml"}
+    actions = launched(monkeypatch, simulated="false", record="true", **passed)
     included = [action for action in actions if type(action).__name__ == "IncludeLaunchDescription"]
     assert len(included) == 2
-    (known,) = names_of(ROOT / "launch" / name, monkeypatch)["generate_launch_description"]().arguments
     for side, action in zip(("left", "right"), included, strict=True):
         given = dict(action.named["launch_arguments"])
-        assert set(given) <= set(declared(known))
+        assert set(given) <= {argument.name for argument in ARGUMENTS} and given.items() >= passed.items()
         assert given["namespace"] == f"robot1_{side}_hand" and given["joint_prefix"] == f"robot1_{side}_"
-        assert given["robot_state_publisher"] == "false"
-        assert action.arguments[0].arguments[0].arguments[0][-1] == name
-    publisher = next(action for action in actions if action.named.get("package") == "joint_state_publisher")
-    text, sources = publisher.named["parameters"]
+        assert given["robot_state_publisher"] == given["record"] == given["simulated"] == "false"
+        assert action.arguments[0].arguments[0].arguments[0][-1] == "hand.launch.py"
+    nodes = {action.named["executable"]: action.named for action in actions if "executable" in action.named}
+    assert set(nodes) == {"robot_state_publisher", "joint_state_publisher", "recorder"}
+    text, sources = nodes["joint_state_publisher"]["parameters"]
     assert sources["source_list"] == [f"/robot1_{side}_hand/joint_states" for side in ("left", "right")]
-    assert 'name="robot1_left_index_proximal"' in text["robot_description"].arguments[0]
-    assert "xacro" in sys.modules
+    assert 'name="robot1_left_index_proximal"' in text["robot_description"].arguments[0] and text["use_sim_time"]
+    recorded = nodes["recorder"]["parameters"][0]
+    assert recorded["namespaces"] == ["/robot1_left_hand", "/robot1_right_hand"]
+    assert {parameter.name for parameter in PARAMETERS} >= recorded.keys() - {"use_sim_time"}
+    assert all(node["ros_arguments"] == ["--log-level", "debug"] for node in nodes.values())
+    with pytest.raises(ValueError, match="two simulated hands would both publish /clock"):
+        launched(monkeypatch, use_sim_time="true")
+
+
+def test_ros2_control_gets_the_controllers_of_both_hands(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Fails when a controller is started that its file does not configure, or the URDF has no tags for it."""
+    for side in ("left", "right"):
+        out = str(tmp_path / f"{side}.yaml")
+        words = ["urdf", "--format", "controllers", "--prefix", f"robot1_{side}_", "--out", out]
+        assert CliRunner().invoke(app, words).exit_code == 0
+    actions = launched(monkeypatch, controllers=str(tmp_path))
+    nodes = {action.named["executable"]: action.named for action in actions if "executable" in action.named}
+    assert set(nodes) == {"robot_state_publisher", "ros2_control_node", "spawner"}
+    *files, _ = nodes["ros2_control_node"]["parameters"]
+    configured = [yaml.safe_load(Path(file).read_text(encoding="utf-8")) for file in files]
+    names = [name for content in configured for name in content if name != "controller_manager"]
+    assert sorted(nodes["spawner"]["arguments"]) == sorted(names) and len(set(names)) == 4
+    urdf = ET.fromstring(nodes["robot_state_publisher"]["parameters"][0]["robot_description"].arguments[0])
+    tags = {param.text for param in urdf.findall("ros2_control/hardware/param[@name='joint_commands_topic']")}
+    assert tags == {f"/robot1_{side}_hand/joint_commands" for side in ("left", "right")}
+    driven = {joint.get("name") for joint in urdf.findall("ros2_control/joint")}
+    trajectory = [content for each in configured for name, content in each.items() if name.endswith("hand_controller")]
+    assert driven == {joint for content in trajectory for joint in content["ros__parameters"]["joints"]}

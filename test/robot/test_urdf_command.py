@@ -34,6 +34,7 @@ BAD = {
     "mount": (("--mount", "tool<0>"), "--mount is 'tool<0>'"),
     "namespace": (("--namespace", "a b"), "--namespace is 'a b'"),
     "format": (("--format", "sdf"), "sdf"),
+    "moveit": (("--format", "moveit"), "--format moveit writes several files; --out must name a new folder"),
     "control": (("--ros2-control", "gazebo"), "gazebo"),
     "grasps": (("--format", "srdf", "--grasps", "none.yaml"), "none.yaml does not exist"),
 }
