@@ -43,6 +43,16 @@ BELOW: dict[str, set[str]] = {
 VALIDATION_COMMANDS = {"trial.py", "reproduce.py", "magnet.py"}
 ROS = {"rclpy", "ament_index_python"}
 NODE_MODULES = {"node.py", "live_node.py"}
+VALIDATION_PROGRAMS = {
+    "bench/bench_codec.py",  # rclpy's own serialization, the reference
+    "bench/bench_loop.py",
+    "bench/loop_reference.py",  # a process that must share no code with the nodes
+    "faults/floods.py",
+    "faults/live.py",
+    "faults/rogue.py",  # a second publisher, in a process of its own
+    "faults/soak.py",
+}
+"""Modules of `validation` with a reason of their own to import ROS."""
 GENERATED = ("_msgs", "_srvs", "_interfaces")
 PACKAGES = [package for package in BELOW if (ROOT / package).is_dir()]
 
@@ -122,6 +132,12 @@ def test_one_ros_module_a_package(package: str) -> None:
     ros = [p for p in modules(package) if any(n in ROS or n.endswith(GENERATED) for n in imports(p))]
     assert len(ros) <= 1, f"several ROS modules: {[str(p.relative_to(ROOT)) for p in ros]}"
     assert all(path.name in NODE_MODULES for path in ros)
+
+
+def test_the_ros_programs_of_validation_are_listed() -> None:
+    """Fails when rclpy spreads in `validation` beyond the programs that are compared with the nodes or attack them."""
+    ros = {path for path in modules("validation") if any(n in ROS or n.endswith(GENERATED) for n in imports(path))}
+    assert {path.relative_to(ROOT / "validation").as_posix() for path in ros} == VALIDATION_PROGRAMS
 
 
 @pytest.mark.parametrize("package", ["hand_model", "hand_messages"])

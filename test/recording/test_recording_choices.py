@@ -89,7 +89,7 @@ def test_gaps_in_the_sequence_are_counted() -> None:
 def test_the_hand_and_what_belongs_to_it_is_recorded() -> None:
     """Breaks when a topic of the hand is missing in a recording, or the whole machine gets into it."""
     choice = Selection()
-    assert all(map(choice.wants, ("/hand/adc", "/hand/a/b", "/diagnostics", "/clock")))
+    assert all(map(choice.wants, ("/hand/adc", "/hand/a/b", "/diagnostics", "/clock", "/tf", "/tf_static")))
     assert not any(map(choice.wants, ("/hand", "/handy/adc", "/rosout", "/hand/grasp/_action/status", "/x")))
     assert Selection(rosout=True).wants("/rosout")
     assert Selection(("left",)).wants("/left/adc")
