@@ -55,8 +55,8 @@ class FramePublisher(HandNode):
         path = Path(values["hand_description"] or default_config("hand.yaml"))
         hand = load_hand(path, values["joint_prefix"])
         mount = Mount(values["mount"], _three(values, "mount_xyz_m"), _three(values, "mount_rpy_rad"))
-        self._text = urdf_text(hand, mount, namespace=self.get_namespace().strip("/"))
-        transforms = transforms_of(self._text, frame_prefix(hand, self.get_namespace()))
+        self.description = urdf_text(hand, mount, namespace=self.get_namespace().strip("/"))
+        transforms = transforms_of(self.description, frame_prefix(hand, self.get_namespace()))
         self._fixed = [_message(transform) for transform in transforms if not transform.joint]
         self._moving = {
             transform.joint: (transform, _message(transform)) for transform in transforms if transform.joint
@@ -98,7 +98,7 @@ class FramePublisher(HandNode):
         description = self.sole_publisher(String, DESCRIPTION, RETAINED_QOS)
         still = self.create_publisher(TFMessage, "/tf_static", RETAINED_QOS)
         self._offered = [description, still, self.create_publisher(TFMessage, "/tf", TF_QOS)]
-        description.publish(String(data=self._text))
+        description.publish(String(data=self.description))
         stamp = self.get_clock().now().to_msg()
         for message in self._fixed:
             message.header.stamp = stamp

@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
+
+from hand_robot.node import FramePublisher
+from hand_ros.parameters import ParameterError
 
 if TYPE_CHECKING:
     from test.nodes.stack import Client, Stack
@@ -86,3 +90,15 @@ def test_the_recorder_answers_parameter_services(stack: Stack, client: Client) -
     request = GetParameters.Request(names=["out", "storage"])
     out, storage = client.call(GetParameters, "/recorder/get_parameters", request).values
     assert out.string_value == str(stack.folder / "here.mcap") and storage.string_value == "mcap"
+
+
+def test_the_place_on_a_mount_is_three_numbers(client: Client) -> None:
+    """Fails when frame_publisher leaves the place of the hand out, or goes on with one that is incomplete."""
+    assert client.node  # ROS has been started
+    node = FramePublisher()
+    values = node.values | {"mount": "tool0"}
+    node.configure(values | {"mount_xyz_m": [0.0, 0.0, 0.05]})
+    assert 'xyz="0 0 0.05"' in node.description
+    with pytest.raises(ParameterError, match=r"parameter mount_rpy_rad is \[0\.0\]; it must be three numbers"):
+        node.configure(values | {"mount_rpy_rad": [0.0]})
+    node.destroy_node()
