@@ -98,6 +98,7 @@ class Diagnosis:
     """All of it. verdict: agrees, explained, partly_explained or unknown_physics.  check: lines of the data check.
 
     remainder: what is left that is probably other physics.  not_judged: joints without a diagnosis, and why.
+    starts_s: first stamp of each recording since 1970 [s]; None where its stamps do not give the date.
     """
 
     verdict: str
@@ -108,6 +109,7 @@ class Diagnosis:
     check: tuple[str, ...]
     sensor_curve: bool
     wording: Wording = HAND
+    starts_s: tuple[float | None, ...] = ()
 
 
 def diagnose(
@@ -132,7 +134,7 @@ def diagnose(
     Raises ValueError for joints or effects that do not exist, and for a re-run of other commands.
     """
     effects = effects_without(without, model)
-    checked = [check(recording, model) for recording in signals]
+    checked, starts_s = [check(recording, model) for recording in signals], tuple(each.start_s for each in signals)
     signals = spared_last([each.signals for each in checked])
     unusable = frozenset().union(*(each.unusable for each in checked))
     checked_reruns = [check(rerun, model) for rerun in reruns]
@@ -171,6 +173,7 @@ def diagnose(
         tuple(lines),
         sensor_curve,
         wording,
+        starts_s,
     )
 
 

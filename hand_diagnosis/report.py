@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -53,6 +54,7 @@ def document(diagnosis: Diagnosis, recordings: Sequence[str], model: str) -> dic
     return {
         "schema": SCHEMA,
         "recordings": list(recordings),
+        "recorded": [None if start is None else _date(start) for start in diagnosis.starts_s],
         "model": model,
         "words": {"whole": diagnosis.wording.whole, "axis": diagnosis.wording.axis},
         "verdict": diagnosis.verdict,
@@ -75,6 +77,11 @@ def document(diagnosis: Diagnosis, recordings: Sequence[str], model: str) -> dic
         "next_experiment": next_experiment(diagnosis, ties),
         **numbers_in_force(),
     }
+
+
+def _date(start_s: float) -> str:
+    """A time since 1970 [s] as a date, UTC."""
+    return datetime.fromtimestamp(start_s, UTC).isoformat(timespec="seconds")
 
 
 def _finding(diagnosis: Diagnosis, rank: int, finding: Finding, tie: Mapping[str, str] | None) -> dict[str, Any]:

@@ -25,7 +25,7 @@ from hand_model.effects import EFFECTS
 from hand_model.effects.effect import NEEDS
 from hand_model.kernel.rows import DEGREE, JOINT_PARAMETERS, ROW
 from hand_model.quantities import UnitMap, Wording
-from hand_recording.signals import Signals
+from hand_recording.signals import Signals, on_calendar
 
 TORQUE, TRAVEL, INPUT, FORCE = 0.5, 1.5, 4e5, 10.0
 """Sizes in a finger: torque [N m], travel [rad], input [Pa], force at the pad [N]."""
@@ -269,6 +269,7 @@ def _signals(
         added=_added(recording, described, scales),
         derivative_s=described.derivative_window_s or derivative_window_s(table.signals["position"], table.period_s),
         band_s=(described.derivative_window_s or 0.0) if to_fit and described.imposed else 0.0,
+        start_s=on_calendar(float(table.time_s[0])),
     )
 
 

@@ -69,7 +69,8 @@ class Plot {
     this.series = this.data.panels.flatMap((panel) => panel.series);
     for (const one of this.series) {
       one.y = values(one.y);
-      one.x = Array.isArray(one.x) ? one.x : one.y.map((_, k) => one.x.start + one.x.step * k);
+      const axis = this.data.axes[one.axis];
+      one.x = Array.isArray(axis) ? axis : one.y.map((_, k) => axis.start + axis.step * k);
       for (const end of ["low", "high"]) if (one[end]) one[end] = values(one[end]);
       one.all = [one.y, ...(one.variants || []).map(values)];
       one.shown = true;

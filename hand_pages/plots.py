@@ -36,12 +36,11 @@ class Curve:
     dots: bool = False
     variants: Sequence[Values] = ()
 
-    def document(self) -> dict[str, Any]:
-        """For plots.js."""
-        along = dict(zip(("start", "step"), self.x, strict=True)) if isinstance(self.x, tuple) else _rounded(self.x)
+    def document(self, axis: int) -> dict[str, Any]:
+        """For plots.js. axis: number of its axis among those of the plot."""
         ends = {"low": self.low, "high": self.high}
         kind = f"{self.kind} dots" if self.dots else self.kind
-        content: dict[str, Any] = {"name": self.name, "kind": kind, "x": along, "y": packed(self.y)}
+        content: dict[str, Any] = {"name": self.name, "kind": kind, "axis": axis, "y": packed(self.y)}
         if self.variants:
             content["variants"] = [packed(variant) for variant in self.variants]
         return content | {name: _rounded(end) for name, end in ends.items() if end is not None}
@@ -82,25 +81,43 @@ class Plot:
 
     def json(self) -> str:
         """The content for plots.js; it cannot end the script element that contains it."""
+        axes = _Axes()
         panels = [
             {
                 "label": panel.label,
                 "height": panel.height,
                 "noise": panel.noise,
                 "zero": panel.zero,
-                "series": [curve.document() for curve in panel.curves],
+                "series": [curve.document(axes.number(curve.x)) for curve in panel.curves],
             }
             for panel in self.panels
         ]
         spans = [[round(begin, 4), round(end, 4), kind] for begin, end, kind in self.spans]
-        content = {"label": self.label, "group": self.group, "spans": spans, "panels": panels}
+        content = {"label": self.label, "group": self.group, "spans": spans, "axes": axes.documents, "panels": panels}
         content |= {"switches": list(self.switches), "notes": list(self.notes)}
         return script_json(content)
 
 
 def script_json(content: Any) -> str:
     """JSON that cannot end the script element that contains it. ValueError for NaN and infinite numbers."""
-    return json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    text = json.dumps(content, separators=(",", ":"), allow_nan=False, ensure_ascii=False)
+    return text.replace("<", "\\u003c")
+
+
+class _Axes:
+    """The different axes of a plot's curves, each stored once."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[bytes | tuple[float, float], int] = {}
+        self.documents: list[Any] = []
+
+    def number(self, x: Values | tuple[float, float]) -> int:
+        """Number of an axis among those stored; one that is not yet there is added."""
+        key = x if isinstance(x, tuple) else x.tobytes()
+        if key not in self._numbers:
+            self._numbers[key] = len(self.documents)
+            self.documents.append({"start": x[0], "step": x[1]} if isinstance(x, tuple) else _rounded(x))
+        return self._numbers[key]
 
 
 def packed(values: Values) -> list[float | None] | dict[str, Any]:

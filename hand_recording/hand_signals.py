@@ -14,7 +14,7 @@ from hand_model.description import Hand
 from hand_recording.interpolation import bridge, longest_gap_s
 from hand_recording.loader import Recording, RecordingError
 from hand_recording.sample_clock import on_steady_clock
-from hand_recording.signals import Signals, samples_on_grid
+from hand_recording.signals import Signals, on_calendar, samples_on_grid
 from hand_recording.time_base import FOREIGN_CLOCK_NS, TimeBase, nearest, published_on_stamp_clock
 from hand_sim.offline import Commands, set_points_in_force
 from hand_sim.sample_ticks import Ticks, rebuild_ticks, usual_period
@@ -78,6 +78,7 @@ def hand_signals(recording: Recording, hand: Hand) -> Signals:
         pressure_late_s=late_s,
         between_pa=between if parts > 1 else None,
         jitter_s=jitter_s,
+        start_s=on_calendar(float(stamps[0]) * 1e-9),
     )
 
 

@@ -28,7 +28,7 @@ from hand_recording.interpolation import bridge, in_force, interpolate, longest_
 from hand_recording.loader import load_recording
 from hand_recording.recording_files import RecordingError
 from hand_recording.sample_clock import has_reading, steady_times
-from hand_recording.signals import Signals, samples_on_grid
+from hand_recording.signals import Signals, on_calendar, samples_on_grid
 from hand_recording.table_file import TABLES, UNITS, read_table
 from hand_sim.sample_ticks import usual_period
 
@@ -71,7 +71,8 @@ def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
                 data[name][:, j] = _on_grid(grid, time_s, values, held=name == "set_point")
     signals = _signals(path, tuple(name for name, _ in joints), float(grid[1] - grid[0]), data, len(time_s) / len(grid))
     read = signals.known & has_reading(grid, time_s)[:, None]
-    return replace(signals, known=read, notes=tuple(notes), jitter_s=jitter_s)
+    start_s = on_calendar(float(time_s[0]))
+    return replace(signals, known=read, notes=tuple(notes), jitter_s=jitter_s, start_s=start_s)
 
 
 def uniform_clock(path: Path, time_s: Array) -> tuple[NDArray[np.intp], Array]:

@@ -18,6 +18,15 @@ LONGEST = 1_000_000
 """Largest number of samples of a recording (83 minutes at 200 Hz); the memory of a fit grows with it."""
 
 
+CALENDAR_S = (1e9, 1e10)
+"""Stamps within these [s since 1970], 2001 to 2286, are those of a clock that knows the date."""
+
+
+def on_calendar(stamp_s: float) -> float | None:
+    """A stamp [s] where it counts from 1970; None where it counts from the start of a program or a test."""
+    return stamp_s if CALENDAR_S[0] <= stamp_s < CALENDAR_S[1] else None
+
+
 def samples_on_grid(name: object, first_s: float, last_s: float, period_s: float) -> int:
     """Number of samples from the first time to the last [s]. Raises RecordingError where it exceeds LONGEST."""
     count = int((last_s - first_s) / period_s + 0.5) + 1
@@ -45,6 +54,7 @@ class Signals:
     derivative_s: window over which speeds and accelerations are computed.
     band_s: window over which a measured force and its prediction are smoothed alike, because the motion shows nothing
     faster; 0: neither is.
+    start_s: the first stamp since 1970 [s]; None where stamps count from another time, see on_calendar.
     """
 
     name: str
@@ -67,6 +77,7 @@ class Signals:
     added: Mapping[str, float] = field(default_factory=dict)
     derivative_s: float = SMOOTHING_S
     band_s: float = 0.0
+    start_s: float | None = None
 
     @property
     def commanded_pa(self) -> Array:

@@ -91,6 +91,17 @@ class Browser:
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
 
+    def busy_s(self, script: str) -> float:
+        """Processor time [s] that the page takes to evaluate a JavaScript expression; other programs do not count."""
+        self._call("Performance.enable", timeDomain="threadTicks")
+        begun_s = self._busy_s()
+        self.run(script)
+        return self._busy_s() - begun_s
+
+    def _busy_s(self) -> float:
+        metrics = self._call("Performance.getMetrics")["metrics"]
+        return next(float(each["value"]) for each in metrics if each["name"] == "TaskDuration")
+
     def text(self) -> str:
         """What the page shows."""
         return str(self.run("document.body?.innerText ?? ''"))
@@ -115,6 +126,15 @@ class Browser:
         x, y = self.run(f"(r => [r.x + r.width / 2, r.y + r.height / 2])({find}.getBoundingClientRect())")
         for kind in ("mousePressed", "mouseReleased"):
             self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+
+    def drag(self, selector: str, begin: float, end: float) -> None:
+        """Drag the mouse over the first element that a CSS selector finds. begin, end: shares of its width [-]."""
+        find = f"document.querySelector({json.dumps(selector)})"
+        self.run(f"{find}.scrollIntoView({{block: 'center'}})")
+        x, y, width, height = self.run(f"(r => [r.x, r.y, r.width, r.height])({find}.getBoundingClientRect())")
+        for kind, share in (("mousePressed", begin), ("mouseMoved", end), ("mouseReleased", end)):
+            place = {"x": x + share * width, "y": y + height / 2.0, "button": "left", "buttons": 1}
+            self._call("Input.dispatchMouseEvent", type=kind, clickCount=1, **place)
 
     def choose(self, label: str, option: str) -> None:
         """Choose an option of the list with this label."""

@@ -65,7 +65,9 @@ def test_a_cluster_of_processes_gives_the_table_and_resumes(recordings: list[Pat
         for process in reversed(running):
             process.terminate()
             process.wait(timeout=20)
-    made = [json.loads((out / f"0000{k}_hand_{k}" / "report.json").read_text("utf-8"))["made"] for k in range(3)]
+    reports = [json.loads((out / f"0000{k}_hand_{k}" / "report.json").read_text("utf-8")) for k in range(3)]
+    assert [report["recorded"] for report in reports] == [["2023-11-14T22:13:20+00:00"]] * 3  # of replay.START_NS
+    made = [report["made"] for report in reports]
     assert all(entry["version"] and entry["model_sha256"] and entry["seed"] == 0 for entry in made)
     assert all(entry["duration_s"] > 0.0 and entry["date"].startswith("20") for entry in made)
     assert len({entry["date"] for entry in made}) >= 2  # the first one was resumed

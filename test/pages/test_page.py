@@ -25,13 +25,14 @@ def test_values_are_escaped_and_pictures_embedded(tmp_path: Path) -> None:
     """Fails when a title with markup reaches the page as markup, or a picture is not part of the file."""
     quantity = {"quantity": "<b>", "paper": None, "ours": 1.0, "unit": "N & m", "note": ""}
     result = {"id": "f", "title": "<script>", "shows": "a", "gets": "b", "differs": "", "quantities": [quantity]}
+    result |= {"plots": []}
     picture = png(Figure(figsize=(1.0, 1.0)), 10)
     assert picture.startswith(b"\x89PNG")
     values = {"results": [(result, picture)], "header": ("<i>",), "overview": [("`a<`",)]}
     values |= {"title": "t", "tiles": [], "made": [("date", "now")]}
     write_html(tmp_path / "page.html", "validation.paper", "page.html", **values)
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "<script>" not in page
+    assert "<script>" not in page.partition("</main>")[0]
     assert "<code>a&lt;</code>" in page
     assert "&lt;script&gt;" in page and "&lt;i&gt;</th>" in page
     assert "N &amp; m" in page
@@ -84,7 +85,7 @@ def test_no_name_ends_the_script_of_a_plot() -> None:
     """Fails when a name with markup, as that of a recording's joint, closes the element that holds the data."""
     plot = Plot("</script>", [Panel("<b>", [Curve("a", "after", (0.0, 0.1), np.arange(3.0))])], "alt")
     assert "<" not in plot.json()
-    assert json.loads(plot.json())["panels"][0]["series"][0]["x"] == {"start": 0.0, "step": 0.1}
+    assert json.loads(plot.json())["axes"] == [{"start": 0.0, "step": 0.1}]
 
 
 def test_switches_show_the_curve_of_every_combination(tmp_path: Path) -> None:
@@ -114,6 +115,42 @@ def test_switches_show_the_curve_of_every_combination(tmp_path: Path) -> None:
     assert [note for note, _ in shown] == ["a off", "both off", "b off"]
     for (_, values), error in zip(shown, (1, 3, 2), strict=True):
         assert values.endswith(f"signal, measured 10; signal, model {10 - error}; error, model {error}"), values
+
+
+def test_zooming_a_plot_zooms_those_of_its_group(tmp_path: Path) -> None:
+    """Fails when a key or a drag zooms one plot alone, or also a plot of another group, or 0 does not show all."""
+
+    def figure(group: str, size: float) -> str:
+        curve = Curve("a", "after", (0.0, 0.1), size * np.sin(np.arange(101.0)))
+        data = Plot("time [s]", [Panel("b", [curve])], "alt", group=group).json()
+        script = f'<script type="application/json">{data}</script>'
+        return f'<figure class="plot" tabindex="0">{script}<figcaption></figcaption></figure>'
+
+    body = "".join(figure(group, size) for group, size in (("time", 1.0), ("time", 20.0), ("other", 1.0)))
+    script, style = ((ROOT / "hand_pages" / name).read_text(encoding="utf-8") for name in ("plots.js", "style.css"))
+    page = f"<!doctype html><style>{style}</style>{body}<script>{script}</script>"
+    (tmp_path / "page.html").write_text(page, encoding="utf-8")
+    browser = Browser(tmp_path, (tmp_path / "page.html").as_uri())
+    ends = "[...document.querySelectorAll('figure > svg')].map((svg) => (list => [list[0], list[list.length - 1]])"
+    ends += "([...svg.querySelectorAll('text[text-anchor=middle]')].map(t => Number(t.textContent)).slice(0, -1)))"
+    try:
+        browser.until("document.querySelectorAll('figure > svg path.curve').length === 3")
+        shown = [browser.run(ends)]
+        browser.run("document.querySelectorAll('figure')[1].focus()")
+        for key in ("+", "0"):
+            browser.key(key)
+            shown.append(browser.run(ends))
+        browser.drag("figure > svg", 0.6, 0.3)
+        shown.append(browser.run(ends))
+    finally:
+        browser.close()
+    whole = [0, 10]
+    assert shown[0] == shown[2] == [whole, whole, whole]
+    for first, second, other in (shown[1], shown[3]):
+        assert first == second and other == whole
+    assert shown[1][0] == [3, 7] or shown[1][0] == [2.5, 7.5]
+    begin, end = shown[3][0]
+    assert 2.0 < begin < 3.5 and 5.0 < end < 6.5
 
 
 @pytest.mark.parametrize("name", ["style.css", "plots.js", "parts.html", "base.html"])
