@@ -20,6 +20,7 @@ import numba
 
 from hand_diagnosis.diagnosis import diagnose
 from hand_diagnosis.machine_report import write_machine_report
+from hand_diagnosis.pages.headline import words_of
 from hand_diagnosis.pages.page import write_page
 from hand_diagnosis.patch import write_patch
 from hand_diagnosis.report import document, write_report
@@ -30,6 +31,8 @@ from hand_recording.signal_files import read_signals
 
 KEY = "made_from"
 COLUMNS = ("recording", "verdict", "rank", "joint", "place", "effect", "probability", "statement", "error")
+WHOLE = "whole"
+"""Of a row, what the machine is called; only for the summary."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +123,7 @@ def _diagnose_machine(job: Job) -> None:
 
 def _rows(recording: str, content: dict[str, Any]) -> list[dict[str, Any]]:
     plain = dict.fromkeys(COLUMNS) | {"recording": recording, "verdict": content["verdict"]}
+    plain[WHOLE] = words_of(content).whole.removeprefix("the ")
     named = ("rank", "joint", "place", "effect", "probability", "statement")
     rows = [plain | {key: finding[key] for key in named} for finding in content["findings"]]
     first = len(rows) + 1
@@ -127,7 +131,7 @@ def _rows(recording: str, content: dict[str, Any]) -> list[dict[str, Any]]:
         plain | {"rank": first + k, "effect": "unknown"} | {key: left[key] for key in named[1:] if key != "effect"}
         for k, left in enumerate(content["remainder"])
     ]
-    return rows or [dict.fromkeys(COLUMNS) | {"recording": recording, "verdict": content["verdict"]}]
+    return rows or [plain]
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +216,7 @@ def write_table(rows: Sequence[dict[str, Any]], out: Path) -> dict[str, Any]:
         "recordings": len({row["recording"] for row in rows}),
         "verdicts": dict(verdicts),
         "effects": dict(Counter(row["effect"] for row in found).most_common()),
-        "by_joint": dict(Counter(f"{row['joint'] or 'hand'}: {row['effect']}" for row in found).most_common()),
+        "by_joint": dict(Counter(f"{row['joint'] or row[WHOLE]}: {row['effect']}" for row in found).most_common()),
     }
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     return summary

@@ -191,7 +191,7 @@ def _check(
 
 
 def _print(content: dict[str, Any], out: Path, as_json: bool, ask: bool) -> None:
-    print(json.dumps(content) if as_json else "\n".join(_summary(content, out, ask)))
+    print(json.dumps(content) if as_json else "\n".join(summary_lines(content, out, ask=ask)))
 
 
 def _refuse_with_machine(given: dict[str, object]) -> None:
@@ -284,9 +284,9 @@ def _list(text: str) -> list[str]:
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
-def _summary(content: dict[str, Any], out: Path, ask: bool) -> list[str]:
-    """At most LINES lines; the next experiment, the notes and the paths are always printed."""
-    from hand_diagnosis.pages.headline import by_reason, title
+def summary_lines(content: dict[str, Any], out: Path, *, ask: bool) -> list[str]:
+    """What is printed of a report, at most LINES lines; the next experiment, the notes and the paths always are."""
+    from hand_diagnosis.pages.headline import by_reason, title, words_of
 
     lines = [f"verdict: {content['verdict']}"]
     for finding in content["findings"]:
@@ -296,7 +296,7 @@ def _summary(content: dict[str, Any], out: Path, ask: bool) -> list[str]:
         lines.append(f"{finding['rank']}. {' or '.join(names)}: {finding['statement']}")
     lines += [f"remainder ({left['probability']:.0%}): {left['statement']}" for left in content["remainder"]]
     if content["verdict"] == "agrees":
-        lines.append(title(content))
+        lines.append(title(content, *words_of(content)))
     last = []
     following = content["next_experiment"]
     proposed = [following] if following else []
