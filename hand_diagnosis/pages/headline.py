@@ -17,6 +17,9 @@ TOGETHER = 3
 """Joints that were not diagnosed for one reason and still have a row each."""
 EVEN = 0.5
 """Probability below which a finding follows what remains, and is called possible."""
+LIKELIHOODS = ((0.9, "very probable"), (0.66, "probable"), (0.33, "possible"), (0.0, "improbable"))
+"""Least probability of each word; the limits are those of Mastrandrea et al., Guidance note for lead authors of the
+IPCC fifth assessment report on consistent treatment of uncertainties, 2010, Table 1."""
 SPLITS = ("test", "validation", "train")
 """The data whose error counts most, first."""
 WORDS = {"train": "training", "validation": "validation", "test": "test"}
@@ -78,14 +81,19 @@ def title(report: Report, whole: str = "the hand", axis: str = "joint") -> str:
     return "; ".join(parts)
 
 
+def likelihood(probability: float) -> str:
+    """A probability [-] in words."""
+    return next(word for least, word in LIKELIHOODS if probability >= least)
+
+
 def counted(number: int, noun: str) -> str:
-    """A number of joints or axes in words."""
+    """A number of joints, axes or other things in words."""
     return f"{number} {noun if number == 1 else plural(noun)}"
 
 
 def plural(noun: str) -> str:
-    """Joints or axes."""
-    return {"axis": "axes"}.get(noun, f"{noun}s")
+    """Joints, axes or other things."""
+    return {"axis": "axes", "entry": "entries"}.get(noun, f"{noun}s")
 
 
 def _agreement(report: Report, missing: int, axis: str) -> str:
@@ -199,7 +207,8 @@ def _finding_tiles(finding: Report, known: Mapping[tuple[str, str], Report]) -> 
     number = main_number(finding)
     if number:
         shown.append((number, effect_words(finding["effect"])))
-    shown.append((f"{finding['probability']:.0%}", f"probability of {effect_words(finding['effect'])}"))
+    share = finding["probability"]
+    shown.append((f"{share:.0%}", f"probability of {effect_words(finding['effect'])}: {likelihood(share)}"))
     shown.append((f"{finding['explains']:.0%}", f"of the mismatch of the {signal} explained"))
     return shown
 

@@ -13,7 +13,16 @@ from hand_diagnosis.pages.compare import write_comparison
 from hand_diagnosis.pages.compare_recordings import compare_recordings
 from hand_diagnosis.pages.drawing import hand_drawing
 from hand_diagnosis.pages.fleet_page import write_index
-from hand_diagnosis.pages.headline import effect_words, heat_map, in_words, ties, tiles, title, worst_by_joint
+from hand_diagnosis.pages.headline import (
+    effect_words,
+    heat_map,
+    in_words,
+    likelihood,
+    ties,
+    tiles,
+    title,
+    worst_by_joint,
+)
 from hand_diagnosis.report import write_json
 from hand_model.description import load_hand
 from hand_pages.page import png, write_html
@@ -110,6 +119,7 @@ def diagnosis(path: Path) -> None:
         heat=heat_map(content),
         drawing=drawing,
         words=effect_words,
+        likelihood=likelihood,
         in_words=functools.partial(in_words, report=content),
         axis="joint",
         diagnosed="2 joints diagnosed",
