@@ -58,8 +58,28 @@ def test_two_models_differ_in_what_was_changed(tmp_path: Path) -> None:
     assert row["b"] == pytest.approx(0.012)
     page = (tmp_path / "out" / "compare.html").read_text(encoding="utf-8")
     assert "<h1>1 number of index_distal differs, coulomb_friction.torque_nm: 0 → 0.012 N m</h1>" in page
+    moved = json.loads(result.output)["simulated"]["joints"]
+    assert moved[0]["joint"] == "index_distal" and moved[0]["angle_rms"] > 1.0 and moved[-1]["angle_rms"] < 0.05
+    assert "index_distal: angle [deg]" in page and "ring_distal: angle [deg]" not in page
     same = compare(CONFIG, CONFIG, tmp_path / "same")
-    assert same.output.startswith("The models of the joints are equal")
+    assert same.output.startswith("The models are equal") and "simulated" not in same.output
+
+
+def test_two_models_differ_outside_their_joints(tmp_path: Path) -> None:
+    """Fails when files that differ only in a limit and the name are called equal, or a text has a change in %."""
+    text = CONFIG.read_text(encoding="utf-8")
+    other = text.replace("max_torque_nm: 0.6", "max_torque_nm: 0.5").replace("name: fluidic_hand", "name: other")
+    (tmp_path / "b.yaml").write_text(other, encoding="utf-8")
+    result = compare(CONFIG, tmp_path / "b.yaml", tmp_path / "out", "--json")
+    assert result.exit_code == 0, result.output
+    content = json.loads(result.output)
+    assert content["answer"].startswith(
+        "12 entries of 12 parts differ, among them name of the hand: fluidic_hand → other"
+    )
+    assert {row["parameter"] for row in content["differences"]} == {"name", "limits.max_torque_nm"}
+    page = unescape((tmp_path / "out" / "compare.html").read_text(encoding="utf-8"))
+    assert "no angle differs by 0.05 degree or more" in page and "<td>other</td>" in page
+    assert page.count("<tr>") == 3 and "<td>all 11</td>" in page
 
 
 def test_two_recordings_differ_at_the_joint_that_rubs(tmp_path: Path) -> None:
