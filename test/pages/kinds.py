@@ -196,12 +196,13 @@ def picture() -> bytes:
 
 
 def reproduce(path: Path) -> None:
-    """The page of the paper, with one figure."""
+    """The page of the paper, with a figure as a picture and one as a plot."""
     quantity = Quantity(
         "fig13_rms", "RMS of the force", "N", 0.1, 0.11, "a note that is longer than its column is wide"
     )
-    result = Reproduction("fig13", "Fig. 13", "a hysteresis", "`0.11 N`", "", Figure(), (quantity,))
-    paper_page.write_page([(result, picture())], path, MADE)
+    parts = ("a hysteresis", "`0.11 N`", "", Figure(), (quantity,))
+    results = [Reproduction("fig13", "Fig. 13", *parts), Reproduction("fig14", "Fig. 14", *parts, (plot(),))]
+    paper_page.write_page([(result, picture()) for result in results], path, MADE)
 
 
 def trial(path: Path) -> None:

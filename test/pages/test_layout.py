@@ -144,3 +144,29 @@ def test_the_studio_fits_a_telephone(browser: Browser) -> None:
     finally:
         browser.open("about:blank")
         page.close()
+
+
+def test_probabilities_differ_without_reading_them(browser: Browser, tmp_path: Path) -> None:
+    """Fails when a finding that is probable looks like one that is very probable, on a screen or in print."""
+    browser.emulate(DESKTOP)
+    browser.open(write("diagnosis", tmp_path).as_uri())
+    browser.until("document.querySelectorAll('.probability').length === 3")
+    for printed in (False, True):
+        browser.emulate(DESKTOP, printed=printed)
+        texts = browser.run("[...document.querySelectorAll('.probability')].map(e => e.innerText.trim())")
+        assert texts == ["96%, very probable", "55%, possible", "40%, possible"]
+        bars = browser.run("[...document.querySelectorAll('.probability u')].map(e => e.getBoundingClientRect().width)")
+        assert bars[1] / bars[0] == pytest.approx(55 / 96, abs=0.03) and bars[0] > 60.0
+        weights = browser.run("[...document.querySelectorAll('.probability')].map(e => getComputedStyle(e).fontWeight)")
+        assert weights == ["700", "400", "400"]
+
+
+def test_the_notes_of_the_paper_are_readable_on_a_telephone(browser: Browser, tmp_path: Path) -> None:
+    """Fails when a note next to a number is hidden, or can only be reached by scrolling sideways."""
+    browser.emulate(PHONE)
+    browser.open(write("reproduce", tmp_path).as_uri())
+    browser.until("document.querySelectorAll('.numbers').length === 2")
+    note = "document.querySelector('.numbers td:nth-child(5)')"
+    left, right, height = browser.run(f"(r => [r.left, r.right, r.height])({note}.getBoundingClientRect())")
+    assert 0.0 <= left < right <= PHONE[0] and height > 10.0
+    assert browser.run(f"{note}.innerText").startswith("a note that is longer")

@@ -7,7 +7,16 @@ from typing import Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-INK, BLUE, RED, GREEN, GREY = "#1a1a1a", "#1f6f9f", "#c0392b", "#2e8b57", "#888888"
+INK, BLUE, RED, PURPLE, GREY = "#1a1a1a", "#1f6f9f", "#c0392b", "#9933ee", "#888888"
+
+
+SHOWN = 2000
+"""Most samples of a curve on the page."""
+
+
+def nth_shown(samples: int) -> int:
+    """Distance of the samples that the page shows."""
+    return max(1, -(-samples // SHOWN))
 
 
 def panels(

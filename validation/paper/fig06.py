@@ -7,14 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from hand_model.arrays import Array
+from hand_pages.plots import Curve, Kind, Panel, Plot
 from validation.magnet.contour import METHODS, Optimum, contour_m, magnet_of, optimise
 from validation.magnet.field import radial_field
 from validation.magnet.linearity import joint_nonlinearity, position_error_deg, sampled
-from validation.paper.drawing import BLUE, GREEN, GREY, RED, panels
+from validation.paper.drawing import BLUE, GREY, PURPLE, RED, panels
 from validation.paper.result import Progress, Quantity, Reproduction
 
 BUDGET = 300
-COLOURS = {"ga": BLUE, "cmaes": RED, "lsq": GREEN}
+COLOURS = {"ga": BLUE, "cmaes": RED, "lsq": PURPLE}
+KINDS: dict[str, Kind] = {"ga": "after", "cmaes": "before", "lsq": "third"}
 NAMES = {"ga": "genetic algorithm", "cmaes": "CMA-ES", "lsq": "least squares"}
 LIMIT_DEG = 0.5
 
@@ -58,12 +61,29 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
         " docs/paper.md. More evaluations lower the error further (`hand magnet --budget`).",
         draw(found),
         tuple(quantities),
+        (_plot(found, errors[2]),),
     )
 
 
 def _ring_error() -> float:
     ring = radial_field(magnet_of(np.zeros(19)))
     return float(np.abs(position_error_deg(*ring)[1]).max())
+
+
+def _plot(found: Sequence[Optimum], best_deg: float) -> Plot:
+    """Field and error over the angle of the magnet."""
+    magnets: list[tuple[str, Kind, Array]] = [("round ring", "quiet", np.zeros(19))]
+    magnets += [(NAMES[each.method], KINDS[each.method], each.genes_m) for each in found]
+    fields, errors = [], []
+    for name, kind, genes_m in magnets:
+        angle, field = radial_field(magnet_of(genes_m))
+        degrees, values = sampled(angle, field, -90.0, 90.0)
+        fields.append(Curve(name, kind, degrees, 1e3 * values))
+        if kind != "quiet":  # the error of a ring is 20 times that of the others
+            errors.append(Curve(name, kind, *position_error_deg(angle, field)))
+    shown = [Panel("B at the sensor [mT per T]", fields), Panel("error [deg]", errors, 4.0, noise=LIMIT_DEG)]
+    alt = f"Field and error of the two-point line; by least squares the error stays within {best_deg:.2f} degree"
+    return Plot("magnet angle [deg]", shown, alt, "Grey band: the paper's bound of the error.")
 
 
 def draw(found: Sequence[Optimum]) -> Figure:

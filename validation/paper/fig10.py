@@ -6,13 +6,13 @@ import numpy as np
 
 from hand_model.arrays import Array
 from hand_model.compliance import hydraulic_pressure_pa, pneumatic_pressure_pa, stiffness_nm_per_rad
-from validation.paper.drawing import BLUE, GREEN, RED, panels
+from validation.paper.drawing import BLUE, PURPLE, RED, panels
 from validation.paper.fig09 import TRUTH
 from validation.paper.result import Progress, Quantity, Reproduction
 
 SUPPLY_PA = 6e5
 STARTS = [(p, np.radians(a)) for p in (0.5e5, 1e5, 1.5e5, 2e5, 3e5, 4e5) for a in (30.0, 60.0, 90.0)]
-KINDS = (("isothermal", BLUE), ("adiabatic", GREEN), ("hydraulic", RED))
+KINDS = (("isothermal", BLUE), ("adiabatic", PURPLE), ("hydraulic", RED))
 
 
 def trajectory(kind: str, start_pa: float, start_rad: float) -> tuple[Array, Array]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from hand_identification.dynamics import MATERIAL_KEYS, STATIC_KEYS
@@ -11,8 +13,9 @@ from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, map_fit, multi_start
 from hand_model.arrays import Array
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
+from hand_pages.plots import Curve, Kind, Panel, Plot
 from validation.paper.creep_rig import JOINT, description, without_material
-from validation.paper.drawing import BLUE, GREY, RED, panels
+from validation.paper.drawing import BLUE, GREY, RED, nth_shown, panels
 from validation.paper.other_plants import material_recording
 from validation.paper.result import Progress, Quantity, Reproduction
 
@@ -78,6 +81,10 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
             law=found | {"material.b1_per_pa": b1},
         ),
         tuple(quantities),
+        (
+            _plot((left, without), (right, within), errors),
+            _zones_plot(found | {"material.b1_per_pa": b1}),
+        ),
     )
 
 
@@ -111,6 +118,35 @@ def _hysteresis_deg(problem: JointProblem, angle_rad: Array) -> float:
     ends = np.flatnonzero(np.diff(held) != 0.0)[:10]
     up, down = ends[2], ends[8]
     return float(np.degrees(np.mean(angle_rad[down - 20 : down]) - np.mean(angle_rad[up - 20 : up])))
+
+
+def _plot(without: tuple[JointProblem, MapFit], within: tuple[JointProblem, MapFit], errors: Sequence[float]) -> Plot:
+    """The recording and both models over time. errors: of both, relative to the range [-]."""
+    segment = without[0].segments[0]
+    nth = nth_shown(len(segment.angle_rad))
+    axis, measured = (0.0, nth * segment.period_s), np.degrees(segment.angle_rad)[::nth]
+    above, below = [Curve("recording", "measured", axis, measured)], []
+    models: tuple[tuple[str, Kind], ...] = (("without the material model", "before"), ("with it", "after"))
+    for (name, kind), (task, fit) in zip(models, (without, within), strict=True):
+        simulated = np.degrees(_simulated(task, fit))[::nth]
+        above.append(Curve(name, kind, axis, simulated))
+        below.append(Curve(name, kind, axis, measured - simulated))
+    shown = [Panel("angle [deg]", above, 5.0), Panel("measured - model [deg]", below)]
+    alt = f"The error over the range falls from {errors[0]:.1%} without the material model to {errors[1]:.1%} with it"
+    return Plot("time [s]", shown, alt)
+
+
+def _zones_plot(law: Mapping[str, float]) -> Plot:
+    """Fig. 12: between both lines the creeping ratio stays, where they do not overlap."""
+    ratio = np.linspace(0.0, 0.8, 50)
+    recovery_bar = 1e-5 * ratio / law["material.b0_per_pa"]
+    extension_bar = 1e-5 * (law["material.p_min_pa"] + ratio / law["material.b1_per_pa"])
+    curves = [
+        Curve("p0: recovery left of it", "before", recovery_bar, ratio),
+        Curve("p1: extension right of it", "after", extension_bar, ratio),
+    ]
+    alt = f"Zones as identified: at rest extension begins at {1e-5 * law['material.p_min_pa']:.2g} bar"
+    return Plot("pressure [bar]", [Panel("creeping ratio A", curves)], alt, "Fig. 12, as identified.")
 
 
 def _draw(*models: tuple[JointProblem, MapFit], law: dict[str, float]):  # type: ignore[no-untyped-def]

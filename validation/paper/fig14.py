@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from hand_control.declared import Settings
+from hand_pages.plots import Curve, Kind, Panel, Plot
 from validation.paper.creep_rig import description
-from validation.paper.drawing import BLUE, GREY, RED, panels
+from validation.paper.drawing import BLUE, GREY, RED, nth_shown, panels
 from validation.paper.result import Progress, Quantity, Reproduction
 from validation.paper.step_rig import RATE_HZ, Run, draw, run_law, run_pid
 
@@ -26,6 +27,11 @@ OFF: dict[str, tuple[str, dict[str, Any]]] = {
     "none": ("without all three", {"adaptation": False, "gain_schedule": False, "feed_forward": False}),
 }
 PID_NAME = "fixed PID, tuned on wrong plants"
+TOGETHER: dict[str, dict[str, Kind]] = {
+    "one part off": {"all": "after", "no_adaptation": "before", "no_schedule": "third", "no_feed_forward": "measured"},
+    "compared with a PID": {"all": "after", "none": "before", "pid": "third"},
+}
+"""The runs in each panel of the plot, with their kinds of curves."""
 
 
 def reproduce(seed: int, progress: Progress) -> Reproduction:
@@ -53,6 +59,7 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
         " kind. Shown is the joint at the 90th percentile of the overshoot without adaptation.",
         _draw(runs),
         tuple(quantity for key, (name, run) in runs.items() for quantity in _quantities(key, name, run)),
+        (_plot(runs),),
     )
 
 
@@ -75,9 +82,32 @@ def _quantities(key: str, name: str, run: Run) -> list[Quantity]:
     ]
 
 
-def _draw(runs: dict[str, tuple[str, Run]]):  # type: ignore[no-untyped-def]
+def _shown_joint(runs: dict[str, tuple[str, Run]]) -> int:
+    """The joint at the 90th percentile of the overshoot without adaptation."""
     overshoot = runs["no_adaptation"][1].overshoot
-    shown = int(np.argsort(overshoot)[int(0.9 * len(overshoot))])
+    return int(np.argsort(overshoot)[int(0.9 * len(overshoot))])
+
+
+def _plot(runs: dict[str, tuple[str, Run]]) -> Plot:
+    joint, whole = _shown_joint(runs), runs["all"][1]
+    nth = nth_shown(len(whole.angle))
+    axis, reference = (0.0, nth / RATE_HZ), np.degrees(whole.reference[0])[::nth]
+    shown = [
+        [Curve("reference", "quiet", axis, reference)]
+        + [Curve(runs[key][0], kind, axis, np.degrees(runs[key][1].angle[::nth, joint])) for key, kind in kinds.items()]
+        for kinds in TOGETHER.values()
+    ]
+    alt = f"Steps of a joint: largest overshoot of all joints {_over(whole):.1f} % with the whole controller and"
+    alt += f" {_over(runs['no_adaptation'][1]):.1f} % without adaptation"
+    return Plot(
+        "time [s]",
+        [Panel(f"{name}: angle [deg]", curves, 5.0) for name, curves in zip(TOGETHER, shown, strict=True)],
+        alt,
+    )
+
+
+def _draw(runs: dict[str, tuple[str, Run]]):  # type: ignore[no-untyped-def]
+    shown = _shown_joint(runs)
     figure, axes = panels(3, 2, 9.5, 6.6, sharex=True, sharey=True)
     for axis, (key, (name, run)) in zip(axes.flat, runs.items(), strict=True):
         time_s = np.arange(len(run.angle)) / RATE_HZ

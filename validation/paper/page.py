@@ -21,7 +21,7 @@ def png(result: Reproduction) -> bytes:
 def write_page(
     results: Sequence[tuple[Reproduction, bytes]], path: Path, made: Mapping[str, object] | None = None
 ) -> None:
-    """Write the page: the overview, then per figure a heading, the picture (PNG), three sentences and its numbers.
+    """Write the page: the overview, then per figure a heading, its plots and picture, three sentences and its numbers.
 
     made: how, see hand_pages/results.
     """

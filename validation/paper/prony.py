@@ -8,8 +8,9 @@ from hand_model.arrays import Array, Flags
 from hand_model.kernel.rows import ROW
 from hand_model.prony import Prony, fit_prony
 from hand_model.statics import torque
+from hand_pages.plots import Curve, Kind, Panel, Plot
 from validation.paper.creep_rig import PERIOD_S, description, problem
-from validation.paper.drawing import BLUE, GREY, RED, panels
+from validation.paper.drawing import BLUE, GREY, RED, nth_shown, panels
 from validation.paper.result import Progress, Quantity, Reproduction
 
 TERMS = (1, 2, 3, 4, 6, 8)
@@ -49,12 +50,27 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
     right.axhline(zone_error, color=BLUE, label="three zones")
     right.set(xlabel="terms of Eq. 10", ylabel="error on test data [deg]", ylim=(0, None))
     right.legend(frameon=False)
+    gets = f"On test data the error of the three zones is {zone_error:.2f} degree, that of the best spectrum"
+    gets += f" ({TERMS[best]} terms) {errors[best]:.2f}."
+    nth = nth_shown(len(shift))
+    drawn: tuple[tuple[str, Kind, Array], ...] = (
+        ("from the recording", "measured", np.degrees(shown)),
+        ("three zones, Eq. 12", "after", np.degrees(zones)),
+        (f"spectrum, {TERMS[best]} terms", "before", prony),
+    )
+    curves = [Curve(name, kind, (0.0, nth * PERIOD_S), values[::nth]) for name, kind, values in drawn]
+    test_span = (split * PERIOD_S, len(shift) * PERIOD_S, "test")
+    counts, level = np.array(TERMS, dtype=float), np.full(len(TERMS), zone_error)
+    of_terms = [Curve("spectrum", "before", counts, np.array(errors)), Curve("three zones", "after", counts, level)]
+    plots = (
+        Plot("time [s]", [Panel("shift of the rest angle [deg]", curves)], gets, "Yellow: test data.", [test_span]),
+        Plot("terms of Eq. 10", [Panel("error on test data [deg]", of_terms, zero=True)], gets),
+    )
     return Reproduction(
         "prony",
         "Equation 10: a continuous spectrum instead of three zones",
         "The paper gives the continuous retardation spectrum as the general form and uses three zones instead.",
-        f"On test data the error of the three zones is {zone_error:.2f} degree, that of the best spectrum"
-        f" ({TERMS[best]} terms) {errors[best]:.2f}.",
+        gets,
         "The recording is simulated with the three-zone law, which keeps its shape where a linear spectrum relaxes;"
         " on a linear material the spectrum would have the smaller error.",
         figure,
@@ -65,6 +81,7 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
                 for n, e in zip(TERMS, errors, strict=True)
             ),
         ),
+        plots,
     )
 
 

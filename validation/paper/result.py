@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
+from hand_pages.plots import Plot
+
 Progress = Callable[[float], None]
 """Called with the share done, 0 ... 1."""
 IDS = ("table1", "fig06", "fig07", "fig08", "fig09", "fig10", "fig13", "fig14", "prony")
@@ -31,7 +33,8 @@ class Reproduction:
     """A figure or table.
 
     id: its name on the command line, such as "fig13".  shows: what the paper shows.  gets: the result of this code,
-    with its numbers.  differs: where the two differ and why; empty where they agree.
+    with its numbers.  differs: where the two differ and why; empty where they agree.  plots: its curves for the
+    page; none where its axes are logarithmic or it has markers.
     """
 
     id: str
@@ -41,6 +44,7 @@ class Reproduction:
     differs: str
     figure: Figure
     quantities: tuple[Quantity, ...]
+    plots: tuple[Plot, ...] = ()
 
 
 def reproduce(name: str, seed: int, progress: Progress) -> Reproduction:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hand_model.arrays import Array
+from hand_pages.plots import Curve, Kind, Panel, Plot
 from validation.magnet.field import Magnet, radial_field
 from validation.magnet.geometry_search import HALF_RING_PERCENT, INNER_M, OUTER_M, half_ring, search
 from validation.magnet.linearity import joint_nonlinearity, output_v, sampled
@@ -51,13 +52,20 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
     quantities += _measured(drawn)
     figure, (left, right, spread) = panels(1, 3, 12.0, 3.6)
     _draw_spread(spread, drawn)
-    for (angle, field), label, colour in ((ring, "ring", BLUE), (half, "half-ring", RED)):
+    kinds: tuple[Kind, Kind] = ("after", "before")
+    outputs, deviations = [], []
+    for (angle, field), label, colour, kind in zip(
+        (ring, half), ("ring", "half-ring"), (BLUE, RED), kinds, strict=True
+    ):
         degrees, values = sampled(angle, field, -90.0, 90.0)
         volts = output_v(values, float(np.abs(field).max()))
         left.plot(degrees, volts, color=colour, label=label)
         inside = np.abs(degrees) <= 55.0
         line = np.polyval(np.polyfit(degrees[inside], volts[inside], 1), degrees[inside])
-        right.plot(degrees[inside], 1e3 * (volts[inside] - line), color=colour, label=label)
+        deviation_mv = 1e3 * (volts[inside] - line)
+        right.plot(degrees[inside], deviation_mv, color=colour, label=label)
+        outputs.append(Curve(label, kind, degrees, volts))
+        deviations.append(Curve(label, kind, degrees[inside], deviation_mv))
     left.set(xlabel="magnet angle [deg]", ylabel="output about mid supply [V]")
     right.set(xlabel="magnet angle [deg]", ylabel="deviation from the line [mV]")
     right.axhline(0.0, color=GREY, lw=0.8)
@@ -76,6 +84,13 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
         " own peak: the value is proportional to that amplitude. The tolerances are assumed; the paper prints none.",
         figure,
         tuple(quantities),
+        (
+            Plot(
+                "magnet angle [deg]",
+                [Panel("output about mid supply [V]", outputs), Panel("deviation from the line [mV]", deviations)],
+                f"Nonlinearity of the ring {ours[1]:.3f} %, of the half-ring {ours[3]:.3f} % from -10 to 100 degrees",
+            ),
+        ),
     )
 
 
