@@ -27,9 +27,7 @@ from hand_control.frame_checks import (
     FOLLOWING,
     JUMPED,
     NOT_FINITE,
-    OVER_PRESSURE,
-    STEPPED,
-    STUCK_HIGH,
+    STUCK_LOW,
     ToleranceWatch,
     is_suction,
 )
@@ -47,6 +45,7 @@ from hand_control.goals import (
 )
 from hand_control.grasps import Approach, Grasp, Grasping, Outcome
 from hand_control.references import References
+from hand_control.sensor_lines import angle_jumped, pressure_off
 from hand_control.shaping import Shaper, TorqueLimiter, approach_speed, filling_speed
 from hand_control.step_watch import LONGEST_S
 from hand_control.supervisor import VENT_S, Phase, Supervisor
@@ -108,7 +107,7 @@ class Controller:
         self.hand = hand
         self.safety = Supervisor()
         self.board = BoardWatch()
-        self._unmeasured = Unmeasured(hand.joints, self.board)
+        self._unmeasured = Unmeasured(hand, self.board)
         self._ramp = ArmingRamp()
         self._references = References(hand)
         self._law = law_of(hand, settings)
@@ -400,34 +399,25 @@ class Controller:
     def _react(self, found: Findings, measured: tuple[Array, Array, Array], host_ns: int) -> None:
         """Trip on what a frame shows, or warn of a pressure that is too low."""
         position, _, pressure = measured
-        joint, last = self.hand.joints[found.implausible_joint], self._watch.last_position
+        worst, last = found.implausible_joint, self._watch.last_position
         if found.plausible == NOT_FINITE:
-            self._unmeasured.trip(self.safety, found.implausible_joint, measured, host_ns)
+            self._unmeasured.trip(self.safety, worst, measured, host_ns)
         elif found.plausible == JUMPED:
-            jump = math.degrees(abs(position[found.implausible_joint] - last[found.implausible_joint]))
-            self.safety.trip(f"{joint}: angle jumped by {jump:.0f} degrees")
+            channel = int(self.hand.sensors.angle_channel[worst])
+            self.safety.trip(angle_jumped(self.hand.joints[worst], channel, position[worst] - last[worst]))
             last[:] = position
         if found.pressure != FOLLOWING:
-            self._pressure_off(found.pressure, self.hand.joints[found.pressure_joint], pressure[found.pressure_joint])
+            self._pressure_off(found.pressure, found.pressure_joint, pressure[found.pressure_joint])
         if found.contradiction is not None:
             self.safety.trip(self._watch.sensors.line(found.contradiction))
 
-    def _pressure_off(self, verdict: int, joint: str, pressure_pa: float) -> None:
-        bar = pressure_pa * 1e-5
-        if verdict == OVER_PRESSURE:
-            self.safety.trip(f"{joint}: over-pressure, {bar:.2f} bar")
-        elif verdict == STEPPED:
-            self.safety.trip(
-                f"{joint}: its pressure jumped to {bar:.2f} bar, which no valve gives;"
-                " check the sensor and its cable, whether it is exchanged with another, and the tube"
-            )
-        elif verdict == STUCK_HIGH:
-            self.safety.trip(f"{joint}: the valve does not follow, the pressure stays at {bar:.2f} bar")
+    def _pressure_off(self, verdict: int, joint: int, pressure_pa: float) -> None:
+        channel, limit_pa = self.hand.sensors.pressure_channel[joint], self.hand.limits.max_pressure_pa[joint]
+        line = pressure_off(verdict, self.hand.joints[joint], int(channel), pressure_pa, float(limit_pa))
+        if verdict == STUCK_LOW:
+            self._starved = line
         else:
-            self._starved = (
-                f"{joint}: the valve does not follow, the pressure is only {bar:.2f} bar;"
-                " check for a leak, the supply and a closed valve"
-            )
+            self.safety.trip(line)
 
     def _arm(self, position: Array, velocity: Array, pressure: Array, host_ns: int) -> None:
         """Drive from the measured pose, so that nothing jumps."""

@@ -1,4 +1,4 @@
-"""What a contradiction of the sensors says to a user: joints, channels, evidence and what to check."""
+"""What a fault of a measurement says to a user: joints, channels, evidence and what to check."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_control.frame_checks import OVER_PRESSURE, STEPPED, STUCK_HIGH, STUCK_LOW
 from hand_control.step_watch import (
     ACTIVE,
     ANGLES_SWAPPED,
@@ -29,6 +30,27 @@ class Contradiction(NamedTuple):
     joint: int
     other: int
     size: float
+
+
+def angle_jumped(joint: str, channel: int, size_rad: float) -> str:
+    """One line on an angle that has changed by size_rad [rad] between two frames, more than max_jump_deg allows."""
+    return (
+        f"{joint}: its angle (channel {channel}) jumped by {math.degrees(abs(size_rad)):.0f} degrees between two"
+        " frames; check the sensor, its magnet and its cable"
+    )
+
+
+def pressure_off(verdict: int, joint: str, channel: int, pressure_pa: float, limit_pa: float) -> str:
+    """One line on a pressure [Pa] that differs from what is asked for; limit_pa: the largest one of the joint [Pa]."""
+    its, bar = f"{joint}: its pressure (channel {channel})", f"{pressure_pa * 1e-5:.2f} bar"
+    return {
+        OVER_PRESSURE: f"{its} is {bar}, over-pressure beyond the limit of {limit_pa * 1e-5:.2f} bar; check the"
+        " pressure regulator, the valve and the sensor",
+        STEPPED: f"{its} jumped to {bar}, which no valve gives; check the sensor and its cable, whether it is exchanged"
+        " with another, and the tube",
+        STUCK_HIGH: f"{its} stays at {bar}, the valve does not follow; check the valve, its exhaust and the sensor",
+        STUCK_LOW: f"{its} is only {bar}, the valve does not follow; check for a leak, the supply and a closed valve",
+    }[verdict]
 
 
 def describe(

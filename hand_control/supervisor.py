@@ -92,9 +92,9 @@ class Supervisor:
             return
         age_s = self.frame_age_s(now_ns)
         if age_s > VENT_S:
-            self.trip(f"no usable sensor data for {VENT_S * 1e3:.0f} ms")
+            self.trip(f"no usable sensor data for {VENT_S * 1e3:.0f} ms; check the driver and the line to the board")
         elif self._command_age_s(now_ns) > 2.0 * command_timeout_s > 0.0:
-            self.trip(f"no command for {2.0 * command_timeout_s:g} s")
+            self.trip(f"no command for {2.0 * command_timeout_s:g} s; check the node that sends the commands")
 
     def command_held(self, now_ns: int, command_timeout_s: float) -> bool:
         """Whether the last command is older than the time-out."""

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from hand_control.board_watch import BoardWatch
 from hand_control.supervisor import Supervisor
 from hand_model.arrays import Array
+from hand_model.description import Hand
 
 LATE_S = 0.3
 """Six reports of the driver."""
@@ -21,17 +22,20 @@ QUANTITIES = ("angle", "speed", "pressure")
 class Unmeasured:
     """Trips on such a value, and completes the line."""
 
-    def __init__(self, joints: Sequence[str], board: BoardWatch) -> None:
-        """For these joints, with what the driver reports of the board."""
-        self._joints, self._board = tuple(joints), board
+    def __init__(self, hand: Hand, board: BoardWatch) -> None:
+        """For the joints of a hand, with what the driver reports of the board."""
+        self._joints, self._board = hand.joints, board
+        angle, pressure = hand.sensors.angle_channel, hand.sensors.pressure_channel
+        self._channels = dict(zip(QUANTITIES, (angle, angle, pressure), strict=True))
         self._open: tuple[str, str, int] | None = None  # joint, line and time of a latch whose cause is not known
 
     def trip(self, safety: Supervisor, joint: int, measured: Sequence[Array], host_ns: int) -> None:
         """Latch. measured: angle [rad], speed [rad/s] and pressure [Pa], (joints,) each."""
         name = self._joints[joint]
         what = next(q for q, values in zip(QUANTITIES, measured, strict=True) if not math.isfinite(values[joint]))
-        line, cause = f"{name}: its {what} is not a number", self._board.evidence(name)
-        fault = f"{line}; {cause or 'the driver has named no channel: see its status `channels`'}"
+        line = f"{name}: its {what} (channel {self._channels[what][joint]}) is not a number"
+        cause = self._board.evidence(name)
+        fault = f"{line}; {cause or 'the driver has named no cause; check its status `channels`, sensor and cable'}"
         self._open = None if cause else (name, fault, host_ns)
         safety.trip(fault)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -72,7 +73,8 @@ def test_over_pressure_vents_and_latches() -> None:
     rig.seen_pressure = only(INDEX, lambda _: 7.0e5)
     rig.run(0.1)
     assert rig.controller.safety.phase is Phase.VENTED
-    assert "index_proximal: over-pressure, 7.00 bar" in rig.health("safety").message
+    fault = "index_proximal: its pressure (channel 14) is 7.00 bar, over-pressure beyond the limit of 6.00 bar; check"
+    assert fault in rig.health("safety").message
     with pytest.raises(ValueError, match="reset first"):
         rig.controller.enable(True)
 
@@ -87,7 +89,10 @@ def test_a_valve_stuck_open_vents_and_latches() -> None:
     rig.command(index_proximal=0.0)
     rig.run(1.5)
     assert rig.controller.safety.phase is Phase.VENTED
-    assert "index_proximal: the valve does not follow" in rig.controller.safety.fault
+    assert re.fullmatch(
+        r"index_proximal: its pressure \(channel 14\) stays at \d\.\d\d bar, the valve does not follow; check .*",
+        rig.controller.safety.fault,
+    )
 
 
 def test_a_starved_joint_is_warned_of_and_recovers() -> None:

@@ -59,18 +59,18 @@ def test_the_latch_names_the_cause_that_the_driver_reports(cause: str) -> None:
     driven.report(FORCE, OTHER, cause)
     assert driven.fault == ""
     driven.frame(angle=np.nan)
-    assert driven.fault == f"{JOINT}: its angle is not a number; {cause}"
+    assert driven.fault == f"{JOINT}: its angle (channel 4) is not a number; {cause}"
 
 
 def test_a_cause_that_arrives_after_the_frame_completes_the_line() -> None:
     """Fails when the order of two topics decides whether the latch names its cause."""
     driven = Driven()
     driven.frame(pressure=np.nan)
-    assert driven.fault.startswith(f"{JOINT}: its pressure is not a number; the driver has named no channel")
+    assert driven.fault.startswith(f"{JOINT}: its pressure (channel 15) is not a number; the driver has named no cause")
     driven.report(OTHER)
-    assert "no channel" in driven.fault
+    assert "no cause" in driven.fault
     driven.report(STUCK)
-    assert driven.fault == f"{JOINT}: its pressure is not a number; {STUCK}"
+    assert driven.fault == f"{JOINT}: its pressure (channel 15) is not a number; {STUCK}"
     assert driven.controller.safety.reason == driven.fault
 
 
@@ -80,7 +80,7 @@ def test_a_later_fault_is_no_cause_of_an_earlier_latch() -> None:
     driven.frame(angle=np.nan)
     driven.now_ns += round((LATE_S + 0.01) * 1e9)
     driven.report(STUCK)
-    assert "no channel" in driven.fault
+    assert "no cause" in driven.fault
     other = Driven()
     other.frame(angle=np.nan)
     other.controller.reset()

@@ -57,7 +57,7 @@ def test_a_node_starts_disabled_and_a_fault_survives_restarts(stack: Stack, clie
         client.valves.clear()
         client.statuses.clear()
         controller = stack.node("controller", enabled_at_start="true")
-        client.until_said("controller", "safety", "no usable sensor data for 100 ms (latched ")
+        client.until_said("controller", "safety", " the line to the board (latched ")
         client.spin(0.2)
         assert not driven(client)
         assert not client.enable(True).success
