@@ -76,6 +76,10 @@ PROVEN_RAD = math.radians(2.0)
 OPPOSED = (0.45, 2.2)
 """Share of the predicted motion that is measured on a joint with the wrong sign whose constants are 30 % off."""
 PRESSURE_S, LEAST_PA, UNEXPLAINED = 0.03, 1.2e4, 0.125
+EXACT, EXACT_S = 0.005, 0.08
+"""Two pressures are exchanged where, for ENOUGH_S, the errors as exchanged are below UNEXPLAINED of those as wired,
+and these exceed LEAST_PA and what motion displaces; or, for EXACT_S, below EXACT of them, and these exceed LEAST_PA.
+What motion displaces is not for so long just what the set-points of both joints differ by, in opposite directions."""
 ROWS = row.PLACES + PLACE_ROWS
 """Of the whole table."""
 _KEYS = (
@@ -160,7 +164,7 @@ def _first_motion(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
 @without_arrays
 def _pressures(s, i, k, expected, wider, pressure, dt):  # type: ignore[no-untyped-def]
     """Whether the pressures of joints i and k are those that the set-points of the other one give."""
-    share, least = dt / (dt + PRESSURE_S), 2.0 * (LEAST_PA + max(wider[i], wider[k])) ** 2
+    share, least, surely = dt / (dt + PRESSURE_S), 2.0 * LEAST_PA**2, 2.0 * (LEAST_PA + max(wider[i], wider[k])) ** 2
     as_is = (pressure[i] - expected[i]) ** 2 + (pressure[k] - expected[k]) ** 2
     swapped = (pressure[i] - expected[k]) ** 2 + (pressure[k] - expected[i]) ** 2
     s[row.PE, i] += share * (as_is - s[row.PE, i])
@@ -168,13 +172,16 @@ def _pressures(s, i, k, expected, wider, pressure, dt):  # type: ignore[no-untyp
     step = max(abs(pressure[i] - s[row.P_LAST, i]), abs(pressure[k] - s[row.P_LAST, k]))
     if step > LEAST_PA or abs(pressure[i] - pressure[k]) < 2.0 * LEAST_PA:
         s[row.P_PROVEN, i] = 0.0  # a sensor changes its place with a step only, or where the pressures are alike
-    if s[row.PX, i] > least and s[row.PE, i] < UNEXPLAINED * s[row.PX, i]:
+    if s[row.PX, i] > surely and s[row.PE, i] < UNEXPLAINED * s[row.PX, i]:
         s[row.P_PROVEN, i] += dt
-    wrong = s[row.P_PROVEN, i] < ENOUGH_S and s[row.PE, i] > least and s[row.PX, i] < UNEXPLAINED * s[row.PE, i]
+    may_be = s[row.P_PROVEN, i] < ENOUGH_S
+    wrong = may_be and s[row.PE, i] > surely and s[row.PX, i] < UNEXPLAINED * s[row.PE, i]
+    exact = may_be and s[row.PE, i] > least and s[row.PX, i] < EXACT * s[row.PE, i]
     s[row.PSWAP_S, i] = s[row.PSWAP_S, i] + dt if wrong else 0.0
-    if wrong:
+    s[row.EXACT_S, i] = s[row.EXACT_S, i] + dt if exact else 0.0
+    if wrong or exact:
         s[row.HOLD, i] = s[row.HOLD, k] = 1.0
-    return s[row.PSWAP_S, i] > ENOUGH_S
+    return s[row.PSWAP_S, i] > ENOUGH_S or s[row.EXACT_S, i] > EXACT_S
 
 
 @without_arrays
@@ -317,6 +324,7 @@ class SensorWatch:
                 row.PE,
                 row.PX,
                 row.PSWAP_S,
+                row.EXACT_S,
             ]
         ] = 0.0
         self._spacing[:5] = (math.inf, math.inf, math.inf, math.inf, 0.0)

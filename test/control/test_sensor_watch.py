@@ -46,6 +46,15 @@ def test_a_fault_in_motion_is_found(error: float, name: str, part: str) -> None:
     assert part in outcome.line
 
 
+def test_pressures_that_are_exchanged_where_they_are_alike_are_found() -> None:
+    """Fails when an exchange without a step is not found before the motion that it causes can explain its errors."""
+    outcome = found(0.1, "sine", 9, "pressures exchanged", False, 2629)
+    assert outcome.detected_s is not None
+    assert outcome.detected_s <= 0.3
+    assert outcome.error_deg <= 10.0
+    assert "exchanged" in outcome.line
+
+
 @pytest.mark.parametrize("joint", [1, 6])
 @pytest.mark.parametrize(("name", "part"), [("angle mirrored", "polarity"), ("angle negated", "")])
 def test_wrong_wiring_is_found_in_the_first_motion(joint: int, name: str, part: str) -> None:
