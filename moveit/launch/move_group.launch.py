@@ -1,7 +1,8 @@
 """Launch MoveIt for one hand: ros2 launch fluidic_hand_moveit_config move_group.launch.py."""
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from launch.actions import DeclareLaunchArgument, SetEnvironmentVariable
+from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -14,6 +15,16 @@ def generate_launch_description() -> LaunchDescription:
     use_sim_time = ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool)
     return LaunchDescription(
         [
+            DeclareLaunchArgument(
+                "localhost_only",
+                default_value="true",
+                description="nodes of other machines can neither command nor listen; false: as the environment says",
+            ),
+            SetEnvironmentVariable(
+                "ROS_AUTOMATIC_DISCOVERY_RANGE",
+                "LOCALHOST",
+                condition=IfCondition(LaunchConfiguration("localhost_only")),
+            ),
             DeclareLaunchArgument("use_sim_time", default_value="false", description="use the time of /clock"),
             DeclareLaunchArgument(
                 "joint_states",

@@ -20,6 +20,12 @@ class Kept:
     def perform(self, context: dict[str, str]) -> str:
         return context[self.arguments[0]]
 
+    def to_moveit_configs(self) -> Kept:
+        return self
+
+    def to_dict(self) -> dict[str, Any]:
+        return {}
+
 
 class AbsentError(LookupError):
     """The package is not installed."""

@@ -101,6 +101,18 @@ def test_the_launch_files_declare_every_argument(monkeypatch: pytest.MonkeyPatch
     assert included.arguments[0].arguments == (str(ROOT / "launch" / "hand.launch.py"),)
 
 
+def test_moveit_keeps_to_this_machine_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when other machines discover move_group without being asked to, or it starts before that is set."""
+    file = ROOT / "moveit" / "launch" / "move_group.launch.py"
+    (actions,) = names_of(file, monkeypatch)["generate_launch_description"]().arguments
+    kinds = [type(action).__name__ for action in actions]
+    local = actions[kinds.index("SetEnvironmentVariable")]
+    assert local.arguments == ("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    assert local.named["condition"].arguments[0].arguments == ("localhost_only",)
+    assert declared(actions)["localhost_only"]["default_value"] == "true"
+    assert kinds.index("SetEnvironmentVariable") < kinds.index("Node")
+
+
 @pytest.mark.parametrize(
     ("name", "text", "line"),
     [
