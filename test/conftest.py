@@ -11,6 +11,7 @@ from __future__ import annotations
 import fcntl
 import gc
 import hashlib
+import math
 import os
 import signal
 import subprocess
@@ -26,6 +27,7 @@ from xdist.remote import Producer
 from xdist.scheduler import LoadScopeScheduling
 
 from hand_ros.memory import lock_memory
+from test.repeating import REPEATED
 
 # How long an example takes is the machine's business.
 settings.register_profile("untimed", deadline=None)
@@ -144,9 +146,10 @@ class StallWatch:
             begun_s, late_s = line.split()
             self._stalls.append((float(begun_s), float(late_s)))
 
-    def longest_since(self, start_s: float) -> float:
-        """The longest stall [s] that ended after start_s [s] of time.time()."""
-        return max((late_s for begun_s, late_s in self._stalls if begun_s + late_s > start_s), default=0.0)
+    def longest_since(self, start_s: float, end_s: float = math.inf) -> float:
+        """The longest stall [s] that ended after start_s, and began before end_s [s], of time.time()."""
+        ended = ((begun_s, late_s) for begun_s, late_s in self._stalls if begun_s + late_s > start_s)
+        return max((late_s for begun_s, late_s in ended if begun_s < end_s), default=0.0)
 
     def stop(self) -> None:
         """End the process."""
@@ -179,6 +182,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
             STALL_WATCH.append(StallWatch())
             lock_memory()  # a client that waits for its own code takes messages for late ones
         item.user_properties.append(("started_s", time.time()))
+    REPEATED.clear()
 
 
 @pytest.hookimpl(wrapper=True)
@@ -190,7 +194,21 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
         stall_s = STALL_WATCH[0].longest_since(started_s)
         line = f"longest stall of the machine during this test: {stall_s:.3f} s (the hand vents after 0.1 s)"
         report.sections.append(("real time", line))
+    if report.when == "call":  # properties reach the process that prints, from every test process
+        for begun_s, ended_s, why in REPEATED:
+            stall_s = STALL_WATCH[0].longest_since(begun_s, ended_s) if STALL_WATCH else 0.0
+            report.user_properties.append(("repeated", f"after a stall of {stall_s:.3f} s: {item.nodeid}: {why}"))
     return report
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Count and name every repetition of a test: none is silent."""
+    reports = [r for kind in ("passed", "failed") for r in terminalreporter.stats.get(kind, []) if r.when == "call"]
+    lines = [line for report in reports for name, line in report.user_properties if name == "repeated"]
+    if lines:
+        terminalreporter.section(f"{len(lines)} repetitions of a test")
+        for line in lines:
+            terminalreporter.line(f"repeated {line}")
 
 
 @pytest.hookimpl(wrapper=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import os
 import shutil
@@ -27,6 +26,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from hand_client.repeated_call import RepeatedCall
+from test.repeating import STALLED
 
 NODES = Path(get_package_prefix("fluidic_hand")) / "lib" / "fluidic_hand"
 TOOL = (sys.executable, "-m", "hand_tool")
@@ -35,9 +35,6 @@ WAIT_S = 30.0
 HEARD_S = 3.0
 """Time in which nodes that have started together hear of each other; discovery takes up to 2.7 s."""
 Started = subprocess.Popen[bytes]
-STALLED = ("no usable sensor data", "the board reports that it is vented, although")
-"""Reasons for which a hand vents where its processes do not run for 0.1 s."""
-TRIES = 3
 
 
 class Stack:
@@ -84,6 +81,11 @@ class Stack:
                 process.kill()
                 raise
 
+    def vented_by_a_stall(self) -> str:
+        """The line of the log with which the controller vented for lack of data; empty where it did not."""
+        lines = [line for line in self.log("controller").splitlines() if "vented: " in line]
+        return next((line for line in lines if any(reason in line for reason in STALLED)), "")
+
     def begin_again(self) -> None:
         """End every process, and forget their logs and latched faults."""
         self.stop_all()
@@ -91,26 +93,6 @@ class Stack:
         for log in self.folder.glob("*.log"):
             log.unlink()
         shutil.rmtree(self.folder / "fluidic_hand", ignore_errors=True)
-
-
-def again_after_a_stall(test: Callable[[Stack, Client], None]) -> Callable[[Stack, Client], None]:
-    """Repeat a test in which a stall of the machine has vented the hand; any other failure counts."""
-
-    @functools.wraps(test)
-    def run(stack: Stack, client: Client) -> None:
-        for tries_left in reversed(range(TRIES)):
-            try:
-                return test(stack, client)
-            except AssertionError:
-                lines = [line for line in stack.log("controller").splitlines() if "vented: " in line]
-                if not (tries_left and any(reason in line for line in lines for reason in STALLED)):
-                    raise
-                print("once more, because the machine stalled:", *lines, sep="\n")
-                stack.begin_again()
-                client.forget()
-        return None
-
-    return run
 
 
 class Client:
@@ -225,7 +207,7 @@ class Client:
         message = self.joints[-1]
         return float(message.position[list(message.name).index(joint)])
 
-    def forget(self) -> None:
+    def begin_again(self) -> None:
         """Drop what was received so far."""
         self.spin(0.2)
         for messages in (self.states, self.joints, self.valves, self.statuses):

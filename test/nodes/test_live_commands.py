@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import math
 import os
@@ -27,7 +26,8 @@ from hand_model.geometry import link_poses
 from hand_recording.installed import default_model
 from hand_recording.message_types import definition
 from hand_robot.urdf import BASE
-from test.nodes.stack import STALLED, TOOL, TRIES, WAIT_S, Client, Stack, Started
+from test.nodes.stack import TOOL, WAIT_S, Client, Stack, Started
+from test.repeating import STALLED, TRIES, again_after_a_stall
 
 LATCHED_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 Answer = tuple[int, str, str]
@@ -56,6 +56,15 @@ class Terminal(Stack):
     def hand(self, *words: str) -> Answer:
         return end(self.begin(*words))
 
+    def vented_by_a_stall(self) -> str:
+        """The present status of a controller that has vented for lack of data; empty otherwise."""
+        self.client.spin(1.1)  # statuses come at 1 Hz
+        return next((line for line in STALLED if self.client.said("controller", "safety", line)), "")
+
+    def begin_again(self) -> None:
+        """The hand goes on to run, and is driven again."""
+        self.enable()
+
     def enable(self) -> None:
         """Drive the hand again where a machine that stalled has made it vent."""
         self.client.spin(0.2)
@@ -76,25 +85,6 @@ class Terminal(Stack):
         return end(process)
 
 
-def again_after_a_stall(test: Callable[[Terminal], None]) -> Callable[[Terminal], None]:
-    """Repeat a test that failed with a hand that a stall of the machine has vented; any other failure counts."""
-
-    @functools.wraps(test)
-    def run(terminal: Terminal) -> None:
-        for tries_left in reversed(range(TRIES)):
-            terminal.enable()
-            try:
-                return test(terminal)
-            except AssertionError:
-                terminal.client.spin(1.1)  # statuses come at 1 Hz
-                stalled = any(terminal.client.said("controller", "safety", line) for line in STALLED)
-                if not (stalled and tries_left):
-                    raise
-        return None
-
-    return run
-
-
 def end(process: subprocess.Popen[str]) -> Answer:
     out, err = process.communicate(timeout=WAIT_S)
     assert "Traceback" not in err, err
@@ -107,7 +97,7 @@ def children(process: Started) -> list[int]:
 
 
 @pytest.fixture(scope="module")
-def terminal(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Terminal]:
+def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Terminal]:
     made = Terminal(tmp_path_factory.mktemp("live"))
     try:
         made.ready()
@@ -115,6 +105,13 @@ def terminal(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Terminal]:
     finally:
         made.stop_all()
         made.client.close()
+
+
+@pytest.fixture
+def terminal(live: Terminal) -> Terminal:
+    """The hand, which is driven."""
+    live.enable()
+    return live
 
 
 @again_after_a_stall

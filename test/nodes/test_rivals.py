@@ -8,7 +8,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from hand_ros.publishers import HOLD_S
-from test.nodes.stack import again_after_a_stall
+from test.repeating import again_after_a_stall
 
 if TYPE_CHECKING:
     from test.nodes.stack import Client, Stack, Started
