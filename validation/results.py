@@ -16,6 +16,9 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 STORE = ROOT / "docs" / "figures" / "results.json"
+LEAST_SOAK_H = 1.0
+LIVE_FAMILIES = ("processes", "floods", "disk")
+"""Families of faults that start processes: their times are those of the machine, and they are stored apart."""
 
 
 def provenance(command: str) -> dict[str, str]:
@@ -78,7 +81,7 @@ def _with_run(scores: dict[str, Any]) -> list[dict[str, Any]]:
 def read_run(path: Path) -> dict[str, Any]:
     """Sources of a run's output: a bench file, faults.json, soak.json, a trial's folder, machines.json or reality.json.
 
-    Raises ValueError for anything else, and for a quick bench or campaign, whose numbers are no measurement.
+    Raises ValueError for anything else, and for a quick bench, campaign or soak, whose numbers are no measurement.
     """
     if path.is_dir():
         path = path / "scores.json"
@@ -97,12 +100,14 @@ def read_run(path: Path) -> dict[str, Any]:
     if isinstance(data, dict) and "faults" in data:
         if data["size"] == "quick" or "--only" in data["command"]:
             raise ValueError(f"{path} holds a part of the campaign of faults; run make faults")
-        about = {key: data[key] for key in ("date", "commit", "machine")}
-        command = "make faults FULL=1" if data["size"] == "full" else "make faults"
-        return {"faults": {**about, "command": command, "results": data["faults"]}}
+        return _campaign(data)
     if isinstance(data, dict) and "soak" in data:
+        hours = data["soak"]["hours"]
+        if hours < LEAST_SOAK_H:
+            raise ValueError(f"{path} holds {hours:g} h of motion; run make soak HOURS={LEAST_SOAK_H:g} or more")
         about = {key: data[key] for key in ("date", "commit", "machine")}
-        return {"soak": {**about, "command": f"make soak HOURS={data['soak']['hours']:g}", "results": data["soak"]}}
+        kept = {key: value for key, value in data["soak"].items() if key != "samples"}
+        return {"soak": {**about, "command": f"make soak HOURS={hours:g}", "results": kept}}
     if isinstance(data, dict) and "scores" in data and data.get("plant", "trial") != "trial":
         return {"referees": {**provenance("hand trial make OUT --plant PLANT"), "results": _with_run(data)}}
     if isinstance(data, dict) and "scores" in data:
@@ -119,8 +124,17 @@ def read_run(path: Path) -> dict[str, Any]:
     if isinstance(data, list) and data and "quantity" in data[0]:
         return {"paper": {**provenance("hand reproduce --out out/paper"), "results": data}}
     raise ValueError(
-        f"{path}: neither results of benches, of faults, of a trial, of real machines nor of hand reproduce"
+        f"{path}: neither results of benches, of faults, of a soak, of a trial, of real machines nor of hand reproduce"
     )
+
+
+def _campaign(data: dict[str, Any]) -> dict[str, Any]:
+    """The campaign in virtual time, and the families that start processes, where they ran: sources of their own."""
+    about = {key: data[key] for key in ("date", "commit", "machine")}
+    live = [result for result in data["faults"] if result["family"] in LIVE_FAMILIES]
+    virtual = [result for result in data["faults"] if result not in live]
+    found = {"faults": {**about, "command": "make faults", "results": virtual}}
+    return found | ({"faults/live": {**about, "command": "make faults FULL=1", "results": live}} if live else {})
 
 
 def _first_runs(data: dict[str, Any]) -> dict[str, Any]:

@@ -60,6 +60,26 @@ def loop_table(entry: Entry) -> str:
     return f"{markdown(header, rows)}\n\n{source_line(entry)}"
 
 
+def soak_table(entry: Entry) -> str:
+    """The simulated hand in motion for hours: motions, latches, missed periods, memory and CPU of each process."""
+    soak = entry["results"]
+    rows = [
+        (name, f"{mb:.0f} MB", f"{soak['growth_mb'][name]:+.1f} MB", f"{soak['cpu'][name]:.2f} cores")
+        for name, mb in soak["rss_mb"].items()
+    ]
+    latches = {0: "no latch", 1: "one latch"}.get(len(soak["latches"]), f"{len(soak['latches'])} latches")
+    text = (
+        f"In {soak['hours']:g} h the hand made {soak['motions']:,} motions, with {latches};"
+        f" {100 * soak['missed_frames']:.2f} % of the periods had no frame,"
+        f" {100 * soak['missed_commands']:.2f} % no command; the recording grew by"
+        f" {soak['file_mb_per_hour']:.0f} MB an hour, in the second half {soak['file_growth_ratio']:.2f} times as fast"
+        " as in the first."
+    )
+    faults = "".join(f"\n- not passed: {fault}" for fault in soak["faults"])
+    header = ("process", "largest memory", "growth after the warm-up", "CPU")
+    return f"{text}\n{faults}\n{markdown(header, rows)}\n\n{source_line(entry)}"
+
+
 def steps_sentence(entry: Entry) -> str:
     """Settling time and overshoot at the default rate."""
     at_default = [result for result in entry["results"] if " 200 Hz" in result["name"]]

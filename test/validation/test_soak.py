@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
+from pathlib import Path
+
 import pytest
 
 from validation.faults.closed_loop import description
 from validation.faults.soak import MOST_GROWTH_MB, NAMES, Sample, Soak, evaluate
+from validation.figures import PARTS
+from validation.results import read_run
 
 RATE_HZ = int(description().rate_hz)
 
@@ -46,3 +52,20 @@ def test_each_fault_is_named(result: Soak, line: str) -> None:
 def test_a_run_without_samples_is_not_passed() -> None:
     """Fails when a soak that measured nothing has no fault."""
     assert "only 0 samples" in evaluate(Soak(1.0, 0)).faults[0]
+
+
+def test_an_hour_is_stored_and_shown(tmp_path: Path) -> None:
+    """Fails when a soak cannot be stored, a short one can, or the page hides its length, its machine or its latches."""
+    about = {"command": "x", "date": "2026-01-02", "commit": "abc1234", "machine": "2 cores"}
+    path = tmp_path / "soak.json"
+    path.write_text(json.dumps({**about, "soak": asdict(soak(latch="index_distal: angle jumped"))}), encoding="utf-8")
+    stored = read_run(path)
+    text = PARTS["make soak HOURS=1"].text(stored)
+    assert "In 1 h the hand made" in text and "with one latch" in text
+    assert "not passed: latched: index_distal: angle jumped" in text
+    assert "| recorder | 90 MB | +0.0 MB | 0.20 cores |" in text
+    assert text.endswith("Made by `make soak HOURS=1` on 2026-01-02, on 2 cores, at commit abc1234.")
+    assert "stored yet" in PARTS["make soak HOURS=1"].text({})
+    path.write_text(json.dumps({**about, "soak": asdict(Soak(0.005, 0))}), encoding="utf-8")
+    with pytest.raises(ValueError, match=r"holds 0\.005 h of motion; run make soak HOURS=1 or more"):
+        read_run(path)

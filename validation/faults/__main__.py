@@ -22,11 +22,11 @@ from rich.table import Table
 
 from validation.faults.result import FaultResult, Size
 from validation.faults.results_page import write_page
-from validation.results import provenance
+from validation.results import LIVE_FAMILIES, provenance
 
 FAMILIES = ("frames", "disconnects", "commands", "timing", "sensors", "board")
 """Modules of this package that run in virtual time, each with `run(size, seed)`."""
-FULL_FAMILIES = ("processes", "floods", "disk")
+FULL_FAMILIES = LIVE_FAMILIES
 """Those that start processes; they run with --full only."""
 SEED = 2611
 

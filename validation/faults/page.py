@@ -63,16 +63,20 @@ def _measured(result: Mapping[str, Any]) -> str:
 
 
 def results_table(entry: Mapping[str, Any]) -> str:
-    """What `make faults` injected and what was handled."""
+    """What was injected, what was handled, and what the other cases lack."""
     lines = []
     for result in entry["results"]:
         times = "" if result["median_s"] is None else f"{result['median_s']:.3f} / {result['max_s']:.3f} s"
         worst = "" if result["worst"] is None else f"{result['worst']:.3g} {result['unit']}".strip()
+        worst = ", ".join(filter(None, (worst, result["note"])))
         handled = f"{result['handled']:,}"
         accepts, bounded = str(result["false_accepts"]), f"{result['bounded']:,}" if result.get("bounded") else ""
-        cases = f"{result['cases']:,}"
-        lines.append((result["family"], result["hazard"], cases, handled, bounded, accepts, times, worst))
-    header = ("family", "fault", "cases", "handled", "bounded", "false accepts", "detection median / max", "worst")
+        cases, missed = f"{result['cases']:,}", missed_text(result)
+        lines.append((result["family"], result["hazard"], cases, handled, bounded, missed, accepts, times, worst))
+    header = (
+        "family", "fault", "cases", "handled", "bounded", "what the others lack", "false accepts",
+        "detection median / max", "worst",
+    )  # fmt: skip
     failed = [
         f"- {r['family']}: {r['hazard']}: {_cell(r['unhandled'][0])}" for r in entry["results"] if not r["passed"]
     ]
@@ -82,6 +86,11 @@ def results_table(entry: Mapping[str, Any]) -> str:
         else "Every fault was handled."
     )
     return f"{markdown(header, lines)}\n\n{found.strip()}\n\n{source_line(entry)}"
+
+
+def missed_text(result: Mapping[str, Any]) -> str:
+    """What the cases of a result lack, with their number; empty where it is not counted or nothing."""
+    return ", ".join(f"{number:,} {kind}" for kind, number in result.get("misses", {}).items())
 
 
 def _cell(text: object) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from enum import IntEnum
 from statistics import median
@@ -29,11 +30,11 @@ class FaultResult:
 
     family: module of validation.faults.  hazard: what was injected.  cases: how often.  handled: how often the
     reaction was the required one.  bounded: how often nothing was found, because the fault stayed within what the
-    model allows and its consequence was small.  unhandled: names of the others, at most MOST_NAMED.  false_accepts:
-    damaged inputs that passed as good.  median_s, max_s: time from the fault to the reaction [s], None where the
-    reaction takes no time.  worst, unit: the largest excess that the cases reached, for example a pressure or an
-    angle error.  seed: of the random numbers.  real_time: times were measured on this machine's clock and depend on
-    its load.  note: one line.
+    model allows and its consequence was small.  unhandled: names of the others, at most MOST_NAMED.  misses: how many
+    cases lack what, by its name; a case may lack several.  false_accepts: damaged inputs that passed as good.
+    median_s, max_s: time from the fault to the reaction [s], None where the reaction takes no time.  worst, unit: the
+    largest excess that the cases reached, for example a pressure or an angle error.  seed: of the random numbers.
+    real_time: times were measured on this machine's clock and depend on its load.  note: one line.
     """
 
     family: str
@@ -50,6 +51,7 @@ class FaultResult:
     real_time: bool = False
     note: str = ""
     bounded: int = 0
+    misses: dict[str, int] = field(default_factory=dict)
 
     @property
     def passed(self) -> bool:
@@ -76,6 +78,7 @@ class Tally:
     worst: float | None = None
     note: str = ""
     bounded: int = 0
+    misses: dict[str, int] = field(default_factory=dict)
     _unhandled: list[str] = field(default_factory=list)
     _times_s: list[float] = field(default_factory=list)
 
@@ -96,6 +99,11 @@ class Tally:
         if worst is not None:
             self.worst = worst if self.worst is None else max(self.worst, worst)
 
+    def missed(self, kinds: Iterable[str]) -> None:
+        """Count what the last case lacks."""
+        for kind in kinds:
+            self.misses[kind] = self.misses.get(kind, 0) + 1
+
     def many(self, cases: int, handled: int) -> None:
         """Count cases that have no name of their own."""
         self.cases += cases
@@ -110,4 +118,5 @@ class Tally:
             self.family, self.hazard, self.cases, self.handled, tuple(self._unhandled), self.false_accepts,
             median(times_s) if times_s else None, max(times_s) if times_s else None,
             self.worst, self.unit, self.seed, self.real_time, self.note, self.bounded,
+            dict(self.misses),
         )  # fmt: skip

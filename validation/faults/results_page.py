@@ -7,8 +7,17 @@ from pathlib import Path
 from typing import Any
 
 from hand_pages.results import Results, Section, Table, write_results
+from validation.faults.page import missed_text
 
-HEAD = ("fault", "handled", "damaged data accepted", "detected, median", "detected, longest", "worst")
+HEAD = (
+    "fault",
+    "handled",
+    "what the others lack",
+    "damaged data accepted",
+    "detected, median",
+    "detected, longest",
+    "worst",
+)
 Fault = Mapping[str, Any]
 
 
@@ -56,7 +65,7 @@ def _row(fault: Fault) -> tuple[str, ...]:
     times = ["" if fault[key] is None else f"{1e3 * fault[key]:.0f} ms" for key in ("median_s", "max_s")]
     worst = "" if fault["worst"] is None else f"{fault['worst']:.3g} {fault['unit']}".strip()
     accepted = f"{fault['false_accepts']:,}" if fault["false_accepts"] else ""
-    return fault["hazard"], _of(fault), accepted, *times, worst
+    return fault["hazard"], _of(fault), missed_text(fault), accepted, *times, worst
 
 
 def _of(fault: Fault) -> str:

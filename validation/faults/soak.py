@@ -17,7 +17,6 @@ import time
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from statistics import median
-from typing import Any
 
 import numpy as np
 from hand_msgs.action import Grasp
@@ -31,7 +30,6 @@ from hand_ros.node import QUEUED_QOS
 from validation.faults.closed_loop import CONFIG, description
 from validation.faults.live import Nodes, TooLateError, User, cpu_s, rss_mb
 from validation.results import provenance
-from validation.tables import markdown, source_line
 
 NAMES = ("simulation", "controller", "recorder")
 SEED = 7
@@ -254,23 +252,6 @@ def table(result: Soak) -> Table:
     view.add_row("latches", "", str(len(result.latches)), "")
     view.add_row("recording, MB per hour", "", "", f"{result.file_mb_per_hour:.0f}")
     return view
-
-
-def stored_table(entry: dict[str, Any]) -> str:
-    """The stored result as Markdown, for docs/safety.md."""
-    soak = entry["results"]
-    lines = [
-        (name, f"{soak['rss_mb'][name]:.0f} MB", f"{soak['growth_mb'][name]:+.1f} MB", f"{soak['cpu'][name]:.2f} cores")
-        for name in NAMES
-    ]
-    text = (
-        f"In {soak['hours']:g} h the hand made {soak['motions']:,} motions: {len(soak['latches'])} latches,"
-        f" {100 * soak['missed_frames']:.2f} % of the periods without a frame,"
-        f" {100 * soak['missed_commands']:.2f} % without a command,"
-        f" a recording of {soak['file_mb_per_hour']:.0f} MB per hour."
-    )
-    header = ("process", "largest memory", "growth after the warm-up", "CPU")
-    return f"{text}\n\n{markdown(header, lines)}\n\n{source_line(entry)}"
 
 
 if __name__ == "__main__":
