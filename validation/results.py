@@ -98,8 +98,8 @@ def read_run(path: Path) -> dict[str, Any]:
             for name, results in data["benches"].items()
         }
     if isinstance(data, dict) and "faults" in data:
-        if data["size"] == "quick" or "--only" in data["command"]:
-            raise ValueError(f"{path} holds a part of the campaign of faults; run make faults")
+        if data["size"] == "quick":
+            raise ValueError(f"{path} holds the quick form of the campaign of faults; run make faults")
         return _campaign(data)
     if isinstance(data, dict) and "soak" in data:
         hours = data["soak"]["hours"]
@@ -129,12 +129,21 @@ def read_run(path: Path) -> dict[str, Any]:
 
 
 def _campaign(data: dict[str, Any]) -> dict[str, Any]:
-    """The campaign in virtual time, and the families that start processes, where they ran: sources of their own."""
+    """The families of a campaign, those in virtual time and those that start processes as sources of their own.
+
+    A family that was not run keeps its stored results, with the run that gave them in `made`.
+    """
     about = {key: data[key] for key in ("date", "commit", "machine")}
-    live = [result for result in data["faults"] if result["family"] in LIVE_FAMILIES]
-    virtual = [result for result in data["faults"] if result not in live]
-    found = {"faults": {**about, "command": "make faults", "results": virtual}}
-    return found | ({"faults/live": {**about, "command": "make faults FULL=1", "results": live}} if live else {})
+    found = {}
+    for source, command, live in (("faults", "make faults", False), ("faults/live", "make faults FULL=1", True)):
+        new = [result for result in data["faults"] if (result["family"] in LIVE_FAMILIES) == live]
+        if not new:
+            continue
+        stored, families = load().get(source, {"results": []}), {result["family"] for result in new}
+        before = {key: stored[key] for key in ("command", *about) if key in stored}
+        kept = [{"made": before} | result for result in stored["results"] if result["family"] not in families]
+        found[source] = {**about, "command": command, "results": [*kept, *new]}
+    return found
 
 
 def _first_runs(data: dict[str, Any]) -> dict[str, Any]:

@@ -238,3 +238,27 @@ def test_late_best_effort_publisher_is_still_heard(start: Start, tmp_path: Path)
     assert recorder.end()[0] == 0
     names = set(load_recording(tmp_path / "bag.mcap")["joint_states"].names)
     assert names == {"RELIABLE", "BEST_EFFORT"}
+
+
+@pytest.mark.long
+def test_the_memory_of_a_recorder_does_not_grow_with_its_recording(start: Start, tmp_path: Path) -> None:
+    """Fails when the recorder keeps a part of what it has written: 8,000 messages a second for eight seconds."""
+
+    def resident_mb() -> float:
+        status = Path(f"/proc/{recorder.process.pid}/status").read_text(encoding="utf-8")
+        return int(status.partition("VmRSS:")[2].split()[0]) / 1024.0
+
+    def written_mb() -> float:
+        return sum(path.stat().st_size for path in (tmp_path / "out").iterdir()) / 1024.0**2
+
+    recorder = _recorder(start, out="out", namespaces="[/hand,left_hand]")
+    talker = _talker(start, 1000, 8)
+    talker.wait_for("ready")
+    time.sleep(2.0)  # buffers fill
+    memory_mb, file_mb = resident_mb(), written_mb()
+    time.sleep(8.0)
+    grown_mb = resident_mb() - memory_mb
+    recorded_mb = written_mb() - file_mb
+    assert recorded_mb > 5.0
+    assert grown_mb < 0.1 * recorded_mb
+    assert talker.end()[0] == recorder.end()[0] == 0

@@ -117,26 +117,28 @@ def test_a_fault_that_is_not_handled_is_named(tmp_path: Path, monkeypatch: pytes
     (stored,) = json.loads(out.read_text(encoding="utf-8"))["faults"]
     assert stored["unhandled"] == ["the bad one"] and not stored["passed"]
     assert (stored["median_s"], stored["max_s"]) == (pytest.approx(0.2), 0.3)
-    with pytest.raises(ValueError, match="a part of the campaign"):
+    with pytest.raises(ValueError, match="the quick form of the campaign"):
         read_run(out)
 
 
-def test_a_full_campaign_is_stored_with_its_processes(tmp_path: Path) -> None:
-    """Fails when faults of processes cannot be stored, replace those in virtual time, or hide what cases lack."""
-    live = FaultResult(
-        "floods", "flood of adc", 4, 3, ("huge: 8.0% of the periods missed",), unit="MB growth", worst=2.0
-    )
-    found = [FaultResult("frames", "damaged", 2, 2), live]
-    about = {"command": "x", "date": "2026-01-02", "commit": "abc1234", "machine": "2 cores", "size": "full"}
+def test_families_are_stored_apart_with_their_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when faults of processes cannot be stored, or a family that was not run is lost or gets another's run."""
+    live = FaultResult("floods", "flood", 4, 3, ("huge: 8.0% of the periods missed",), unit="MB growth", worst=2.0)
+    about = {"command": "x", "date": "2026-01-02", "commit": "abc1234", "machine": "2 cores"}
+    before = {"faults": {**about, "command": "make faults", "results": [FaultResult("board", "deaf", 1, 1).as_dict()]}}
+    monkeypatch.setattr("validation.results.load", lambda: before)
     path = tmp_path / "faults.json"
-    path.write_text(json.dumps({**about, "faults": [each.as_dict() for each in found]}), encoding="utf-8")
+    faults = [each.as_dict() for each in (FaultResult("frames", "damaged", 2, 2, misses={"late": 1}), live)]
+    path.write_text(json.dumps({**about, "date": "2026-03-04", "size": "full", "faults": faults}), encoding="utf-8")
     stored = read_run(path)
-    assert [[r["hazard"] for r in stored[name]["results"]] for name in ("faults", "faults/live")] == [
-        ["damaged"], ["flood of adc"],
-    ]  # fmt: skip
     text = PARTS["make faults FULL=1 # results"].text(stored)
-    assert "| floods | flood of adc | 4 | 3 |" in text and "huge: 8.0% of the periods missed" in text
-    assert text.endswith("Made by `make faults FULL=1` on 2026-01-02, on 2 cores, at commit abc1234.")
+    assert "| floods | flood | 4 | 3 |" in text and "huge: 8.0% of the periods missed" in text
+    assert text.endswith("Made by `make faults FULL=1` on 2026-03-04, on 2 cores, at commit abc1234.")
+    text = PARTS["make faults # results"].text(stored)
+    assert "| frames | damaged | 2 | 2 |  | 1 late | 0 |" in text
+    assert (
+        "- board: Made by `make faults` on 2026-01-02" in text and "- frames: Made by `make faults` on 2026-03" in text
+    )
 
 
 def test_a_false_accept_or_nothing_at_all_is_not_passed() -> None:

@@ -85,7 +85,17 @@ def results_table(entry: Mapping[str, Any]) -> str:
         if failed
         else "Every fault was handled."
     )
-    return f"{markdown(header, lines)}\n\n{found.strip()}\n\n{source_line(entry)}"
+    return f"{markdown(header, lines)}\n\n{found.strip()}\n\n{_runs(entry)}"
+
+
+def _runs(entry: Mapping[str, Any]) -> str:
+    """Which run gave the results; where there were several, with the families of each."""
+    runs: dict[str, list[str]] = {}
+    for result in entry["results"]:
+        families = runs.setdefault(source_line(result.get("made", entry)), [])
+        if result["family"] not in families:
+            families.append(result["family"])
+    return next(iter(runs)) if len(runs) == 1 else "\n".join(f"- {', '.join(of)}: {run}" for run, of in runs.items())
 
 
 def missed_text(result: Mapping[str, Any]) -> str:
