@@ -54,7 +54,8 @@ def missed_share(states: list[JointState]) -> float:
     """Share of the periods between the first and the last state in which none was acquired, 0 to 1."""
     stamps_s = [message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec for message in states]
     assert stamps_s[-1] - stamps_s[0] > 1.0
-    return max(0.0, 1.0 - (len(set(stamps_s)) - 1) / ((stamps_s[-1] - stamps_s[0]) * RATE_HZ))
+    periods = float(stamps_s[-1] - stamps_s[0]) * RATE_HZ
+    return max(0.0, 1.0 - (len(set(stamps_s)) - 1) / periods)
 
 
 def flood_command(
