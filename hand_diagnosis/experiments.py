@@ -13,8 +13,9 @@ from hand_diagnosis.judgement import Finding
 from hand_diagnosis.search import Hypothesis
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.excitation import EXPERIMENTS
-from hand_identification.joint_problem import CORRELATION_S, JointProblem
+from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit
+from hand_identification.settings import FITS
 from hand_model.arrays import Array
 from hand_model.kernel.closed_loop import ClosedLoop
 from hand_model.kernel.layout import PHI, P, resting_states
@@ -213,7 +214,7 @@ def _sigma(problem: JointProblem, first: MapFit, second: MapFit, commands_pa: Ar
     period = problem.segments[0].period_s
     one, other = (_readings(problem, fit, commands_pa, period) for fit in (first, second))
     squares = float((((one - other) / problem.floor[:2, None]) ** 2).sum())
-    return float(np.sqrt(squares * period / CORRELATION_S))
+    return float(np.sqrt(squares * period / FITS.correlation_s))
 
 
 def _readings(problem: JointProblem, fit: MapFit, commands_pa: Array, period_s: float) -> Array:

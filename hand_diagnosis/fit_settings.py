@@ -1,15 +1,11 @@
-"""The settings of the data check, the screening and the fits, and how a setting is written down; see settings.py."""
+"""The settings of the data check, the screening and the fits; see settings.py."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
-CHOICE = "engineering choice"
-TRIALS = "calibrated on blind trials"
-FORMS = "log score of development forms (validation/development.py)"
-LIMIT = "physical limit of hand and actuators"
+from hand_recording.settings import CHOICE, LIMIT, setting
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,12 +20,6 @@ class FitPass:
     iterations: int
     tolerance: float
     step_s: float
-
-
-def setting(value: Any, unit: str, meaning: str, source: str, halved: str, doubled: str) -> Any:
-    """A field of the settings with its documentation; value in the unit [text] that the field names."""
-    about = {"unit": unit, "meaning": meaning, "source": source, "halved": halved, "doubled": doubled}
-    return field(default=value, metadata=about)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

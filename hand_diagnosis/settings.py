@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from hand_diagnosis.fit_settings import CHOICE, FORMS, TRIALS, FitPass, FitSettings, setting
+from hand_diagnosis.fit_settings import FitPass, FitSettings
+from hand_recording.settings import CHOICE, FORMS, TRIALS, setting
 
 __all__ = ["SETTINGS", "FitPass", "Settings"]
 

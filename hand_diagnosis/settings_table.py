@@ -1,4 +1,4 @@
-"""The numbers in force as report.json lists them, and the settings as the table of the documents."""
+"""The numbers in force as report.json lists them, and the settings as the tables of the documents."""
 
 from __future__ import annotations
 
@@ -7,38 +7,26 @@ from dataclasses import asdict, fields
 from typing import Any
 
 from hand_diagnosis.settings import SETTINGS, FitPass, Settings
-from hand_identification.free_parameters import FARTHEST
-from hand_identification.joint_problem import (
-    BLOCK_S,
-    CORRELATION_S,
-    FLOOR,
-    HELD_OUT_EVERY,
-    MIN_FLOORS_TAKEN,
-    SETTLING_S,
-)
+from hand_identification.settings import FITS, IdentificationSettings
+from hand_machine.settings import MACHINE, MachineSettings
+from hand_recording.settings import READING, ReadingSettings
+
+AnySettings = Settings | IdentificationSettings | ReadingSettings | MachineSettings
+IN_FORCE: dict[str, AnySettings] = {
+    "settings": SETTINGS,
+    "fit_settings": FITS,
+    "reading_settings": READING,
+    "machine_settings": MACHINE,
+}
+"""By their keys in report.json."""
 
 
 def numbers_in_force() -> dict[str, Any]:
-    """All numbers on which a diagnosis depends, splits of the data included: `settings` and `fit_settings`."""
-    return {"settings": document(), "fit_settings": _fit_settings()}
+    """All numbers on which a diagnosis depends, splits of the data included, by the keys of IN_FORCE."""
+    return {key: document(settings) for key, settings in IN_FORCE.items()}
 
 
-def _fit_settings() -> dict[str, Any]:
-    """Numbers of the identification that act in a diagnosis, by name with units."""
-    return {
-        "floor_pa": FLOOR[0],
-        "floor_rad": float(FLOOR[1]),
-        "floor_n": FLOOR[2],
-        "min_floors_taken": MIN_FLOORS_TAKEN,
-        "correlation_s": CORRELATION_S,
-        "settling_s": SETTLING_S,
-        "block_s": BLOCK_S,
-        "validation_every_block": HELD_OUT_EVERY,
-        "max_tolerances": FARTHEST,
-    }
-
-
-def document(settings: Settings = SETTINGS) -> dict[str, Any]:
+def document(settings: AnySettings) -> dict[str, Any]:
     """Every value by name, as report.json lists it; infinite values as text, JSON has none."""
     return {name: _plain(value) for name, value in asdict(settings).items()}
 
@@ -49,8 +37,8 @@ def _plain(value: Any) -> Any:
     return "inf" if value == math.inf else value
 
 
-def markdown_table(settings: Settings = SETTINGS) -> str:
-    """The settings as a Markdown table, one row each."""
+def markdown_table(settings: AnySettings) -> str:
+    """Settings as a Markdown table, one row each."""
     rows = ["| setting | value | unit | meaning | source | halved | doubled |", "|---|---|---|---|---|---|---|"]
     for entry in fields(settings):
         about = entry.metadata

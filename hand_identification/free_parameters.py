@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hand_identification.settings import FITS
 from hand_model.arrays import Array
 from hand_model.effects.effect import Effect, Times
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS
@@ -20,12 +21,6 @@ from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 
 START_CREEP = len(JOINT_PARAMETERS)
 """Row of the creeping ratio at the start, after those of the parameters; the first speed of each recording follows."""
-EFFECT_SPREAD = 3.0
-"""Standard deviation of the prior of an effect's parameter, in typical sizes of that parameter."""
-LOG_SPREAD = 0.7
-"""Standard deviation of the prior of the logarithm of a number of the plain plant that an effect sets free."""
-ABSENT_SHARE = 0.1
-"""Share of its typical size below which a model lacks a number."""
 
 NOMINAL_KEYS = (
     "valve.dead_time_s",
@@ -49,13 +44,6 @@ NOMINAL_KEYS = (
 )
 STATED_KEYS = ("gravity.sine_nm",)
 """Parameters that are free only where a machine states their own tolerance."""
-_FLOOR = {"valve.dead_time_s": 0.002, "statics.a0_nm": 0.01}
-"""Least size of a nominal number to which the relative tolerance is applied; of the dead time: one step."""
-FARTHEST = 3.0
-"""Bounds of a nominal number, in tolerances from its nominal value."""
-WIDE = {"valve.dead_time_s": 0.4, "end_stop.damping_nm_s_per_rad": 0.4}
-"""Relative tolerances of numbers that are less certain: a set-point waits for the board's tick, which adds to the dead
-time, and the damping of an end stop is a guess in any model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,23 +93,27 @@ def nominal_free_parameters(
     own: tolerances of single parameters, by key; one with the tolerance 0 is exact and not free. The tolerance of a
     parameter of 0 is absolute [SI].
 
-    The bounds are FARTHEST tolerances away: a larger difference indicates missing physics, not a wrong number.
+    The bounds are FITS.max_tolerances away: a larger difference indicates missing physics, not a wrong number.
     rested: whether the joint was at rest without pressure before the recording, so that its creep has decayed.
     """
     free, own = [], own or {}
     for key in (*NOMINAL_KEYS, *(key for key in STATED_KEYS if key in own)):
         row = ROW[key]
-        size = max(abs(nominal[row]), _FLOOR.get(key, 0.0)) or float(key in own)
+        size = max(abs(nominal[row]), FITS.least_sizes.get(key, 0.0)) or float(key in own)
         creepless = key.startswith("material.") and nominal[ROW["material.phi_max_deg"]] == 0.0
         if size == 0.0 or creepless or own.get(key) == 0.0:
             continue
         bound = JOINT_PARAMETERS[row]
-        scale = size * own.get(key, max(tolerance, WIDE.get(key, 0.0)))
-        low = max(bound.low * bound.scale, nominal[row] - FARTHEST * scale)
-        high = min(bound.high * bound.scale, nominal[row] + FARTHEST * scale)
+        scale = size * own.get(key, max(tolerance, FITS.wide.get(key, 0.0)))
+        reach = FITS.max_tolerances * scale
+        low, high = (
+            max(bound.low * bound.scale, nominal[row] - reach),
+            min(bound.high * bound.scale, nominal[row] + reach),
+        )
         free.append(FreeParameter(row, nominal[row], scale, False, low, high))
     if nominal[ROW["material.phi_max_deg"]] != 0.0:
-        free.append(FreeParameter(START_CREEP, 0.0, 0.1 if rested else 0.3, False, 0.0, 1.0))
+        creep = FITS.rested_creep if rested else FITS.unrested_creep
+        free.append(FreeParameter(START_CREEP, 0.0, creep, False, 0.0, 1.0))
     return free
 
 
@@ -130,8 +122,9 @@ def speed_free_parameters(speeds: Sequence[float]) -> list[FreeParameter]:
     free = []
     for row, speed in enumerate(speeds, START_CREEP + 1):
         if speed != 0.0:
-            scale = 0.1 + 0.05 * abs(speed)
-            free.append(FreeParameter(row, speed, scale, False, speed - FARTHEST * scale, speed + FARTHEST * scale))
+            scale = FITS.first_speed_rad_s + FITS.first_speed_share * abs(speed)
+            reach = FITS.max_tolerances * scale
+            free.append(FreeParameter(row, speed, scale, False, speed - reach, speed + reach))
     return free
 
 
@@ -168,10 +161,10 @@ def _free_parameters(effect: Effect, keys: Sequence[str], nominal: Array) -> lis
         if missing:
             free.append(FreeParameter(row, nominal[row], missing, False, low, high))
         elif bound.typical > 0.0 and key not in effect.spread:
-            scale = bound.typical * bound.scale * (EFFECT_SPREAD if own else 1.0)
+            scale = bound.typical * bound.scale * (FITS.effect_spread if own else 1.0)
             free.append(FreeParameter(row, centre, scale, False, low, high))
         else:
-            spread = effect.spread.get(key, LOG_SPREAD)
+            spread = effect.spread.get(key, FITS.log_spread)
             free.append(
                 FreeParameter(row, centre if centre > 0.0 else bound.typical * bound.scale, spread, True, low, high)
             )
@@ -181,7 +174,7 @@ def _free_parameters(effect: Effect, keys: Sequence[str], nominal: Array) -> lis
 def _size_if_absent(effect: Effect, key: str, nominal: Array) -> float:
     """Typical size [SI] of a number that the nominal numbers (rows,) lack; 0 where they have it."""
     size = effect.absent.get(key, 0.0) * JOINT_PARAMETERS[ROW[key]].scale
-    return size if nominal[ROW[key]] < ABSENT_SHARE * size else 0.0
+    return size if nominal[ROW[key]] < FITS.absent_share * size else 0.0
 
 
 def probe_values(effect: Effect, nominal: Array) -> list[dict[int, float]]:

@@ -9,13 +9,12 @@ import numpy as np
 from numpy.polynomial.polynomial import polyfit
 
 from hand_identification.joint_problem import (
-    FLOOR,
-    SETTLING_S,
     JointProblem,
     Segment,
     block_numbers,
     initial_weights,
 )
+from hand_identification.settings import FITS
 from hand_model.arrays import Array, Flags
 from hand_model.compile_cache import njit
 from hand_model.joint_model import JointModel
@@ -24,8 +23,8 @@ from hand_model.kernel.open_loop import OUTPUTS, surroundings_of
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STATES
 from hand_model.material import creep_rate
 from hand_recording.local_smoothing import Windows
+from hand_recording.settings import READING
 from hand_recording.signals import (
-    SMOOTHED_S,
     Signals,
     derivatives,
     half_window,
@@ -36,15 +35,9 @@ from hand_recording.signals import (
     without_noise,
 )
 
-TOUCHING_N = 0.3
-"""Smaller forces may be noise; the force stage is evaluated only while something is touched."""
-
-STARTING_S, STARTING_ORDER, IN_MOTION_RAD_S = 0.15, 4, 0.3
-"""Length and order of the polynomial through the first angles; a slower first speed counts as rest."""
-
 
 def joint_problem(
-    signals: Sequence[Signals], hand: JointModel, joint: str, floor: Sequence[float] | Array = FLOOR
+    signals: Sequence[Signals], hand: JointModel, joint: str, floor: Sequence[float] | Array = FITS.floor
 ) -> JointProblem:
     """The problem of one joint over all recordings that contain it, with the nominal parameters of the hand.
 
@@ -83,7 +76,7 @@ def _trusted(segments: Sequence[Segment], signals: Sequence[Signals]) -> list[Se
     # A cubic over n samples leaves 1.5 / sqrt(n) of white noise (Savitzky and Golay, 1964).
     kept = [1.5 * (each.period_s / each.band_s) ** 0.5 if each.band_s > each.period_s else 1.0 for each in signals]
     sizes = [
-        float(np.hypot(share * white_noise(np.nan_to_num(values)), FLOOR[stage]))
+        float(np.hypot(share * white_noise(np.nan_to_num(values)), FITS.floor[stage]))
         for share, values in zip(kept, readings, strict=True)
     ]
     return [replace(segment, trust=min(sizes) / size) for segment, size in zip(segments, sizes, strict=True)]
@@ -131,12 +124,12 @@ def _added(numbers: Mapping[str, float]) -> Array | None:
 
 def speed_at_start(angle_rad: Array, period_s: float) -> float:
     """First speed [rad/s] of angles (T,) that begin in motion; 0 at rest, where an estimate would be noise."""
-    count = min(round(STARTING_S / period_s) + 1, len(angle_rad))
-    if count < 2 * STARTING_ORDER:
+    count = min(round(FITS.starting_s / period_s) + 1, len(angle_rad))
+    if count < 2 * FITS.starting_order:
         return 0.0
     at = np.linspace(0.0, 1.0, count)
-    speed = float(polyfit(at, angle_rad[:count], STARTING_ORDER)[1]) / ((count - 1) * period_s)
-    return speed if abs(speed) > IN_MOTION_RAD_S else 0.0
+    speed = float(polyfit(at, angle_rad[:count], FITS.starting_order)[1]) / ((count - 1) * period_s)
+    return speed if abs(speed) > FITS.in_motion_rad_s else 0.0
 
 
 def driving_pressure(signals: Signals, j: int) -> tuple[Array, Windows]:
@@ -165,14 +158,14 @@ def _surroundings(signals: Signals, hand: JointModel, joint: str) -> Array:
 def _quiet_acceleration(angle_rad: Array, period_s: float) -> Array:
     """Acceleration (T,) [rad/s^2] of a coupled joint; a slow motion is smoothed over a longer window."""
     span = smoothing_span(angle_rad, period_s, white_noise(angle_rad))
-    if span * period_s > 2.0 * SMOOTHED_S[0]:
+    if span * period_s > 2.0 * READING.input_windows_s[0]:
         return slopes_over(angle_rad, span, 2, period_s)
     return derivatives(angle_rad[:, None], period_s)[1][:, 0]
 
 
 def _use(signals: Signals, j: int, force: Array) -> Flags:
     """Samples of each stage that count, (OUTPUTS, T)."""
-    settled = np.arange(signals.samples) >= round(SETTLING_S / signals.period_s)
+    settled = np.arange(signals.samples) >= round(FITS.settling_s / signals.period_s)
     known = signals.known[:, j] & settled
     use = np.zeros((OUTPUTS, signals.samples), dtype=bool)
     use[0] = known & bool(signals.has_set_point[j]) & bool(signals.has_pressure[j])
@@ -182,7 +175,7 @@ def _use(signals: Signals, j: int, force: Array) -> Flags:
         whole = np.arange(signals.samples) < signals.samples - half_window(signals.period_s, signals.derivative_s)
         use[1], use[2] = False, known & whole & np.isfinite(force)
         return use
-    use[2] = known & np.isfinite(force) & (np.nan_to_num(force) > TOUCHING_N)
+    use[2] = known & np.isfinite(force) & (np.nan_to_num(force) > FITS.touching_n)
     return use
 
 

@@ -10,28 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_identification.free_parameters import START_CREEP, FreeParameter
+from hand_identification.settings import FITS
 from hand_model.arrays import Array, Flags
 from hand_model.kernel.layout import CREEP, OMEGA
 from hand_model.kernel.open_loop import OUTPUTS, READINGS, MeasuredInputs, open_loop
 from hand_recording.local_smoothing import Windows
-from hand_recording.signals import SMOOTHING_S, in_band
+from hand_recording.settings import READING
+from hand_recording.signals import in_band
 
 STAGES = READINGS
 """The signal that each stage predicts, in the order of the model's outputs."""
 FORCE = STAGES.index("force")
-FLOOR = (300.0, np.radians(0.05), 0.05)
-"""Practical repeatability of each signal (Pa, rad, N), correlated over CORRELATION_S; smaller differences are not
-attributed to any cause."""
-MIN_FLOORS_TAKEN = 0.6
-"""Error that an effect must remove (root of the fall of the mean square), relative to the practical floor."""
-CORRELATION_S = 0.5
-SETTLING_S = 0.5
-"""Time after the start during which the unknown initial state influences the prediction; not evaluated."""
-BLOCK_S = 1.25
-"""Length of the blocks into which a recording is divided for validation data and the bootstrap."""
-HELD_OUT_EVERY = 3
-DIVERGED = 1e60
-"""Size of a residual at which its simulation has diverged; sums of squares of slopes of larger ones would overflow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +57,7 @@ class Segment:
     jitter_s: float = 0.0
     acts: Flags | None = None
     added: Array | None = None
-    derivative_s: float = SMOOTHING_S
+    derivative_s: float = READING.smoothing_s
     band_s: float = 0.0
     trust: float = 1.0
 
@@ -94,19 +83,19 @@ class JointProblem:
     nominal: Array
     weight: Array
     lever_m: float = 1.0
-    step_s: float = 2.6e-3
+    step_s: float = FITS.integration_step_s
     driven: bool = False
-    floor: Array = field(default_factory=lambda: np.array(FLOOR))
+    floor: Array = field(default_factory=lambda: np.array(FITS.floor))
     switched: tuple[int, ...] = ()
     holds_out: bool = True
     spared: tuple[int, int] | None = None
-    correlation_s: float = CORRELATION_S
+    correlation_s: float = FITS.correlation_s
 
     @property
     def claimable(self) -> Array:
         """(OUTPUTS,) SI: the error that an effect must remove; the whole repeatability where that is larger."""
-        practical = np.array(FLOOR)
-        return np.where(self.floor > practical, self.floor, MIN_FLOORS_TAKEN * practical)
+        practical = np.array(FITS.floor)
+        return np.where(self.floor > practical, self.floor, FITS.min_floors_taken * practical)
 
     @property
     def blocks(self) -> int:
@@ -166,7 +155,7 @@ class JointProblem:
         residuals = self.predict(columns, starts)
         for segment, predicted in zip(self.segments, residuals, strict=True):
             np.subtract(segment.measured, predicted, out=predicted)
-            np.clip(predicted, -DIVERGED, DIVERGED, out=predicted)
+            np.clip(predicted, -FITS.diverged, FITS.diverged, out=predicted)
             predicted[:, ~segment.use] = 0.0
         return residuals
 
@@ -208,25 +197,26 @@ class JointProblem:
 
 @cache
 def validation_blocks(blocks: int) -> Flags:
-    """Flags (blocks,) of the validation blocks: one of every HELD_OUT_EVERY, drawn by a fixed seed.
+    """Flags (blocks,) of the validation blocks: one of FITS.validation_every_block each, drawn by a fixed seed.
 
     With a regular pattern, a periodic motion could show only one of its phases in the blocks that are fitted.
     """
-    drawn = np.random.default_rng(HELD_OUT_EVERY).integers(HELD_OUT_EVERY, size=-(-blocks // HELD_OUT_EVERY))
-    held = np.zeros(HELD_OUT_EVERY * len(drawn), dtype=bool)
-    held[HELD_OUT_EVERY * np.arange(len(drawn)) + drawn] = True
+    every = FITS.validation_every_block
+    drawn = np.random.default_rng(every).integers(every, size=-(-blocks // every))
+    held = np.zeros(every * len(drawn), dtype=bool)
+    held[every * np.arange(len(drawn)) + drawn] = True
     return held[:blocks]
 
 
 def initial_weights(period_s: float, noise: Array) -> Array:
     """Weights (OUTPUTS,) of squared residuals: white noise (OUTPUTS,) and the practical floor, correlated."""
-    samples = max(CORRELATION_S / period_s, 1.0)
-    weights: Array = 1.0 / (noise**2 + np.array(FLOOR) ** 2 * samples)
+    samples = max(FITS.correlation_s / period_s, 1.0)
+    weights: Array = 1.0 / (noise**2 + np.array(FITS.floor) ** 2 * samples)
     return weights
 
 
 def block_numbers(samples: int, period_s: float, first: int) -> NDArray[np.int64]:
-    """Block of each sample (samples,) of a recording, numbered from `first`; at least six blocks per recording."""
-    length = max(1, min(round(BLOCK_S / period_s), samples // 6))
+    """Block of each sample (samples,) of a recording, numbered from `first`; at least FITS.min_blocks per recording."""
+    length = max(1, min(round(FITS.block_s / period_s), samples // FITS.min_blocks))
     numbers: NDArray[np.int64] = first + np.minimum(np.arange(samples) // length, max(samples // length - 1, 0))
     return numbers

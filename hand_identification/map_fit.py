@@ -14,22 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hand_identification.free_parameters import START_CREEP, FreeParameter
-from hand_identification.joint_problem import CORRELATION_S, DIVERGED, JointProblem
+from hand_identification.joint_problem import JointProblem
+from hand_identification.settings import FITS
 from hand_model.arrays import Array
 from hand_recording.signals import white_noise
-
-DIFFERENCE = 0.002
-"""Step of the finite differences, in standard deviations of the prior."""
-LONGEST_STEP, LONGEST_BOLD, LONGEST_CAREFUL = 0.7, 4.0, 0.15
-"""Longest change of a coordinate in one step, in prior standard deviations; farther away slopes are not reliable."""
-TRIALS = (
-    *((damping, LONGEST_STEP) for damping in (0.0, 1e-3, 1e-2, 0.1, 1.0, 30.0)),
-    (0.0, LONGEST_BOLD),
-    (0.0, LONGEST_CAREFUL),
-)
-"""Damping and longest change of the trial steps, which are simulated together; eight fill the lanes."""
-UNCORRELATED = 0.05
-"""Autocorrelation below which residuals count as uncorrelated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +65,12 @@ def map_fit(
     problem: JointProblem,
     free: Sequence[FreeParameter],
     start: Array,
-    iterations: int = 12,
-    tolerance: float = 0.02,
+    iterations: int = FITS.iterations,
+    tolerance: float = FITS.tolerance,
     *,
-    difference: float = DIFFERENCE,
+    difference: float = FITS.difference,
 ) -> MapFit:
-    """Fit from start (free,). Stops when the cost [-] falls by less than `tolerance` (or 1e-4 of itself).
+    """Fit from start (free,). Stops when the cost [-] falls by less than `tolerance`, or a small part of itself.
 
     difference: step of the finite differences, in prior standard deviations; a wide one sees past the small steps that
     sticking and stops make in the cost.
@@ -97,7 +85,7 @@ def map_fit(
         trials = _trial_steps(here.z, normal, slope, bounds)
         costs, squares, residuals = _simulated(problem, free, trials)
         best = int(np.argmin(costs))
-        if not costs[best] < here.cost - max(tolerance, 1e-4 * here.cost):
+        if not costs[best] < here.cost - max(tolerance, FITS.relative_tolerance * here.cost):
             break
         here = _Point(trials[best], float(costs[best]), squares[best], [r[best].copy() for r in residuals])
     return MapFit(tuple(free), here.z, here.cost, here.squares, tuple(here.residuals), normal, tuple(sensitivity), done)
@@ -115,7 +103,7 @@ class _Point:
 
 def _usable(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> _Point:
     """The start, or the farthest tried point towards it from the prior's mode whose simulation is finite."""
-    for share in (1.0, 0.9, 0.7, 0.5, 0.3, 0.1, 0.0):
+    for share in FITS.fallback_shares:
         costs, squares, residuals = _simulated(problem, free, (share * z)[None])
         if np.isfinite(costs[0]):
             break
@@ -123,7 +111,11 @@ def _usable(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> _
 
 
 def multi_start(
-    problem: JointProblem, free: Sequence[FreeParameter], starts: Sequence[Array], first: int = 4, iterations: int = 25
+    problem: JointProblem,
+    free: Sequence[FreeParameter],
+    starts: Sequence[Array],
+    first: int = FITS.first_iterations,
+    iterations: int = FITS.last_iterations,
 ) -> MapFit:
     """Fit briefly from every start (free,), then to the end from the two best: simulation error has local minima."""
     tried = sorted((map_fit(problem, free, start, first) for start in starts), key=lambda fit: fit.cost)
@@ -132,13 +124,9 @@ def multi_start(
 
 
 def _bounds(free: Sequence[FreeParameter]) -> tuple[Array, Array]:
-    low = np.array(
-        [
-            max(parameter.coordinate(parameter.low), -8.0) if _reachable(parameter, parameter.low) else -8.0
-            for parameter in free
-        ]
-    )
-    high = np.array([min(parameter.coordinate(parameter.high), 8.0) for parameter in free])
+    most = FITS.max_coordinate
+    low = np.array([max(p.coordinate(p.low), -most) if _reachable(p, p.low) else -most for p in free])
+    high = np.array([min(p.coordinate(p.high), most) for p in free])
     return low, high
 
 
@@ -179,7 +167,7 @@ def _trial_steps(z: Array, normal: Array, slope: Array, bounds: tuple[Array, Arr
     hessian = normal + np.eye(len(z))
     scale = np.diag(np.diag(hessian))
     trials = []
-    for damping, longest in TRIALS:
+    for damping, longest in FITS.trials:
         low, high = np.maximum(bounds[0] - z, -longest), np.minimum(bounds[1] - z, longest)
         trials.append(z + _bounded_step(hessian + damping * scale, gradient, low, high))
     return np.array(trials)
@@ -221,7 +209,7 @@ def _simulated(problem: JointProblem, free: Sequence[FreeParameter], points: Arr
     squares = problem.block_squares(residuals)
     counted = np.where(problem.validation, 0.0, squares)  # of a simulation that diverges, squares are infinite
     costs: Array = (problem.block_weights[None] * counted).sum(axis=(1, 2)) + (points**2).sum(axis=1)
-    return np.where(costs < DIVERGED, costs, np.inf), squares, residuals
+    return np.where(costs < FITS.diverged, costs, np.inf), squares, residuals
 
 
 def residual_is_correlated(problem: JointProblem, fit: MapFit, ratio: float) -> bool:
@@ -235,19 +223,19 @@ def residual_is_correlated(problem: JointProblem, fit: MapFit, ratio: float) -> 
 
 
 def correlation_s(problem: JointProblem, fit: MapFit) -> float:
-    """Distance [s] of samples of the residuals of a fit that count as independent, at most CORRELATION_S.
+    """Distance [s] of samples of the residuals of a fit that count as independent, at most FITS.correlation_s.
 
     The integrated autocorrelation time, up to the first lag at which nothing is correlated (Sokal, Monte Carlo methods
     in statistical mechanics, 1997), of the signal in which it is longest. What the model lacks lengthens it.
     """
     longest = 0.0
     for segment, residual in zip(problem.segments, fit.residuals, strict=True):
-        lags = min(round(CORRELATION_S / segment.period_s), len(segment.angle_rad) // 4)
+        lags = min(round(FITS.correlation_s / segment.period_s), int(FITS.max_lag_share * len(segment.angle_rad)))
         for stage in np.flatnonzero(segment.use.any(axis=1)):
             left = np.where(segment.use[stage], residual[stage], 0.0)
             power = float(left @ left)
             alike = np.array([float(left[lag:] @ left[: len(left) - lag]) for lag in range(1, lags + 1)])
             if power > 0.0:
-                end = int(np.argmax(np.r_[alike < UNCORRELATED * power, True]))
+                end = int(np.argmax(np.r_[alike < FITS.uncorrelated * power, True]))
                 longest = max(longest, segment.period_s * (1.0 + 2.0 * float(alike[:end].sum()) / power))
-    return min(longest, CORRELATION_S) or CORRELATION_S
+    return min(longest, FITS.correlation_s) or FITS.correlation_s

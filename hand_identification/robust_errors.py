@@ -14,12 +14,8 @@ from numpy.typing import NDArray
 
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit
+from hand_identification.settings import FITS
 from hand_model.arrays import Array
-
-GROUP_SIZES = (1, 4)
-"""Blocks of a group; a whole recording is a group, too."""
-LEAST_GROUPS = 3
-"""Fewer groups give no information on their scatter."""
 
 
 def robust_errors(problem: JointProblem, fit: MapFit) -> Array:
@@ -49,8 +45,8 @@ def _groups(problem: JointProblem) -> list[NDArray[np.int64]]:
     for number, segment in enumerate(problem.segments):
         recording[segment.block] = number
     numbers = np.arange(problem.blocks, dtype=np.int64)
-    sizes: Sequence[NDArray[np.int64]] = [*(numbers // size for size in GROUP_SIZES), recording]
-    return [groups for groups in sizes if len(np.unique(groups)) >= LEAST_GROUPS]
+    sizes: Sequence[NDArray[np.int64]] = [*(numbers // size for size in FITS.error_group_blocks), recording]
+    return [groups for groups in sizes if len(np.unique(groups)) >= FITS.least_error_groups]
 
 
 def _errors(bread: Array, scores: Array, groups: NDArray[np.int64]) -> Array:

@@ -14,6 +14,7 @@ import numpy as np
 from hand_identification.free_parameters import START_CREEP, FreeParameter
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, costs_at
+from hand_identification.settings import FITS
 from hand_model.arrays import Array
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS
 
@@ -63,9 +64,9 @@ def around(problem: JointProblem, fit: MapFit, rows: set[int], how: Elsewhere, r
     released = np.array([p.row not in rows and has_expected_value(p) for p in fit.free])
     points, changed = np.tile(fit.z, (how.points, 1)), []
     for number, point in enumerate(points):
-        if number % 4 == 0:
+        if number % FITS.released_every == 0:
             point[released] = 0.0
-        numbers = rng.choice(own, size=min(1 + (number % 4 > 0), len(own)), replace=False)
+        numbers = rng.choice(own, size=min(1 + (number % FITS.released_every > 0), len(own)), replace=False)
         for k in numbers:
             point[k] = _anywhere(fit.free[k], how.reach, rng)
         changed.append(frozenset(numbers.tolist()))
@@ -82,7 +83,7 @@ def _anywhere(parameter: FreeParameter, reach: float, rng: np.random.Generator) 
     """A coordinate drawn over the range of a parameter; one in two is a bound that lies within reach."""
     low, high = (_within(parameter, side * reach) for side in (-1.0, 1.0))
     ends = [end for end in (low, high) if abs(end) < reach]
-    if ends and rng.random() < 0.5:
+    if ends and rng.random() < FITS.bound_share:
         return float(rng.choice(ends))
     return float(rng.uniform(low, high))
 

@@ -7,10 +7,8 @@ from scipy.signal import savgol_filter
 
 from hand_machine.description import MachineDescription
 from hand_machine.reading import Readings
+from hand_machine.settings import MACHINE
 from hand_model.arrays import Array
-
-SMOOTHED_S = 0.05
-"""Half the window over which positions are differentiated, to see what force the nominal model lacks."""
 
 
 def balance(described: MachineDescription, table: Readings) -> tuple[Array, Array] | None:
@@ -40,4 +38,4 @@ def smoothed(table: Readings, values: Array) -> Array:
 
 def _window(table: Readings) -> int:
     """Odd number of samples."""
-    return min(2 * round(SMOOTHED_S / table.period_s) + 1, (len(table.time_s) - 1) // 2 * 2 + 1)
+    return min(2 * round(MACHINE.balance_half_window_s / table.period_s) + 1, (len(table.time_s) - 1) // 2 * 2 + 1)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_machine.description import SENT, Column, MachineDescription
+from hand_machine.settings import MACHINE
 from hand_machine.time_unit import check_time_unit
 from hand_model.arrays import Array, Flags
 from hand_model.effects.effect import ATMOSPHERE_PA
@@ -20,11 +21,6 @@ from hand_recording.message_numbers import is_recording, read_series, topic_of
 from hand_recording.recording_files import RecordingError
 from hand_recording.signal_files import uniform_clock
 from hand_recording.table_file import Table, read_table
-
-MIN_SAMPLES = 100
-"""Fewest rows of a recording; the last fifth is test data, and no effect can be confirmed on fewer than 20 samples."""
-IRREGULAR = 0.2
-"""Share of the period by which intervals differ that are called irregular."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,9 +125,9 @@ def _is_number(cell: str) -> bool:
 
 
 def _check_samples(path: Path, count: int) -> None:
-    if count < MIN_SAMPLES:
+    if count < MACHINE.min_samples:
         raise RecordingError(
-            f"{path} has {count} samples; at least {MIN_SAMPLES} are needed; record for longer or faster"
+            f"{path} has {count} samples; at least {MACHINE.min_samples} are needed; record for longer or faster"
         )
 
 
@@ -158,10 +154,10 @@ def _stamp_notes(time_s: Array, rows: NDArray[np.intp]) -> list[str]:
         notes.append(f"{len(time_s) - len(rows)} repeated times; the first row of each is kept")
     intervals = np.diff(time_s[rows])
     period = float(np.median(intervals))
-    uneven = float(np.mean(np.abs(intervals - period) > IRREGULAR * period))
-    if uneven > IRREGULAR:
+    uneven = float(np.mean(np.abs(intervals - period) > MACHINE.irregular_share * period))
+    if uneven > MACHINE.irregular_share:
         notes.append(
-            f"{uneven:.0%} of its intervals differ from their median by more than {IRREGULAR:.0%};"
+            f"{uneven:.0%} of its intervals differ from their median by more than {MACHINE.irregular_share:.0%};"
             f" interpolated every {period:.4g} s"
         )
     return notes

@@ -19,22 +19,14 @@ from scipy.signal import savgol_coeffs, savgol_filter
 
 from hand_machine.description import MachineDescription
 from hand_machine.reading import Readings
+from hand_machine.settings import MACHINE
 from hand_model.arrays import Array
+from hand_recording.settings import READING
 
-ORDER, GROWTH, HALF_SAMPLES = 3, 1.35, 2
-"""Order of the polynomials, ratio of one window to the next, and half of the shortest [samples]."""
-LONGEST_S = 0.3
-"""Longest window; what an axis does within it is lost."""
+ORDER, HALF_SAMPLES = 3, 2
+"""Order of the polynomials, and half of the shortest window [samples]."""
 DIFFERENCES = 6
 """Order of the differences that show the noise: a motion up to a tenth of the sample rate hardly affects them."""
-DOUBT = 3.0
-"""Standard errors by which two windows must differ more than their noise explains."""
-AS_GOOD = 1.01
-"""What a window may leave of the force, relative to the best one."""
-DIRECTION = 0.05
-"""Speed, in its standard deviations, around which the direction changes in the regression of the force."""
-MIN_SAMPLES = 50
-"""Fewest samples inside the longest window that is compared."""
 
 
 def derivative_window_s(position: Array, period_s: float) -> float:
@@ -49,7 +41,7 @@ def derivative_window_s(position: Array, period_s: float) -> float:
         bias = 0.0
         for shorter, other in zip(kernels[:index], estimates[:index], strict=True):
             expected = noise**2 * float(np.sum((kernel - _padded(shorter, len(kernel))) ** 2))
-            expected *= 1.0 + DOUBT * float(np.sqrt(2.0 * len(shorter) / len(estimate)))
+            expected *= 1.0 + MACHINE.window_doubt * float(np.sqrt(2.0 * len(shorter) / len(estimate)))
             bias = max(bias, float(np.mean((estimate - other) ** 2)) - expected)
         risks.append(bias + noise**2 * float(np.sum(kernel**2)))
     return (spans[int(np.argmin(risks))] - 1) * period_s
@@ -61,15 +53,17 @@ def _noise(position: Array) -> float:
     if not len(different):
         return 0.0
     # The median is that of a normal distribution; of quantised readings at rest it is 0.
-    trimmed = float(np.sqrt(np.mean(np.minimum(different, np.quantile(different, 0.9)) ** 2)))
-    return max(float(np.median(different)) / 0.6745, 0.3 * trimmed) / math.sqrt(math.comb(2 * DIFFERENCES, DIFFERENCES))
+    trimmed = float(np.sqrt(np.mean(np.minimum(different, np.quantile(different, READING.noise_quantile)) ** 2)))
+    return max(float(np.median(different)) / 0.6745, READING.quiet_noise_share * trimmed) / math.sqrt(
+        math.comb(2 * DIFFERENCES, DIFFERENCES)
+    )
 
 
 def _spans(samples: int, period_s: float) -> list[int]:
-    """Odd windows [samples] from the shortest up to LONGEST_S, as far as the recording has samples for them."""
-    longest = max(min(LONGEST_S / period_s, samples - MIN_SAMPLES), 2 * HALF_SAMPLES + 1)
+    """Odd windows [samples] from the shortest up to the longest one, as far as the recording has samples for it."""
+    longest = max(min(MACHINE.longest_window_s / period_s, samples - MACHINE.min_window_samples), 2 * HALF_SAMPLES + 1)
     halves = [HALF_SAMPLES]
-    while 2 * (after := max(halves[-1] + 1, round(GROWTH * halves[-1]))) + 1 <= longest:
+    while 2 * (after := max(halves[-1] + 1, round(MACHINE.window_growth * halves[-1]))) + 1 <= longest:
         halves.append(after)
     halves.append(max(halves[-1], int(longest - 1.0) // 2))
     return [2 * half + 1 for half in dict.fromkeys(halves)]
@@ -86,10 +80,12 @@ def fitting_window_s(described: MachineDescription, tables: Sequence[Readings]) 
     The measured force is smoothed over it, too, and a long one would blur what it does at a turn.
     """
     shortest = 2 * HALF_SAMPLES * max(table.period_s for table in tables)
-    longest = max(LONGEST_S, shortest)
-    windows = shortest * GROWTH ** np.arange(math.floor(math.log(longest / shortest) / math.log(GROWTH)) + 1)
+    longest = max(MACHINE.longest_window_s, shortest)
+    windows = shortest * MACHINE.window_growth ** np.arange(
+        math.floor(math.log(longest / shortest) / math.log(MACHINE.window_growth)) + 1
+    )
     left = [_unexplained(described, tables, float(window_s)) for window_s in windows]
-    return float(windows[int(np.argmax(np.array(left) <= AS_GOOD**2 * min(left)))])
+    return float(windows[int(np.argmax(np.array(left) <= MACHINE.window_as_good**2 * min(left)))])
 
 
 def _unexplained(described: MachineDescription, tables: Sequence[Readings], window_s: float) -> float:
@@ -100,15 +96,15 @@ def _unexplained(described: MachineDescription, tables: Sequence[Readings], wind
     """
     features, forces = [], []
     for table in tables:
-        longest = _span(table, LONGEST_S)
-        if 2 * longest + MIN_SAMPLES > len(table.time_s):
+        longest = _span(table, MACHINE.longest_window_s)
+        if 2 * longest + MACHINE.min_window_samples > len(table.time_s):
             longest = _span(table, window_s)
         position = table.signals["position"]
         x, v, a = (
             savgol_filter(position, _span(table, window_s), ORDER, deriv=k, delta=table.period_s) for k in range(3)
         )
         slow = savgol_filter(position, longest, ORDER, deriv=1, delta=table.period_s)
-        sign = np.tanh(slow / max(DIRECTION * float(np.std(slow)), 1e-300))
+        sign = np.tanh(slow / max(MACHINE.turning_speed * float(np.std(slow)), 1e-300))
         given = table.signals["input"]
         columns = [x, v, a, sign, np.ones(len(x)), given, given * sign, given * x]
         columns += [] if described.linear else [np.sin(x), np.cos(x)]

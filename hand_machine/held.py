@@ -9,14 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hand_machine.settings import MACHINE
 from hand_model.arrays import Array, Flags
-
-LEAST_REPEATED = 0.4
-"""Least share of rows that repeat the one before."""
-LEAST_STEPS = 4.0
-"""Least step of a held signal, in steps of its resolution; of an encoder that is read in time it is one or two."""
-MOST_HELD = 3.0
-"""Longest repetition, in typical ones, that stands for a missing reading; a longer one is an axis at rest."""
 
 
 def find_repeats(values: Array) -> tuple[Flags, float]:
@@ -24,10 +18,10 @@ def find_repeats(values: Array) -> tuple[Flags, float]:
     none = np.zeros(len(values), dtype=bool)
     steps = np.abs(np.diff(values))
     moving = steps[steps > 0.0]
-    if not len(moving) or 1.0 - len(moving) / len(steps) < LEAST_REPEATED:
+    if not len(moving) or 1.0 - len(moving) / len(steps) < MACHINE.least_repeated:
         return none, 1.0
     resolution = float(np.diff(np.unique(values)).min())
-    if float(np.median(moving)) < LEAST_STEPS * resolution:
+    if float(np.median(moving)) < MACHINE.least_held_steps * resolution:
         return none, 1.0
     changes = np.flatnonzero(np.r_[True, steps > 0.0])
     lengths = np.diff(np.r_[changes, len(values)])
@@ -36,4 +30,4 @@ def find_repeats(values: Array) -> tuple[Flags, float]:
         return none, 1.0
     run = np.repeat(np.arange(len(changes)), lengths)
     repeats = np.arange(len(values)) > changes[run]
-    return repeats & (lengths[run] <= MOST_HELD * held), held
+    return repeats & (lengths[run] <= MACHINE.most_held * held), held

@@ -19,6 +19,7 @@ from hand_machine.description import MachineDescription, load_description
 from hand_machine.found_model import PARAMETER, WEIGHT, put_effects
 from hand_machine.plausible import check_loads, check_plausible
 from hand_machine.reading import Readings, read_machine
+from hand_machine.settings import MACHINE
 from hand_machine.wording import AXIS, wording_of
 from hand_model.arrays import Array
 from hand_model.effects import EFFECTS
@@ -30,19 +31,8 @@ from hand_recording.signals import Signals, on_calendar
 TORQUE, TRAVEL, INPUT, FORCE = 0.5, 1.5, 4e5, 10.0
 """Sizes in a finger: torque [N m], travel [rad], input [Pa], force at the pad [N]."""
 LEVER_M = TORQUE / FORCE
-EFFECT_SHARE = 0.1
-"""Share of the torque of a finger that effects may have."""
-LACKING_QUANTILE = 0.99
-STILL = 0.05
-"""Speed, in its standard deviations, around which the direction of motion changes."""
-GAIN_OVER_TRAVEL = 0.05
-"""Relative standard deviation of the gain at one end of the travel from that at the other (area, lever, winding)."""
-WARMING_S = 600.0
-"""Shortest recording in which a machine may warm up or age: the shortest short-time duty of IEC 60034-1 (S2)."""
 FLUID = ("supply", "valve", "chamber")
 """Parts of a machine with a fluid: its input is a pressure, and the lag between both is that of a tube."""
-LEAST_DAMPING, LEAST_STIFFNESS, LEAST_INERTIA = 1e-4, 1e-6, 1e-9
-"""Of a finger [N m s/rad, N m/rad, kg m^2], where the file gives none: too small to see, enough to start a fit from."""
 CONTROLLED = {
     "stiffness": ROW["drive_saturation.stiffness_nm_per_rad"],
     "damping": ROW["drive_saturation.damping_nm_s_per_rad"],
@@ -167,7 +157,7 @@ def _scales(described: MachineDescription, recordings: Sequence[Path], tables: S
         for each, table in zip(loaded, tables, strict=True)
     )
     lacking = max(_lacking(each, table) for each, table in zip(loaded, tables, strict=True))
-    per_torque = max(described.gain * largest / TORQUE, lacking / (EFFECT_SHARE * TORQUE), 1e-12)
+    per_torque = max(described.gain * largest / TORQUE, lacking / (MACHINE.effect_share * TORQUE), 1e-12)
     # An input at rest still has a usual gain.
     per_input = (largest or TORQUE * per_torque / described.gain) / INPUT
     return Scales(per_torque, per_angle, per_input)
@@ -188,21 +178,23 @@ def _lacking(described: MachineDescription, table: Readings) -> float:
         lacking = lacking - smoothed(table, table.signals["force"])
     x, v, a = (part / max(float(np.std(part)), 1e-300) for part in moved)
     given = table.signals["input"] / max(float(np.std(table.signals["input"])), 1e-300)
-    columns = np.column_stack([np.ones(len(x)), x, x * x, x**3, v, v * np.abs(v), np.tanh(v / STILL), given, a])
+    columns = np.column_stack(
+        [np.ones(len(x)), x, x * x, x**3, v, v * np.abs(v), np.tanh(v / MACHINE.turning_speed), given, a]
+    )
     known = table.known
     found = np.linalg.lstsq(columns[known], lacking[known], rcond=1e-9)[0]
     found[-1] = 0.0
-    by_state = np.quantile(np.abs(columns[known] @ found), LACKING_QUANTILE)
+    by_state = np.quantile(np.abs(columns[known] @ found), MACHINE.lacking_quantile)
     return float(max(by_state, np.quantile(np.abs(lacking[known]), 0.5)))
 
 
 def _model(described: MachineDescription, scales: Scales, longest_s: float, units: UnitMap) -> AxisModel:
     scale = scales.angle / scales.torque
-    no_damping = 0.0 if described.tolerances.get("damping") == 0.0 else LEAST_DAMPING
+    no_damping = 0.0 if described.tolerances.get("damping") == 0.0 else MACHINE.least_damping
     own = {
-        "statics.a1_nm_per_rad": -(described.stiffness * scale or LEAST_STIFFNESS),
+        "statics.a1_nm_per_rad": -(described.stiffness * scale or MACHINE.least_stiffness),
         "statics.a2_nm_per_pa": described.gain * scales.input / scales.torque,
-        "dynamics.inertia_kg_m2": described.inertia * scale or LEAST_INERTIA,
+        "dynamics.inertia_kg_m2": described.inertia * scale or MACHINE.least_inertia,
         "dynamics.viscous_friction_nm_s_per_rad": described.damping * scale or no_damping,
         "gravity.sine_nm": described.weight / scales.torque,
     }
@@ -228,7 +220,7 @@ def _over_travel(described: MachineDescription) -> dict[str, float]:
     """Tolerance [SI of the model] of the gain's change over the travel, where an input has a gain that is not exact."""
     if "input" not in described.columns or described.tolerances.get("gain") == 0.0:
         return {}
-    return {"statics.a3_nm_per_pa_rad": GAIN_OVER_TRAVEL * TORQUE / (INPUT * TRAVEL)}
+    return {"statics.a3_nm_per_pa_rad": MACHINE.gain_over_travel * TORQUE / (INPUT * TRAVEL)}
 
 
 def _lacks(described: MachineDescription, longest_s: float) -> frozenset[str]:
@@ -236,7 +228,7 @@ def _lacks(described: MachineDescription, longest_s: float) -> frozenset[str]:
     has = set(described.has)
     has |= set() if described.linear else {"rotation"}
     has |= {"force_sensor"} if described.imposed else set()
-    has |= {"long_recording"} if longest_s >= WARMING_S else set()
+    has |= {"long_recording"} if longest_s >= MACHINE.warming_s else set()
     has |= {"two_clocks"} if "input_sensor" in has else set()
     has |= {"fluid"} if not has.isdisjoint(FLUID) else {"drive"} if "input" in described.columns else set()
     has |= {"one_axis"}

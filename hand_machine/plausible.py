@@ -13,29 +13,15 @@ import numpy as np
 from hand_machine.balance import balance, motion
 from hand_machine.description import MachineDescription
 from hand_machine.reading import Readings
+from hand_machine.settings import MACHINE
 from hand_model.arrays import Array
 from hand_model.effects.effect import ATMOSPHERE_PA
 from hand_recording.recording_files import RecordingError
 
-ALIKE = 0.8
-"""Correlation of two forces from which their ratio means something: what one leaves of the other is below 60 %."""
-MAX_RATIO = 20.0
-"""Largest plausible ratio of two such forces, or its inverse; wrong units are off by 57 (degrees) or more."""
+MIN_KNOWN = 5
+"""Samples from which a regression on the motion is determined."""
 UNITS = {1e3: "milli- or kilo-units, as mm", 180.0 / np.pi: "degrees", 1e5: "bar"}
 """Units that are often forgotten, by the ratio of forces that follows, or its inverse."""
-UNIT_ERROR = 1.3
-"""Largest factor between a ratio of forces and a unit that the line proposes."""
-LEAST_VENTED, MOST_VENTED = 0.85 * ATMOSPHERE_PA, 1.1 * ATMOSPHERE_PA
-"""Lowest readings of an absolute pressure sensor that is vented [Pa], up to 1400 m above the sea."""
-ABSOLUTE_SHARE = 0.15
-"""Relative distance from the force of the atmosphere at which the lacking force is taken for it."""
-LEFT_SHARE = 0.5
-"""Share of the error that a correction leaves at most where it is believed."""
-OTHER_MACHINE, EXPLAINED, SIGMAS = 4.0, 0.95, 10.0
-"""Least ratio of a number to the stated one, share of the variance that other numbers explain, and least number of its
-standard errors, in at least two numbers, that together show another machine."""
-LEAST_SHARE = 0.02
-"""Share of the force from which a stated number counts; a smaller one stands for an effect that the file left out."""
 
 
 def check_plausible(described: MachineDescription, path: Path, table: Readings) -> None:
@@ -45,7 +31,7 @@ def check_plausible(described: MachineDescription, path: Path, table: Readings) 
     """
     _check_period(described, path, table)
     forces = balance(described, table)
-    if forces is None or table.known.sum() < 5:
+    if forces is None or table.known.sum() < MIN_KNOWN:
         return
     _check_gauge(described, path, table)
     driving, passive = (force[table.known] for force in forces)
@@ -60,20 +46,20 @@ def check_plausible(described: MachineDescription, path: Path, table: Readings) 
     if np.std(measured) == 0.0 or np.std(expected) == 0.0:
         return
     needed = float(np.std(expected) / np.std(measured))
-    if described.imposed and needed > MAX_RATIO:
+    if described.imposed and needed > MACHINE.max_force_ratio:
         raise RecordingError(
             f"{path}: the model needs {needed:.2g} times the measured force for this motion; check that the recording"
             f" is of the machine that {described.path.name} describes, and the units of force and position (key scale)"
         )
     alike = float(np.corrcoef(measured, expected)[0, 1])
     pair = ("force", "the motion and input") if described.imposed else ("input", "the motion")
-    if alike < -ALIKE:
+    if alike < -MACHINE.alike:
         raise RecordingError(
             f"{path}: the {pair[0]} has the opposite sign of what the model expects from {pair[1]} (correlation"
             f" {alike:.2f}); change the sign of columns.{pair[0]}.scale or columns.position.scale"
         )
     ratio = float(np.std(measured) / np.std(expected))
-    if alike > ALIKE and not 1.0 / MAX_RATIO < ratio < MAX_RATIO:
+    if alike > MACHINE.alike and not 1.0 / MACHINE.max_force_ratio < ratio < MACHINE.max_force_ratio:
         raise RecordingError(
             f"{path}: the {pair[0]} is {ratio:.2g} times what the model expects from {pair[1]}; check the units of the"
             f" columns {pair[0]} and position (key scale) and the numbers of the model{_unit_advice(ratio)}"
@@ -84,7 +70,7 @@ def check_plausible(described: MachineDescription, path: Path, table: Readings) 
 def _unit_advice(ratio: float) -> str:
     """The unit whose factor a ratio of forces is."""
     for factor, unit in UNITS.items():
-        if any(1.0 / UNIT_ERROR < each / factor < UNIT_ERROR for each in (ratio, 1.0 / ratio)):
+        if any(1.0 / MACHINE.unit_error < each / factor < MACHINE.unit_error for each in (ratio, 1.0 / ratio)):
             return f"; {factor:.3g} is the factor of {unit}"
     return ""
 
@@ -95,15 +81,16 @@ def _check_gauge(described: MachineDescription, path: Path, table: Readings) -> 
     forces = balance(described, table)
     if column is None or column.pressure or forces is None:
         return
-    lowest = float(np.quantile(table.signals["input"][table.known], 0.01))
-    if not LEAST_VENTED < lowest < MOST_VENTED:
+    lowest = float(np.quantile(table.signals["input"][table.known], MACHINE.vented_quantile))
+    least, most = MACHINE.vented_range
+    if not least * ATMOSPHERE_PA < lowest < most * ATMOSPHERE_PA:
         return
     driving, passive = forces
     measured = table.signals["force"] if described.imposed else np.zeros(len(passive))
     excess = (driving - passive - measured)[table.known]
     of_air = described.gain * ATMOSPHERE_PA
     left = float(np.std(excess)) / max(float(np.sqrt(np.mean(excess**2))), 1e-300)
-    if abs(float(np.median(excess)) / of_air - 1.0) < ABSOLUTE_SHARE and left < LEFT_SHARE:
+    if abs(float(np.median(excess)) / of_air - 1.0) < MACHINE.absolute_share and left < MACHINE.left_share:
         raise RecordingError(
             f"{path}: the input seems to be an absolute pressure: it is never below {lowest:.3g} Pa, and the model"
             f" needs {ATMOSPHERE_PA:.0f} Pa less; state columns.input.pressure: absolute, or gauge if it is"
@@ -119,9 +106,9 @@ def _check_numbers(described: MachineDescription, path: Path, table: Readings) -
     far = []
     for name, value in values.items():
         stated = float(getattr(described, name))
-        if stated * shares[name] < LEAST_SHARE or value <= SIGMAS * errors[name]:
+        if stated * shares[name] < MACHINE.least_force_share or value <= MACHINE.other_machine_errors * errors[name]:
             continue
-        if not 1.0 / OTHER_MACHINE < value / stated < OTHER_MACHINE:
+        if not 1.0 / MACHINE.other_machine_ratio < value / stated < MACHINE.other_machine_ratio:
             far.append(f"{name} {value:.3g} instead of {stated:.3g}")
     if len(far) >= 2:
         raise RecordingError(
@@ -150,7 +137,7 @@ def _fitted(described: MachineDescription, table: Readings) -> tuple[dict[str, f
     sizes = np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)
     found, _, rank, _ = np.linalg.lstsq(columns / sizes, target, rcond=1e-6)
     left = target - columns / sizes @ found
-    if rank < columns.shape[1] or np.var(left) > (1.0 - EXPLAINED) * np.var(target):
+    if rank < columns.shape[1] or np.var(left) > (1.0 - MACHINE.other_machine_explained) * np.var(target):
         return None
     normal = np.linalg.inv((columns / sizes).T @ (columns / sizes))
     errors = np.sqrt(np.diag(normal) * np.var(left) * _correlation(left)) / sizes
@@ -176,7 +163,7 @@ def check_loads(described: MachineDescription, recordings: Sequence[Path], table
                 [_unexplained(described.with_load_of(recordings[load]), tables[run]) for run, load in pair]
                 for pair in pairs
             )
-            if all(new < LEFT_SHARE * old for new, old in zip(swapped, stated, strict=True)):
+            if all(new < MACHINE.left_share * old for new, old in zip(swapped, stated, strict=True)):
                 raise RecordingError(
                     f"{recordings[i].name} and {recordings[k].name} seem to be swapped: each fits the numbers that"
                     f" {described.path.name} states for the other under recordings; exchange them there"
@@ -186,7 +173,7 @@ def check_loads(described: MachineDescription, recordings: Sequence[Path], table
 def _unexplained(described: MachineDescription, table: Readings) -> float:
     """RMS force [N or N m] that the model with any friction and constant load lacks; 0 for a short recording."""
     forces, moved = balance(described, table), motion(table)
-    if forces is None or moved is None or table.known.sum() < 5:
+    if forces is None or moved is None or table.known.sum() < MIN_KNOWN:
         return 0.0
     driving, passive = forces
     lacking = driving - passive - (table.signals["force"] if described.imposed else 0.0)

@@ -16,17 +16,12 @@ from scipy.integrate import cumulative_trapezoid
 from hand_machine.columns import read_columns
 from hand_machine.description import MachineDescription
 from hand_machine.held import find_repeats
+from hand_machine.settings import MACHINE
 from hand_machine.spikes import find_off_the_motion, find_spikes
 from hand_model.arrays import Array, Flags
-from hand_recording.interpolation import LONGEST_GAP_PERIODS, bridge, in_force, interpolate
+from hand_recording.interpolation import bridge, in_force, interpolate
 from hand_recording.recording_files import RecordingError
-
-MAX_MISSING = 0.5
-"""Largest share of a column that may be missing, not finite or a spike."""
-AFTER_INPUT_GAP_S = 0.5
-"""Time after a gap of the input during which the state that the missing input has left is not evaluated."""
-ROUNDING = 1e-3
-"""Share of the period within which two times are the same."""
+from hand_recording.settings import READING
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +72,7 @@ def _integral(grid: Array, signals: Mapping[str, Array]) -> Array:
 
 def _max_gap_s(time_s: Array) -> float:
     """Longest distance of two readings at the times (n,) [s] that is no gap [s]."""
-    return LONGEST_GAP_PERIODS * float(np.median(np.diff(time_s)))
+    return READING.longest_gap_periods * float(np.median(np.diff(time_s)))
 
 
 def _in_force(at_s: Array, time_s: Array, values: Array) -> Array:
@@ -104,8 +99,10 @@ def _without_faults(path: Path, name: str, time_s: Array, values: Array) -> tupl
     good = finite.copy()
     spikes = find_off_the_motion(time_s[finite], values[finite]) if name == "position" else None
     good[finite] = ~(find_spikes(values[finite], pulses=name == "input") if spikes is None else spikes)
-    if good.mean() < 1.0 - MAX_MISSING:
-        raise RecordingError(f"{path}: {1.0 - good.mean():.0%} of {name} is missing; at most {MAX_MISSING:.0%} may be")
+    if good.mean() < 1.0 - MACHINE.max_missing_readings:
+        raise RecordingError(
+            f"{path}: {1.0 - good.mean():.0%} of {name} is missing; at most {MACHINE.max_missing_readings:.0%} may be"
+        )
     if name != "input" and np.ptp(values[good]) == 0.0:
         raise RecordingError(f"{path}: {name} is constant at {values[good][0]:g}; it must change")
     notes = []
@@ -142,11 +139,11 @@ def _snapped(grid: Array, time_s: Array) -> Array:
     after = np.minimum(np.searchsorted(time_s, grid), len(time_s) - 1)
     before = np.maximum(after - 1, 0)
     nearest = np.where(np.abs(time_s[after] - grid) < np.abs(time_s[before] - grid), time_s[after], time_s[before])
-    return np.where(np.abs(nearest - grid) < ROUNDING * (grid[1] - grid[0]), nearest, grid)
+    return np.where(np.abs(nearest - grid) < MACHINE.grid_rounding_periods * (grid[1] - grid[0]), nearest, grid)
 
 
 def _settled(read: Flags, time_s: Array) -> Flags:
     """Where the input was read (T,) and has been for long enough; the beginning of a recording is no gap."""
-    span = max(1, round(AFTER_INPUT_GAP_S / float(time_s[1] - time_s[0])))
+    span = max(1, round(MACHINE.after_input_gap_s / float(time_s[1] - time_s[0])))
     missing = np.concatenate([[0], np.cumsum(~read)])
     return np.asarray(missing[1:] - missing[np.maximum(np.arange(len(read)) + 1 - span, 0)] == 0, dtype=bool)

@@ -9,31 +9,23 @@ from __future__ import annotations
 
 import numpy as np
 
+from hand_machine.settings import MACHINE
 from hand_model.arrays import Array, Flags
 
-LONGEST_SPIKE = 3
-"""Longest spike [samples]; what stays away for longer may be motion."""
-SPIKE_STEPS, SPIKE_RANGE, INPUT_SPIKE_RANGE = 6.0, 0.02, 2.0
-"""Least height of a spike, in 99 % quantiles of the distance of two readings and in shares of the signal's range; of an
-input, whose pulses are real, in ranges alone."""
-RANGE_QUANTILE = 0.005
-"""Share of the readings beyond either end of the range of a signal; a rare spike does not widen it."""
-MISS_QUANTILE, MISSES, STEPS_OF_RESOLUTION, MISS_RANGE = 0.95, 6.0, 4.0, 0.002
-"""Least height of a spike of a position: in quantiles of how far readings miss the motion around them, in steps of its
-resolution, and in shares of its range."""
-WELL_SAMPLED = 0.01
-"""Largest median miss of the line before, in shares of the range, of a motion that its neighbours predict."""
-PASSES = 3
-"""Passes over a position; each removes the nearest spike of a group."""
+NEIGHBOURS = 5
+"""Readings from which one can be compared with the lines before and behind it."""
 
 
 def find_spikes(values: Array, *, pulses: bool = False) -> Flags:
-    """Which finite readings (n,) jump away and come back within LONGEST_SPIKE samples. pulses: small ones are real."""
-    low, high = np.quantile(values, [RANGE_QUANTILE, 1.0 - RANGE_QUANTILE])
+    """Which finite readings (n,) jump away and come back within longest_spike samples. pulses: small ones are real."""
+    low, high = np.quantile(values, [MACHINE.range_quantile, 1.0 - MACHINE.range_quantile])
     steps = np.diff(values)
-    least = INPUT_SPIKE_RANGE * (high - low)
+    least = MACHINE.input_spike_range * (high - low)
     if not pulses:
-        least = max(SPIKE_STEPS * float(np.quantile(np.abs(steps), 0.99)), SPIKE_RANGE * (high - low))
+        least = max(
+            MACHINE.spike_steps * float(np.quantile(np.abs(steps), MACHINE.spike_step_quantile)),
+            MACHINE.spike_range * (high - low),
+        )
     found = np.zeros(len(values), dtype=bool)
     if least == 0.0:
         return found
@@ -41,7 +33,7 @@ def find_spikes(values: Array, *, pulses: bool = False) -> Flags:
         before = values[start - 1]
         if found[start - 1]:
             continue
-        for end in range(start + 1, min(start + LONGEST_SPIKE, len(values) - 1) + 1):
+        for end in range(start + 1, min(start + MACHINE.longest_spike, len(values) - 1) + 1):
             away = values[start:end] - before
             returned = abs(values[end] - before) < 0.5 * float(np.abs(away).min())
             if returned and float(np.abs(away).min()) > least and len(set(np.sign(away))) == 1:
@@ -53,18 +45,20 @@ def find_spikes(values: Array, *, pulses: bool = False) -> Flags:
 def find_off_the_motion(times: Array, values: Array) -> Flags:
     """Which finite readings (n,) of a position miss the motion before and behind them. times: (n,) rising."""
     found = find_spikes(values)
-    for _ in range(PASSES):
+    for _ in range(MACHINE.spike_passes):
         kept = np.flatnonzero(~found)
-        if len(kept) < 5:
+        if len(kept) < NEIGHBOURS:
             return found
         missed, typical = _missed(times[kept], values[kept])
-        low, high = np.quantile(values[kept], [RANGE_QUANTILE, 1.0 - RANGE_QUANTILE])
-        if typical > WELL_SAMPLED * float(high - low):
+        low, high = np.quantile(values[kept], [MACHINE.range_quantile, 1.0 - MACHINE.range_quantile])
+        if typical > MACHINE.well_sampled * float(high - low):
             return found
         steps = np.abs(np.diff(values[kept]))
         resolution = float(steps[steps > 0.0].min(initial=np.inf)) if (steps > 0.0).any() else 0.0
-        usual = float(np.quantile(missed, MISS_QUANTILE))
-        least = max(MISSES * usual, STEPS_OF_RESOLUTION * resolution, MISS_RANGE * float(high - low))
+        usual = float(np.quantile(missed, MACHINE.miss_quantile))
+        least = max(
+            MACHINE.misses * usual, MACHINE.resolution_steps * resolution, MACHINE.miss_range * float(high - low)
+        )
         far = missed > least
         # Next to a spike, the lines are wrong, too: of neighbours only the one that misses most is taken.
         nearby = np.maximum(np.r_[0.0, missed[:-1]], np.r_[missed[1:], 0.0])

@@ -17,6 +17,9 @@ from hand_model.arrays import Array
 from hand_model.compile_cache import njit
 from hand_model.kernel.inline import inline_exact
 
+MONOTONE_DEG, CURVE_POINTS = (-40.0, 130.0), 1701
+"""Angles over which the curve of a Hall sensor rises, around the range of a joint, and points of its inverse."""
+
 
 @inline_exact
 def hall_ratio(angle, field, field_max, zero, third_harmonic):  # type: ignore[no-untyped-def]
@@ -105,6 +108,18 @@ class AngleLine:
         """The inverse of angle_rad."""
         share = angle_rad / (np.pi / 2.0)
         return self.ratio_at_0_deg + share * (self.ratio_at_90_deg - self.ratio_at_0_deg)
+
+
+def without_curve(hall: HallSensors, line: AngleLine, measured_rad: Array) -> Array:
+    """True angles (T, joints) [rad] at which sensors give what their lines read as measured_rad (Eq. 1, 3 inverted).
+
+    Angles beyond MONOTONE_DEG are those of its ends.
+    """
+    grid = np.radians(np.linspace(*MONOTONE_DEG, CURVE_POINTS))
+    curves = line.angle_rad(hall.ratio(np.repeat(grid[:, None], measured_rad.shape[1], axis=1)))
+    curves = np.maximum.accumulate(curves, axis=0)
+    columns = zip(measured_rad.T, curves.T, strict=True)
+    return np.column_stack([np.interp(readings, curve, grid) for readings, curve in columns])
 
 
 @dataclass(frozen=True, slots=True)

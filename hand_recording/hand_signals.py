@@ -11,25 +11,15 @@ from numpy.typing import NDArray
 
 from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
+from hand_model.sensors import without_curve
 from hand_recording.interpolation import bridge, longest_gap_s
 from hand_recording.loader import Recording, RecordingError
 from hand_recording.sample_clock import on_steady_clock
+from hand_recording.settings import READING
 from hand_recording.signals import Signals, on_calendar, samples_on_grid
-from hand_recording.time_base import FOREIGN_CLOCK_NS, TimeBase, nearest, published_on_stamp_clock
+from hand_recording.time_base import TimeBase, nearest, published_on_stamp_clock
 from hand_sim.offline import Commands, set_points_in_force
 from hand_sim.sample_ticks import Ticks, rebuild_ticks, usual_period
-
-SHORTEST_S = 2.0
-LATE_S = 0.02
-"""Set-points sent later than this after the stamp of their frame are reported; a controller needs a few ms."""
-ON_GRID, STEADY = 0.02, 0.1
-"""Shares of a period: distance of pressure stamps from the ticks that is ignored; largest scatter of a steady one."""
-FASTER, ON_MULTIPLE = 1.25, 0.02
-"""Ratio of rates that is clearly above 1; relative deviation from a whole multiple that a clock's error explains."""
-PART_S = 2.5e-3
-"""Length of the parts of a sample in which set-points act where the ticks of the board are unknown."""
-OFFSET_NS = 2e6
-"""Smallest difference of two topics' delays from stamp to receipt that is reported as different clocks."""
 
 
 def hand_signals(recording: Recording, hand: Hand) -> Signals:
@@ -41,10 +31,11 @@ def hand_signals(recording: Recording, hand: Hand) -> Signals:
             f"{recording.path}: joint_states has {', '.join(states.names)}; none is a joint of {hand.path}"
         )
     stamps = np.unique(states.stamp_ns)
-    if len(stamps) < 2 or (stamps[-1] - stamps[0]) * 1e-9 < SHORTEST_S:
+    if len(stamps) < 2 or (stamps[-1] - stamps[0]) * 1e-9 < READING.min_recording_s:
         span = (stamps[-1] - stamps[0]) * 1e-9 if len(stamps) else 0.0
         raise RecordingError(
-            f"{recording.path}: joint_states has {len(stamps)} samples over {span:.3g} s; {SHORTEST_S:g} s are needed"
+            f"{recording.path}: joint_states has {len(stamps)} samples over {span:.3g} s;"
+            f" {READING.min_recording_s:g} s are needed"
         )
     rate_hz = _rate_hz(stamps, hand.rate_hz)
     samples_on_grid(recording.path, stamps[0] * 1e-9, stamps[-1] * 1e-9, 1.0 / rate_hz)
@@ -91,9 +82,10 @@ def _pressures(recording: Recording, base: TimeBase, joints: tuple[str, ...]) ->
     if "pressures" not in recording or len(recording["pressures"]) < 2:
         return base.pressure, 0.0
     period = float(np.median(np.diff(base.time_ns)))
-    pressure, late = nearest(base.time_ns, recording["pressures"], "pressure", joints, STEADY * period)
-    low, middle, high = np.quantile(late, [0.1, 0.5, 0.9])
-    if abs(middle) < ON_GRID * period or high - low > STEADY * period:
+    steady = READING.steady_pressure_periods * period
+    pressure, late = nearest(base.time_ns, recording["pressures"], "pressure", joints, steady)
+    low, middle, high = np.quantile(late, READING.delay_quantiles)
+    if abs(middle) < READING.pressure_on_grid_periods * period or high - low > steady:
         return base.pressure, 0.0
     return pressure, float(middle) * 1e-9
 
@@ -101,7 +93,8 @@ def _pressures(recording: Recording, base: TimeBase, joints: tuple[str, ...]) ->
 def _rate_hz(stamps: NDArray[np.int64], nominal_hz: float) -> float:
     """The nominal rate, unless the stamps clearly have another one."""
     seen = 1e9 / usual_period((stamps - stamps[0]).astype(float))
-    return nominal_hz if 0.8 < seen / nominal_hz < 1.25 else seen
+    low, high = READING.nominal_rate_range
+    return nominal_hz if low < seen / nominal_hz < high else seen
 
 
 def _parts(rate_hz: float, hand: Hand, recording: Recording, stamps: NDArray[np.int64]) -> int:
@@ -109,19 +102,19 @@ def _parts(rate_hz: float, hand: Hand, recording: Recording, stamps: NDArray[np.
 
     Commands that come clearly faster than the samples show that the board is faster. Its rate is the described one, or
     that of the commands where they are faster still. Where it is no multiple of the rate of the samples, the time of
-    its ticks is unknown, and a set-point acts in the next PART_S.
+    its ticks is unknown, and a set-point acts in the next READING.part_s.
     """
     if "valve_command" not in recording or len(recording["valve_command"]) < 2:
         return 1
     sent = np.unique(recording["valve_command"].stamp_ns)
     sent_hz = (len(sent) - 1) * 1e9 / max(float(sent[-1] - sent[0]), 1.0)
-    if sent_hz < FASTER * len(stamps) * 1e9 / float(stamps[-1] - stamps[0]):
+    if sent_hz < READING.faster_rate * len(stamps) * 1e9 / float(stamps[-1] - stamps[0]):
         return 1
-    board_hz = sent_hz if sent_hz > FASTER * hand.rate_hz else hand.rate_hz
+    board_hz = sent_hz if sent_hz > READING.faster_rate * hand.rate_hz else hand.rate_hz
     parts = max(round(board_hz / rate_hz), 1)
-    if abs(board_hz / rate_hz - parts) < ON_MULTIPLE * parts:
+    if abs(board_hz / rate_hz - parts) < READING.multiple_tolerance * parts:
         return parts
-    return max(math.ceil(1.0 / rate_hz / PART_S), 1)
+    return max(math.ceil(1.0 / rate_hz / READING.part_s), 1)
 
 
 def _board_ticks(ticks: Ticks, parts: int) -> Ticks:
@@ -182,11 +175,12 @@ def _late(recording: Recording) -> list[str]:
     if "valve_command" not in recording or not len(recording["valve_command"]):
         return []
     late_s = (published_on_stamp_clock(recording.topics) - recording["valve_command"].stamp_ns) * 1e-9
-    usual, worst = np.quantile(late_s, [0.5, 0.95])
-    if worst <= LATE_S:
+    usual, worst = np.quantile(late_s, [0.5, READING.late_quantile])
+    if worst <= READING.late_commands_s:
         return []
     return [
-        f"valve_command: sent {usual * 1e3:.3g} ms after the stamps, 5 % of them later than {worst * 1e3:.3g} ms;"
+        f"valve_command: sent {usual * 1e3:.3g} ms after the stamps, {100.0 * (1.0 - READING.late_quantile):.0f} % of"
+        f" them later than {worst * 1e3:.3g} ms;"
         " the controller's host was too busy, and findings about timing are uncertain"
     ]
 
@@ -213,25 +207,22 @@ def _clocks(recording: Recording) -> list[str]:
     for topic in ("joint_states", "pressures", "contact_forces", "valve_command"):
         if topic in recording and len(recording[topic]):
             behind = (recording[topic].log_ns - recording[topic].stamp_ns).astype(np.float64)
-            low, middle, high = np.quantile(behind, [0.25, 0.5, 0.75])
-            if abs(middle) < FOREIGN_CLOCK_NS:  # else stamps and receipt times have different clocks
+            low, middle, high = np.quantile(behind, READING.clock_quartiles)
+            if abs(middle) < READING.foreign_clock_ns:  # else stamps and receipt times have different clocks
                 delays[topic] = middle, high - low
     common, scatter = delays.pop("joint_states", (0.0, np.inf))
     return [
         f"{topic}: stamped {abs(own - common) * 1e-6:.3g} ms {'behind' if own > common else 'ahead of'} joint_states,"
         " by when they were received; clocks differ?"
         for topic, (own, spread) in delays.items()
-        if abs(own - common) > OFFSET_NS + spread + scatter
+        if abs(own - common) > READING.clock_offset_ns + spread + scatter
     ]
 
 
 def without_sensor_curve(signals: Signals, hand: Hand) -> Signals:
     """The same signals with the true angles: the error of the sensor's calibration line (Eq. 1, 3) is inverted."""
-    grid = np.radians(np.linspace(-40.0, 130.0, 1701))
-    line, hall = hand.sensors.angle_line, hand.sensors.hall
-    curves = line.angle_rad(hall.ratio(np.repeat(grid[:, None], len(hand.joints), axis=1)))
-    true = signals.angle_rad.copy()
-    for column, joint in enumerate(signals.joints):
-        curve = np.maximum.accumulate(curves[:, hand.joints.index(joint)])
-        true[:, column] = np.interp(signals.angle_rad[:, column], curve, grid)
-    return replace(signals, angle_rad=true)
+    columns = [hand.joints.index(joint) for joint in signals.joints]
+    read = np.zeros((signals.samples, len(hand.joints)))
+    read[:, columns] = signals.angle_rad
+    true = without_curve(hand.sensors.hall, hand.sensors.angle_line, read)
+    return replace(signals, angle_rad=true[:, columns])

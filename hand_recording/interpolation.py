@@ -8,16 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_model.arrays import Array, Flags
+from hand_recording.settings import READING
 
 Times = NDArray[Any]
 """Rising times, (n,): integers [ns] or floats [s]."""
-LONGEST_GAP_S, LONGEST_GAP_PERIODS = 0.05, 3.5
-"""Readings farther apart than both are a gap, within which a signal is not known; a finger turns around in less."""
 
 
 def longest_gap_s(period_s: float) -> float:
     """Largest distance [s] of two readings between which a signal of that sample period is interpolated."""
-    return max(LONGEST_GAP_S, LONGEST_GAP_PERIODS * period_s)
+    return max(READING.longest_gap_s, READING.longest_gap_periods * period_s)
 
 
 def interpolate(times: Times, stamps: Times, values: Array, max_gap: float) -> Array:
@@ -46,6 +45,26 @@ def in_force(times: Times, starts: Times) -> NDArray[np.intp]:
     """Row of `starts` (rising) that began last at each time, (T,); -1 before the first."""
     rows: NDArray[np.intp] = np.searchsorted(starts, times, side="right") - 1
     return rows
+
+
+def in_order(stamps: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.intp]]:
+    """Rising stamps (n,) without repetitions, and their rows in the original order; of equal stamps the last row."""
+    rows = np.argsort(stamps, kind="stable")
+    ordered = stamps[rows]
+    last = np.append(ordered[1:] != ordered[:-1], True)
+    return ordered[last], rows[last]
+
+
+def on_clock(times_ns: NDArray[np.int64], sent_ns: NDArray[np.int64], shown_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Times of sending (n,) [ns] as another clock shows them, linearly between two of its ticks.
+
+    sent_ns, shown_ns: (k,) when each tick was sent, in any order, and what it showed.
+    """
+    ticks, rows = in_order(sent_ns)
+    shown = shown_ns[rows]
+    passed = np.interp((times_ns - ticks[0]).astype(float), (ticks - ticks[0]).astype(float), shown - shown[0])
+    converted: NDArray[np.int64] = shown[0] + np.rint(passed).astype(np.int64)
+    return converted
 
 
 def bridge(values: Array) -> tuple[Array, Flags]:

@@ -14,24 +14,23 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_coeffs
 
 from hand_model.arrays import Array
+from hand_recording.settings import READING
 from hand_recording.signals import smoothed_over, smoothing_spans
 
 Windows = NDArray[np.int64]
 """(T,) window of each sample [samples]: 1 keeps the sample as it is, NOISE takes it away."""
 NOISE = 0
-CONFIDENCE = 3.0
-"""Half width of the confidence intervals, in standard deviations."""
 
 
 def local_windows(residual: Array, period_s: float, noise: Array) -> Windows:
     """Window of each sample of a residual (T,) with white noise of the standard deviations `noise` (T,), its unit."""
     windows = np.ones(len(residual), dtype=np.int64)
-    low, high = residual - CONFIDENCE * noise, residual + CONFIDENCE * noise
+    low, high = residual - READING.window_confidence * noise, residual + READING.window_confidence * noise
     agree = np.ones(len(residual), dtype=bool)
     for span in smoothing_spans(residual, period_s):
         estimate = smoothed_over(residual, span)
         own = float(savgol_coeffs(span, 2)[span // 2])
-        reach = CONFIDENCE * np.sqrt(own * uniform_filter1d(noise**2, span))
+        reach = READING.window_confidence * np.sqrt(own * uniform_filter1d(noise**2, span))
         low, high = np.maximum(low, estimate - reach), np.minimum(high, estimate + reach)
         agree &= low <= high
         windows[agree] = span

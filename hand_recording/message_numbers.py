@@ -22,18 +22,17 @@ from rosbags.typesys.store import Typestore
 
 from hand_model.arrays import Array
 from hand_recording.batches import RawMessage, RawTopic
+from hand_recording.interpolation import on_clock
 from hand_recording.message_types import UnknownType, typestore_of
 from hand_recording.reading import iter_raw, list_topics
 from hand_recording.recording_files import RecordingError
-from hand_recording.signals import LONGEST
+from hand_recording.settings import READING
 
 NS = 1_000_000_000
 PATH = re.compile(r"(?P<topic>/[^.\[\]\s]*)(?P<parts>(?:\.[A-Za-z]\w*|\[[^\[\]]+\])+)")
 PART = re.compile(r"\.([A-Za-z]\w*)|\[([^\[\]]+)\]")
 NAMES = ("name", "names", "joint_names", "interface_names")
 """Fields of a message that name the elements of its lists."""
-FOREIGN_CLOCK_S = 1.0
-"""Headers further than this from the times of sending are those of another clock."""
 MOST_ELEMENTS = 32
 """Elements of a list that are proposed at most."""
 CLOCK = "/clock"
@@ -153,12 +152,12 @@ class _Reader:
         return (f"{self.unread} messages do not decode as {self.kind}; left out",) if self.unread else ()
 
     def check(self, name: str, track: _Track) -> None:
-        """Raises RecordingError where a path has no number in any message, or more than LONGEST."""
-        if track.values and len(track.values) <= LONGEST:
+        """Raises RecordingError where a path has no number in any message, or more than READING.max_samples."""
+        if track.values and len(track.values) <= READING.max_samples:
             return
         if track.values:
             raise RecordingError(
-                f"{self.where} has {len(track.values)} messages; the allowed range is up to {LONGEST};"
+                f"{self.where} has {len(track.values)} messages; the allowed range is up to {READING.max_samples};"
                 " cut it into several recordings"
             )
         if track.wrong:
@@ -221,9 +220,7 @@ class _Clock:
 
     def shown_at(self, sent_ns: NDArray[np.int64]) -> NDArray[np.int64]:
         """What it showed [ns] at times of sending (n,) [ns]."""
-        sent, shown = np.array(self.sent_ns), np.array(self.shown_ns)
-        passed = np.interp((sent_ns - sent[0]).astype(float), (sent - sent[0]).astype(float), shown - shown[0])
-        return np.asarray(shown[0] + np.rint(passed), dtype=np.int64)
+        return on_clock(sent_ns, np.array(self.sent_ns, dtype=np.int64), np.array(self.shown_ns, dtype=np.int64))
 
 
 def _nanoseconds(time: Any) -> int:
@@ -239,7 +236,7 @@ def _on_one_clock(tracks: Mapping[str, _Track], clock: _Clock) -> tuple[dict[str
     stamped = {name for name, track in tracks.items() if track.is_stamped}
     late_ns = [np.median(np.subtract(tracks[name].sent_ns, tracks[name].stamp_ns)) for name in stamped]
     mixed = 0 < len(stamped) < len(tracks)
-    foreign = mixed and max(map(abs, late_ns)) > FOREIGN_CLOCK_S * NS
+    foreign = mixed and max(map(abs, late_ns)) > READING.foreign_clock_ns
     notes: tuple[str, ...] = ()
     if foreign and len(clock.sent_ns) < 2:
         stamped, foreign = set(), False

@@ -15,18 +15,9 @@ from numpy.typing import NDArray
 from hand_model.arrays import Array, Flags
 from hand_recording.interpolation import interpolate, longest_gap_s
 from hand_recording.loader import Recording, TopicData
+from hand_recording.settings import READING
 from hand_sim.sample_ticks import Ticks, rebuild_ticks
 
-MIN_SCATTER = 0.02
-"""Scatter of stamps, in periods, below which readings stay at their stamps."""
-MAX_SCATTER = 0.35
-"""Scatter, in periods, beyond which a table has no steady clock: more than that of times spread evenly is 0.29."""
-OWN_PERIODS = 0.75
-"""Distance, in periods, within which a reading is that of a time."""
-SMOOTHER = 0.9
-"""Ratio of roughnesses from which one of the two clocks is clearly the right one."""
-QUIET = 0.99
-"""Share of the third differences that count, without the largest: jitter shows in motion, and spikes are no motion."""
 OUTCOMES = {
     None: "the error of a reading, its speed times that, is part of the noise",
     False: "readings are smooth at their own stamps and stay there",
@@ -44,7 +35,7 @@ def on_steady_clock(recording: Recording, ticks: Ticks, rate_hz: float) -> tuple
     states = recording["joint_states"]
     stamps, first = np.unique(states.stamp_ns, return_index=True)
     scatter_s = stamp_scatter_s(stamps, ticks)
-    if scatter_s < MIN_SCATTER * ticks.period_s:
+    if scatter_s < READING.min_scatter_periods * ticks.period_s:
         return recording, 0.0, []
     steady, line = (
         steadier(stamps, ticks, states["position"][first]),
@@ -68,7 +59,7 @@ def steady_times(time_s: Array, grid_s: Array, values: Array) -> tuple[Array, Ar
         return time_s, grid_s, 0.0, []
     ticks = rebuild_ticks(stamps, 1.0 / float(grid_s[1] - grid_s[0]))
     scatter_s = stamp_scatter_s(stamps, ticks)
-    if not MIN_SCATTER * ticks.period_s < scatter_s < MAX_SCATTER * ticks.period_s:
+    if not READING.min_scatter_periods * ticks.period_s < scatter_s < READING.max_scatter_periods * ticks.period_s:
         return time_s, grid_s, 0.0, []
     steady, line = steadier(stamps, ticks, values), _scatter_line("its times", scatter_s)
     if not steady:
@@ -81,7 +72,7 @@ def has_reading(grid_s: Array, time_s: Array) -> Flags:
     """Which times of a uniform grid (T,) [s] have a reading of their own among rising times (N,) [s]."""
     after = np.clip(np.searchsorted(time_s, grid_s), 1, len(time_s) - 1)
     away = np.minimum(np.abs(time_s[after] - grid_s), np.abs(grid_s - time_s[after - 1]))
-    return np.asarray(away <= OWN_PERIODS * (grid_s[1] - grid_s[0]), dtype=bool)
+    return np.asarray(away <= READING.own_reading_periods * (grid_s[1] - grid_s[0]), dtype=bool)
 
 
 def _scatter_line(what: str, scatter_s: float) -> str:
@@ -108,9 +99,9 @@ def steadier(stamps_ns: NDArray[np.int64], ticks: Ticks, values: Array) -> bool 
     lost = np.interp(np.arange(len(grid)), ticks.number, np.abs(share))[:, None]
     put = put[1:-1] + 0.5 * lost[1:-1] * (put[2:] - 2.0 * put[1:-1] + put[:-2])
     rough = [_roughness(each) for each in (put, own[1:-1])]
-    if rough[0] < SMOOTHER * rough[1]:
+    if rough[0] < READING.clearly_smoother * rough[1]:
         return True
-    return False if rough[1] < SMOOTHER * rough[0] else None
+    return False if rough[1] < READING.clearly_smoother * rough[0] else None
 
 
 def _roughness(values: Array) -> float:
@@ -119,7 +110,7 @@ def _roughness(values: Array) -> float:
     for column in np.diff(values, 3, axis=0).T:
         known = np.abs(column[np.isfinite(column)])
         if len(known):
-            total += float(np.mean(np.sort(known)[: max(int(QUIET * len(known)), 1)] ** 2))
+            total += float(np.mean(np.sort(known)[: max(int(READING.motion_share * len(known)), 1)] ** 2))
     return float(np.sqrt(total))
 
 

@@ -23,11 +23,12 @@ from numpy.typing import NDArray
 from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.yaml_reader import Section, read_yaml
-from hand_recording.hand_signals import SHORTEST_S, hand_signals
+from hand_recording.hand_signals import hand_signals
 from hand_recording.interpolation import bridge, in_force, interpolate, longest_gap_s
 from hand_recording.loader import load_recording
 from hand_recording.recording_files import RecordingError
 from hand_recording.sample_clock import has_reading, steady_times
+from hand_recording.settings import READING
 from hand_recording.signals import Signals, on_calendar, samples_on_grid
 from hand_recording.table_file import TABLES, UNITS, read_table
 from hand_sim.sample_ticks import usual_period
@@ -86,8 +87,10 @@ def uniform_clock(path: Path, time_s: Array) -> tuple[NDArray[np.intp], Array]:
     if np.isfinite(times).all() and len(times) and np.abs(times).max() > LATEST_S:
         worst = times[np.argmax(np.abs(times))]
         raise RecordingError(f"{path}: a time is {worst:g} s; the allowed range is {-LATEST_S:g} to {LATEST_S:g} s")
-    if len(times) < 3 or not np.isfinite(times).all() or times[-1] - times[0] < SHORTEST_S:
-        raise RecordingError(f"{path} has {len(times)} different times; {SHORTEST_S:g} s of samples are needed")
+    if len(times) < 3 or not np.isfinite(times).all() or times[-1] - times[0] < READING.min_recording_s:
+        raise RecordingError(
+            f"{path} has {len(times)} different times; {READING.min_recording_s:g} s of samples are needed"
+        )
     period_s = usual_period(times)
     if not PERIOD_S[0] <= period_s <= PERIOD_S[1]:
         raise RecordingError(

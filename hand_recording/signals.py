@@ -11,11 +11,10 @@ from scipy.signal import savgol_coeffs, savgol_filter
 
 from hand_model.arrays import Array, Flags
 from hand_recording.recording_files import RecordingError
+from hand_recording.settings import READING
 
-SMOOTHING_S = 0.045
-"""Window over which speed and acceleration are computed from measured angles; short against any motion of a finger."""
-LONGEST = 1_000_000
-"""Largest number of samples of a recording (83 minutes at 200 Hz); the memory of a fit grows with it."""
+LEAST_WINDOW = 5
+"""Samples through which a cubic or a quadratic leaves any noise to average."""
 
 
 CALENDAR_S = (1e9, 1e10)
@@ -28,11 +27,11 @@ def on_calendar(stamp_s: float) -> float | None:
 
 
 def samples_on_grid(name: object, first_s: float, last_s: float, period_s: float) -> int:
-    """Number of samples from the first time to the last [s]. Raises RecordingError where it exceeds LONGEST."""
+    """Number of samples from the first time to the last [s]. Raises RecordingError for more than max_samples."""
     count = int((last_s - first_s) / period_s + 0.5) + 1
-    if count > LONGEST:
+    if count > READING.max_samples:
         raise RecordingError(
-            f"{name} has {count} samples on a uniform clock; the allowed range is up to {LONGEST};"
+            f"{name} has {count} samples on a uniform clock; the allowed range is up to {READING.max_samples};"
             " cut it into several recordings and diagnose them with --each"
         )
     return count
@@ -75,7 +74,7 @@ class Signals:
     between_pa: Array | None = None
     jitter_s: float = 0.0
     added: Mapping[str, float] = field(default_factory=dict)
-    derivative_s: float = SMOOTHING_S
+    derivative_s: float = READING.smoothing_s
     band_s: float = 0.0
     start_s: float | None = None
 
@@ -100,10 +99,10 @@ def half_window(period_s: float, window_s: float) -> int:
     return max(2, round(window_s / period_s / 2.0))
 
 
-def derivatives(angle_rad: Array, period_s: float, window_s: float = SMOOTHING_S) -> tuple[Array, Array]:
+def derivatives(angle_rad: Array, period_s: float, window_s: float = READING.smoothing_s) -> tuple[Array, Array]:
     """Speed [rad/s] and acceleration [rad/s^2], (T, J) each, from angles (T, J) by a cubic over a moving window."""
     window = min(2 * half_window(period_s, window_s) + 1, (len(angle_rad) - 1) // 2 * 2 + 1)
-    if window < 5:
+    if window < LEAST_WINDOW:
         return np.zeros_like(angle_rad), np.zeros_like(angle_rad)
     speed: Array = savgol_filter(angle_rad, window, 3, deriv=1, delta=period_s, axis=0)
     acceleration: Array = savgol_filter(angle_rad, window, 3, deriv=2, delta=period_s, axis=0)
@@ -113,7 +112,7 @@ def derivatives(angle_rad: Array, period_s: float, window_s: float = SMOOTHING_S
 def in_band(force: Array, period_s: float, window_s: float) -> Array:
     """Forces (..., T) by a cubic over a moving window, as accelerations are computed; as they are for a window of 0."""
     window = min(2 * half_window(period_s, window_s) + 1, (force.shape[-1] - 1) // 2 * 2 + 1)
-    if window_s == 0.0 or window < 5:
+    if window_s == 0.0 or window < LEAST_WINDOW:
         return force
     return np.asarray(savgol_filter(force, window, 3, axis=-1), dtype=np.float64)
 
@@ -131,24 +130,18 @@ def white_noise(values: Array, known: Flags | None = None) -> float:
         return 0.0
     quiet = np.abs(difference)
     # Third differences of unit white noise have variance 1 + 9 + 9 + 1. Of quantised or quiet signals most are 0.
-    trimmed = float(np.sqrt(np.mean(np.minimum(quiet, np.quantile(quiet, 0.9)) ** 2)))
-    return max(float(np.median(quiet)) / 0.6745, 0.3 * trimmed) / float(np.sqrt(20.0))
-
-
-SMOOTHED_S = (0.07, 0.15, 0.3, 0.6, 1.2)
-"""Windows of the smoothing of an input to choose from; mechanics and valves are slower than the first."""
-LEFT_ALONE = 3.5
-"""Where smoothing changes a signal by more than so many standard deviations of its noise, the signal is kept."""
+    trimmed = float(np.sqrt(np.mean(np.minimum(quiet, np.quantile(quiet, READING.noise_quantile)) ** 2)))
+    return max(float(np.median(quiet)) / 0.6745, READING.quiet_noise_share * trimmed) / float(np.sqrt(20.0))
 
 
 def smoothed_over(values: Array, span: int) -> Array:
     """A signal (T,) smoothed by quadratics over an odd number of samples; fewer than 5 change nothing."""
-    return values if span < 5 or len(values) <= span else savgol_filter(values, span, 2)
+    return values if span < LEAST_WINDOW or len(values) <= span else savgol_filter(values, span, 2)
 
 
 def slopes_over(values: Array, span: int, order: int, period_s: float) -> Array:
     """A derivative (T,) of a signal by quadratics over an odd number of samples; 0 where the signal is too short."""
-    span = max(span, 5)
+    span = max(span, LEAST_WINDOW)
     return savgol_filter(values, span, 2, order, period_s) if len(values) > span else np.zeros(len(values))
 
 
@@ -164,7 +157,9 @@ def without_noise(values: Array, period_s: float, noise: float) -> tuple[Array, 
         return values, 1
     smooth = smoothed_over(values, span)
     around = smoothing_spans(values, period_s)[0]
-    edge = uniform_filter1d((np.abs(values - smooth) > LEFT_ALONE * noise).astype(float), around) > 0.0
+    edge = (
+        uniform_filter1d((np.abs(values - smooth) > READING.kept_edge_deviations * noise).astype(float), around) > 0.0
+    )
     return np.where(edge, values, smooth), span
 
 
@@ -175,13 +170,13 @@ def smoothing_span(values: Array, period_s: float, noise: float) -> int:
 
 
 def smoothing_spans(values: Array, period_s: float) -> list[int]:
-    """SMOOTHED_S in samples, odd numbers, without windows below 5 samples or longer than the signal (T,)."""
-    spans = [2 * round(0.5 * seconds / period_s) + 1 for seconds in SMOOTHED_S]
-    return [span for span in spans if 5 <= span < len(values)]
+    """The windows of inputs in samples, odd, without those below LEAST_WINDOW or longer than the signal (T,)."""
+    spans = [2 * round(0.5 * seconds / period_s) + 1 for seconds in READING.input_windows_s]
+    return [span for span in spans if LEAST_WINDOW <= span < len(values)]
 
 
 def _left_out_error(values: Array, span: int) -> float:
     """Mean square error of each sample as predicted from its neighbours alone; the largest tenth is clipped."""
     own = float(savgol_coeffs(span, 2)[span // 2])
     error = np.abs(values - smoothed_over(values, span)) / (1.0 - own)
-    return float(np.mean(np.minimum(error, np.quantile(error, 0.9)) ** 2))
+    return float(np.mean(np.minimum(error, np.quantile(error, READING.noise_quantile)) ** 2))

@@ -17,7 +17,7 @@ from scipy.io import loadmat
 
 from hand_model.arrays import Array
 from hand_recording.recording_files import RecordingError
-from hand_recording.signals import LONGEST
+from hand_recording.settings import READING
 
 UNITS: dict[str, dict[str, float]] = {
     "pa": {"pa": 1.0, "kpa": 1e3, "mbar": 1e2, "bar": 1e5, "mpa": 1e6},
@@ -70,7 +70,7 @@ def read_table(path: Path) -> Table:
 
     In a CSV file, empty lines and lines that begin with # are left out. Of a MAT file (up to version 7.2), the numeric
     vectors of the largest length are read, also those in structures, named `structure.field`.  Raises RecordingError,
-    one line, for what cannot be read and for more than LONGEST rows.
+    one line, for what cannot be read and for more than READING.max_samples rows.
     """
     try:
         if path.suffix == ".npz":
@@ -100,10 +100,10 @@ def read_table(path: Path) -> Table:
 
 
 def _check_rows(path: Path, rows: int) -> None:
-    if rows > LONGEST:
+    if rows > READING.max_samples:
         raise RecordingError(
-            f"{path} has {rows} rows; the allowed range is up to {LONGEST}; keep every"
-            f" {-(-rows // LONGEST)}th row, or cut it into several recordings"
+            f"{path} has {rows} rows; the allowed range is up to {READING.max_samples}; keep every"
+            f" {-(-rows // READING.max_samples)}th row, or cut it into several recordings"
         )
 
 
@@ -214,11 +214,12 @@ def _find(table: Table, name: str) -> tuple[str, float] | None:
 
 def _check_angle(path: Path, column: str, angle_deg: Array, factor: float) -> None:
     largest = float(np.abs(angle_deg).max())
-    if factor == 1.0 and np.ptp(angle_deg) > 0.2 and largest < 3.2:
+    moved, radians = READING.radians_range_deg
+    if factor == 1.0 and np.ptp(angle_deg) > moved and largest < radians:
         raise RecordingError(
             f"{path}: {column} stays within {largest:.3g}; if these are radians, name the column"
             f" {column.removesuffix('_deg')}_rad"
         )
-    if largest > 360.0:
+    if largest > READING.max_table_angle_deg:
         meant = f"; if these are degrees, name it {column.removesuffix('_rad')}_deg" if factor != 1.0 else ""
         raise RecordingError(f"{path}: {column} reaches {largest / factor:.4g}; the allowed range is one turn{meant}")

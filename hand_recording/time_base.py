@@ -25,17 +25,12 @@ from numpy.typing import NDArray
 
 from hand_model.arrays import Array
 from hand_recording.columns import TopicData
-from hand_recording.interpolation import in_force, interpolate
+from hand_recording.interpolation import in_force, in_order, interpolate, on_clock
 from hand_recording.recording_files import RecordingError
+from hand_recording.settings import READING
 
 Times = NDArray[np.int64]
 NS = 1_000_000_000
-FOREIGN_CLOCK_NS = 1e9
-"""Publish times further than this from the stamps are those of another clock."""
-BLOCKS = 20
-"""Parts of a recording whose promptest frames give the rate of a player's clock."""
-SMALL_DELAY = 0.1
-"""Quantile of the frames' delays that counts as the delay of a host that is not busy."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +83,7 @@ def resample(
         data = topics.get(topic)
         if data is None or not len(data):
             return np.full((len(times), len(names)), np.nan)
-        stamps, rows = _in_order(data.stamp_ns)
+        stamps, rows = in_order(data.stamp_ns)
         return interpolate(times, stamps, _named(data, field, names)[rows], gap_ns)
 
     return TimeBase(
@@ -110,7 +105,7 @@ def nearest(times: Times, data: TopicData, field: str, names: Sequence[str], mos
 
     most_ns: largest deviation of that difference from its median; samples farther away are NaN.
     """
-    stamps, rows = _in_order(data.stamp_ns)
+    stamps, rows = in_order(data.stamp_ns)
     at = np.clip(np.searchsorted(stamps, times), 1, len(stamps) - 1)
     at -= times - stamps[at - 1] < stamps[at] - times
     late = (stamps[at] - times).astype(np.float64)
@@ -125,7 +120,7 @@ def _held(
     """A field held from `starts`, (T, J), its age at each time [ns] (-1 before the first), and its rows."""
     if data is None or not len(data) or starts is None:
         return np.full((len(times), len(joints)), np.nan), np.full(len(times), -1), np.zeros(0, np.intp)
-    starts, rows = _in_order(starts)
+    starts, rows = in_order(starts)
     row = in_force(times, starts)
     values = _named(data, field, joints)[rows[row]]
     values[row < 0] = np.nan
@@ -156,7 +151,7 @@ def published_on_stamp_clock(topics: Mapping[str, TopicData]) -> Times:
     """
     commands = topics["valve_command"]
     sent = _on_stamp_clock(commands.publish_ns, topics.get("clock"))
-    if not len(sent) or abs(float(np.median(sent - commands.stamp_ns))) <= FOREIGN_CLOCK_NS:
+    if not len(sent) or abs(float(np.median(sent - commands.stamp_ns))) <= READING.foreign_clock_ns:
         return sent
     return _on_played_clock(commands, topics.get("joint_states"))
 
@@ -165,11 +160,7 @@ def _on_stamp_clock(publish_ns: Times, clock: TopicData | None) -> Times:
     """Publish times, converted to the clock of the stamps between the ticks of /clock around them."""
     if clock is None or not len(clock):
         return publish_ns
-    ticks, rows = _in_order(clock.publish_ns)
-    shown = clock.stamp_ns[rows]
-    passed = np.interp((publish_ns - ticks[0]).astype(float), (ticks - ticks[0]).astype(float), shown - shown[0])
-    converted: Times = shown[0] + np.rint(passed).astype(np.int64)
-    return converted
+    return on_clock(publish_ns, clock.publish_ns, clock.stamp_ns)
 
 
 def _on_played_clock(commands: TopicData, states: TopicData | None) -> Times:
@@ -183,23 +174,16 @@ def _on_played_clock(commands: TopicData, states: TopicData | None) -> Times:
     first_stamp, first_sent = int(states.stamp_ns[0]), int(states.publish_ns[0])
     stamp, sent = (states.stamp_ns - first_stamp).astype(float), (states.publish_ns - first_sent).astype(float)
     rate = float(np.polyfit(stamp, sent, 1)[0])
-    blocks = np.array_split(np.arange(len(stamp)), min(BLOCKS, len(stamp)))
+    blocks = np.array_split(np.arange(len(stamp)), min(READING.clock_blocks, len(stamp)))
     prompt = [block[np.argmin((sent - rate * stamp)[block])] for block in blocks]
     rate = float(np.polyfit(stamp[prompt], sent[prompt], 1)[0])
-    if not 0.01 < rate < 100.0:
+    low, high = READING.player_rate_range
+    if not low < rate < high:
         return commands.stamp_ns
-    offset = float(np.quantile(sent - rate * stamp, SMALL_DELAY))
+    offset = float(np.quantile(sent - rate * stamp, READING.small_delay_quantile))
     played = (commands.publish_ns - first_sent).astype(float)
     converted: Times = first_stamp + np.rint((played - offset) / rate).astype(np.int64)
     return converted
-
-
-def _in_order(stamps: Times) -> tuple[Times, NDArray[np.intp]]:
-    """Rising stamps without repetitions, and their rows in the original order; of equal stamps the last row."""
-    rows = np.argsort(stamps, kind="stable")
-    ordered = stamps[rows]
-    last = np.append(ordered[1:] != ordered[:-1], True)
-    return ordered[last], rows[last]
 
 
 def _named(data: TopicData, field: str, names: Sequence[str]) -> Array:
@@ -225,7 +209,7 @@ def _times(path: Path, topics: Mapping[str, TopicData], period_s: float | None, 
     if period_s is None:
         if "joint_states" not in topics:
             raise RecordingError(f"{path} has no joint_states: give a period or the times")
-        return _in_order(topics["joint_states"].stamp_ns)[0]
+        return in_order(topics["joint_states"].stamp_ns)[0]
     if not (np.isfinite(period_s) and period_s > 0):
         raise RecordingError(f"period_s = {period_s} is not a finite number above 0")
     first, last = min(int(part.min()) for part in stamps), max(int(part.max()) for part in stamps)

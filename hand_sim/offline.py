@@ -10,6 +10,7 @@ from hand_driver.board import lifetime_ticks
 from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
+from hand_model.sensors import without_curve
 from hand_model.statics import torque
 from hand_sim.plant import CREEP, OMEGA, PHI, STATES, HandPlant, HandPlants, P, resting_state
 from hand_sim.sample_ticks import Stamps, Ticks, rebuild_ticks
@@ -97,12 +98,8 @@ def initial_state(hand: Hand, measured: Measured) -> Array:
 
 def true_angle(hand: Hand, measured_rad: Array) -> Array:
     """Angle [rad] (joints,) at which the Hall sensor gives what the calibration line read as measured_rad."""
-    grid = np.radians(np.linspace(-60.0, 150.0, 4201))
-    ratio = hand.sensors.angle_line.ratio(measured_rad)
-    curves = hand.sensors.hall.ratio(np.repeat(grid[:, None], len(hand.joints), axis=1))
-    # The sensor is monotone only near the joint's range, so the search stays inside it.
-    inside = (grid >= np.radians(-40.0)) & (grid <= np.radians(130.0))
-    return np.array([np.interp(r, curves[inside, j], grid[inside]) for j, r in enumerate(ratio)])
+    true: Array = without_curve(hand.sensors.hall, hand.sensors.angle_line, measured_rad[None])[0]
+    return true
 
 
 def replay(hand: Hand, measured: Measured, commands: Commands) -> tuple[Ticks, Array]:

@@ -67,6 +67,17 @@ def _code(module: str, function: str) -> Callable[[Any], str]:
     return render
 
 
+def _settings(key: str) -> Callable[[Any], str]:
+    """The table of a group of settings, by its key in report.json."""
+
+    def render(_: Any) -> str:
+        from hand_diagnosis.settings_table import IN_FORCE, markdown_table  # noqa: PLC0415 - imported when needed
+
+        return markdown_table(IN_FORCE[key]).strip("\n")
+
+    return render
+
+
 def _trial(render: Callable[[Any], str]) -> Callable[[Any], str]:
     return lambda entry: f"{render(entry['results']).strip()}\n\n{tables.source_line(entry)}"
 
@@ -106,7 +117,10 @@ PARTS: dict[str, Part] = {
     "python -m hand_model.tables # catalogue": Part("", _code("hand_model.effects", "markdown_table")),
     "python -m hand_model.tables # classes": Part("", _code("hand_model.effects", "class_table")),
     "python -m hand_model.tables # parameters": Part("", _code("hand_model.kernel.rows", "markdown_table")),
-    "python -m validation.figures # settings": Part("", _code("hand_diagnosis.settings_table", "markdown_table")),
+    **{
+        f"python -m validation.figures # {key}": Part("", _settings(key))
+        for key in ("settings", "fit_settings", "reading_settings", "machine_settings")
+    },
     "python -m validation.figures # python": Part("", _code("validation.api_page", "markdown")),
     "python -m validation.figures # commands": Part("", _code("validation.command_page", "markdown")),
     "python -m validation.figures # launch": Part("", _code("validation.node_page", "arguments")),

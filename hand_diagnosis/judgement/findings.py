@@ -18,8 +18,9 @@ from hand_diagnosis.problem import ErrorsOnTest
 from hand_diagnosis.search import Hypothesis, JointSearch, LawCurve, standard_errors
 from hand_diagnosis.search import describe as describe_law
 from hand_diagnosis.settings import SETTINGS
-from hand_identification.joint_problem import BLOCK_S, JointProblem
+from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit
+from hand_identification.settings import FITS
 from hand_model.effects.effect import Effect
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_model.quantities import HAND, Wording
@@ -380,7 +381,7 @@ def when(search: JointSearch, off: MapFit, stage: int) -> tuple[tuple[float, flo
     for block in blocks[rms[blocks] > level]:
         inside = np.flatnonzero(segment.block == block)
         start, end = inside[0] * segment.period_s, (inside[-1] + 1) * segment.period_s
-        if spans and start - spans[-1][1] < 0.5 * BLOCK_S:
+        if spans and start - spans[-1][1] < 0.5 * FITS.block_s:
             spans[-1] = (spans[-1][0], float(end))
         else:
             spans.append((float(start), float(end)))

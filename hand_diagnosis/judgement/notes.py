@@ -7,7 +7,7 @@ import numpy as np
 from hand_diagnosis.judgement.findings import JointResult
 from hand_diagnosis.judgement.remainder_law import RemainderLaw
 from hand_diagnosis.problem import stretch_of_test
-from hand_identification.free_parameters import FARTHEST, WIDE
+from hand_identification.settings import FITS
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS
 
 
@@ -37,12 +37,12 @@ def exchange_notes(result: JointResult) -> list[str]:
 
 def bound_notes(result: JointResult) -> list[str]:
     """Nominal numbers that reached their bounds: a model that is this far off needs another tolerance."""
-    fit, own = result.search.final, result.search.effect_keys.union(WIDE)
+    fit, own = result.search.final, result.search.effect_keys.union(FITS.wide)
     far = [
         parameter.key
         for parameter, z in zip(fit.free, fit.z, strict=True)
-        if parameter.row < len(PLANT_PARAMETERS) and parameter.key not in own and abs(z) > FARTHEST - 1e-6
+        if parameter.row < len(PLANT_PARAMETERS) and parameter.key not in own and abs(z) > FITS.max_tolerances - 1e-6
     ]
     keys = ", ".join(result.wording.units.quantity(key).key for key in far)
-    reason = f"ends {FARTHEST:g} tolerances from its nominal value; a larger --tolerance may be needed"
+    reason = f"ends {FITS.max_tolerances:g} tolerances from its nominal value; a larger --tolerance may be needed"
     return [f"{result.joint}: {keys} {reason}"] if far else []

@@ -24,8 +24,9 @@ from hand_diagnosis.problem import log_evidence
 from hand_diagnosis.search import JointSearch, amounts, fit_without, refit_below_floor
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import START_CREEP, FreeParameter, merged
-from hand_identification.joint_problem import CORRELATION_S, JointProblem
+from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, map_fit
+from hand_identification.settings import FITS
 from hand_model.arrays import Array, Flags
 from hand_model.effects.effect import Effect
 from hand_model.kernel.layout import CREEP, OMEGA
@@ -264,7 +265,7 @@ def _split(squares: Array, use: Flags, times: Array, period_s: float) -> tuple[f
     inside = (times >= SETTINGS.min_onset_s) & (times <= times[-1] - SETTINGS.min_onset_s)
     best = (-np.inf, 0.0, True)
     for values, used in zip(squares, use, strict=True):
-        n = np.cumsum(used) * min(period_s / CORRELATION_S, 1.0)
+        n = np.cumsum(used) * min(period_s / FITS.correlation_s, 1.0)
         total = np.cumsum(values)
         if n[-1] <= 1.0:
             continue

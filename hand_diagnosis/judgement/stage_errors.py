@@ -26,7 +26,7 @@ from hand_identification.map_fit import MapFit
 class Excess:
     """Error [SI] of a signal beyond the noise, before and after, on train, validation or test data.
 
-    independent: samples of the split that count as independent (joint_problem.CORRELATION_S).  noise: of the split.
+    independent: samples of the split that count as independent (FITS.correlation_s).  noise: of the split.
     undetermined: what the fit leaves open there, which counts as noise.
     """
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_diagnosis.settings import SETTINGS
-from hand_identification.joint_problem import FLOOR, SETTLING_S
+from hand_identification.settings import FITS
 from hand_model.arrays import Array, Flags
 from hand_model.joint_model import JointModel
 from hand_model.kernel.open_loop import OUTPUTS
@@ -199,7 +199,7 @@ def repeatability(signals: Sequence[Signals], reruns: Sequence[Signals]) -> dict
     for recording in (each for each in signals if each.machine):
         for k, joint in enumerate(recording.joints):
             turns = max(float(np.ptp(recording.angle_rad[:, k])) / (2.0 * np.pi), 1.0)
-            found[joint] = np.maximum(found.get(joint, np.array(FLOOR)), np.array(FLOOR) * (1.0, turns, 1.0))
+            found[joint] = np.maximum(found.get(joint, np.array(FITS.floor)), np.array(FITS.floor) * (1.0, turns, 1.0))
     for rerun in reruns:
         first = next((recording for recording in signals if _lag(recording, rerun) is not None), None)
         if first is None:
@@ -209,7 +209,7 @@ def repeatability(signals: Sequence[Signals], reruns: Sequence[Signals]) -> dict
         for joint in first.joints:
             if joint in rerun.joints:
                 differing = _difference(first, rerun, joint, lag)
-                found[joint] = np.maximum(found.get(joint, np.array(FLOOR)), differing)
+                found[joint] = np.maximum(found.get(joint, np.array(FITS.floor)), differing)
     return found
 
 
@@ -250,7 +250,7 @@ def _difference(first: Signals, rerun: Signals, joint: str, lag: int) -> Array:
         )
     ):
         early, late = _overlap(a, b, lag)
-        change = np.where(known[0] & known[1], early - late, np.nan)[round(SETTLING_S / first.period_s) :]
+        change = np.where(known[0] & known[1], early - late, np.nan)[round(FITS.settling_s / first.period_s) :]
         change = change[np.isfinite(change)]
         if len(change) > 3:
             scatter[stage] = np.sqrt(max(float(np.mean(change**2)) - white_noise(change) ** 2, 0.0) / 2.0)

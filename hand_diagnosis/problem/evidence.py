@@ -1,6 +1,6 @@
 """Evidence of a fit: its likelihood and Laplace's approximation, its errors on validation data and their scatter.
 
-The scale of the correlated noise is not known beforehand, only its floor (joint_problem.FLOOR). With n independent
+The scale of the correlated noise is not known beforehand, only its floor (FITS.floor). With n independent
 samples of a signal and the weighted sum of squares chi2, log p = -n/2 log(1 + chi2 / n): a parabola near the floor, and
 a logarithm far above it, where no model fits and differences of squares overstate what is known.
 """

@@ -21,8 +21,9 @@ from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import shape_driving
 from hand_identification.free_parameters import START_CREEP
 from hand_identification.joint_data import crept, speed_at_start
-from hand_identification.joint_problem import SETTLING_S, JointProblem, Segment
+from hand_identification.joint_problem import JointProblem, Segment
 from hand_identification.map_fit import MapFit
+from hand_identification.settings import FITS
 from hand_model.arrays import Array, Flags
 from hand_model.effects.effect import ACCELERATION, ANGLE, SPEED
 from hand_model.kernel.layout import CREEP, OMEGA, PHI, P
@@ -76,7 +77,7 @@ def _cut(segment: Segment) -> int:
     count = len(segment.angle_rad)
     wanted = round((1.0 - SETTINGS.test_share) * count)
     cut = int(np.searchsorted(segment.block, segment.block[min(wanted, count - 1)]))
-    return cut if cut > 0 and (count - cut) * segment.period_s >= SETTINGS.min_test_s + SETTLING_S else count
+    return cut if cut > 0 and (count - cut) * segment.period_s >= SETTINGS.min_test_s + FITS.settling_s else count
 
 
 def stretch_of_test(problem: JointProblem) -> tuple[float, float]:
@@ -249,7 +250,7 @@ def _test_segment(segment: Segment, cut: int, warm_s: float, column: Array, rati
         begin = int(np.searchsorted(segment.block, segment.block[begin]))
     part = slice_of(segment, begin, len(segment.angle_rad))
     use = part.use.copy()
-    settling = round(SETTLING_S / segment.period_s) if warm_s == 0.0 else 0
+    settling = round(FITS.settling_s / segment.period_s) if warm_s == 0.0 else 0
     use[:, : cut - begin + settling] = False
     start = segment.start.copy()
     start[CREEP] = ratio

@@ -25,8 +25,9 @@ from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import accelerations, inflow, shaken, shape_driving
 from hand_identification.free_parameters import FreeParameter, nominal_free_parameters, speed_free_parameters
 from hand_identification.joint_data import driving_pressure, joint_problem
-from hand_identification.joint_problem import FLOOR, JointProblem, Segment
+from hand_identification.joint_problem import JointProblem, Segment
 from hand_identification.map_fit import MapFit, correlation_s, map_fit
+from hand_identification.settings import FITS
 from hand_model.arrays import Array
 from hand_model.effects import CATALOGUE, EFFECTS
 from hand_model.effects.effect import INFLOW, NEIGHBOUR, OTHER_MACHINES, PARTNER, Effect
@@ -160,7 +161,7 @@ class Task:
 
     def _roughly(self, joint: str) -> Prepared:
         if joint not in self._rough:
-            problem = joint_problem(self.signals, self.model, joint, self.floors.get(joint, np.array(FLOOR)))
+            problem = joint_problem(self.signals, self.model, joint, self.floors.get(joint, np.array(FITS.floor)))
             rested = initial_rest_angle(self.signals, joint)
             free = nominal_free_parameters(problem.nominal, self.tolerance, rested, self.model.tolerances)
             if not problem.driven:

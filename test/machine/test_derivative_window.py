@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from hand_identification.joint_data import joint_problem
-from hand_machine.derivative_window import LONGEST_S, derivative_window_s
+from hand_machine.derivative_window import derivative_window_s
 from hand_machine.machine import load_machine
+from hand_machine.settings import MACHINE
 from hand_recording.signals import derivatives
 
 PERIOD_S = 0.004
@@ -36,14 +37,14 @@ def test_the_acceleration_is_nearly_as_good_as_with_the_best_window(hertz: float
         found = derivatives(position[:, None], PERIOD_S, window_s)[1][:, 0]
         return float(np.sqrt(np.mean((found - truth)[100:-100] ** 2)))
 
-    best = min(error(2.0 * half * PERIOD_S) for half in range(2, int(LONGEST_S / PERIOD_S / 2.0)))
+    best = min(error(2.0 * half * PERIOD_S) for half in range(2, int(MACHINE.longest_window_s / PERIOD_S / 2.0)))
     assert error(derivative_window_s(position, PERIOD_S)) < 1.4 * best
 
 
 def test_a_fast_axis_gets_a_shorter_window_than_a_slow_one() -> None:
     """Fails when bandwidth or noise has no influence; quiet readings at rest must not divide by zero."""
     fast, slow = (derivative_window_s(moved(hertz, 1e-4)[0], PERIOD_S) for hertz in (12.0, 0.7))
-    assert 2.0 * fast < slow <= LONGEST_S
+    assert 2.0 * fast < slow <= MACHINE.longest_window_s
     quiet, noisy = (derivative_window_s(moved(3.0, noise_m)[0], PERIOD_S) for noise_m in (1e-6, 1e-3))
     assert 2.0 * quiet < noisy
     assert derivative_window_s(np.zeros(100), PERIOD_S) == pytest.approx(4.0 * PERIOD_S)

@@ -54,6 +54,8 @@ OF_THE_FORMAT = {
     "next_experiment",
     "settings",
     "fit_settings",
+    "reading_settings",
+    "machine_settings",
     "schema",
 }
 """Keys whose values are names of the catalogue or of the format, the same for every machine."""

@@ -20,7 +20,7 @@ from hand_machine.spikes import find_off_the_motion, find_spikes
 from hand_machine.suggestion import suggest_map
 from hand_model.yaml_loader import DescriptionError
 from hand_recording.recording_files import RecordingError
-from hand_recording.signals import LONGEST
+from hand_recording.settings import READING
 from hand_tool.cli import app
 
 COLUMNS = {"time": {"column": "t"}, "input": {"column": "u"}, "position": {"column": "x"}}
@@ -268,7 +268,7 @@ def test_a_wrong_recording_is_refused_in_one_line(
 
 def test_too_many_rows_are_refused_before_they_are_parsed(tmp_path: Path) -> None:
     """Fails when a huge text is read into memory before anybody says that it is too long."""
-    (tmp_path / "long.csv").write_bytes(b"t,u,x\n" + b"0,0,0\n" * (LONGEST + 1))
+    (tmp_path / "long.csv").write_bytes(b"t,u,x\n" + b"0,0,0\n" * (READING.max_samples + 1))
     (tmp_path / "machine.yaml").write_text(json.dumps(SLIDE), encoding="utf-8")
     with pytest.raises(
         RecordingError, match="has 1000001 rows; the allowed range is up to 1000000; keep every 2th row"

@@ -11,6 +11,8 @@ from typing import Any
 from cryptography.fernet import Fernet, InvalidToken
 
 SEALED, COMMITMENT = "truth.sealed", "commitment.txt"
+NUMBERS = ("settings", "fit_settings", "reading_settings", "machine_settings")
+"""Keys of a report with the numbers of the tool."""
 
 
 def new_key() -> bytes:
@@ -21,9 +23,9 @@ def new_key() -> bytes:
 def tool_numbers(version: str, numbers: dict[str, Any]) -> dict[str, Any]:
     """What a commitment contains of the tool that will diagnose: its version, and the SHA-256 of its numbers.
 
-    numbers: `settings` and `fit_settings` as report.json has them; they fix the splits of the data and every choice.
+    numbers: the groups of settings as report.json has them; they fix the splits of the data and every choice.
     """
-    text = json.dumps({name: numbers[name] for name in ("settings", "fit_settings")}, sort_keys=True)
+    text = json.dumps({name: numbers[name] for name in NUMBERS}, sort_keys=True)
     return {"version": version, "settings_sha256": hashlib.sha256(text.encode()).hexdigest()}
 
 

@@ -34,7 +34,7 @@ from validation.trial.nominal import Nominal
 from validation.trial.plant import record
 from validation.trial.run import read_plan
 from validation.trial.score import LABELS, score
-from validation.trial.seal import SEALED, new_key, seal, tool_numbers, unseal
+from validation.trial.seal import NUMBERS, SEALED, new_key, seal, tool_numbers, unseal
 
 ROOT = Path(__file__).parents[3]
 CONFIG = ROOT / "config" / "hand.yaml"
@@ -170,7 +170,7 @@ def test_the_scores_of_probabilities_are_those_of_the_literature() -> None:
 
 def test_reports_of_other_settings_than_sealed_are_refused(tmp_path: Path) -> None:
     """Fails when the tool's version or a number of it may change between the seal and the diagnosis."""
-    numbers = {"settings": {"test_share": 0.2}, "fit_settings": {"block_s": 1.0}}
+    numbers = {name: {"block_s": 1.0} for name in NUMBERS}
     case = {"number": 0, "kind": "null", "truth": [], "without": "", "motion": "steps", "unplaced": []}
     key = new_key()
     seal({"seed": 1, "tool": tool_numbers("1.0", numbers), "cases": [case]}, tmp_path, key)
@@ -178,11 +178,8 @@ def test_reports_of_other_settings_than_sealed_are_refused(tmp_path: Path) -> No
     place = tmp_path / "reports" / "0" / "00000_case_0000" / "report.json"
     place.parent.mkdir(parents=True)
     report = {**numbers, "made": {"version": "1.0"}, "findings": [], "remainder": []}
-    for changed in (
-        {"made": {"version": "1.1"}},
-        {"settings": {"test_share": 0.1}},
-        {"fit_settings": {"block_s": 2.0}},
-    ):
+    changes: list[dict[str, Any]] = [{"made": {"version": "1.1"}}, *({name: {"block_s": 2.0}} for name in NUMBERS)]
+    for changed in changes:
         place.write_text(json.dumps(report | changed), encoding="utf-8")
         with pytest.raises(ValueError, match="another version or other settings"):
             score(tmp_path, key)
