@@ -21,6 +21,7 @@ from hand_driver.measurement import Converter
 from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
+from hand_model.statics import leverage, pressure_for_torque
 from hand_sim.plant import PHI, SimulatedPlant
 
 VELOCITY_TIME_CONSTANT_S = 0.01
@@ -74,9 +75,8 @@ def built(hand: Hand, plant: Plant, rng: np.random.Generator) -> Hand:
         for key in DRAWN:
             parameters[ROW[key]] = np.where(todo, model.row(key) * factor[key], parameters[ROW[key]])
         a0, a1, a2, a3 = (parameters[ROW[key]] for key in DRAWN[:4])
-        lever = a2 + a3 * HIGHEST_RAD
-        needed = -(a0 + a1 * HIGHEST_RAD) / np.maximum(lever, 1e-12)
-        todo = (lever < 2e-8) | (needed > NEEDED_PA)
+        needed = pressure_for_torque(0.0, HIGHEST_RAD, 0.0, a0, a1, a2, a3, 0.0)
+        todo = (leverage(HIGHEST_RAD, a2, a3) < 2e-8) | (needed > NEEDED_PA)
     inertia = parameters[ROW["dynamics.inertia_kg_m2"]] / model.row("dynamics.inertia_kg_m2")
     partner = hand.partner
     paired = np.where(partner >= 0, np.sqrt(inertia * inertia[partner]), 1.0)

@@ -122,7 +122,7 @@ ITEMS: tuple[Item, ...] = (
         "{fig10_hydraulic:.0%} of the starts reach 0 degrees", "none", lambda v: v["fig10_hydraulic"] < 0.5,
     ),
     Item("Fig. 11, Eq. 8: structure of the joint", "diagram", kept="`hand_model/kernel/terms.py`"),
-    Item("Eq. 9: creep compliance", "formula", kept="`hand_model/prony.py`, one term"),
+    Item("Eq. 9: creep compliance", "formula", kept="`validation/paper/retardation.py`, one term"),
     _statement(
         "Eq. 10: continuous spectrum", "general form, not used", ["prony_zones", "prony_1"],
         "three zones {prony_zones:.2f} degree, one term {prony_1:.2f} on test data", "the plant has zones",

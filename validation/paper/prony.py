@@ -6,12 +6,12 @@ import numpy as np
 
 from hand_model.arrays import Array, Flags
 from hand_model.kernel.rows import ROW
-from hand_model.prony import Prony, fit_prony
 from hand_model.statics import torque
 from hand_pages.plots import Curve, Kind, Panel, Plot
 from validation.paper.creep_rig import PERIOD_S, description, problem
 from validation.paper.drawing import BLUE, GREY, RED, nth_shown, panels
 from validation.paper.result import Progress, Quantity, Reproduction
+from validation.paper.retardation import Prony, fit_prony
 
 TERMS = (1, 2, 3, 4, 6, 8)
 SHORTEST_S, LONGEST_S = 8.0, 100.0

@@ -15,11 +15,11 @@ import pytest
 from typer.testing import CliRunner
 
 from hand_model.compliance import hydraulic_pressure_pa, pneumatic_pressure_pa
-from hand_model.prony import Prony, fit_prony
 from hand_tool.cli import app
 from validation.paper.fig09 import TRUTH
 from validation.paper.fig10 import STARTS, SUPPLY_PA, reach, trajectory
 from validation.paper.result import IDS, reproduce
+from validation.paper.retardation import Prony, fit_prony
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
@@ -124,7 +124,7 @@ def test_bad_magnet_input_is_one_line(arguments: tuple[str, ...], line: str, tmp
 
 def test_every_public_function_of_the_model_names_its_source() -> None:
     """Fails when a public function or class of the physics says neither an equation nor where it comes from."""
-    physics = ("statics", "material", "sensors", "compliance", "prony")
+    physics = ("statics", "material", "sensors", "compliance")
     known = r"Eqs?\.|ideal|definition|Boyle|ISO|IEC|first-order|Hunt|ratiometric|Sec\."
     assert re.search(known, import_module("hand_model.kernel.terms").__doc__ or "")
     for name in physics:
