@@ -51,7 +51,7 @@ EXCHANGED = 0.2
 STEADY = 0.4
 """Speeds that are exchanged were steady before: within this share of their difference, from sample to sample."""
 SMOOTH = 8.0
-"""A turn this many times the change of speed before it is none of a constant acceleration, which gives five."""
+"""Least size of a turn, in changes of speed before it, that no constant acceleration explains; one gives five."""
 PAUSE_S = 0.02
 """Set-points do not rise for this time after a break."""
 FINE, JUMPED, SIGN, ANGLES_SWAPPED, PRESSURES_SWAPPED, FROZEN, BEYOND, ACTIVE, UNCHECKED = range(9)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 LARGEST_BYTES = 65536
-"""A larger file is none of ours."""
+"""Largest fault file; a larger one was not written by a node of the hand and is not read."""
 RETRY_NS = 1_000_000_000
 """Pause before a failed write is tried again [ns]."""
 

@@ -63,7 +63,7 @@ def test_the_replay_of_a_played_recording_is_that_of_the_original(original: Path
 
 
 def test_a_replay_of_a_few_frames_is_refused(original: Path) -> None:
-    """Fails when a figure is reported for frames that are no part worth naming of the recording."""
+    """Fails when an error is reported for a replay that covers only a small part of the recording."""
     recording = load_recording(original)
     command = recording.topics["valve_command"]
     pressures = recording.topics["pressures"]
