@@ -118,7 +118,10 @@ class HandClient:
             raise NoHandError(f"the hand does not move ({self.state.safety}); enable it with: hand enable [--reset]")
 
     def move(self, angle_rad: Mapping[str, float], duration_s: float) -> None:
-        """Send angles [rad] of some joints as one trajectory of duration_s [s] with zero end velocity."""
+        """Send angles [rad] of some joints as one trajectory of duration_s [s] with zero end velocity.
+
+        Raises NoHandError where nobody listens.
+        """
         if not self.until(lambda: self._trajectories.get_subscription_count() > 0, ANSWER_S):
             raise NoHandError(f"nobody listens to {self.namespace}/joint_trajectory")
         seconds = int(duration_s)

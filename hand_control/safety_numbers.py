@@ -143,7 +143,7 @@ LIMITS = (
 
 
 def joint_limits(hand: Hand) -> NDArray[np.int32]:
-    """Limits of every joint, (n, LIMITS), in the integer units of the layer."""
+    """Limits of every joint, (n, LIMITS), in the integer units of the layer; ValueError for more than 32 bits."""
     rows = (
         hand.limits.max_pressure_pa,
         hand.limits.max_torque_nm * 1e9,

@@ -24,7 +24,10 @@ def named_time_unit(name: str) -> str | None:
 
 
 def check_time_unit(path: Path, column: Column, time_s: Array) -> None:
-    """Refuse finite times (n,) [s] whose unit may be wrong: a name of another unit than the scale, or bare counts."""
+    """Refuse finite times (n,) [s] whose unit may be wrong: a name of another unit than the scale, or bare counts.
+
+    Raises RecordingError, one line.
+    """
     unit = named_time_unit(column.name)
     if unit is not None and not np.isclose(column.scale, SECONDS[unit], rtol=1e-6, atol=0.0):
         raise RecordingError(

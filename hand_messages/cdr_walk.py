@@ -137,7 +137,7 @@ class Cursor:
         self.kind, self.raw, self.position = kind, raw, HEADER_SIZE
 
     def skip(self, size: int, count: int = 1) -> int:
-        """Skip `count` aligned elements; returns their start."""
+        """Skip `count` aligned elements; returns their start. Raises LayoutError where the bytes end before."""
         start = self.position
         if count:
             start += -(start - HEADER_SIZE) % size
@@ -151,7 +151,10 @@ class Cursor:
         return int(struct.unpack_from("<I", self.raw, self.skip(4))[0])
 
     def entries(self, field: str, least_size: int, most: int | None) -> int:
-        """Length of a list, before anything is made of its entries of at least least_size bytes each."""
+        """Length of a list, before anything is made of its entries of at least least_size bytes each.
+
+        Raises LayoutError for more than `most` entries, or more than the bytes can hold.
+        """
         count = self.length()
         if most is not None and count > most:
             raise LayoutError(f"{self.kind}: {field} has {count} entries; at most {most} are allowed")
@@ -164,7 +167,7 @@ class Cursor:
         return tuple(self.string() for _ in range(self.entries(field, LEAST_STRING, most)))
 
     def string(self) -> str:
-        """A string without its closing NUL."""
+        """A string without its closing NUL. Raises LayoutError where it is not UTF-8."""
         size = self.length()
         start = self.skip(1, size)
         try:

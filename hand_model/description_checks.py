@@ -29,7 +29,7 @@ MIN_DAMPING_RATIO = 1e-3
 
 
 def check_rates(board: Section, rate_hz: float, watchdog_s: float) -> None:
-    """A set-point outlives the distance of several frames."""
+    """A set-point outlives the distance of several frames. Raises DescriptionError."""
     least = LIFETIME_FRAMES / rate_hz
     if watchdog_s < least * (1.0 - 1e-9):
         problem = (
@@ -40,7 +40,7 @@ def check_rates(board: Section, rate_hz: float, watchdog_s: float) -> None:
 
 
 def check_limits(section: Section, low_deg: float, high_deg: float) -> None:
-    """The limits of a joint enclose a range of motion in degrees."""
+    """The limits of a joint enclose a range of motion in degrees. Raises DescriptionError."""
     if high_deg - low_deg < MIN_TRAVEL_DEG:
         problem = f"is {high_deg:g}; it must be at least {MIN_TRAVEL_DEG:g} degrees above low_deg, {low_deg:g}"
         meant = "; are these limits in radians?" if high_deg - low_deg < 2.0 * math.pi else ""
@@ -48,7 +48,10 @@ def check_limits(section: Section, low_deg: float, high_deg: float) -> None:
 
 
 def check_stops(section: Section, low_deg: float, high_deg: float, values: Array) -> None:
-    """The joint reaches its limits before its end stops. values: parameters of the joint (rows,), SI."""
+    """The joint reaches its limits before its end stops. Raises DescriptionError.
+
+    values: parameters of the joint (rows,), SI.
+    """
     low, high = values[ROW["end_stop.low_deg"]] / DEGREE, values[ROW["end_stop.high_deg"]] / DEGREE
     if low > low_deg + STOP_MARGIN_DEG:
         problem = f"is {low_deg:g}; it must be at least {low - STOP_MARGIN_DEG:g}: the end stop begins at {low:g}"
@@ -66,7 +69,7 @@ def least_friction(inertia_kg_m2: float, elasticity_nm_per_rad: float, dry_nm: f
 
 
 def check_motion(dynamics: Section, values: Array) -> None:
-    """A joint is as heavy as part of a hand, and friction ends its oscillation.
+    """A joint is as heavy as part of a hand, and friction ends its oscillation. Raises DescriptionError.
 
     values: parameters of the joint (rows,), SI.
     """
@@ -84,7 +87,7 @@ def check_motion(dynamics: Section, values: Array) -> None:
 def check_span(sensor: Section, ratio_at_zero: float, span_pa: float, full_ratio: float, supply_pa: float) -> None:
     """The pressure sensor and its converter read every pressure up to that of the supply [Pa].
 
-    full_ratio: largest ratio of the sensor's supply that the converter reads, at most 1 [-].
+    full_ratio: largest ratio of the sensor's supply that the converter reads, at most 1 [-].  Raises DescriptionError.
     """
     share = full_ratio - ratio_at_zero
     if share * span_pa < supply_pa:

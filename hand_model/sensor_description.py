@@ -111,7 +111,7 @@ def read_sites(top: Section) -> list[Section]:
 
 
 def read_names(sections: list[Section]) -> list[str]:
-    """The names of joints or sites, each once."""
+    """The names of joints or sites, each once. Raises DescriptionError for a name that is there twice."""
     names = [section.name("name") for section in sections]
     for section, name in zip(sections, names, strict=True):
         if names.count(name) > 1:

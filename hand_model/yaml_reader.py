@@ -18,7 +18,10 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 class Section:
-    """A mapping of the file with known keys, laid over another one with defaults."""
+    """A mapping of the file with known keys, laid over another one with defaults.
+
+    Every method that reads a key raises DescriptionError where the value is missing, of another type or out of range.
+    """
 
     def __init__(
         self, data: object, path: Path, where: str, known: Sequence[str], defaults: Section | None = None

@@ -15,12 +15,12 @@ SYMBOL = "${prefix}"
 
 
 def number(value: float) -> str:
-    """A finite number as text of up to DIGITS significant digits."""
+    """A finite number [any unit] as text of up to DIGITS significant digits."""
     return f"{0.0 if abs(value) < 1e-12 else value:.{DIGITS}g}"
 
 
 def numbers(values: Array | tuple[float, ...]) -> str:
-    """Numbers as text, separated by spaces."""
+    """Numbers (n,) as text, separated by spaces."""
     return " ".join(number(float(value)) for value in values)
 
 
@@ -48,7 +48,7 @@ class Style:
         return SYMBOL + name.removeprefix(self.prefix) if self.symbolic else name
 
     def mirrored(self, value: float) -> str:
-        """A number that has the other sign on the other hand."""
+        """A number [any unit] that has the other sign on the other hand."""
         text = number(value)
         return f"${{reflect * {text}}}" if self.symbolic and text != "0" else text
 
@@ -57,13 +57,13 @@ class Style:
         return " ".join(self.mirrored(float(v)) if mirror else number(float(v)) for v, mirror in pairs)
 
     def origin(self, parent: ET.Element, pose: Array) -> None:
-        """Add the origin of a joint or of a body; the plane of mirroring is that of x and z."""
+        """Add the origin of a joint or of a body, a pose (4, 4); the plane of mirroring is that of x and z."""
         rpy = rpy_from_rotation(pose[:3, :3])
         xyz = self._vector(pose[:3, 3], (False, True, False))
         ET.SubElement(parent, "origin", xyz=xyz, rpy=self._vector(rpy, (True, False, True)))
 
     def axis(self, parent: ET.Element, axis: Array) -> None:
-        """Add the axis of a joint, a pseudovector."""
+        """Add the axis (3,) of a joint, a pseudovector."""
         ET.SubElement(parent, "axis", xyz=self._vector(axis, (True, False, True)))
 
 

@@ -55,7 +55,7 @@ class SimulatedBoard(Board):
         return 2
 
     def write(self, pressure_pa: Pressures, lifetime_s: float) -> int:
-        """Set-points [Pa], taken over at the next tick."""
+        """Set-points [Pa], taken over at the next tick. Raises LinkLost once the board is closed."""
         if self._closed:
             raise LinkLost("the simulated board is closed")
         with self._lock:
@@ -65,7 +65,7 @@ class SimulatedBoard(Board):
         return sequence
 
     def read(self, timeout_s: float) -> Frame | None:
-        """Wait for the next tick (or timeout_s [s]) and sample."""
+        """Wait for the next tick (or timeout_s [s]) and sample. Raises LinkLost once the board is closed."""
         if self._closed:
             raise LinkLost("the simulated board is closed")
         due_ns = self._begun_ns + (self._tick + 1) * self._wall_ns

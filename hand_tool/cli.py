@@ -74,7 +74,10 @@ def _options(
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run a command line and return its exit code; without a subcommand print the help and return 2."""
+    """Run a command line and return its exit code; without a subcommand print the help and return 2.
+
+    Raises KeyboardInterrupt where a subcommand was aborted.
+    """
     try:
         command = typer.main.get_command(app)
         code = command.main(list(arguments) or ["--help"], prog_name="hand", standalone_mode=False)

@@ -43,7 +43,7 @@ def note(text: str) -> None:
 def running(
     name: str, *outputs: Path, about: Path | None = None, errors: tuple[type[Exception], ...] = ()
 ) -> Iterator[interrupts.Outputs]:
-    """Context of a subcommand: an expected error becomes one line and exit code 2.
+    """Context of a subcommand: an expected error becomes one line and exit code 2, a Ctrl-C raises Interrupted.
 
     name: the words after `hand`.  outputs: what it will write.  about: the file that a message without it is about.
     errors: what is expected besides ValueError and OSError.
@@ -72,7 +72,7 @@ def _line(error: Exception, about: Path | None) -> str:
 
 
 def fail(name: str, line: str, code: int) -> None:
-    """Print the line of a failed subcommand and exit; with --verbose the traceback of the error as well."""
+    """Print the line of a failed subcommand and raise typer.Exit; with --verbose the traceback of the error as well."""
     if VERBOSITY.verbose:
         traceback.print_exc()
     print(f"hand {name}: {line}", file=sys.stderr)

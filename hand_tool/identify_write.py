@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def check_target(model: Path | None, name: str, option: str, what: str) -> None:
-    """Refuse --write into a file that is not there, or without the name of what changes. option: that gives it."""
+    """Raises ValueError for --write into no file, or without the name of what changes. option: that gives it."""
     if model is not None:
         check_file(model)
         if not name:

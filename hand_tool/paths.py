@@ -11,14 +11,14 @@ from tempfile import TemporaryFile
 
 
 def check_file(path: Path) -> Path:
-    """An input file exists and is not empty."""
+    """An input file exists and is not empty, else ValueError."""
     if path.is_dir():
         raise ValueError(f"{path} is a folder; a file is expected")
     return check_exists(path)
 
 
 def check_exists(path: Path) -> Path:
-    """An input file or folder exists and is not empty."""
+    """An input file or folder exists and is not empty, else ValueError."""
     if not path.exists():
         raise ValueError(f"{path} does not exist")
     if not os.access(path, os.R_OK):
@@ -31,7 +31,7 @@ def check_exists(path: Path) -> Path:
 
 
 def check_folder(path: Path) -> Path:
-    """An output folder exists and is writable, or can be made."""
+    """An output folder exists and is writable, or can be made, else ValueError."""
     if path.exists() and not path.is_dir():
         raise ValueError(f"{path} is a file; the output must be a folder, new or existing")
     _check_writable(path)
@@ -39,7 +39,7 @@ def check_folder(path: Path) -> Path:
 
 
 def check_new(path: Path, kind: str = "recordings") -> Path:
-    """An output does not exist yet and can be made; of recordings, the message is that of their writer."""
+    """An output does not exist yet and can be made, else ValueError; of recordings, as their writer says it."""
     if path.exists() or path.is_symlink():
         raise ValueError(f"{path} exists already; {kind} are never overwritten")
     _check_writable(path)

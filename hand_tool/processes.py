@@ -69,7 +69,7 @@ class Processes:
         return ""
 
     def stop(self, name: str) -> int:
-        """End a process by SIGINT and return its exit code; SIGKILL if it does not end within STOP_S [s]."""
+        """End a process by SIGINT, return its exit code; SIGKILL and ProcessError if it does not end in STOP_S [s]."""
         process = self._running.pop(name)
         if process.poll() is None:
             process.send_signal(signal.SIGINT)

@@ -34,7 +34,10 @@ class Experiments:
         self._out = folder
 
     def motion(self, name: str, joints: Sequence[str]) -> Motion:
-        """An experiment, FIRST where the name is empty; its level is the share of each joint's range."""
+        """An experiment, FIRST where the name is empty; its level is the share of each joint's range.
+
+        Raises StudyError for an experiment that the page cannot run.
+        """
         chosen = name or FIRST
         if chosen not in EXPERIMENTS:
             raise StudyError(f"the next experiment is {chosen}, which the page cannot run")
@@ -63,7 +66,7 @@ class Experiments:
             self._running = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, start_new_session=True)
 
     def answer(self) -> Answer | None:
-        """What report.json says, once the process has ended."""
+        """What report.json says, once the process has ended. Raises StudyError where it failed."""
         if self._running is None or self._running.poll() is None:
             return None
         code, self._running = self._running.returncode, None

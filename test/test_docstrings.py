@@ -1,4 +1,4 @@
-"""Public functions: docstrings state shapes and units, and signatures stay short."""
+"""Public functions: docstrings state shapes, units and errors, and signatures stay short."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ COMPLYING = (
     "hand_model",
     "hand_pages",
     "hand_recording",
+    "hand_robot",
     "hand_ros",
     "hand_sim",
     "hand_studio",
@@ -100,6 +101,39 @@ def faults(function: Function) -> Iterator[str]:
         yield f"no unit of {', '.join(bare)}"
 
 
+def raised(function: Function) -> set[str]:
+    """What the body of a function raises itself, but for what it handles: names of exceptions, or of their makers."""
+    found: set[str] = set()
+    _collect(function.node, found, set())
+    return found
+
+
+def _collect(node: ast.AST, found: set[str], handled: set[str]) -> None:
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.FunctionDef | ast.Lambda | ast.ClassDef):
+            continue
+        if isinstance(child, ast.With) and any("running(" in ast.unparse(item) for item in child.items):
+            continue  # a subcommand, whose errors become a line and an exit code
+        if isinstance(child, ast.Raise) and child.exc is not None:
+            made = child.exc.func if isinstance(child.exc, ast.Call) else child.exc
+            found |= {ast.unparse(made).rpartition(".")[2]} - handled
+        if isinstance(child, ast.Try):
+            types = " ".join(ast.unparse(handler.type) for handler in child.handlers if handler.type)
+            _collect(ast.Module(child.body, []), found, handled | set(re.findall(r"\w+", types)))
+            for handler in child.handlers:
+                _collect(handler, found, handled)
+            _collect(ast.Module([*child.orelse, *child.finalbody], []), found, handled)
+            continue
+        _collect(child, found, handled)
+
+
+def states(function: Function, errors: set[str]) -> bool:
+    """Whether a docstring says what is raised, lists the exit codes of a command, or refers to one that does."""
+    return bool(re.search(r"\b[Rr]aises?\b|^Exit codes|^See [\w.]+\.$", function.text, re.MULTILINE)) or any(
+        re.search(rf"\b{error}\b", function.text) for error in errors - {"error"}
+    )
+
+
 def test_the_walk_sees_what_is_missing(tmp_path: Path) -> None:
     """Fails when a docstring without shape or unit passes, or a complete one does not."""
     source = (
@@ -117,6 +151,27 @@ def test_docstrings_state_shapes_and_units(path: Path) -> None:
     """Fails when a public function takes or returns an array without its shape, or a number without its unit."""
     missing = {function.where: lacking for function in public_functions(path) if (lacking := list(faults(function)))}
     assert not missing
+
+
+def test_the_walk_sees_errors(tmp_path: Path) -> None:
+    """Fails when an error that a docstring does not name passes, or one that is named, handled or printed does not."""
+    source = (
+        'def a():\n    """A."""\n    if 1:\n        raise ValueError("x")\n'
+        'def b():\n    """B. Raises ValueError for x."""\n    raise ValueError("x")\n'
+        'def c():\n    """C."""\n    try:\n        raise ValueError\n    except (OSError, ValueError):\n        pass\n'
+        'def d():\n    """D."""\n    with running():\n        raise ValueError("x")\n'
+        'def e():\n    """E."""\n    try:\n        f()\n    except OSError:\n        raise ValueError("x") from None\n'
+    )
+    (tmp_path / "module.py").write_text(source, encoding="utf-8")
+    walked = {f.node.name: raised(f) for f in public_functions(tmp_path / "module.py") if not states(f, raised(f))}
+    assert {name for name, errors in walked.items() if errors} == {"a", "e"}
+
+
+@pytest.mark.parametrize("path", files(), ids=lambda path: str(path.relative_to(ROOT)))
+def test_docstrings_state_errors(path: Path) -> None:
+    """Fails when a public function raises an error itself and its docstring does not say so."""
+    silent = {f.where: errors for f in public_functions(path) if (errors := raised(f)) and not states(f, errors)}
+    assert not silent
 
 
 @pytest.mark.parametrize("path", files(), ids=lambda path: str(path.relative_to(ROOT)))

@@ -38,7 +38,7 @@ NO_INTEGER = 0x7FFFFFFF
 
 
 def build(name: str, sources: Sequence[Path], *options: str, folder: Path | None = None, compiler: str = "cc") -> Path:
-    """Compile sources into out/firmware (or folder), where the same build is missing; its path."""
+    """Compile sources into out/firmware (or folder), where the same build is missing; its path, else RuntimeError."""
     folder = folder or ROOT / "out" / "firmware"
     headers = sorted(path for path in FIRMWARE.rglob("*.[ch]"))
     text = b"".join(path.read_bytes() for path in [*headers, *sources]) + " ".join((compiler, *options)).encode()
@@ -70,7 +70,10 @@ def replay(words: NDArray[np.uint32]) -> tuple[int, int]:
 
 
 def record_tests(traces: Path, *tests: str) -> None:
-    """Run tests, without the lock of real time, and write all traces that they replay into one file."""
+    """Run tests, without the lock of real time, and write all traces that they replay into one file.
+
+    Raises RuntimeError where they fail.
+    """
     environment = os.environ | {"TRACES": str(traces)}
     command = [sys.executable, "-m", "pytest", "-q", "--noconftest", "-p", "no:cacheprovider", *tests]
     done = subprocess.run(command, check=False, capture_output=True, text=True, cwd=ROOT, env=environment)

@@ -69,7 +69,7 @@ def cases(path: Path, seed: int, half: str, names: Sequence[str]) -> Iterator[Ca
 
 
 def row_of(case: Case, found: Diagnosis, deleted: bool, seconds: float) -> dict[str, Any]:
-    """What a diagnosis says about a case. seconds: CPU time [s]."""
+    """What a diagnosis says about a case. seconds: CPU time [s]. Raises RuntimeError where it diagnosed no joint."""
     if not found.joints:
         raise RuntimeError(f"{case.name}: {found.not_judged}")
     joint = found.joints[0]

@@ -72,7 +72,10 @@ def learn_law(
 def begin_law(
     problem: JointProblem, textbook: MapFit, effect: Effect, rng: np.random.Generator, fits: int = SETTINGS.law_fits[0]
 ) -> list[MapFit]:
-    """Short fits of the law from the textbook form and from the `fits` cheapest other starts, the best one first."""
+    """Short fits of the law from the textbook form and from the `fits` cheapest other starts, the best one first.
+
+    Raises ValueError for an effect without a learned law.
+    """
     if not effect.coefficients:
         raise ValueError(f"the effect {effect.name} has no learned law")
     added = _added(problem, textbook, effect)

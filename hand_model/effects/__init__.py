@@ -78,7 +78,7 @@ def markdown_table() -> str:
 
 
 def class_table() -> str:
-    """The classes as a Markdown table; docs/effects.md carries it."""
+    """The classes as a Markdown table; docs/effects.md carries it. Raises ValueError for an effect without a class."""
     heads = (
         "effect",
         "acts on",

@@ -183,6 +183,7 @@ class Bench:
 
         stiffness: of the obstacle [N m/rad].  error: largest relative error of the law's model [-], as in `ticks`.
         load_nm: size [N m] of a load that the model lacks; it resists every other joint and helps the rest.
+        Raises RuntimeError where no joint reaches its obstacle.
         """
         rng = np.random.default_rng([self.seed, 2])
         q = draw(self.hand, self.hands, ERROR, rng)

@@ -177,7 +177,7 @@ def fit(step_s: float) -> Reference:
 
 
 def compile_reference(folder: Path, width: int) -> Reference:
-    """The integrator in C as a function like `ours`; it has the rows of the plain plant alone."""
+    """The integrator in C as a function like `ours`. Raises RuntimeError for rows beyond the plain plant."""
     target = folder / f"plant_{width}.so"
     command = ["cc", *FLAGS, f"-DWIDTH={width}", "-shared", "-fPIC", str(SOURCE), "-o", str(target)]
     subprocess.run(command, check=True)
@@ -209,7 +209,7 @@ def pointer(data: Any) -> ctypes.c_void_p:
 
 
 def check_agreement(states: Array, expected: Array) -> None:
-    """Raise unless both trajectories (samples, STATES, joints) agree in pressure and angle."""
+    """Raises RuntimeError unless both trajectories (samples, STATES, joints) agree in pressure and angle."""
     difference = np.abs(states - expected).max(axis=(0, 2))
     if not (difference[P] <= AGREEMENT[0] and difference[PHI] <= AGREEMENT[1]):
         problem = f"{difference[P]:.3g} Pa and {np.degrees(difference[PHI]):.3g} deg"

@@ -251,7 +251,7 @@ class User:
         return bool(self.call(Trigger, name, Trigger.Request()).success)
 
     def drive(self) -> None:
-        """Reset and enable, and wait until the hand is controlled and moves under pressure."""
+        """Reset and enable; wait until the hand is controlled and moves under pressure. Raises TooLateError."""
         self.until(lambda: time.monotonic() - self.frame_at_s < 0.05, "no joint states")
         self.until(lambda: self._commands.get_subscription_count() > 0, "nobody subscribes to joint_commands")
         end_s = time.monotonic() + WAIT_S

@@ -329,7 +329,7 @@ def _stick_valve(loop: Loop, joint: int, begin: int) -> None:
 
 
 def study(hand: Hand, cases: list[Case], seed: int) -> list[Outcome]:
-    """Run cases that share error, motion, joint and start against one reference."""
+    """Run cases that share error, motion, joint and start against one reference. Raises RuntimeError if it vents."""
     first = cases[0]
     reference = _run(hand, first, seed, broken=False)
     if reference.vented is not None:
