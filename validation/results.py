@@ -79,7 +79,7 @@ def _with_run(scores: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def read_run(path: Path) -> dict[str, Any]:
-    """Sources of a run's output: a bench file, faults.json, soak.json, a trial's folder, machines.json or reality.json.
+    """Sources of a run's output: of benches, of faults, of a soak, of mutants, of a trial, of machines or of reality.
 
     Raises ValueError for anything else, and for a quick bench, campaign or soak, whose numbers are no measurement.
     """
@@ -112,6 +112,9 @@ def read_run(path: Path) -> dict[str, Any]:
         return {"referees": {**provenance("hand trial make OUT --plant PLANT"), "results": _with_run(data)}}
     if isinstance(data, dict) and "scores" in data:
         return {"trial": {**data["made"], "command": "make proof", "results": data}}
+    if isinstance(data, dict) and "mutation" in data:
+        about = {key: data[key] for key in ("command", "date", "commit", "machine")}
+        return {"mutation": {**about, "results": _with_groups(data["mutation"], about)}}
     if isinstance(data, dict) and "machines" in data:
         about = {key: data[key] for key in ("command", "date", "commit", "machine")}
         results = {key: data[key] for key in ("machines", "failed")}
@@ -124,7 +127,7 @@ def read_run(path: Path) -> dict[str, Any]:
     if isinstance(data, list) and data and "quantity" in data[0]:
         return {"paper": {**provenance("hand reproduce --out out/paper"), "results": data}}
     raise ValueError(
-        f"{path}: neither results of benches, of faults, of a soak, of a trial, of real machines nor of hand reproduce"
+        f"{path}: neither results of benches, of faults, of a soak, of a trial, of mutants, of machines nor of hand reproduce"
     )
 
 
@@ -144,6 +147,14 @@ def _campaign(data: dict[str, Any]) -> dict[str, Any]:
         kept = [{"made": before} | result for result in stored["results"] if result["family"] not in families]
         found[source] = {**about, "command": command, "results": [*kept, *new]}
     return found
+
+
+def _with_groups(groups: dict[str, Any], about: dict[str, str]) -> dict[str, Any]:
+    """The stored groups of mutants, each with its own command, date and commit, and those of a run in their places."""
+    if failed := [name for name, group in groups.items() if "error" in group]:
+        raise ValueError(f"the mutation run of {', '.join(failed)} failed; it is no measurement")
+    kept: dict[str, Any] = load().get("mutation", {}).get("results", {})
+    return kept | {name: {**group, **about} for name, group in groups.items()}
 
 
 def _first_runs(data: dict[str, Any]) -> dict[str, Any]:

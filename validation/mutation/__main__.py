@@ -2,7 +2,7 @@
 
 The group `firmware` mutates C (c_session.py). Each TOML file of this folder is one group in the format of cosmic-ray:
 the modules to mutate, the tests to run, the operators that are left out. The tree is copied to a temporary folder
-first, so that no mutated file can remain here.
+first, so that no mutated file can remain here. `python -m validation.figures --take out/mutation.json` stores a run.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ import sys
 import tempfile
 from pathlib import Path
 from typing import Any
+
+from validation.results import provenance
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -42,13 +44,16 @@ def main() -> int:
     if arguments.sample < 0:
         parser.error(f"--sample is {arguments.sample}; it must be 0 or more")
     version = importlib.metadata.version("cosmic-ray")
+    command = " ".join(["python -m validation.mutation", *sys.argv[1:]])
+    about = provenance(command)
     print(f"cosmic-ray {version}, seed {arguments.seed}, sample {arguments.sample or 'all mutants'}", flush=True)
     with tempfile.TemporaryDirectory(prefix="mutation-") as folder:
         tree = Path(folder) / "tree"
         shutil.copytree(ROOT, tree, ignore=SKIPPED)
         groups = {name: _run(tree, name, arguments.sample, arguments.seed) for name in arguments.group or names}
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    result = {"cosmic_ray": version, "seed": arguments.seed, "sample": arguments.sample, "groups": groups}
+    drawn = {"seed": arguments.seed, "sample": arguments.sample}
+    result = {**about, "cosmic_ray": version, "mutation": {name: {**groups[name], **drawn} for name in groups}}
     arguments.out.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     _print_table(groups)
     print(f"details: {arguments.out}")

@@ -69,7 +69,8 @@ def main() -> None:
     begun_s = time.monotonic()
     with tempfile.TemporaryDirectory(prefix=f"{name}-") as folder:
         result = _run(chosen, Path(folder))
-    _say(**result, total=len(every), seconds=time.monotonic() - begun_s)
+    modules = sorted({f"firmware/{mutant.source.relative_to(FIRMWARE)}" for _, mutant in every})
+    _say(**result, modules=modules, total=len(every), seconds=time.monotonic() - begun_s)
 
 
 def _run(chosen: list[tuple[Part, Mutant]], folder: Path) -> dict[str, Any]:

@@ -52,8 +52,9 @@ def main() -> None:
         survivors += [survivor] if survivor else []
         if number % 10 == 0:
             _say(progress=f"{number} of {len(chosen)} mutants, {killed} killed")
+    modules = sorted({str(mutation.module_path) for mutation in mutations})
     counts = {"mutants": len(chosen), "total": len(mutations), "killed": killed, "survivors": survivors}
-    _say(**counts, seconds=time.monotonic() - begun_s)
+    _say(**counts, modules=modules, seconds=time.monotonic() - begun_s)
 
 
 def _uncompiled(*functions: Any, **_options: Any) -> Any:
