@@ -7,9 +7,11 @@ libraries once: that takes a fraction of the time of a new interpreter for each 
 from __future__ import annotations
 
 import json
+import math
 import os
 import random
 import re
+import resource
 import signal
 import sys
 import time
@@ -26,6 +28,7 @@ from cosmic_ray.plugins import get_operator
 from cosmic_ray.work_item import MutationSpec
 
 HERE = Path(__file__).resolve().parent
+WAITS = 20
 LIBRARIES = ("numpy", "numba", "scipy.optimize", "scipy.interpolate", "scipy.stats", "yaml", "cobs.cobs")
 """What the tests import besides the code under test."""
 
@@ -105,14 +108,20 @@ def _survivor(mutation: MutationSpec, tests: list[str], timeout_s: float) -> dic
 
 
 def _tests_fail(tests: list[str], timeout_s: float) -> bool:
-    """Whether the tests fail, or take longer than timeout_s [s], in a forked child."""
+    """Whether the tests fail, or take more processor time than timeout_s [s], in a forked child.
+
+    Processor time, because a busy machine would otherwise kill mutants that the tests do not; WAITS times as long for
+    a child that waits for ever.
+    """
     child = os.fork()
     if child == 0:
+        limit = math.ceil(timeout_s)
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 1))
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, 1)
         os.dup2(null, 2)
         os._exit(int(pytest.main(tests)))
-    end_s = time.monotonic() + timeout_s
+    end_s = time.monotonic() + WAITS * timeout_s
     while time.monotonic() < end_s:
         done, status = os.waitpid(child, os.WNOHANG)
         if done:
