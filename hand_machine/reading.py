@@ -15,7 +15,6 @@ from scipy.integrate import cumulative_trapezoid
 
 from hand_machine.columns import read_columns
 from hand_machine.description import MachineDescription
-from hand_machine.held import find_repeats
 from hand_machine.settings import MACHINE
 from hand_machine.spikes import find_off_the_motion, find_spikes
 from hand_model.arrays import Array, Flags
@@ -147,3 +146,28 @@ def _settled(read: Flags, time_s: Array) -> Flags:
     span = max(1, round(MACHINE.after_input_gap_s / float(time_s[1] - time_s[0])))
     missing = np.concatenate([[0], np.cumsum(~read)])
     return np.asarray(missing[1:] - missing[np.maximum(np.arange(len(read)) + 1 - span, 0)] == 0, dtype=bool)
+
+
+def find_repeats(values: Array) -> tuple[Flags, float]:
+    """Which finite readings (n,) only repeat the one before, and how many rows the signal is held for; 1: it is not.
+
+    A sensor may be read less often than its value is written down: between two of its values the table has the last
+    one again, so that a moving axis seems to go by steps. A coarse encoder also repeats its readings, but goes on by
+    single steps; one that goes on by several at once was not read in between.
+    """
+    none = np.zeros(len(values), dtype=bool)
+    steps = np.abs(np.diff(values))
+    moving = steps[steps > 0.0]
+    if not len(moving) or 1.0 - len(moving) / len(steps) < MACHINE.least_repeated:
+        return none, 1.0
+    resolution = float(np.diff(np.unique(values)).min())
+    if float(np.median(moving)) < MACHINE.least_held_steps * resolution:
+        return none, 1.0
+    changes = np.flatnonzero(np.r_[True, steps > 0.0])
+    lengths = np.diff(np.r_[changes, len(values)])
+    held = float(np.median(lengths))
+    if held < 2.0:
+        return none, 1.0
+    run = np.repeat(np.arange(len(changes)), lengths)
+    repeats = np.arange(len(values)) > changes[run]
+    return repeats & (lengths[run] <= MACHINE.most_held * held), held

@@ -61,6 +61,7 @@ def compare(
         origin = Origin(choose_model(machine or model) if kinds[0] == "recording" else None)
         models = ""
         if origin.model is not None:
+            origin.model.print(as_json)
             compared = _recordings(first, second, origin.model.path, mapping, of_machine=machine is not None)
         else:
             compared, models = (_models if kinds[0] == "model" else _reports)(first, second)

@@ -60,7 +60,9 @@ def move(
         from hand_client.requests import parse_moves
         from hand_model.description import load_hand
 
-        wanted = parse_moves(joints, load_hand(choose_model(model).path, joint_prefix))
+        chosen = choose_model(model)
+        wanted = parse_moves(joints, load_hand(chosen.path, joint_prefix))
+        chosen.print(as_json)
         with _client(namespace, "move") as client:
             client.await_control()
             unknown = sorted(set(wanted) - set(client.state.joints))
@@ -76,7 +78,8 @@ def move(
             away, state = _away(client.state, wanted), client.state
     reached = {joint: state.values["position"][joint] for joint in wanted}
     if as_json:
-        print(json.dumps({"arrived": not away, "angle_rad": reached, "wanted_rad": wanted}))
+        moved = {"arrived": not away, "angle_rad": reached, "wanted_rad": wanted}
+        print(json.dumps(moved | {"model_file": chosen.as_json()}))
     else:
         print(
             ", ".join(f"{joint}: {angle:.3f} rad ({math.degrees(angle):.1f} deg)" for joint, angle in reached.items())

@@ -132,6 +132,26 @@ def test_nothing_is_declared_that_nothing_imports() -> None:
     assert depends() <= keys | set(tree()) | {PACKAGE}  # which launch files start
 
 
+def test_what_make_demo_installs_takes_at_most_700_mb() -> None:
+    """Fails when a requirement of the stack, with all that it requires, makes .venv larger than README says."""
+    lines = {**requirements("requirements.txt"), **requirements("requirements-ros.txt"), "pip": "pip"}
+    waiting, sizes, block = list(lines.values()), {}, 4096
+    while waiting:
+        name, extras = re.match(r"([\w.-]+)(?:\[([\w,]+)\])?", waiting.pop()).groups()  # type: ignore[union-attr]
+        try:
+            found = metadata.distribution(name)
+        except metadata.PackageNotFoundError:  # for another Python or system
+            continue
+        if extras is None and name in sizes:
+            continue
+        paths = (Path(str(file.locate())) for file in found.files or ())
+        sizes[name] = sum(-(-path.stat().st_size // block) * block for path in paths if path.is_file())
+        wanted = re.compile(rf"extra == .({(extras or 'none').replace(',', '|')})\b")
+        waiting += [line for line in found.requires or () if "extra ==" not in line or wanted.search(line)]
+    assert set(requirements("requirements.txt")) <= {canonical(name) for name in sizes}
+    assert 300 < sum(sizes.values()) / 2**20 < 700
+
+
 def test_packages_that_need_extras_are_above_the_nodes() -> None:
     """Fails when a node or the plain tool imports, even in a function, what only an extra installs."""
     plain = set(requirements("requirements.txt")) | set(requirements("requirements-ros.txt"))

@@ -13,9 +13,8 @@ from scipy.io import savemat
 from typer.testing import CliRunner
 
 from hand_machine.description import load_description
-from hand_machine.held import find_repeats
 from hand_machine.machine import load_machine
-from hand_machine.reading import Readings, read_machine
+from hand_machine.reading import Readings, find_repeats, read_machine
 from hand_machine.spikes import find_off_the_motion, find_spikes
 from hand_machine.suggestion import suggest_map
 from hand_model.yaml_loader import DescriptionError

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import resource
 import shutil
 import subprocess
@@ -260,6 +261,14 @@ def test_which_model_was_used(recording: Path, tmp_path: Path) -> None:
     assert shown.stderr == ""
     assert json.loads(shown.stdout)["model_file"] == {"path": str(CONFIG), "sha256": digest}
     assert hand(*arguments, "--out", str(tmp_path / "c.mcap"), "--quiet").stderr == ""
+
+
+def test_every_command_that_chooses_a_model_prints_it() -> None:
+    """Fails when a command reads a model and does not say which file it is, with its hash."""
+    for path in sorted((ROOT / "hand_tool").glob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        if "choose_model(" in text and path.stem != "chosen_model":
+            assert re.search(r"\b(chosen|model)\.print\(", text), path.name
 
 
 def test_verbose_shows_where_an_error_arose(folder: Path) -> None:
