@@ -5,6 +5,7 @@ read here. `hand` is the only console script. The nodes are data files below lib
 launch files look for executables, and where neither pip nor colcon puts them on PATH.
 """
 
+import os
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -44,6 +45,10 @@ PACKAGES = [
     "validation.referees",
     "validation.trial",
 ]
+WITHOUT = "HAND_WITHOUT_VALIDATION"
+"""Environment variable: set to 1, the build leaves out `validation`, which no robot needs."""
+if os.environ.get(WITHOUT) == "1":
+    PACKAGES = [package for package in PACKAGES if package.split(".")[0] != "validation"]
 ROOT = Path(__file__).resolve().parent
 EXTRAS = ("ros", "analysis", "studio", "validation", "dev")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 import os
 import re
 import subprocess
@@ -203,6 +204,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """`bin` of a new virtual environment with the wheel of this tree; it sees our libraries, but not ROS."""
     folder = tmp_path_factory.mktemp("installed")
     environment = {name: value for name, value in os.environ.items() if name not in CLEAN}
+    environment["HAND_WITHOUT_VALIDATION"] = "1"  # as for a robot
     source = folder / "source"
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True, text=True).stdout
     for name in filter(None, listed.split("\0")):  # a build leaves files next to its sources
@@ -231,27 +233,43 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return python.parent
 
 
-def test_pip_installs_a_working_hand_without_ros(installed: Path, tmp_path: Path) -> None:
-    """Fails when an installation by pip lacks a module, the model, a message definition or a template."""
+def hand(installed: Path, cwd: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the installed `hand` without the environment of ROS or of this tree."""
     environment = {name: value for name, value in os.environ.items() if name not in CLEAN}
+    command = [str(installed / "hand"), *arguments]
+    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300, check=False)
 
-    def hand(*arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [str(installed / "hand"), *arguments]
-        return subprocess.run(
-            command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300, check=False
-        )
 
-    assert hand("--version").stdout.startswith("hand ")
-    made = hand("excite", "steps", "--duration", "3", "--joints", "index_distal", "--out", "steps.mcap")
+def test_pip_installs_a_working_hand_without_ros(installed: Path, tmp_path: Path) -> None:
+    """Fails when pip installs no module, model or template that hand needs, or validation against the wish."""
+    assert hand(installed, tmp_path, "--version").stdout.startswith("hand ")
+    made = hand(
+        installed, tmp_path, "excite", "steps", "--duration", "3", "--joints", "index_distal", "--out", "a.mcap"
+    )
     assert made.returncode == 0, made.stderr
     assert str(installed.parent / "share" / "fluidic_hand" / "config" / "hand.yaml") in made.stderr
-    assert hand("simulate", "steps.mcap", "--out", "again.mcap").returncode == 0
-    assert hand("diagnose", "--help").returncode == 0
-    assert hand("identify", "dynamics", "--help").returncode == 0
-    refused = hand("record", "--out", "nothing")
-    assert refused.returncode == 2
-    assert "needs ROS 2 Jazzy" in refused.stderr
-    assert len(refused.stderr.splitlines()) == 1
+    assert hand(installed, tmp_path, "simulate", "a.mcap", "--out", "again.mcap").returncode == 0
+    for words, line in (
+        (("record", "--out", "nothing"), "needs ROS 2 Jazzy"),
+        (("reproduce", "--out", "b"), "pip install"),
+    ):
+        refused = hand(installed, tmp_path, *words)
+        assert refused.returncode == 2 and line in refused.stderr
+        assert len(refused.stderr.splitlines()) == 1
+    assert not list(installed.parent.glob("lib/python3*/site-packages/validation"))
+
+
+@pytest.mark.long
+def test_what_pip_installs_diagnoses_and_identifies(installed: Path, tmp_path: Path) -> None:
+    """Fails when an installation by pip lacks what a diagnosis or an identification reads: pages, schema, settings."""
+    words = ("excite", "steps", "--duration", "3", "--joints", "index_distal", "--out", "a.mcap")
+    assert hand(installed, tmp_path, *words).returncode == 0
+    named = hand(installed, tmp_path, "diagnose", "a.mcap", "--joints", "index_distal", "--out", "found", "--json")
+    assert named.returncode == 0 and json.loads(named.stdout)["verdict"] == "agrees", named.stderr
+    assert (tmp_path / "found" / "report.html").stat().st_size > 10_000
+    words = ("identify", "dynamics", "a.mcap", "--joints", "index_distal", "--out", "model.yaml", "--json")
+    fitted = hand(installed, tmp_path, *words)
+    assert fitted.returncode == 0 and "index_distal" in fitted.stdout, fitted.stderr
 
 
 TYPED = (

@@ -116,7 +116,12 @@ def effects_table(entry: Entry) -> str:
         else:
             rows.append((f"`{row['effect']}`", 0, "", "", "", "", "not visible in any recording"))
     header = ("hidden", "recordings", "first", "joint", "place", "probability", "named instead")
-    return f"{markdown(header, rows)}\n\n{source_line(entry)}"
+    total, first, joint, place = (
+        sum(row[key] for row in entry["results"][0]["rows"]) for key in ("shown", "first", "joint", "place")
+    )
+    sums = f"Of all {total} recordings, the effect is named first in {first}; the joint is correct in {joint},"
+    sums = f"{sums} the place in {place}."
+    return f"{markdown(header, rows)}\n\n{sums} {source_line(entry)}"
 
 
 def compare_table(entry: Entry) -> str:

@@ -39,6 +39,7 @@ BENCHES = (
     "rivals",
     "studio",
     "demo",
+    "command",
 )
 PROGRAMS = {
     "plant": ("cc",),

@@ -2,6 +2,8 @@
 
 The reference in C is a classical Runge-Kutta integrator of the plain plant's equations, written with vector
 instructions. Both run the same motion at the default step, and their trajectories must agree before either is timed.
+
+HAND_FORMER=folder: the tree of another version of this project, whose open loop is run in turn with this one's.
 """
 
 from __future__ import annotations
@@ -63,9 +65,55 @@ print(json.dumps([imported, time.process_time() - imported]))
 """
 
 
+FITS = """
+import json, time
+import numpy as np
+from hand_model.description import load_hand
+from hand_model.effects.effect import EXOGENOUS
+from hand_model.kernel.open_loop import MeasuredInputs, open_loop
+from hand_model.kernel.rows import STATES
+column, u = load_hand("config/hand.yaml").parameters[:, 0], np.array({set_points})
+columns, start = np.repeat(column[None], {sets}, axis=0), np.zeros(({sets}, STATES))
+inputs = MeasuredInputs(u, np.abs(u), np.zeros((len(u), EXOGENOUS)), {period_s})
+def once():
+    begin = time.process_time()  # of all threads
+    open_loop(columns, start, inputs, step_s={step_s}, effects=())
+    return time.process_time() - begin
+print(json.dumps([once() for _ in range(6)]))
+"""
+"""The open loop as a fit runs it, in any version: CPU seconds, the first call compiles."""
+FORMER = "HAND_FORMER"
+"""Environment variable with the folder of the other version."""
+FORMER_GOAL = 1.1
+
+
 def run(quick: bool) -> list[dict[str, Any]]:
     """All results of this bench; quick: few rounds."""
-    return [*against_c(5 if quick else 100), *start_up(1 if quick else 5), one_sample(100 if quick else 2000)]
+    results = [*against_c(5 if quick else 100), *start_up(1 if quick else 5), one_sample(100 if quick else 2000)]
+    if FORMER in os.environ:
+        results.append(former_fits(Path(os.environ[FORMER]).resolve(), 1 if quick else 5))
+    return results
+
+
+def former_fits(former: Path, rounds: int) -> dict[str, Any]:
+    """The open loop of this version and of another one, in turn. Raises ValueError where there is no such tree."""
+    if not (former / "hand_model" / "kernel" / "open_loop.py").is_file():
+        raise ValueError(f"{FORMER} is {former}; it must be a tree of this project")
+    step_s = FIT_STEPS_S[-1]
+    u = set_points()[:, 0].tolist()
+    script = FITS.format(set_points=u, sets=FITTED, period_s=PERIOD_S, step_s=step_s)
+    times = np.array([[_least(script, tree) for tree in (ROOT, former)] for _ in range(rounds)])
+    ours, theirs = (float(value) for value in np.median(times, axis=0))
+    per_step_ns = 1e9 / (SAMPLES * steps_per_sample(PERIOD_S, step_s) * FITTED)
+    name = f"open loop, {FITTED} parameter sets, step {step_s * 1e3:g} ms (reference: the former version)"
+    return figure(name, ours * per_step_ns, FORMER_GOAL, "ns CPU/joint-step", theirs * per_step_ns)
+
+
+def _least(script: str, tree: Path) -> float:
+    """Least of the times [s] that a script prints but the first one, run with the code of a tree."""
+    environment = os.environ | {"PYTHONPATH": str(tree)}
+    done = subprocess.run([sys.executable, "-c", script], cwd=tree, env=environment, capture_output=True, check=True)
+    return float(min(json.loads(done.stdout)[1:]))
 
 
 def against_c(rounds: int) -> list[dict[str, Any]]:
