@@ -20,6 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numba
+import numba.extending
+import numpy as np
 import pytest
 from cosmic_ray.commands.init import _all_work_items
 from cosmic_ray.config import load_config
@@ -39,7 +41,7 @@ def main() -> None:
     config = load_config(str(HERE / f"{name}.toml"))
     for library in LIBRARIES:
         import_module(library)
-    numba.njit = _uncompiled
+    _leave_uncompiled()
     command, timeout_s = config["test-command"].split(), float(config["timeout"])
     tests = command[command.index("pytest") + 1 :]
     if _tests_fail(tests, 60.0):
@@ -60,11 +62,19 @@ def main() -> None:
     _say(**counts, modules=modules, seconds=time.monotonic() - begun_s)
 
 
+def _leave_uncompiled() -> None:
+    """Let loops run as Python: a mutant runs once, and compiling it would take longer than its tests."""
+    numba.njit = _uncompiled
+    numba.carray = lambda pointer, shape: np.empty(shape)
+    numba.extending.intrinsic = lambda function: lambda *arguments: None
+
+
 def _uncompiled(*functions: Any, **_options: Any) -> Any:
-    """Stand in for numba.njit: a mutant runs once, and compiling it would take longer than its tests."""
+    """Stand in for numba.njit."""
 
     def same(function: Any) -> Any:
         function.py_func = function
+        function.compile = lambda signature: None
         return function
 
     return same(functions[0]) if functions else same
