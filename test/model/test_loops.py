@@ -75,7 +75,7 @@ def test_both_loops_agree(name: str) -> None:
     states = closed(parameters, commands, STEP_S)[:-1]
     motion = states[:, PHI, DISTAL], states[:, OMEGA, DISTAL], np.gradient(states[:, OMEGA, DISTAL], STEP_S)
     partner = np.gradient(states[:, OMEGA, PROXIMAL], STEP_S)
-    time_s: Array = np.arange(80) * STEP_S
+    time_s = np.asarray(np.arange(80) * STEP_S, dtype=np.float64)
     around = surroundings_of(time_s, motion, states[:, PHI, PROXIMAL], partner)
     inputs = MeasuredInputs(commands[:, DISTAL], states[:, P, DISTAL].copy(), around, STEP_S)
     sets = np.repeat(parameters[:, [DISTAL]].T, 9, axis=0)
@@ -94,7 +94,7 @@ def test_imposed_motion_gives_the_force_of_the_equations() -> None:
     keys = ("a0_nm", "a1_nm_per_rad", "a2_nm_per_pa", "a3_nm_per_pa_rad")
     column = varied({"coulomb_friction.torque_nm": 0.01, "coulomb_friction.presliding_deg": 1e-3})[:, [DISTAL]]
     column[ROW["material.phi_max_deg"]] = 0.0
-    time_s: Array = np.arange(12) * 0.005
+    time_s = np.asarray(np.arange(12) * 0.005, dtype=np.float64)
     phi: Array = 0.5 + 0.4 * time_s
     omega: Array = np.full(12, 0.4)
     alpha: Array = np.full(12, 2.0)

@@ -466,6 +466,14 @@ def settled_pair(a: float, b: float, rub_a: float, rub_b: float) -> tuple[float,
     return float(speed[0]), float(speed[1])
 
 
+@pytest.mark.parametrize(("before", "after"), [(0.5, 0.4), (-0.5, -0.4), (0.4, 0.5)])
+def test_a_joint_that_does_not_turn_keeps_the_whole_impulse(before: float, after: float) -> None:
+    """Fails when friction gives less to a joint that moves on in its direction within the step."""
+    turned = getattr(steps._turned, "py_func", steps._turned)
+    assert turned(before, after + 0.1, after, 2.0, 0.1) == 0.0
+    assert turned(before, -after, -after, 2.0, 0.1) != 0.0
+
+
 def test_two_coupled_joints_stick_and_slide() -> None:
     """Broken by any of the four cases of two rubbing joints, in each direction; against an iterative solution."""
     rng = np.random.default_rng(12)
