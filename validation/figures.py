@@ -22,6 +22,7 @@ from validation import hand_picture, tables
 from validation.bench.__main__ import BENCHES, missing_tools, quick_results
 from validation.faults import page as faults_page
 from validation.machines import tables as machine_tables
+from validation.mutation import tables as mutants
 from validation.results import ROOT, STORE, load, provenance, read_run, store
 from validation.trial import document
 
@@ -111,6 +112,8 @@ PARTS: dict[str, Part] = {
     "python -m validation.trial_rivals FOLDER --train FOLDER": Part("trial_rivals", tables.rivals_table),
     "make proof DATA=folder # machines": Part("reality", _trial(document.reality_table)),
     "make proof DATA=folder # seal": Part("reality", tables.machine_sentence),
+    "python -m validation.mutation # groups": Part("mutation", mutants.groups_table),
+    "python -m validation.mutation # survivors": Part("mutation", mutants.survivors_table),
     "make machines DATA=folder # results": Part("machines", machine_tables.machines_table),
     "make machines DATA=folder # first runs": Part("machines/first", machine_tables.first_runs_table),
     "make machines DATA=folder # sources": Part("machines", machine_tables.sources_table),
@@ -145,7 +148,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         "--take", type=Path, action="append", default=[], metavar="RUN",
         help="store a long run's results first: out/bench.json, out/faults.json, out/soak.json, a trial's folder,"
-        " machines.json, trial_rivals.json, reality.json; may be repeated",
+        " mutation.json, machines.json, trial_rivals.json, reality.json; may be repeated",
     )  # fmt: skip
     options = parser.parse_args(arguments)
     if options.check:

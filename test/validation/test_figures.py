@@ -14,6 +14,7 @@ from hand_model.description import load_hand
 from hand_model.geometry import link_poses
 from validation import hand_picture
 from validation.figures import PARTS, Part, check, fill, layout, main, pages, quick_fault, sections
+from validation.mutation.tables import kind_of, kinds
 from validation.results import ROOT, STORE, load
 
 PROVENANCE = {"command", "date", "commit", "machine", "results"}
@@ -108,3 +109,17 @@ def test_bad_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert len(lines) == 2 and "neither results of benches" in lines[0] and "nowhere" in lines[1]
     assert STORE.read_bytes() == before
     assert ROOT in STORE.parents
+
+
+def test_survivors_of_mutation_runs_get_the_reason_of_their_kind() -> None:
+    """Fails when a survivor gets a reason that is not its own, or a reason is kept for a line that is gone."""
+    known = kinds()
+    survivor = {"module": "hand_control/law.py", "before": "if a and dt > 0.0:", "after": "if a and dt != 0.0:"}
+    kind = kind_of(survivor, known)
+    assert kind is not None and "cannot be negative" in kind.kind
+    assert kind_of({**survivor, "after": "if a and dt > 1.0:"}, known) is None
+    assert kind_of({**survivor, "module": "hand_control/node.py"}, known) is None
+    for each in known:
+        for module, changes in each.survivors.items():
+            text = (ROOT / module).read_text(encoding="utf-8")
+            assert all(change.split(" -> ")[0] in text for change in changes), (module, changes)
