@@ -127,7 +127,7 @@ def read_run(path: Path) -> dict[str, Any]:
     if isinstance(data, list) and data and "quantity" in data[0]:
         return {"paper": {**provenance("hand reproduce --out out/paper"), "results": data}}
     raise ValueError(
-        f"{path}: neither results of benches, of faults, of a soak, of a trial, of mutants, of machines nor of hand reproduce"
+        f"{path}: no results of benches, faults, a soak, a trial, mutants, machines or hand reproduce"
     )
 
 

@@ -156,5 +156,5 @@ def test_quick_results_are_not_stored(tmp_path: Path) -> None:
     out.write_text(json.dumps(document | {"quick": False}), encoding="utf-8")
     assert read_run(out)["bench/steps"]["command"] == "python -m validation.bench --only steps"
     out.write_text("[]", encoding="utf-8")
-    with pytest.raises(ValueError, match="neither results of benches"):
+    with pytest.raises(ValueError, match="no results of benches"):
         read_run(out)

@@ -106,7 +106,7 @@ def test_bad_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert main(["--take", str(tmp_path / "run.json")]) == 2
     assert main(["--take", str(tmp_path / "nowhere")]) == 2
     lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 2 and "neither results of benches" in lines[0] and "nowhere" in lines[1]
+    assert len(lines) == 2 and "no results of benches" in lines[0] and "nowhere" in lines[1]
     assert STORE.read_bytes() == before
     assert ROOT in STORE.parents
 
