@@ -1,4 +1,4 @@
-"""All tests: compiled kernels are those of the sources under test; tests in real time run alone.
+"""All tests: tests in real time run alone.
 
 `make test` runs the tests in several processes (pytest-xdist). A test in real time keeps deadlines, and a process that
 is delayed by 0.1 s makes the hand vent. So one process runs all of these at the end, and the processes share a lock:
@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import fcntl
 import gc
-import hashlib
 import math
 import os
 import signal
@@ -34,11 +33,6 @@ settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
 ROOT = Path(__file__).resolve().parent.parent
-_SOURCES = sorted([*ROOT.glob("hand_*/**/*.py"), *ROOT.glob("validation/**/*.py")])
-_STAMP = hashlib.sha256(b"".join(path.read_bytes() for path in _SOURCES)).hexdigest()[:16]
-# Numba's cache looks at changes of one file alone; a kernel that takes an equation from another could be stale.
-# Set before numba is imported, and inherited by every process that a test starts.
-os.environ["NUMBA_CACHE_DIR"] = str(ROOT / ".pytest_cache" / f"kernels-{_STAMP}")
 
 REAL_TIME = (
     "nodes/",
