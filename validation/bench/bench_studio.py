@@ -83,8 +83,7 @@ def start(browser: Browser) -> tuple[float, float, float]:
 
 def move(browser: Browser) -> None:
     """Move a finger by the page until its picture changes."""
-    browser.until("document.querySelector('#safety')?.innerText === 'controlling'", LONGEST_S)
-    browser.until("document.querySelector('canvas')")
+    control(browser)
     before, now = b"", browser.scene()
     while not before or np.ptp(imread(io.BytesIO(now))) < 0.1 or changed(before, now) > 0.0:
         before, now = now, browser.scene()
@@ -92,6 +91,21 @@ def move(browser: Browser) -> None:
     end = time.monotonic() + LONGEST_S
     while changed(now, browser.scene()) < MOVED:
         assert time.monotonic() < end, f"the hand does not move: {browser.text()}"
+        if control(browser):
+            browser.press("index_proximal", "Home")
+            browser.press("index_proximal", "End")
+
+
+def control(browser: Browser) -> bool:
+    """Wait until the hand is controlled; whether it had to be enabled, because a machine that stalls vents it."""
+    end, enabled = time.monotonic() + LONGEST_S, False
+    while (safety := str(browser.run("document.querySelector('#safety')?.innerText ?? ''"))) != "controlling":
+        assert time.monotonic() < end, f"the hand is not controlled: {browser.text()}"
+        if safety.startswith("vented"):
+            browser.click("Enable")
+            enabled = True
+        time.sleep(1.5 if enabled else 0.05)
+    return enabled
 
 
 def cpu_of(pid: int) -> float:
