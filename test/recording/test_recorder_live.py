@@ -259,6 +259,7 @@ def test_the_memory_of_a_recorder_does_not_grow_with_its_recording(start: Start,
     time.sleep(8.0)
     grown_mb = resident_mb() - memory_mb
     recorded_mb = written_mb() - file_mb
-    assert recorded_mb > 5.0
-    assert grown_mb < 0.1 * recorded_mb
+    print(f"{recorded_mb:.1f} MB written, compressed; the memory grew by {grown_mb:.1f} MB")
+    assert recorded_mb > 2.0
+    assert grown_mb < 3.0  # 15 MB and more of messages arrive meanwhile
     assert talker.end()[0] == recorder.end()[0] == 0
