@@ -126,9 +126,7 @@ def read_run(path: Path) -> dict[str, Any]:
         return {"reality": {**provenance("make proof DATA=folder"), "results": data}}
     if isinstance(data, list) and data and "quantity" in data[0]:
         return {"paper": {**provenance("hand reproduce --out out/paper"), "results": data}}
-    raise ValueError(
-        f"{path}: no results of benches, faults, a soak, a trial, mutants, machines or hand reproduce"
-    )
+    raise ValueError(f"{path}: no results of benches, faults, a soak, a trial, mutants, machines or hand reproduce")
 
 
 def _campaign(data: dict[str, Any]) -> dict[str, Any]:
