@@ -376,6 +376,16 @@ class Settings(FitSettings):
         " turns over its range.", CHOICE, "Curves are taken for slow harmonics.", "Faster ones are found, slower.")
     remainder_turn: float = setting(0.25, "turns", "Prior deviation of a harmonic over the whole range.", CHOICE,
         "The frequency found by the residual stays.", "A neighbouring minimum may be taken.")
+    # Pages
+    likelihood_limits: tuple[float, float, float] = setting((0.9, 0.66, 0.33), "-", "Least probability that is called"
+        " very probable, probable and possible.", "Mastrandrea et al., Guidance note for lead authors of the IPCC fifth"
+        " assessment report, 2010, Table 1", "Weak findings sound certain.", "Not possible above 1.")
+    compared_motion_s: float = setting(20.0, "s", "Duration of the simulated motion of two compared models.", CHOICE,
+        "Creep is not seen.", "Slower.")
+    compared_motion_pa: float = setting(4e5, "Pa", "Its largest set-point, as that of `hand excite`.", CHOICE,
+        "Joints move over a part of their range.", "Limited by the supply.")
+    compared_least: tuple[float, float] = setting((0.05, 0.3), "deg, kPa", "RMS differences of angle and pressure from"
+        " which a joint is drawn.", "the practical floor", "Plots of equal curves.", "Small differences are not drawn.")
     # fmt: on
 
 

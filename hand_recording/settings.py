@@ -113,6 +113,10 @@ class ReadingSettings:
         (0.01, 100.0), "-", "Plausible rates of a player.", CHOICE, "Slower replays are read by their stamps.",
         "Faster replays are read with their clock.")
 
+    calendar_s: tuple[float, float] = setting(
+        (1e9, 1e10), "s since 1970", "Stamps of a clock that knows the date, 2001 to 2286.", CHOICE,
+        "Clocks that start at zero date recordings.", "Recordings before 2033 have no date.")
+
     # Derivatives, noise and smoothing
     smoothing_s: float = setting(
         0.045, "s", "Window over which speed and acceleration are computed from angles of a hand.", CHOICE,

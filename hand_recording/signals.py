@@ -17,13 +17,10 @@ LEAST_WINDOW = 5
 """Samples through which a cubic or a quadratic leaves any noise to average."""
 
 
-CALENDAR_S = (1e9, 1e10)
-"""Stamps within these [s since 1970], 2001 to 2286, are those of a clock that knows the date."""
-
-
 def on_calendar(stamp_s: float) -> float | None:
     """A stamp [s] where it counts from 1970; None where it counts from the start of a program or a test."""
-    return stamp_s if CALENDAR_S[0] <= stamp_s < CALENDAR_S[1] else None
+    first, last = READING.calendar_s
+    return stamp_s if first <= stamp_s < last else None
 
 
 def samples_on_grid(name: object, first_s: float, last_s: float, period_s: float) -> int:

@@ -11,14 +11,12 @@ import numpy as np
 from hand_diagnosis.pages.compare import Cell, Comparison
 from hand_diagnosis.pages.compare_motions import (
     MOTION,
-    MOTION_S,
-    SHOWN_DEG,
-    SHOWN_KPA,
     compare_motions,
     motion_sentence,
 )
 from hand_diagnosis.pages.hand_entries import entries
 from hand_diagnosis.pages.headline import counted, unit_words
+from hand_diagnosis.settings import SETTINGS
 from hand_machine.description import NUMBERS, MachineDescription
 from hand_machine.found_model import PARAMETER, WEIGHT
 from hand_machine.wording import AXIS, units_of
@@ -77,12 +75,14 @@ def compare_hands(first: Hand, second: Hand) -> Comparison:
     if not common or not (compared.rows or alone):
         return compared
     motion = compare_motions(first, second)
+    least_deg, least_kpa = SETTINGS.compared_least
     shown = tuple(
         plot
         for plot, row in zip(motion.plots, motion.document["joints"], strict=True)
-        if row["angle_rms"] >= SHOWN_DEG or row["pressure_rms"] >= SHOWN_KPA
+        if row["angle_rms"] >= least_deg or row["pressure_rms"] >= least_kpa
     )
-    compared.document["simulated"] = {"motion": MOTION, "duration_s": MOTION_S, "joints": motion.document["joints"]}
+    made = {"motion": MOTION, "duration_s": SETTINGS.compared_motion_s}
+    compared.document["simulated"] = made | {"joints": motion.document["joints"]}
     sentences = (*remarks, motion_sentence(motion.document["joints"], len(shown)))
     return replace(compared, sentences=sentences, plots=shown)
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from hand_diagnosis.pages.drawing import tint
+from hand_diagnosis.settings import SETTINGS
 from hand_pages.numbers import with_error
 
 PROPER = {"coulomb": "Coulomb", "hall": "Hall", "fsr": "FSR"}
@@ -17,9 +18,10 @@ TOGETHER = 3
 """Joints that were not diagnosed for one reason and still have a row each."""
 EVEN = 0.5
 """Probability below which a finding follows what remains, and is called possible."""
-LIKELIHOODS = ((0.9, "very probable"), (0.66, "probable"), (0.33, "possible"), (0.0, "improbable"))
-"""Least probability of each word; the limits are those of Mastrandrea et al., Guidance note for lead authors of the
-IPCC fifth assessment report on consistent treatment of uncertainties, 2010, Table 1."""
+LIKELIHOODS = tuple(
+    zip((*SETTINGS.likelihood_limits, 0.0), ("very probable", "probable", "possible", "improbable"), strict=True)
+)
+"""Least probability of each word."""
 SPLITS = ("test", "validation", "train")
 """The data whose error counts most, first."""
 WORDS = {"train": "training", "validation": "validation", "test": "test"}

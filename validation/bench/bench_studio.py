@@ -75,7 +75,7 @@ def start(browser: Browser) -> tuple[float, float, float]:
         finally:
             browser.open("about:blank")
             process.send_signal(signal.SIGINT)
-            process.wait(timeout=LONGEST_S)
+            process.communicate(timeout=LONGEST_S)  # closes the pipe
     if load is None:
         return wall_s, cpu_s, 0.0
     return wall_s, cpu_s, max(load.others - (cpu_s + drawn_s) / (load.cores * wall_s), 0.0)
