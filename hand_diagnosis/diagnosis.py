@@ -134,7 +134,8 @@ def diagnose(
     Raises ValueError for joints or effects that do not exist, and for a re-run of other commands.
     """
     effects = effects_without(without, model)
-    checked, starts_s = [check(recording, model) for recording in signals], tuple(each.start_s for each in signals)
+    starts_s = tuple(recording.start_s for recording in signals)
+    checked = [check(recording, model) for recording in signals]
     signals = spared_last([each.signals for each in checked])
     unusable = frozenset().union(*(each.unusable for each in checked))
     checked_reruns = [check(rerun, model) for rerun in reruns]
@@ -270,7 +271,7 @@ def _searched(
         problem, whole = search.problem, with_onset(whole, onset, rows)
     machine = task.signals[0].machine
     free_axis = swings_freely(whole)
-    withdrawn = without_repeating(search)
+    withdrawn = () if machine else without_repeating(search)  # what repeats in a machine has a name: cogging
     confirm_laws(whole, search, free_axis=free_axis)
     last = search
     if search.accepted and not machine:
