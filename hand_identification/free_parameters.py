@@ -106,10 +106,8 @@ def nominal_free_parameters(
         bound = JOINT_PARAMETERS[row]
         scale = size * own.get(key, max(tolerance, FITS.wide.get(key, 0.0)))
         reach = FITS.max_tolerances * scale
-        low, high = (
-            max(bound.low * bound.scale, nominal[row] - reach),
-            min(bound.high * bound.scale, nominal[row] + reach),
-        )
+        low = max(bound.low * bound.scale, nominal[row] - reach)
+        high = min(bound.high * bound.scale, nominal[row] + reach)
         free.append(FreeParameter(row, nominal[row], scale, False, low, high))
     if nominal[ROW["material.phi_max_deg"]] != 0.0:
         creep = FITS.rested_creep if rested else FITS.unrested_creep

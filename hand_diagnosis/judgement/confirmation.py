@@ -30,7 +30,8 @@ def without_repeating(search: JointSearch) -> Withdrawn:
     places = [k for k, hypothesis in enumerate(search.accepted) if _over_the_angle(hypothesis)]
     if not any(search.accepted[k].freed for k in places):
         return ()
-    found = repeating_torque(search.problem, fit_without(search, *places)[1])
+    without = fit_without(search, *places)[1]
+    found = repeating_torque(search.problem, without)
     if found is None:
         return ()
     problem, placed, fit = found
@@ -40,7 +41,7 @@ def without_repeating(search: JointSearch) -> Withdrawn:
     names = [search.accepted[k].effect.name for k in places]
     kept = [hypothesis for k, hypothesis in enumerate(search.accepted) if k not in places]
     if kept:
-        kept[-1] = replace(kept[-1], fit=fit_without(search, *places)[1])
+        kept[-1] = replace(kept[-1], fit=without)
     search.accepted[:] = kept
     turn = 1.0 / problem.columns(fit.free, fit.z[None])[0][0, ROW[placed.key]]
     reason = f"a torque that repeats every {np.degrees(turn):.3g} deg of the joint explains the same more simply"

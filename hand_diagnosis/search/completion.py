@@ -168,11 +168,10 @@ def completed(problem: JointProblem, accepted: Sequence[Hypothesis], rng: np.ran
     free = [*fit.free, *added]
     fits = [_fitted(sharp, free, start) for start in _starts(fit, free, own, rng)]
     best = min(fits, key=lambda each: _validation_score(problem, each))
-    coefficients = {ROW[key] for hypothesis in accepted for key in hypothesis.effect.coefficients}
-    fewer = thinned(sharp, best, coefficients - {ROW[key] for h in accepted for key in h.effect.keys})
-    if _validation_score(problem, fewer) <= (1.0 + SETTINGS.min_relative_improvement) * _validation_score(
-        problem, best
-    ):
+    laws = {ROW[key] for h in accepted for key in h.effect.coefficients if key not in h.effect.keys}
+    fewer = thinned(sharp, best, laws)
+    scores = [_validation_score(problem, each) for each in (best, fewer)]
+    if scores[1] <= (1.0 + SETTINGS.min_relative_improvement) * scores[0]:
         best = fewer
     if not _confirmed(problem, fit, best, stage):
         return list(accepted)
