@@ -8,7 +8,6 @@ and damper that rubs.
 
 from __future__ import annotations
 
-import struct
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -23,41 +22,38 @@ from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_model.kernel.rows import ROW
 from hand_recording.loader import load_recording
-from hand_recording.replay import START_NS, record_offline
-from hand_robot.urdf import urdf_text
+from hand_recording.replay import record_offline
+from hand_robot.urdf import description_text
 
 HERE = Path(__file__).resolve().parent
 JOINTS = ("index_proximal", "index_distal")
 SECONDS, SEED = 16.0, 20
 BAG_S, BAG_HZ = 9.0, 100.0
-TOPICS = [f"/hand/{name}" for name in ("joint_states", "pressures", "contact_forces", "valve_command")]
-"""Of the MCAP recordings, next to robot_description."""
+TOPICS = [
+    f"/hand/{name}" for name in ("robot_description", "joint_states", "pressures", "contact_forces", "valve_command")
+]
+"""Of the MCAP recordings."""
 CONCEALED = {"coulomb_friction.torque_nm": 0.012}
 """The effect of index_distal in index_concealed.csv, SI."""
 SLIDE_FRICTION_N = 0.5
 
 
-def record(truth: Hand, seconds: float, path: Path) -> None:
-    """Record a hand whose finger moves."""
+def record(truth: Hand, seconds: float, path: Path, urdf: str) -> None:
+    """Record a hand whose finger moves. urdf: of the hand as it is described."""
     time_s = np.arange(0.0, seconds, 1.0 / truth.rate_hz)
     rng = np.random.default_rng(SEED)
     commands = np.zeros((len(time_s), len(truth.joints)))
     for name, shape in zip(JOINTS, ("reversals", "steps"), strict=True):
         commands[:, truth.joints.index(name)] = 4e5 * np.clip(EXPERIMENTS[shape](time_s, rng), 0.0, 1.0)
-    for _ in record_offline(truth, commands, path, seed=SEED):
+    for _ in record_offline(truth, commands, path, SEED, urdf=urdf):
         pass
 
 
-def compress(recording: Path, hand: Hand, out: Path) -> None:
-    """Copy an MCAP recording with the better compression, and with the robot_description that 3-D views need."""
-    text = urdf_text(hand).encode()
+def compress(recording: Path, out: Path) -> None:
+    """Copy TOPICS of an MCAP recording with the better compression."""
     with recording.open("rb") as source, out.open("wb") as target:
         writer = Writer(target, compression=CompressionType.ZSTD)
         writer.start(profile="ros2", library="fluidic_hand")
-        kind = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
-        robot = writer.register_channel("/hand/robot_description", "cdr", kind)
-        message = b"\0\1\0\0" + struct.pack("<I", len(text) + 1) + text + b"\0"
-        writer.add_message(robot, START_NS, message, START_NS)
         channels: dict[int, int] = {}
         for schema, channel, copied in make_reader(source).iter_messages(TOPICS):
             if channel.id not in channels:
@@ -104,15 +100,16 @@ def main(out: Path) -> None:
     parameters = hand.parameters.copy()
     for key, value in CONCEALED.items():
         parameters[ROW[key], hand.joints.index("index_distal")] = value
+    urdf = description_text(hand)
     head = "time_s," + ",".join(f"{name}_{what}" for name in JOINTS for what in ("set_bar", "bar", "deg"))
     for folder in ("recordings", "machine"):
         (out / folder).mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory() as scratch:
         for name, truth in (("plain", hand), ("concealed", replace(hand, parameters=parameters))):
             path = out / "recordings" / f"index_{name}.csv"
-            record(truth, SECONDS, Path(scratch) / f"{name}.mcap")
-            record(replace(truth, rate_hz=BAG_HZ), BAG_S, Path(scratch) / f"short_{name}.mcap")
-            compress(Path(scratch) / f"short_{name}.mcap", hand, path.with_suffix(".mcap"))
+            record(truth, SECONDS, Path(scratch) / f"{name}.mcap", urdf)
+            record(replace(truth, rate_hz=BAG_HZ), BAG_S, Path(scratch) / f"short_{name}.mcap", urdf)
+            compress(Path(scratch) / f"short_{name}.mcap", path.with_suffix(".mcap"))
             np.savetxt(path, table(Path(scratch) / f"{name}.mcap"), delimiter=",", header=head, comments="", fmt="%.5g")
     np.savetxt(
         out / "machine" / "slide.csv", slide(), delimiter=",", header="t_s,force_N,x_mm", comments="", fmt="%.5g"
