@@ -36,7 +36,7 @@ from std_msgs.msg import Empty
 from hand_messages.bounds import Budget
 from hand_messages.health import Health, Level
 from hand_ros.fault_file import FaultFile, state_path
-from hand_ros.memory import lock_memory, return_large_blocks, spare_collections
+from hand_ros.memory import find_modules, lock_memory, return_large_blocks, spare_collections
 from hand_ros.parameters import NodeParameter, ParameterError, check_all
 from hand_ros.processes import processes
 from hand_ros.publishers import Conflict, Publisher, SolePublishers
@@ -203,6 +203,7 @@ class HandNode(LifecycleNode):
             self.get_logger().error(traceback.format_exc())
             return self._failed(f"internal error: {type(error).__name__}: {_one_line(error)}")
         self.problem, self.configured = None, True
+        find_modules()
         spare_collections()
         return TransitionCallbackReturn.SUCCESS
 
