@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 
@@ -18,9 +19,10 @@ class Request:
 class Inbox:
     """Newest wanted angle of each joint, and requests in order. An emergency stop removes all that waits.
 
-    stop: set by the emergency stop, cleared by the thread that sends it.
+    send_stop: sends an emergency stop, from any thread and at once.  stop: set by it, cleared by the other thread.
     """
 
+    send_stop: Callable[[], None]
     stop: threading.Event = field(default_factory=threading.Event)
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _angle_rad: dict[str, float] = field(default_factory=dict)
@@ -32,7 +34,9 @@ class Inbox:
             self._angle_rad[joint] = angle_rad
 
     def ask(self, name: str, what: str = "") -> None:
-        """Take a request; the emergency stop goes before everything else."""
+        """Take a request; the emergency stop is sent at once, whatever the other thread does."""
+        if name == "stop":
+            self.send_stop()
         with self._lock:
             if name == "stop":
                 self._angle_rad.clear()

@@ -92,10 +92,9 @@ class LivePage:
         self._forces_compiled.set()
 
     def check(self) -> None:
-        """Send an emergency stop at once, whatever the thread waits for; called after every wait of the client."""
+        """Wait for the confirmation of an emergency stop next, and end what is going on."""
         if self._inbox.stop.is_set():
             self._inbox.stop.clear()
-            self._client.send_stop()
             self._inbox.ask("confirm stop")
 
     def _show(self) -> None:

@@ -18,7 +18,7 @@ from viser import _messages
 LOCAL = "127.0.0.1"
 FIRST_PORT, LAST_PORT = 1024, 65535
 TITLE = "hand studio"
-EYE_M, MIDDLE_M = (0.07, -0.27, 0.14), (0.01, 0.0, 0.08)
+EYE_M, MIDDLE_M = (0.07, -0.20, 0.14), (0.01, 0.0, 0.085)
 """Where the page is seen from, and what it looks at; the wrist of the hand is the origin."""
 
 READ_ONLY = (

@@ -28,6 +28,8 @@ FIND = (
 )
 CALLS = re.compile(r"; call reset(_driver)?(, then enable)?$")
 """What a node asks for in the words of ROS; in the page, the button Enable does it."""
+STATUS_EM = 5.5
+"""Height of the state of the hand: a line more or less does not move what is below it."""
 COLUMNS = ("joint", "angle deg", "pressure bar", "torque N m", "mismatch / noise", "contact")
 
 
@@ -38,8 +40,8 @@ class Panel:
         """Add everything to the page."""
         self._page, self._hand, self._inbox = page, hand, inbox
         gui = page.server.gui
+        self._button("Emergency stop", "stop", color="red")  # first, so that no line of text ever moves it
         self._status = gui.add_html(_status(LOOKING, (), ""))
-        self._button("Emergency stop", "stop", color="red")
         self._record = self._button("Record", "record")
         gui.add_html(legend(LIVE, hand))
         tabs = gui.add_tab_group()
@@ -134,7 +136,8 @@ def _status(safety: str, problems: Sequence[str], rate: str, note: str = "") -> 
     lines = [f'<div id="safety" style="{bold}">{escape(safety)}</div>', f"<div>{escape(rate)}</div>"]
     lines += [f'<div style="font-size:0.85em;{bad}">{escape(text)}</div>' for text in problems]
     lines.append(f'<div id="note">{escape(note)}</div>')
-    return f'<div style="padding:0.4em 0.8em;overflow-wrap:anywhere">{"".join(lines)}</div>'
+    style = f"padding:0.4em 0.8em;overflow-wrap:anywhere;min-height:{STATUS_EM}em"
+    return f'<div style="{style}">{"".join(lines)}</div>'
 
 
 def _fixed(value: float, digits: int) -> str:

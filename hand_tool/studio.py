@@ -123,7 +123,7 @@ def studio(
                     check_alone(client, 0)
                     for command in node_commands(link, namespace, joint_prefix, chosen.path):
                         nodes.start(command[0], command)
-                live = LivePage(page, client, hand, grasps, Inbox())
+                live = LivePage(page, client, hand, grasps, Inbox(client.send_stop))
                 checks.append(live.check)
                 _announce(page, client.namespace, browser, as_json)
                 recorder = BagRecorder(stack.enter_context(TemporaryDirectory()), out, client.namespace)

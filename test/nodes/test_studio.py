@@ -171,7 +171,7 @@ def test_record_until_sure_moves_and_records_the_joint_until_a_stop(studio: Stud
             assert abs(studio.client.angle(joints[1]) - other) < 0.1
     studio.page.click("Emergency stop")
     studio.client.until(lambda: max(studio.client.valves[-1].pressure) == 0.0, 1.0)
-    studio.page.until_shown("Record until sure: ")
+    studio.page.until_shown("vented and latched")  # said after the recording is closed
     newest = max(studio.folder.glob("hand_*/"), key=lambda folder: folder.stat().st_mtime)
     recorded = load_recording(newest)["joint_states"]
     assert np.ptp(recorded["position"][:, recorded.names.index(joints[0])]) > 0.15
@@ -245,7 +245,7 @@ def test_the_probabilities_change_in_the_page_with_every_diagnosis(
     ]
     page = Page()
     try:
-        panel = Panel(page, hand, ["tripod"], Inbox())
+        panel = Panel(page, hand, ["tripod"], Inbox(lambda: None))
         studio.page.open(page.url)
         studio.page.until_shown("Find")
         studio.page.click("Find")

@@ -128,7 +128,7 @@ def test_the_studio_fits_a_telephone(browser: Browser) -> None:
     """Fails when a tab of the studio is wider than a telephone, or does not explain ghost and colours."""
     hand, page = load_hand(default_model()), Page()
     try:
-        panel = Panel(page, hand, ["cylindrical", "lateral", "tripod"], Inbox())
+        panel = Panel(page, hand, ["cylindrical", "lateral", "tripod"], Inbox(lambda: None))
         state = LiveState(statuses={"controller: safety": (ERROR, "vented: " + "a_reason_without_a_space" * 4)})
         state.frame(hand.joints, [1.0] * len(hand.joints), 0, 1)
         panel.show(state, f"recording to {MADE['command']}", np.full(len(hand.joints), 499.0))
@@ -141,6 +141,25 @@ def test_the_studio_fits_a_telephone(browser: Browser) -> None:
             assert browser.run("document.documentElement.scrollWidth") == PHONE[0]
             assert browser.run(WIDER) == [], tab
         assert browser.run("(each => each.scrollWidth <= each.clientWidth)(document.querySelector('#note'))")
+    finally:
+        browser.open("about:blank")
+        page.close()
+
+
+def test_no_line_of_text_moves_the_emergency_stop(browser: Browser) -> None:
+    """Fails when a fault that is reported pushes the button away from the mouse that is about to press it."""
+    hand, page = load_hand(default_model()), Page()
+    try:
+        panel = Panel(page, hand, ["tripod"], Inbox(lambda: None))
+        browser.emulate(DESKTOP)
+        browser.open(page.url)
+        stop = "[...document.querySelectorAll('button')].find(b => b.innerText === 'Emergency stop')"
+        browser.until(stop)
+        before = browser.run(f"{stop}.getBoundingClientRect().y")
+        faults = {f"driver: channel {number}": (ERROR, "it repeats one value") for number in range(9)}
+        panel.show(LiveState(statuses=faults), "", np.zeros(len(hand.joints)))
+        browser.until_shown("channel 8")
+        assert browser.run(f"{stop}.getBoundingClientRect().y") == before
     finally:
         browser.open("about:blank")
         page.close()

@@ -77,18 +77,19 @@ def send_value(page: Page, origin: str, uuid: str, value: float) -> Iterator[Non
 
 
 def test_an_emergency_stop_removes_what_waits() -> None:
-    """Fails when a motion or a grasp that was asked for before a stop is sent after it."""
-    inbox = Inbox()
+    """Fails when a stop waits for the thread that talks to the hand, or what was asked for before is sent after it."""
+    sent: list[bool] = []
+    inbox = Inbox(lambda: sent.append(True))
     inbox.move("index_proximal", 0.3)
     inbox.move("index_proximal", 0.5)
     inbox.ask("grasp", "tripod")
     inbox.ask("stop")
-    assert inbox.stop.is_set() and inbox.waiting
+    assert sent == [True] and inbox.stop.is_set() and inbox.waiting
     assert inbox.angles() == {} and inbox.next() is None
     inbox.move("index_proximal", 0.2)
     inbox.ask("enable")
     assert inbox.angles() == {"index_proximal": 0.2} and inbox.angles() == {}
-    assert inbox.next() == Request("enable") and inbox.next() is None
+    assert inbox.next() == Request("enable") and inbox.next() is None and sent == [True]
 
 
 @pytest.mark.parametrize(
