@@ -42,7 +42,8 @@ def recorded(first: Hand, then: Hand, at_s: float, rng: np.random.Generator) -> 
     return Signals("simulated", first.joints, PERIOD_S, commands, pressure, angle, none, known, yes, yes)
 
 
-@pytest.mark.parametrize(("begins", "at_s"), [(True, 11.3), pytest.param(False, 9.1, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize(("begins", "at_s"), [(True, 11.3), (False, 9.1)])
 def test_a_leak_that_begins_or_ends_is_found_with_its_time(begins: bool, at_s: float, hand: Hand) -> None:
     """Fails when the leak is not named, or its time is off by more than 0.3 s or four standard errors."""
     print("seed", SEED)
