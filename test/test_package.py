@@ -69,8 +69,7 @@ def tree() -> dict[str, set[str]]:
     """Top-level modules that are neither of Python nor of this tree, with the folders of the tree that import them."""
     own = {path.parent.name for path in ROOT.glob("*/__init__.py")} | {"test"}
     users: dict[str, set[str]] = {}
-    parts = [*ROOT.glob("hand_*"), *(ROOT / name for name in ("validation", "test", "launch", "tools", "docs"))]
-    parts += [ROOT / "examples", ROOT / "firmware"]
+    parts = [path for path in ROOT.glob("[!.]*/") if path.name not in {"build", "install", "log", "out"}]
     for path in (path for part in parts for path in part.rglob("*.py")):
         for module in {name.split(".")[0] for name in imported(path)} - own - set(sys.stdlib_module_names):
             users.setdefault(module, set()).add(path.relative_to(ROOT).parts[0])
@@ -84,8 +83,9 @@ def distributions() -> dict[str, set[str]]:
 
 
 @cache
-def depends(tag: str = "exec_depend") -> set[str]:
-    return {item.text or "" for item in ET.parse(ROOT / "package.xml").getroot().iter(tag)}
+def depends(manifest: str = "package.xml") -> set[str]:
+    """What a manifest of this tree needs to run."""
+    return {item.text or "" for item in ET.parse(ROOT / manifest).getroot().iter("exec_depend")}
 
 
 def required_by(name: str) -> set[str]:
@@ -95,7 +95,7 @@ def required_by(name: str) -> set[str]:
 def test_every_import_is_declared_for_pip() -> None:
     """Fails when a module is imported whose distribution is in no requirements file, hence in no extra.
 
-    A module that no distribution provides here is a package of ROS; package.xml names it.
+    A module that no distribution provides here is a package of ROS; a manifest of this tree names it.
     """
     manifests = [*ROOT.glob("*/package.xml"), *ROOT.glob("test/interfaces/*/package.xml")]
     manifests += ROOT.glob("interfaces/*/package.xml")
@@ -103,7 +103,7 @@ def test_every_import_is_declared_for_pip() -> None:
     declared = {name for name, line in files().items() if TOOL not in line}
     for module, users in sorted(tree().items()):
         found = distributions().get(module, set())
-        if module in own or (not found and module in depends()):
+        if module in own or (not found and module in depends() | depends("moveit/package.xml")):
             continue
         assert found & declared, f"{module}, imported by {sorted(users)}, comes from {sorted(found) or 'nowhere'}"
 
@@ -118,6 +118,12 @@ def test_every_import_of_a_node_is_declared_for_rosdep() -> None:
         carrier = BROUGHT_BY.get(name, name)
         assert carrier == name or name in required_by(carrier), f"{carrier} does not require {name}"
         assert ROSDEP[carrier] in depends(), f"{module}, imported by {sorted(users)}: {ROSDEP[carrier]}"
+
+
+def test_every_import_of_the_moveit_configuration_is_declared() -> None:
+    """Fails when the launch file of MoveIt imports a package that its manifest leaves out, or is not read at all."""
+    imports = {module for module, users in tree().items() if "moveit" in users}
+    assert {"launch", "moveit_configs_utils"} <= imports <= depends("moveit/package.xml")
 
 
 def test_nothing_is_declared_that_nothing_imports() -> None:
