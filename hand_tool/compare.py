@@ -64,7 +64,7 @@ def compare(
             origin.model.print(as_json)
             compared = _recordings(first, second, origin.model.path, mapping, of_machine=machine is not None)
         else:
-            compared, models = (_models if kinds[0] == "model" else _reports)(first, second)
+            compared, models = _models(first, second, as_json) if kinds[0] == "model" else _reports(first, second)
         content = write_comparison(compared, (str(first), str(second)), out, {"model": models} | origin.of_page())
         outputs.complete(out / "compare.json", out / "compare.html")
     if as_json:
@@ -92,21 +92,25 @@ def _reports(first: Path, second: Path) -> tuple[Comparison, str]:
     return compare_reports(*reports), "; ".join(dict.fromkeys(models))
 
 
-def _models(first: Path, second: Path) -> tuple[Comparison, str]:
+def _models(first: Path, second: Path, as_json: bool) -> tuple[Comparison, str]:
     """Two models compared, and their names with hashes."""
     from hand_diagnosis.pages.compare_models import compare_hands, compare_machines
     from hand_machine.description import is_machine_file, load_description
     from hand_model.description import load_hand
     from hand_pages.results import with_hash
 
-    models = "; ".join(with_hash(path, choose_model(path).sha256) for path in (first, second))
+    chosen = [choose_model(path) for path in (first, second)]
     of_machine = [is_machine_file(path) for path in (first, second)]
-    if all(of_machine):
-        return compare_machines(load_description(first), load_description(second)), models
-    if any(of_machine):
+    if any(of_machine) and not all(of_machine):
         kinds = ["a machine" if each else "a hand" for each in of_machine]
         raise ValueError(f"{first} describes {kinds[0]} and {second} {kinds[1]}; both must be of one kind")
-    return compare_hands(load_hand(first), load_hand(second)), models
+    if all(of_machine):
+        compared = compare_machines(load_description(first), load_description(second))
+    else:
+        compared = compare_hands(load_hand(first), load_hand(second))
+    for model in chosen:
+        model.print(as_json)
+    return compared, "; ".join(with_hash(model.path, model.sha256) for model in chosen)
 
 
 def _recordings(first: Path, second: Path, model: Path, mapping: Path | None, *, of_machine: bool) -> Comparison:

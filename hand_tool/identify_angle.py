@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hand_tool.console import running
-from hand_tool.identify_write import check_target, print_written, replaced
+from hand_tool.identify_write import check_target, print_written, replaced, written_entries
 from hand_tool.options import AsJson, Quiet, Verbose
 from hand_tool.paths import check_file
 
@@ -41,7 +41,7 @@ def angle(
     """
     with running("identify angle", about=rig):
         check_file(rig)
-        check_target(write, joint, "--joint", "the joint of the description whose sensor this is")
+        chosen = check_target(write, joint, "--joint", "the joint of the description whose sensor this is")
         if not 1.0 <= supply_v <= 10.0:
             raise ValueError(f"--supply-v is {supply_v:g}; the allowed range is 1 to 10 V")
         from hand_identification.angle_calibration import calibrate_angle
@@ -63,11 +63,10 @@ def angle(
             diff = replaced(write, lambda trial: write_line(write, joint, texts, trial, comment))
     if as_json:
         line = {key: float(text) for key, text in texts.items()}
-        print(json.dumps(asdict(found) | line | ({"written": str(write), "diff": diff} if write else {})))
+        print(json.dumps(asdict(found) | line | written_entries(chosen, diff)))
         return
     _print(found, texts, reason)
-    if write is not None:
-        print_written(write, diff)
+    print_written(chosen, diff)
 
 
 def _print(found: AngleCalibration, texts: dict[str, str], reason: str) -> None:

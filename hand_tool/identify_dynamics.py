@@ -10,9 +10,9 @@ import typer
 
 from hand_tool.chosen_model import choose_model
 from hand_tool.console import progress_bar, running
-from hand_tool.identify_write import print_written, write_into
+from hand_tool.identify_write import print_written, write_into, written_entries
 from hand_tool.options import AsJson, Model, Quiet, Verbose
-from hand_tool.paths import check_exists, check_file, check_folder
+from hand_tool.paths import check_exists, check_folder
 
 if TYPE_CHECKING:
     from hand_identification.dynamics import JointDynamics
@@ -55,8 +55,7 @@ def dynamics(
         for path in recordings:
             check_exists(path)
         check_folder(out)
-        if write is not None:
-            check_file(write)
+        changed = choose_model(write) if write is not None else None
         chosen = choose_model(model)
         from hand_identification.dynamics import DYNAMIC_KEYS, MATERIAL_KEYS, STATIC_KEYS, identify
         from hand_identification.model_file import write_model
@@ -81,12 +80,10 @@ def dynamics(
         _draw(found, out)
         diff = write_into(write, values, comment, resolutions) if write is not None else ""
     if as_json:
-        written = {} if write is None else {"written": str(write), "diff": diff}
-        print(json.dumps(_document(found) | {"model_file": chosen.as_json()} | written))
+        print(json.dumps(_document(found) | written_entries(changed, diff) | {"model_file": chosen.as_json()}))
         return
     _print(found, resting, out)
-    if write is not None:
-        print_written(write, diff)
+    print_written(changed, diff)
 
 
 def _signals(recordings: list[Path], hand: Hand, sensor_curve: bool) -> list[Signals]:

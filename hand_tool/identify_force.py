@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hand_tool.console import running
-from hand_tool.identify_write import check_target, print_written, replaced
+from hand_tool.identify_write import check_target, print_written, replaced, written_entries
 from hand_tool.options import AsJson, Quiet, Verbose
 from hand_tool.paths import check_file
 
@@ -42,7 +42,7 @@ def force(
     """
     with running("identify force", about=rig):
         check_file(rig)
-        check_target(write, site, "--site", "the force site of the description whose sensor this is")
+        chosen = check_target(write, site, "--site", "the force site of the description whose sensor this is")
         from hand_identification.force_calibration import calibrate_force
         from hand_identification.sensor_file import polynomial_texts, write_polynomial
         from hand_recording.table_file import read_rig
@@ -55,11 +55,10 @@ def force(
             comment = f"Force sensor of {site} calibrated from {rig.name}."
             diff = replaced(write, lambda trial: write_polynomial(write, site, texts, divider_ohm, trial, comment))
     if as_json:
-        print(json.dumps(asdict(found) | ({"written": str(write), "diff": diff} if write else {})))
+        print(json.dumps(asdict(found) | written_entries(chosen, diff)))
         return
     _print(found, texts)
-    if write is not None:
-        print_written(write, diff)
+    print_written(chosen, diff)
 
 
 def _print(found: ForceCalibration, texts: list[str]) -> None:

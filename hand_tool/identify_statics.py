@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hand_tool.console import running
-from hand_tool.identify_write import check_target, print_written, write_into
+from hand_tool.identify_write import check_target, print_written, write_into, written_entries
 from hand_tool.options import AsJson, Quiet, Verbose
 from hand_tool.paths import check_exists, check_folder
 
@@ -54,7 +54,7 @@ def statics(
         check_exists(rig)
         if out is not None:
             check_folder(out)
-        check_target(write, joint, "--joint", "the joint of the description whose numbers change")
+        chosen = check_target(write, joint, "--joint", "the joint of the description whose numbers change")
         import numpy as np
 
         from hand_identification.static_map import TERMS, identify_statics, identify_volume
@@ -80,15 +80,13 @@ def statics(
                 for numbers in (found.values, found.errors)
             )
             diff = write_into(write, values, f"Eq. 6 of {joint} identified from {rig.name}.", errors)
-            document["written"], document["diff"] = str(write), diff
     if as_json:
-        print(json.dumps(document))
+        print(json.dumps(document | written_entries(chosen, diff)))
         return
     _print(found, volume)
     for line in verdict or ("plausible: signs, units and pressure reference fit an actuator",):
         print(f"verdict: {line}")
-    if write is not None:
-        print_written(write, diff)
+    print_written(chosen, diff)
 
 
 def _columns(rig: Path, joint: str) -> dict[str, Array]:

@@ -6,18 +6,23 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hand_tool.paths import check_file
+from hand_tool.chosen_model import ChosenModel, choose_model
 
 if TYPE_CHECKING:
     from hand_identification.model_file import Changes
 
 
-def check_target(model: Path | None, name: str, option: str, what: str) -> None:
-    """Raises ValueError for --write into no file, or without the name of what changes. option: that gives it."""
-    if model is not None:
-        check_file(model)
-        if not name:
-            raise ValueError(f"--write needs {option}: {what}")
+def check_target(model: Path | None, name: str, option: str, what: str) -> ChosenModel | None:
+    """The description that --write changes, as it is before; None without --write.
+
+    Raises ValueError for --write into no file, or without the name of what changes. option: that gives it.
+    """
+    if model is None:
+        return None
+    chosen = choose_model(model)
+    if not name:
+        raise ValueError(f"--write needs {option}: {what}")
+    return chosen
 
 
 def write_into(model: Path, changes: Changes, comment: str, resolutions: Changes) -> str:
@@ -59,7 +64,15 @@ def replaced(model: Path, write: Callable[[Path], object]) -> str:
     return unified_diff(model.name, before, after)
 
 
-def print_written(model: Path, diff: str) -> None:
-    """Print the difference and where it is written."""
+def written_entries(chosen: ChosenModel | None, diff: str) -> dict[str, object]:
+    """What --json adds: the file before the change with its hash, where it is written, and the difference."""
+    return {} if chosen is None else {"model_file": chosen.as_json(), "written": str(chosen.path), "diff": diff}
+
+
+def print_written(chosen: ChosenModel | None, diff: str) -> None:
+    """Print which file is changed, the difference and where it is written; nothing without --write."""
+    if chosen is None:
+        return
+    chosen.print()
     print(diff, end="")
-    print(f"written: {model}" if diff else f"nothing changes in {model}")
+    print(f"written: {chosen.path}" if diff else f"nothing changes in {chosen.path}")

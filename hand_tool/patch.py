@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from hand_tool.chosen_model import choose_model
 from hand_tool.console import note, running
 from hand_tool.options import AsJson, Quiet, Verbose
 from hand_tool.paths import check_file
@@ -37,8 +37,8 @@ def patch(
     with running("patch"):
         if write and out is not None:
             raise ValueError("--write and --out cannot be used together: the first changes MODEL itself")
-        for path in (model, changes):
-            check_file(path)
+        chosen = choose_model(model)
+        check_file(changes)
         from hand_model.yaml_patch import patched_text, read_patch, unified_diff
 
         content = read_patch(changes)
@@ -46,15 +46,19 @@ def patch(
         text = patched_text(model, content)
         target = out if out is not None else model
         written = _write_if_it_loads(text, model, target, keep=write or out is not None)
-        if content.get("sha256") not in {None, hashlib.sha256(before.encode()).hexdigest()}:
+        chosen.print(as_json)
+        if content.get("sha256") not in {None, chosen.sha256}:
             note(f"the patch was made for another version of {content.get('model', 'the model')}: check the diff")
         diff = unified_diff(model.name, before, text)
     if as_json:
-        print(
-            json.dumps(
-                {"model": str(model), "patch": str(changes), "diff": diff, "written": str(target) if written else None}
-            )
-        )
+        entries = {
+            "model": str(model),
+            "patch": str(changes),
+            "diff": diff,
+            "written": str(target) if written else None,
+            "model_file": chosen.as_json(),
+        }
+        print(json.dumps(entries))
         return
     print(diff, end="")
     if not diff:

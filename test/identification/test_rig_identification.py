@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -262,6 +263,7 @@ def test_statics_are_written_with_comments_kept(tmp_path: Path) -> None:
     assert CliRunner().invoke(app, ["identify", "statics", str(good), *options[:3], "toe"]).exit_code == 2
     done = CliRunner().invoke(app, ["identify", "statics", str(good), *options])
     assert done.exit_code == 0, done.output
+    assert f"model: {model} (sha256 {hashlib.sha256(text.encode()).hexdigest()[:8]})" in done.stderr.splitlines()
     written = model.read_text(encoding="utf-8")
     assert [x for x in text.splitlines() if "#" in x and x not in written.splitlines()] == []
     assert any(line.startswith("+") and "a1_nm_per_rad" in line for line in done.output.splitlines())

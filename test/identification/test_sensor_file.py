@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -64,6 +65,7 @@ def test_the_line_of_a_joint_is_written(angle_rig: Path, model: Path) -> None:
     options = ["--supply-v", str(SUPPLY_V), "--joint", JOINT, "--write", str(model)]
     code, output = hand("angle", str(angle_rig), *options)
     assert code == 0, output
+    assert f"model: {model} (sha256 {hashlib.sha256(before.encode()).hexdigest()[:8]})" in output.splitlines()
     assert f"written: {model}" in output and "+    angle_sensor" in output
     old, new = load_hand(CONFIG), load_hand(model)
     index = old.joints.index(JOINT)
@@ -101,6 +103,8 @@ def test_the_polynomial_of_a_site_gives_the_measured_forces(force_rig: Path, mod
     code, output = hand("force", str(force_rig), *more)
     assert code == 0, output
     assert SITE in json.loads(output)["diff"]
+    before = hashlib.sha256(CONFIG.read_bytes()).hexdigest()
+    assert json.loads(output)["model_file"] == {"path": str(model), "sha256": before}
     sensors = load_hand(model).sensors
     found: ForcePolynomial = sensors.force_polynomial
     table = np.loadtxt(force_rig, delimiter=",", skiprows=1)

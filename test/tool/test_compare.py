@@ -62,6 +62,8 @@ def test_two_models_differ_in_what_was_changed(tmp_path: Path) -> None:
     assert moved[0]["joint"] == "index_distal" and moved[0]["angle_rms"] > 1.0 and moved[-1]["angle_rms"] < 0.05
     assert "index_distal: angle [deg]" in page and "ring_distal: angle [deg]" not in page
     same = compare(CONFIG, CONFIG, tmp_path / "same")
+    digest = hashlib.sha256(CONFIG.read_bytes()).hexdigest()
+    assert same.stderr.splitlines() == 2 * [f"model: {CONFIG} (sha256 {digest[:8]})"]
     assert same.output.startswith("The models are equal") and "simulated" not in same.output
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -20,7 +21,10 @@ def write(path: Path, changes: str) -> Path:
 
 
 def test_a_change_is_written_to_another_file(tmp_path: Path) -> None:
-    """Fails when --out changes the model itself, or a patch for another version passes without a note."""
+    """Fails when --out changes the model itself, or a patch for another version passes without a note.
+
+    Also when the command does not name the model that it changes, with its hash.
+    """
     patch = write(tmp_path / "p.yaml", "{joints: {index_distal: {coulomb_friction: {torque_nm: 0.01}}}}")
     out = tmp_path / "new.yaml"
     before = CONFIG.read_bytes()
@@ -31,6 +35,10 @@ def test_a_change_is_written_to_another_file(tmp_path: Path) -> None:
     assert content["written"] == str(out) and "torque_nm: 0.01" in out.read_text(encoding="utf-8")
     assert CONFIG.read_bytes() == before
     assert "another version of hand.yaml" in result.stderr
+    digest = hashlib.sha256(before).hexdigest()
+    assert content["model_file"] == {"path": str(CONFIG), "sha256": digest}
+    shown = CliRunner().invoke(app, ["patch", str(CONFIG), str(patch)])
+    assert f"model: {CONFIG} (sha256 {digest[:8]})" in shown.stderr.splitlines()
 
 
 BAD = {
