@@ -354,7 +354,7 @@ def claimed_values(joint: JointDiagnosis) -> dict[str, float]:
     """Numbers (SI) by key that the report claims for a joint: of its findings, and nominal ones that moved.
 
     The others are put back to their nominal values, and those that stay are fitted again without them. Where this
-    costs evidence, the number that is farthest from its nominal value in standard errors stays as well, one by one.
+    costs evidence, the numbers that are farthest from their nominal values in standard errors stay as well.
     """
     claimed, search = joint.claimed(), joint.search
     if len(claimed) < len(search.accepted):
@@ -378,7 +378,7 @@ def claimed_values(joint: JointDiagnosis) -> dict[str, float]:
         further = [k for k in order if not stays[k]]
         if not further or fit.cost < final.cost + SETTINGS.min_log_evidence:
             break
-        stays[further[: 1 + len(further) // 3]] = True
+        stays[further[: 1 + len(further) // SETTINGS.stated_parts]] = True
     columns, _ = problem.columns(fit.free, fit.z[None])
     return {
         p.key: float(columns[0, p.row])

@@ -1,4 +1,6 @@
-"""Every number that decides something in the diagnosis, in one frozen class; those up to the fits are in fit_settings.
+"""Every number that decides something in the diagnosis, in one frozen class.
+
+Those up to the fits are in fit_settings, those of the learned laws in law_settings.
 
 Each setting states its meaning, its unit, where it comes from, and what changes when it is halved or doubled. Settings
 whose source is TRIALS were adjusted on blind trials whose effects and seeds are not those of the published proof. The
@@ -10,14 +12,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from hand_diagnosis.fit_settings import FitPass, FitSettings
+from hand_diagnosis.fit_settings import FitPass
+from hand_diagnosis.law_settings import LawSettings
 from hand_recording.settings import CHOICE, FORMS, TRIALS, setting
 
 __all__ = ["SETTINGS", "FitPass", "Settings"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings(FitSettings):
+class Settings(LawSettings):
     """The settings of a diagnosis; `about` of a field is its documentation. SI units."""
 
     # fmt: off
@@ -150,6 +153,9 @@ class Settings(FitSettings):
     scanned_turns: tuple[float, float] = setting(
         (2.0, 4096.0), "periods", "Repetitions over the range of the angle that are looked for before the search.",
         CHOICE, "Fine teeth are not found.", "Scanning takes longer.")
+    turn_bins: float = setting(
+        8.0, "bins", "Bins of the angle in the finest repetition that is looked for.", CHOICE,
+        "Fine teeth lose a part of their size.", "Scanning takes longer.")
     turn_lines: int = setting(
         8, "-", "Lines of that periodogram in one repetition over the range.", CHOICE,
         "A period between two lines is found less exactly.", "Scanning takes longer.")
@@ -275,7 +281,16 @@ class Settings(FitSettings):
         CHOICE, "Coarser limits, up to a factor 1.4 too large.", "Finer limits, slower pages.")
     limit_min_coordinate: float = setting(0.01, "-", "Least prior coordinate of an amount in Occam's factor.", CHOICE,
         "Smaller guard.", "Larger guard.")
+    stated_parts: int = setting(3, "parts", "Numbers that were put back to their nominal values return by one part of"
+        " so many, and one, at a time, until the evidence is that of the fit.", CHOICE,
+        "Numbers are stated that are not needed.", "Slower.")
     # Pages
+    missed_share: float = setting(0.5, "-", "Share of the largest error of a block from which a page shows the block as"
+        " one in which the effect is missed.", CHOICE, "Most of the recording is shown.", "Only the largest errors.")
+    missed_gap_blocks: float = setting(0.5, "blocks", "Stretches nearer than this are shown as one.", CHOICE,
+        "More and shorter stretches.", "Stretches include blocks without the effect.")
+    even_probability: float = setting(0.5, "-", "Probability below which a finding follows what remains, and is called"
+        " possible.", CHOICE, "Improbable findings come first.", "Only certain findings come first.")
     same_commands_pa: float = setting(1000.0, "Pa", "RMS difference of two set-points above which recordings are of"
         " different motions.", CHOICE, "Delays of commands count as another motion.", "Other motions are compared.")
     page_samples: int = setting(700_000, "samples", "Samples of all curves over time of a page.", CHOICE,
@@ -290,57 +305,6 @@ class Settings(FitSettings):
         "Text on it is not readable.")
     drawing_margin_mm: float = setting(12.0, "mm", "Margin of the drawing of the hand.", CHOICE, "No visible change.",
         "A smaller hand.")
-    # Learned laws
-    law_leaders: int = setting(8, "hypotheses", "Hypotheses of a round whose laws are fitted coarsely; those near"
-        " the best one (max_evidence_gap) are fitted on.", CHOICE, "The right class may lose by its form.", "Slower.")
-    law_probe_gain: float = setting(1.3, "-", "Gain that a probe of a law must promise, over that of the textbook form,"
-        " for a fit that begins with the law.", CHOICE, "Laws where textbook forms do.", "Other forms are missed.")
-    rival_share: float = setting(0.5, "-", "Share of the leader's fall of the cost from which the law of a rival is"
-        " freed where the leader leaves nothing.", CHOICE, "Slower.", "The right class may lose by its form.")
-    law_min_excess: float = setting(1.0, "floors", "Validation error beyond the noise, in repeatability floors, that"
-        " the leader leaves where laws are freed.", CHOICE, "Slower.", "Laws stay those of textbooks.")
-    law_random_starts: int = setting(24, "starts", "Random starts among those of the fit of a law.", CHOICE,
-        "Fits from far away fail more often.", "Slower.")
-    law_start_of_one: float = setting(1.0, "prior sd", "Size of starts in which one coefficient acts.", CHOICE,
-        "Coefficients without gradient at 0 are missed.", "Starts at the bounds.")
-    law_start_of_all: float = setting(0.3, "prior sd", "Size of starts in which all coefficients act.", CHOICE,
-        "As above.", "Starts at the bounds.")
-    law_fits: tuple[int, int, int] = setting((3, 8, 3), "fits", "Starts next to the textbook form that are fitted"
-        " coarsely, in a whole fit, and best of them, continued.", CHOICE, "The wrong fit is continued.", "Slower.")
-    law_iterations: tuple[int, int] = setting((8, 25), "iterations", "Iterations of these fits, at most.", CHOICE,
-        "Fits end early.", "Slower.")
-    completion_starts: int = setting(1, "starts", "Starts of the last fit of all laws next to the fit found.", CHOICE,
-        "Worse minima are kept.", "Slower.")
-    completion_jitter: tuple[float, ...] = setting((0.3, 1.0, 2.0), "prior sd", "How far these starts are off.", CHOICE,
-        "They end in the same minimum.", "They end in others more often.")
-    completion_iterations: int = setting(25, "iterations", "Iterations of these fits, at most.", CHOICE,
-        "Fits end early.", "Slower.")
-    completion_tolerance: float = setting(1e-3, "-", "Fall of the cost that ends them.", CHOICE, "Slower.",
-        "Fits end early.")
-    completion_differences: tuple[float, ...] = setting((0.1, 0.002), "prior sd", "Finite differences of"
-        " these fits, one after the other: wide ones see past the steps that sticking makes in the cost.", CHOICE,
-        "Fits of dry friction end early.", "Slower.")
-    completion_min_excess: float = setting(0.5, "floors", "Validation error beyond the noise, in repeatability"
-        " floors, from which the laws found are fitted once more.", CHOICE, "Slower.", "Worse minima are kept.")
-    completion_unnoticed: float = setting(0.2, "floors", "Error of another signal, in repeatability floors, next to"
-        " which a rise does not matter.", CHOICE, "Fits are refused for noise.", "Other signals may get worse.")
-    law_surplus_errors: float = setting(1.0, "standard errors", "A coefficient this close to neutral is tried"
-        " without.", CHOICE, "More coefficients than needed.", "Slower; the evidence decides in any case.")
-    law_points: int = setting(25, "points", "Points of a law's curve.", CHOICE, "Coarser curves.", "Longer files.")
-    law_draws: int = setting(80, "draws", "Draws from the posterior for the band of a curve.", CHOICE,
-        "Rougher bands.", "Slower.")
-    law_band: tuple[float, float] = setting((0.025, 0.975), "-", "Quantiles of these draws: a 95 % band.", CHOICE,
-        "Wider bands.", "Narrower bands.")
-    law_range_share: float = setting(0.995, "-", "Share of the readings of a state over which a law is shown.", CHOICE,
-        "Curves end early.", "Not possible above 1.")
-    law_settled: float = setting(8.0, "time constants", "Length of a shown step response.", CHOICE,
-        "Cut off.", "Mostly flat.")
-    law_tube_differences: float = setting(4.0, "-", "Largest shown pressure difference along a tube, in changes from"
-        " sample to sample.", CHOICE, "Curves end early.", "Curves show what did not occur.")
-    law_constant_share: float = setting(0.05, "-", "Relative change below which a law is called constant.", CHOICE,
-        "Small changes are described.", "Changes of 10 % are not described.")
-    law_most_share: float = setting(0.9, "-", "Share of its change that a law has made at the state that its sentence"
-        " names.", CHOICE, "States too early are named.", "Not possible above 1.")
     # Certificates
     certificate_share: float = setting(0.1, "-", "Share of the test error that an attack must take away.", CHOICE,
         "Differences of form make findings partial.", "Half of a second effect passes.")
@@ -374,6 +338,10 @@ class Settings(FitSettings):
         " which a harmonic of time is tried.", CHOICE, "Slower.", "Weak tones get no law.")
     remainder_turns: tuple[float, float] = setting((3.0, 24.0), "turns", "Harmonics of the angle that are tried, in"
         " turns over its range.", CHOICE, "Curves are taken for slow harmonics.", "Faster ones are found, slower.")
+    remainder_turn_step: float = setting(0.25, "turns", "Step between the harmonics that are tried.", CHOICE,
+        "Slower.", "A harmonic between two steps is found less exactly.")
+    remainder_turn_bound: float = setting(3.0, "prior sd", "How far the frequency of a harmonic may go from the one"
+        " found.", CHOICE, "The fit ends at the bound.", "Another harmonic may be taken.")
     remainder_turn: float = setting(0.25, "turns", "Prior deviation of a harmonic over the whole range.", CHOICE,
         "The frequency found by the residual stays.", "A neighbouring minimum may be taken.")
     # Pages

@@ -47,6 +47,9 @@ class MachineSettings:
     longest_spike: int = setting(
         3, "samples", "Longest spike; what stays away for longer may be motion.", CHOICE, "Longer spikes remain.",
         "Short motion is removed.")
+    spike_return_share: float = setting(
+        0.5, "-", "Share of a spike's height within which the signal is back after it.", CHOICE, "Spikes on a motion"
+        " remain.", "Steps count as spikes.")
     spike_steps: float = setting(
         6.0, "-", "Least height of a spike in usual steps of the signal.", CHOICE, "Fast motion is removed.",
         "Small spikes remain.")

@@ -35,7 +35,7 @@ def find_spikes(values: Array, *, pulses: bool = False) -> Flags:
             continue
         for end in range(start + 1, min(start + MACHINE.longest_spike, len(values) - 1) + 1):
             away = values[start:end] - before
-            returned = abs(values[end] - before) < 0.5 * float(np.abs(away).min())
+            returned = abs(values[end] - before) < MACHINE.spike_return_share * float(np.abs(away).min())
             if returned and float(np.abs(away).min()) > least and len(set(np.sign(away))) == 1:
                 found[start:end] = True
                 break

@@ -376,12 +376,12 @@ def when(search: JointSearch, off: MapFit, stage: int) -> tuple[tuple[float, flo
     count = search.problem.block_counts[stage]
     rms = np.sqrt(off.squares[stage] / np.maximum(count, 1))
     blocks = np.unique(segment.block)
-    level = max(0.5 * float(rms[blocks].max(initial=0.0)), 1e-300)
+    level = max(SETTINGS.missed_share * float(rms[blocks].max(initial=0.0)), 1e-300)
     spans: list[tuple[float, float]] = []
     for block in blocks[rms[blocks] > level]:
         inside = np.flatnonzero(segment.block == block)
         start, end = inside[0] * segment.period_s, (inside[-1] + 1) * segment.period_s
-        if spans and start - spans[-1][1] < 0.5 * FITS.block_s:
+        if spans and start - spans[-1][1] < SETTINGS.missed_gap_blocks * FITS.block_s:
             spans[-1] = (spans[-1][0], float(end))
         else:
             spans.append((float(start), float(end)))

@@ -94,8 +94,8 @@ class Placed:
             return [p for p in own if ".knot_" in p.key]
         row, each = ROW[self.key], SETTINGS.remainder_turn / span
         rate = float(nominal[row])
-        pair = [p for p in own if ".knot_" not in p.key]
-        return [*pair, FreeParameter(row, rate, each, False, rate - 3.0 * each, rate + 3.0 * each)]
+        pair, most = [p for p in own if ".knot_" not in p.key], SETTINGS.remainder_turn_bound * each
+        return [*pair, FreeParameter(row, rate, each, False, rate - most, rate + most)]
 
 
 @dataclass(frozen=True, slots=True)

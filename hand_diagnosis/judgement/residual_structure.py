@@ -117,7 +117,7 @@ def turn_of_angle(problem: JointProblem, fit: MapFit, stage: int) -> float:
         return 0.0
     slow = np.column_stack([np.ones_like(angle), angle, angle**2, angle**3])
     left = left - slow @ np.linalg.lstsq(slow, left, rcond=None)[0]
-    counts = np.arange(SETTINGS.remainder_turns[0], SETTINGS.remainder_turns[1], 0.25)
+    counts = np.arange(*SETTINGS.remainder_turns, SETTINGS.remainder_turn_step)
     shares = [_share(left, 2.0 * np.pi * count / span * angle) for count in counts]
     return span / float(counts[int(np.argmax(shares))])
 
@@ -185,7 +185,7 @@ def _parts(states: dict[str, Array]) -> Iterator[tuple[str, str, Flags]]:
     yield "direction", "at rest", np.abs(speed) <= standing
     for name, values in states.items():
         values = np.abs(values) if name == "speed" else values
-        edges = np.quantile(values, [1 / 3, 2 / 3])
+        edges = np.quantile(values, np.arange(1, len(THIRDS)) / len(THIRDS))
         third = np.searchsorted(edges, values)
         for k, part in enumerate(THIRDS):
             yield name, part, third == k

@@ -16,8 +16,6 @@ NAMED = 2
 """Findings and remainders named in the title."""
 TOGETHER = 3
 """Joints that were not diagnosed for one reason and still have a row each."""
-EVEN = 0.5
-"""Probability below which a finding follows what remains, and is called possible."""
 LIKELIHOODS = tuple(
     zip((*SETTINGS.likelihood_limits, 0.0), ("very probable", "probable", "possible", "improbable"), strict=True)
 )
@@ -63,8 +61,8 @@ def in_words(text: str, report: Report) -> str:
 
 def title(report: Report, whole: str = "the hand", axis: str = "joint") -> str:
     """The answer of a report in one line. whole, axis: what the machine and its joints are called."""
-    likely = [finding for finding in report["findings"] if _share(finding) >= EVEN]
-    unlikely = [finding for finding in report["findings"] if _share(finding) < EVEN]
+    likely = [finding for finding in report["findings"] if _share(finding) >= SETTINGS.even_probability]
+    unlikely = [finding for finding in report["findings"] if _share(finding) < SETTINGS.even_probability]
     parts = [_finding(finding, whole) for finding in likely]
     parts += [_remainder(left) for left in report["remainder"]]
     parts += [f"perhaps {_finding(finding, whole)}" for finding in unlikely]

@@ -107,7 +107,7 @@ def _grid(problem: JointProblem, state: str, effect: Effect, fit: MapFit) -> Arr
     if state == "angle":
         angles = np.concatenate([segment.angle_rad for segment in segments])
         if effect.name == "backlash":  # way after a reversal
-            return np.linspace(0.0, float(np.ptp(angles)) / 4.0, SETTINGS.law_points)
+            return np.linspace(0.0, float(np.ptp(angles)) * SETTINGS.law_reversal_share, SETTINGS.law_points)
         low, high = (
             float(end) for end in np.quantile(angles, (1.0 - SETTINGS.law_range_share, SETTINGS.law_range_share))
         )

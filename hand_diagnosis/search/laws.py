@@ -84,7 +84,8 @@ def begin_law(
     costs = costs_at(problem, free, np.array(starts))
     cheapest = sorted(range(1, len(starts)), key=lambda k: float(costs[k]))[:fits]
     rough = [
-        map_fit(problem, free, starts[k], SETTINGS.law_iterations[0], 0.5).without_arrays() for k in (0, *cheapest)
+        map_fit(problem, free, starts[k], SETTINGS.law_iterations[0], SETTINGS.law_coarse_tolerance).without_arrays()
+        for k in (0, *cheapest)
     ]
     return sorted(rough, key=lambda fit: fit.cost)
 
@@ -99,7 +100,9 @@ def with_nominal_numbers_of(problem: JointProblem, fit: MapFit, other: MapFit) -
     start = np.array(
         [theirs.get(p.row, z) if own[k] else z for k, (p, z) in enumerate(zip(fit.free, fit.z, strict=True))]
     )
-    again = map_fit(problem, fit.free, start, SETTINGS.law_iterations[0], 0.5).without_arrays()
+    again = map_fit(
+        problem, fit.free, start, SETTINGS.law_iterations[0], SETTINGS.law_coarse_tolerance
+    ).without_arrays()
     return again if again.cost < fit.cost else fit
 
 
@@ -145,7 +148,7 @@ def _starts(
         return np.concatenate([base, np.clip(coefficients, low, high)])
 
     count, here = len(added), textbook.z
-    smaller, own = _scaled(textbook, effect, 0.3), _own(textbook, effect)
+    smaller, own = _scaled(textbook, effect, SETTINGS.law_smaller_start), _own(textbook, effect)
     released = np.where(_nominal(textbook), 0.0, here)
     starts = [at(np.zeros(count), here)]
     for base in (here, smaller):
@@ -159,8 +162,9 @@ def _starts(
         bases = [np.where(own, there, base) for base in (here, released)]
         starts += [at(np.full(count, size), base) for size in (0.0, SETTINGS.law_start_of_one) for base in bases]
     for k in range(SETTINGS.law_random_starts):
-        base = here + 0.7 * np.where(own, rng.standard_normal(len(here)), 0.0) if k % 2 else here
-        starts.append(at(0.7 * rng.standard_normal(count), base))
+        spread = SETTINGS.law_random_spread
+        base = here + spread * np.where(own, rng.standard_normal(len(here)), 0.0) if k % 2 else here
+        starts.append(at(spread * rng.standard_normal(count), base))
     return starts
 
 

@@ -60,7 +60,7 @@ def _strongest(angle: Array, values: Array, step: float) -> float:
     most = min(most, span / max(SETTINGS.samples_a_turn * step, 1e-12))
     if span <= 0.0 or most <= fewest:
         return 0.0
-    bins = 2 ** int(np.ceil(np.log2(8.0 * most)))
+    bins = 2 ** int(np.ceil(np.log2(SETTINGS.turn_bins * most)))
     places = np.minimum((bins * (angle - angle.min()) / span).astype(np.int64), bins - 1)
     power = np.abs(np.fft.rfft(np.bincount(places, values, bins), SETTINGS.turn_lines * bins))
     turns = np.arange(len(power)) / SETTINGS.turn_lines

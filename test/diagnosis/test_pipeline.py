@@ -16,7 +16,7 @@ ARCHITECTURE = ROOT / "docs" / "architecture.md"
 HEADING = "## From a recording to a sentence"
 LONGEST = 9
 PACKAGE = "hand_diagnosis"
-SETTINGS = {f"{PACKAGE}/{name}.py" for name in ("settings", "settings_table", "fit_settings")}
+SETTINGS = {f"{PACKAGE}/{name}.py" for name in ("settings", "settings_table", "fit_settings", "law_settings")}
 OTHERS = {
     f"{PACKAGE}/{name}"
     for name in (

@@ -32,15 +32,47 @@ WAY = [
     *(ROOT / package / f"{name}.py" for package, names in MODULES.items() for name in names.split()),
 ]
 USERS = [path for package in ("hand_diagnosis", *MODULES) for path in (ROOT / package).rglob("*.py")]
-UNITS_AND_ORDERS = {5, 6, 0.6745, 180.0, 1e3, 1e5, 1e9}
-"""Points and orders of polynomials and differences, the quartile of a normal distribution, and ratios of units."""
+UNITS = {100.0, 180.0, 1e3, 1e5, 1e-5, 1e9, 86400.0}
+"""Ratios of units."""
+ORDERS = {5, 6, 0.6745, 1.5, 20.0}
+"""Points and orders of polynomials and differences below the diagnosis, the share of white noise that they leave, and
+the quartile of a normal distribution."""
+HALVES = {
+    *("certificate", "detection", "evidence", "experiments", "laws", "onset", "stage_errors"),  # of a log likelihood
+    *("driving", "page_plots"),  # mean of two neighbours
+    *("hand_signals", "sample_clock", "signals"),  # median, second difference, and the middle of a window
+}
+"""Modules in which a half is part of a formula."""
 
 
 def is_structural(value: float) -> bool:
-    """Small integers, halves and guards against division by zero decide nothing about a recording."""
+    """Small integers and guards against division by zero decide nothing about a recording."""
     if isinstance(value, int) or float(value).is_integer():
         return abs(value) <= LARGEST_STRUCTURAL
-    return abs(value) == 0.5 or abs(value) <= GUARD
+    return abs(value) <= GUARD
+
+
+def plain(part: ast.expr) -> float | None:
+    """The value of a number, with its sign."""
+    inner = part.operand if isinstance(part, ast.UnaryOp) else part
+    is_number = isinstance(inner, ast.Constant) and type(inner.value) in {int, float}
+    return inner.value if is_number else None  # type: ignore[attr-defined]
+
+
+def factors(tree: ast.Module) -> Iterator[tuple[int, float]]:
+    """Line and value of numbers that something is multiplied with or divided by, 1 and 2 left out."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div | ast.FloorDiv):
+            values = [plain(side) for side in (node.left, node.right)]
+            yield from ((node.lineno, v) for v in values if v is not None and abs(v) > GUARD and v not in {1, 2})
+
+
+def arguments(tree: ast.Module) -> Iterator[tuple[int, float]]:
+    """Line and value of fractions and large numbers that are handed to functions."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            values = [plain(each) for each in (*node.args, *(k.value for k in node.keywords))]
+            yield from ((node.lineno, v) for v in values if isinstance(v, float) and not is_structural(v))
 
 
 def deciding_parts(tree: ast.Module) -> Iterator[ast.expr]:
@@ -57,10 +89,14 @@ def deciding_parts(tree: ast.Module) -> Iterator[ast.expr]:
             yield from (*node.args, *(k.value for k in node.keywords)) if name in BOUNDING else ()
 
 
-def bare_numbers(source: str) -> list[tuple[int, float]]:
-    """Line and value of every number that decides something and is not structural."""
-    found = set()
-    for part in deciding_parts(ast.parse(source)):
+def bare_numbers(source: str, *, drawn: bool = False) -> list[tuple[int, float]]:
+    """Line and value of every number that decides something and is not structural.
+
+    drawn: of a page, on which numbers that are handed to functions are sizes of drawings.
+    """
+    tree = ast.parse(source)
+    found = {*factors(tree), *(() if drawn else arguments(tree))}
+    for part in deciding_parts(tree):
         for node in ast.walk(part):
             if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
                 found |= set() if is_structural(node.value) else {(node.lineno, node.value)}
@@ -69,7 +105,10 @@ def bare_numbers(source: str) -> list[tuple[int, float]]:
 
 @pytest.mark.parametrize(
     "source",
-    ["LIMIT = 0.3", "class A:\n    limit: float = 7.0", "def f(x, y=25): ...", "if x > 0.95: ...", "min(x, 12)"],
+    [
+        *("LIMIT = 0.3", "class A:\n    limit: float = 7.0", "def f(x, y=25): ...", "if x > 0.95: ...", "min(x, 12)"),
+        *("if x < 0.5 * y: ...", "y = 0.7 * x", "y = -3 * x", "y = x / 4.0", "y = x // 3", "f(x, 0.5)", "f(x, y=0.25)"),
+    ],
 )
 def test_a_bare_number_is_seen(source: str) -> None:
     """Fails when the walk of the next test overlooks a kind of number."""
@@ -79,11 +118,13 @@ def test_a_bare_number_is_seen(source: str) -> None:
 @pytest.mark.parametrize("path", WAY, ids=lambda path: f"{path.parent.stem}/{path.stem}")
 def test_every_deciding_number_is_a_setting(path: Path) -> None:
     """Fails when a module on the way to a report has a threshold of its own instead of one of the settings."""
-    if path.stem in {"settings", "fit_settings"}:
-        assert len(re.findall(r"^class (?:Fit)?Settings\b", path.read_text(encoding="utf-8"), re.MULTILINE)) == 1
+    if path.stem in {"settings", "fit_settings", "law_settings"}:
+        assert len(re.findall(r"^class (?:Fit|Law)?Settings\b", path.read_text(encoding="utf-8"), re.MULTILINE)) == 1
         return
-    known = set() if path.is_relative_to(ROOT / "hand_diagnosis") else UNITS_AND_ORDERS
-    assert [found for found in bare_numbers(path.read_text(encoding="utf-8")) if found[1] not in known] == []
+    known = UNITS | (set() if path.is_relative_to(ROOT / "hand_diagnosis") else ORDERS)
+    known |= {0.5} if path.stem in HALVES else set()
+    found = bare_numbers(path.read_text(encoding="utf-8"), drawn=path.parent.name == "pages")
+    assert [number for number in found if abs(number[1]) not in known] == []
 
 
 @pytest.mark.parametrize("settings", IN_FORCE.values(), ids=IN_FORCE)
