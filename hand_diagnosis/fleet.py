@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,12 +19,9 @@ from typing import Any
 
 import numba
 
-from hand_diagnosis.diagnosis import diagnose
+from hand_diagnosis.api import diagnose
 from hand_diagnosis.machine_report import write_machine_report
 from hand_diagnosis.pages.headline import words_of
-from hand_diagnosis.pages.page import write_page
-from hand_diagnosis.patch import write_patch
-from hand_diagnosis.report import document, write_report
 from hand_machine.machine import load_machine
 from hand_model.description import load_hand
 from hand_model.kernel.hooks import equations_key
@@ -67,6 +65,15 @@ class Job:
         return hashlib.sha256(repr((sizes, model, options, equations_key())).encode()).hexdigest()[:16]
 
 
+def report_folder(recording: Path, out: Path) -> Path:
+    """The folder in `out` for the report of a recording, whichever others there are.
+
+    Its name ends with a hash of the path from `out` to the recording, so that both can be moved together.
+    """
+    path = os.path.relpath(recording, out)
+    return out / f"{recording.stem}_{hashlib.sha256(path.encode()).hexdigest()[:8]}"
+
+
 def run_job(job: Job) -> list[dict[str, Any]]:
     """Diagnose one recording, unless it has a report already; rows of the table. A bad recording raises nothing."""
     out = Path(job.out)
@@ -92,7 +99,7 @@ def _diagnose_hand(job: Job) -> None:
     begun_s = time.monotonic()
     hand = load_hand(job.model)
     signals = read_signals([Path(job.recording)], hand, Path(job.mapping) if job.mapping else None)
-    result = diagnose(
+    report = diagnose(
         signals,
         hand,
         tolerance=job.tolerance,
@@ -100,11 +107,9 @@ def _diagnose_hand(job: Job) -> None:
         joints=job.joints,
         without=job.without,
         sensor_curve=job.sensor_curve,
+        names=[job.recording],
     )
-    made = document(result, [job.recording], str(hand.path)) | {"made": _made(job, begun_s)}
-    content, _ = write_report(result, hand, [job.recording], Path(job.out), made)
-    write_patch(content, hand.path, Path(job.out))
-    write_page(result, content, Path(job.out), hand)
+    report.write(job.out, made=_made(job, begun_s))
 
 
 def _diagnose_machine(job: Job) -> None:

@@ -81,7 +81,7 @@ def diagnose(
     files = tuple(out / name for name in ("report.json", "report.html", "model.yaml", "patch.yaml", "patch.diff"))
     fleet = each or jobs > 1 or scheduler is not None
     tls = (tls_ca, tls_cert, tls_key)
-    table = (out / "findings.parquet", out / "summary.json")
+    table = tuple(out / name for name in ("findings.parquet", "summary.json", "index.html"))
     with running("diagnose", *(table if fleet else files)) as outputs:
         _check(recordings, mapping, rerun or [], tolerance, jobs, fleet)
         cluster = _cluster(scheduler, tls)
@@ -118,7 +118,7 @@ def diagnose(
                 of_machine=machine is not None,
                 made=origin.document(),
             )
-            summary = _fleet(recordings, template, origin, out, jobs, cluster, as_json)
+            summary = _fleet(recordings, template, origin, outputs, out, jobs=jobs, cluster=cluster, as_json=as_json)
             _print_fleet(summary | {"model_file": chosen.as_json()}, out, as_json)
             return
         if machine is not None:
@@ -221,7 +221,9 @@ def _fleet(
     recordings: list[Path],
     template: Job,
     origin: Origin,
+    outputs: interrupts.Outputs,
     out: Path,
+    *,
     jobs: int,
     cluster: Cluster | None,
     as_json: bool,
@@ -230,27 +232,32 @@ def _fleet(
 
     template: what all jobs have in common.
     """
-    from hand_diagnosis.fleet import run_fleet, write_table
+    from hand_diagnosis.fleet import report_folder, run_fleet, write_table
     from hand_diagnosis.pages.fleet_page import write_index
 
-    names = [f"{number:05d}_{path.stem}" for number, path in enumerate(recordings)]
-    work = [
-        replace(template, recording=str(path), out=str(out / name))
-        for path, name in zip(recordings, names, strict=True)
-    ]
-    rows = []
+    folders = {path: report_folder(path, out) for path in dict.fromkeys(recordings)}
+    work = [replace(template, recording=str(path), out=str(folder)) for path, folder in folders.items()]
+    rows: list[dict[str, Any]] = []
+
+    def index() -> None:
+        out.mkdir(parents=True, exist_ok=True)  # no report has made it where all are unusable
+        answered = {row["recording"]: row["error"] for row in rows}
+        entries = [(path, folder) for path, folder in folders.items() if str(path) in answered]
+        errors = {path: error for path, error in answered.items() if error}
+        write_index(entries, errors, out, origin.of_page(), len(folders) - len(entries))
+        outputs.complete(out / "index.html")
+
     if jobs > 1:
         interrupts.before_workers()
     with progress_bar(as_json, counted=True) as progress:
         bar = progress.add_task("recordings", total=len(work))
         for part in run_fleet(work, jobs, cluster):
             rows += part
+            outputs.at_interruption(index)
             progress.advance(bar)
+    outputs.at_interruption(None)
     summary = write_table(rows, out)
-    errors = {row["recording"]: row["error"] for row in rows if row["error"]}
-    write_index(
-        [(path, out / name) for path, name in zip(recordings, names, strict=True)], errors, out, origin.of_page()
-    )
+    index()
     return summary
 
 

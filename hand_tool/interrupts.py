@@ -3,7 +3,8 @@
 SIGINT is blocked in the process and in every child process. A thread waits for it, ends the children, prints the
 line and ends the process. An exception in the main thread would not do: library code that is interrupted in an
 import or in a destructor prints tracebacks. A subcommand that must end in order (nodes to stop, a hand to vent)
-calls `release`: from then on SIGINT raises Interrupted.
+calls `release`: from then on SIGINT raises Interrupted. What needs no order, as an index of what is done so far, is
+given to `Outputs.at_interruption`.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 EXIT_CODE = 130
@@ -39,10 +40,21 @@ class Outputs:
         self.command = command
         self._before = {path: _stamp(path) for path in planned}
         self._complete: set[Path] = set()
+        self._last_act: Callable[[], None] | None = None
 
     def complete(self, *paths: Path) -> None:
         """Call this when the files have been written to their end."""
         self._complete.update(paths)
+
+    def at_interruption(self, act: Callable[[], None] | None) -> None:
+        """Set what Ctrl-C still does when the child processes have ended; None: nothing."""
+        self._last_act = act
+
+    def end(self) -> None:
+        """Do what was set; an error of it only leaves its file incomplete."""
+        if self._last_act is not None:
+            with suppress(Exception):
+                self._last_act()
 
     def sentence(self) -> str:
         """What was written, what is incomplete, what was not written."""
@@ -159,6 +171,8 @@ def _watch() -> None:
             _ending.set()
             error_fd = _silence()
             end_children()
+            _current.end()
+            end_children()  # a pool may have replaced its workers meanwhile
             report(error_fd)
             os._exit(EXIT_CODE)
         signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)

@@ -214,7 +214,7 @@ def _trained(training: Sequence[tuple[Path, bytes]]) -> tuple[Forest, int]:
 
 def _report(folder: Path, number: int) -> dict[str, Any] | None:
     """The tool's report on a case; None where `hand trial run` has not made it."""
-    found = sorted(folder.glob(f"reports/*/*_case_{number:04d}/report.json"))
+    found = sorted(folder.glob(f"reports/*/case_{number:04d}_*/report.json"))
     return json.loads(found[0].read_text(encoding="utf-8")) if found else None
 
 

@@ -41,30 +41,38 @@ class Row:
 
 
 def write_index(
-    entries: Sequence[tuple[Path, Path]], errors: Mapping[str, str], out: Path, made: Mapping[str, object] | None = None
+    entries: Sequence[tuple[Path, Path]],
+    errors: Mapping[str, str],
+    out: Path,
+    made: Mapping[str, object] | None = None,
+    left: int = 0,
 ) -> None:
     """Write index.html into a folder that holds the folders of the reports.
 
     entries: of each recording its path and the folder of its report.  errors: by path, why it has none.  made: how, see
-    hand_pages/results.
+    hand_pages/results.  left: number of recordings that an interrupted run has not diagnosed.
     """
     above = _common_folder([recording for recording, _ in entries])
     rows = [_row(recording, folder, errors.get(str(recording), "")) for recording, folder in entries]
     if above:
         rows = [replace(row, name=str(Path(row.name).relative_to(above))) for row in rows]
-    write_rows(rows, str(above) if above else "", out, made)
+    write_rows(rows, str(above) if above else "", out, made, left)
 
 
-def write_rows(rows: Sequence[Row], folder: str, out: Path, made: Mapping[str, object] | None = None) -> None:
+def write_rows(
+    rows: Sequence[Row], folder: str, out: Path, made: Mapping[str, object] | None = None, left: int = 0
+) -> None:
     """Write index.html into a folder.
 
-    folder: that holds all recordings, "" where there is none.  made: how, see hand_pages/results.
+    folder: that holds all recordings, "" where there is none.  made: how, see hand_pages/results.  left: as above.
     """
     words = common_words(row.words for row in rows if row.words)
     joints = sorted({joint for row in rows for joint in row.errors})
     found = sum(row.verdict not in {"agrees", UNUSABLE} for row in rows)
     bad = sum(row.verdict == UNUSABLE for row in rows)
-    answer = f"{found} of {len(rows)} recordings differ from the model"
+    answers = [f"{found} of {len(rows)} recordings differ from the model"]
+    answers += [f"{bad} could not be used"] if bad else []
+    answers += [f"interrupted, {left} not diagnosed yet"] if left else []
     verdicts = sorted({row.verdict for row in rows})
     parts = {part: k for k, part in enumerate(dict.fromkeys(part for row in rows for part in row.answer.split("; ")))}
     table = [
@@ -83,7 +91,7 @@ def write_rows(rows: Sequence[Row], folder: str, out: Path, made: Mapping[str, o
         out / "index.html",
         "hand_diagnosis",
         "fleet.html",
-        title=f"{answer}; {bad} could not be used" if bad else answer,
+        title="; ".join(answers),
         verdicts=verdicts,
         joints=joints,
         axis=words.axis,

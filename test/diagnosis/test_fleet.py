@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
+from hand_diagnosis.fleet import report_folder
 from hand_model.description import load_hand
 from hand_recording.replay import record_offline
 from hand_tool.cli import app
@@ -45,10 +46,14 @@ def fleet(recordings: list[Path], out: Path, *options: str) -> dict[str, object]
 
 
 def test_a_cluster_of_processes_gives_the_table_and_resumes(recordings: list[Path], tmp_path: Path) -> None:
-    """Fails when a worker's result is lost, a bad recording stops the rest, or finished work is done again."""
+    """Fails when a worker's result is lost, a bad recording stops the rest, or finished work is done again.
+
+    Also where recordings in another order are diagnosed again, or one that agrees has no detection limits.
+    """
     out = tmp_path / "out"
     fleet(recordings[:1], out, "--each")
-    done = (out / "00000_hand_0" / "report.json").stat().st_mtime_ns
+    folders = [report_folder(path, out) for path in recordings]
+    done = (folders[0] / "report.json").stat().st_mtime_ns
     address = "tcp://127.0.0.1:" + str(20000 + time.monotonic_ns() % 20000)
     python = [sys.executable, "-m"]
     port = address.rpartition(":")[2]
@@ -60,12 +65,14 @@ def test_a_cluster_of_processes_gives_the_table_and_resumes(recordings: list[Pat
             running.append(
                 subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=tmp_path)
             )
-        summary = fleet(recordings, out, "--scheduler", address)
+        summary = fleet(recordings[::-1], out, "--scheduler", address)  # another order, and more of them
     finally:
         for process in reversed(running):
             process.terminate()
             process.wait(timeout=20)
-    reports = [json.loads((out / f"0000{k}_hand_{k}" / "report.json").read_text("utf-8")) for k in range(3)]
+    reports = [json.loads((folder / "report.json").read_text("utf-8")) for folder in folders[:3]]
+    assert [bool(report["detection_limits"]) for report in reports] == [False, True, False]
+    assert 'id="limits"' in (folders[1] / "report.html").read_text("utf-8")
     assert [report["recorded"] for report in reports] == [["2023-11-14T22:13:20+00:00"]] * 3  # of replay.START_NS
     made = [report["made"] for report in reports]
     assert all(entry["version"] and entry["model_sha256"] and entry["seed"] == 0 for entry in made)
@@ -78,4 +85,4 @@ def test_a_cluster_of_processes_gives_the_table_and_resumes(recordings: list[Pat
     assert [row["verdict"] for row in table] == ["explained", "agrees", "explained", "unusable"]
     assert "hand_3.mcap" in table[3]["error"]
     assert "2 of 4 recordings differ from the model; 1 could not be used" in (out / "index.html").read_text("utf-8")
-    assert (out / "00000_hand_0" / "report.json").stat().st_mtime_ns == done
+    assert (folders[0] / "report.json").stat().st_mtime_ns == done

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from hand_diagnosis.fleet import KEY, Job, run_job, write_table
+from hand_diagnosis.fleet import KEY, Job, report_folder, run_job, write_table
 from hand_model.effects import EFFECTS
 from hand_tool.cli import app
 from hand_tool.diagnose import summary_lines
@@ -41,14 +41,15 @@ def test_each_recording_of_a_machine_has_a_report_and_a_row(folder: Path) -> Non
     summary = json.loads(result.output.splitlines()[-1])
     assert summary["recordings"] == 2 and summary["verdicts"]["unusable"] == 1
     assert summary["by_joint"] == {"axis: coulomb_friction": 1}
-    report = json.loads((folder / "out" / "00000_good" / "report.json").read_text(encoding="utf-8"))
+    good = report_folder(folder / "good.csv", folder / "out")
+    report = json.loads((good / "report.json").read_text(encoding="utf-8"))
     assert report["words"] == {"whole": "the machine", "axis": "axis"}
     assert report["made"]["seed"] == 0 and report["made"]["duration_s"] > 0.0 and report["made"]["model_sha256"]
-    patch = (folder / "out" / "00000_good" / "patch.yaml").read_text(encoding="utf-8")
+    patch = (good / "patch.yaml").read_text(encoding="utf-8")
     for name, unit in (("stiffness", "N/m"), ("damping", "N s/m"), ("inertia", "kg")):
         assert re.search(rf"^  {name}: [\d.]+ # was [\d.]+; ± [\d.e-]+ {unit}$", patch, re.MULTILINE), patch
     assert re.search(r"^    position: \S+ # new; m$", patch, re.MULTILINE)
-    assert (folder / "out" / "00000_good" / "model.yaml").is_file()
+    assert (good / "model.yaml").is_file()
     page = (folder / "out" / "index.html").read_text(encoding="utf-8")
     body = page.partition("<main>")[2].partition("<section><h2>How this")[0]
     assert "differ from the model" in body and "at the axis, in multiples of the noise" in body

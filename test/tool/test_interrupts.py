@@ -149,7 +149,7 @@ def test_during_the_work(
     elif command == "diagnose":
         running = Running(tmp_path, "diagnose", str(recording), str(recording), "--jobs", "2", "--out", "report")
         running.until(lambda: len(running.members()) >= 3)
-        wanted = "not written: report/findings.parquet, report/summary.json"
+        wanted = "not written: report/findings.parquet, report/summary.json, report/index.html"
     elif command == "trial make":
         running = Running(tmp_path, "trial", "make", "trial", "--cases", "200")
         running.until((tmp_path / "trial" / "recordings").exists)
@@ -168,3 +168,28 @@ def test_during_the_work(
     assert len(lines) == 2, lines
     assert lines[1].startswith(f"hand {command}: interrupted; ")
     assert wanted in lines[1]
+
+
+def opened_by_reader(pipe: Path, writers: list[int]) -> bool:
+    """Whether a process opens a named pipe to read from it; it waits there until the writer is closed."""
+    try:
+        writers.append(os.open(pipe, os.O_WRONLY | os.O_NONBLOCK))
+    except OSError:
+        return False
+    return True
+
+
+def test_many_recordings_leave_an_index(tmp_path: Path) -> None:
+    """Fails when Ctrl-C writes no page of the recordings that are done, or does not say how many are left."""
+    (tmp_path / "bad.mcap").write_text("nothing\n", encoding="utf-8")
+    os.mkfifo(tmp_path / "waits.mcap")
+    writers: list[int] = []
+    running = Running(tmp_path, "diagnose", "bad.mcap", "waits.mcap", "--each", "--out", "report")
+    running.until(lambda: opened_by_reader(tmp_path / "waits.mcap", writers))
+    lines = running.interrupt(whole_group=False)
+    os.close(writers[0])
+    written = "written: report/index.html; not written: report/findings.parquet, report/summary.json"
+    assert lines[-1] == f"hand diagnose: interrupted; {written}"
+    page = (tmp_path / "report" / "index.html").read_text(encoding="utf-8")
+    wanted = "0 of 1 recordings differ from the model; 1 could not be used; interrupted, 1 not diagnosed yet"
+    assert f"<title>{wanted}</title>" in page

@@ -49,7 +49,7 @@ def read_plan(folder: Path) -> list[dict[str, Any]]:
 
 
 def run(folder: Path, command: list[str], jobs: int, tolerance: float, progress: Callable[[float], None]) -> None:
-    """Write folder/reports/BATCH/*_case_NNNN/report.json for every case; an interrupted run continues.
+    """Write folder/reports/BATCH/case_NNNN_*/report.json for every case; an interrupted run continues.
 
     command: how to call the tool, as in ["hand"].  tolerance: relative error of the nominal parameters.  progress:
     called with the share done, 0 to 1.  Raises ValueError for a broken plan, RuntimeError with the last line

@@ -107,7 +107,7 @@ def _grade(
         if case["number"] not in answers:
             raise ValueError(f"case {case['number']} has no answer")
         return grade(case, answers[case["number"]])
-    found = sorted(folder.glob(f"reports/*/*_case_{case['number']:04d}/report.json"))
+    found = sorted(folder.glob(f"reports/*/case_{case['number']:04d}_*/report.json"))
     if not found:
         raise ValueError(f"{folder}: case {case['number']} has no report; run the trial first")
     report = json.loads(found[0].read_text(encoding="utf-8"))

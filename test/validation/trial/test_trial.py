@@ -175,7 +175,7 @@ def test_reports_of_other_settings_than_sealed_are_refused(tmp_path: Path) -> No
     key = new_key()
     seal({"seed": 1, "tool": tool_numbers("1.0", numbers), "cases": [case]}, tmp_path, key)
     (tmp_path / "timing.json").write_text('{"seconds": 1.0, "jobs": 1}', encoding="utf-8")
-    place = tmp_path / "reports" / "0" / "00000_case_0000" / "report.json"
+    place = tmp_path / "reports" / "0" / "case_0000_0a1b2c3d" / "report.json"
     place.parent.mkdir(parents=True)
     report = {**numbers, "made": {"version": "1.0"}, "findings": [], "remainder": []}
     changes: list[dict[str, Any]] = [{"made": {"version": "1.1"}}, *({name: {"block_s": 2.0}} for name in NUMBERS)]
