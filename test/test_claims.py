@@ -203,8 +203,15 @@ def check_module(module: str, words: list[str]) -> None:
             assert word.split("=")[0] in text, f"python -m {module} has no option {word}"
 
 
+VIEWERS = ("foxglove_bridge", "plotjuggler")
+"""Packages of other projects that the documents start."""
+
+
 def check_ros(words: list[str]) -> None:
-    """Executables, launch files and the parameters that are set, of this package."""
+    """Executables, launch files and the parameters that are set, of this package; of a viewer, how it is installed."""
+    if words[2] in VIEWERS:
+        assert f"`ros-jazzy-{words[2].replace('_', '-')}" in text_of("docs/integration.md"), words[2]
+        return
     if words[1] == "launch" and words[2].endswith(".launch.py"):  # a file of this tree
         words = [*words[:2], str(Path(words[2]).parent), Path(words[2]).name, *words[3:]]
     kind, package, name = words[1:4]
