@@ -23,6 +23,8 @@ COLORS = (
     "#aa4499",
 )  # fmt: skip
 """Colours that people with any colour vision can distinguish (Okabe and Ito; Tol), one per joint."""
+LIGHT = 0.4
+"""Brightness [0 to 1] from which a colour's shade is darker, and below which it is lighter."""
 DIAGNOSTICS = "/diagnostics"
 JOINT_STATES, PRESSURES, FORCES = "joint_states", "pressures", "contact_forces"
 STATE, COMMAND, ROBOT = "controller_state", "valve_command", "robot_description"
@@ -32,24 +34,27 @@ STATUSES = ("safety", "board", "commands", "valves", "sensors")
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """An element of an array of a message. label: what it is.  color: of its line.  dashed: a set-point."""
+    """An element of an array of a message. label: what it is.  color: of its line.  set_point: it is no measurement."""
 
     topic: str
     field: str
     index: int
     label: str
     color: str
-    dashed: bool = False
+    set_point: bool = False
 
 
 def curves(hand: Hand, namespace: str) -> dict[str, list[Curve]]:
-    """Curves of each plot: measured values with their set-points."""
+    """Curves of each plot: measured values in the colour of their joint, set-points in a shade of it."""
     space = f"/{namespace.strip('/')}/"
 
     def rows(topic: str, field: str, names: Iterable[str], note: str = "") -> list[Curve]:
         colored = zip(names, COLORS * (1 + len(hand.joints) // len(COLORS)), strict=False)
         made = ((i, f"{name} {note}".strip(), color) for i, (name, color) in enumerate(colored))
-        return [Curve(space + topic, field, i, label, color, bool(note)) for i, label, color in made]
+        return [
+            Curve(space + topic, field, i, label, shade(color) if note else color, bool(note))
+            for i, label, color in made
+        ]
 
     return {
         "angles [rad]": [
@@ -63,6 +68,14 @@ def curves(hand: Hand, namespace: str) -> dict[str, list[Curve]]:
         "contact forces [N]": rows(FORCES, "force", hand.sensors.sites),
         "contacts": rows(STATE, "contact", hand.joints),
     }
+
+
+def shade(color: str) -> str:
+    """A colour, #rrggbb, halfway to black, or to white where it is dark; every reader sees the difference."""
+    parts = [int(color[k : k + 2], 16) for k in (1, 3, 5)]
+    brightness = sum(weight * part for weight, part in zip((0.2126, 0.7152, 0.0722), parts, strict=True)) / 255
+    end = 0 if brightness >= LIGHT else 255
+    return "#" + "".join(f"{(part + end) // 2:02x}" for part in parts)
 
 
 def foxglove_text(hand: Hand, namespace: str = "hand") -> str:
@@ -99,7 +112,7 @@ def _plot(title: str, rows: list[Curve]) -> dict[str, Any]:
             "color": curve.color,
             "enabled": True,
             "timestampMethod": "headerStamp",
-            "lineSize": 1 if curve.dashed else 2,
+            "lineSize": 1 if curve.set_point else 2,
         }
         for curve in rows
     ]
