@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis.diagnosis import Diagnosis, JointDiagnosis
-from hand_diagnosis.pages.headline import effect_words, unit_words
+from hand_diagnosis.pages.headline import effect_words
 from hand_diagnosis.problem import log_likelihood, slice_of, validation_rmse
 from hand_diagnosis.search import Probes, probes_at
 from hand_diagnosis.settings import SETTINGS
@@ -34,7 +34,7 @@ from hand_identification.map_fit import MapFit, map_fit
 from hand_model.arrays import Array, Flags
 from hand_model.effects.effect import Effect
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
-from hand_model.quantities import Wording
+from hand_model.quantities import Wording, unit_words
 
 
 @dataclass(frozen=True, slots=True)

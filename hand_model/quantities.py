@@ -80,12 +80,21 @@ class UnitMap:
 
     def quantity(self, key: str) -> Quantity:
         """The parameter `key` (named as in hand.yaml) on this machine. Unknown endings are dimensionless."""
+        group, stem, ending = self._parts(key)
+        suffix, factor, unit = self._composed(ENDINGS[ending]) if ending in ENDINGS else self._special()[ending]
+        own = "_".join(part for part in (stem, suffix) if part)
+        return Quantity(f"{group}.{own}" if group else own, factor, unit)
+
+    def words(self, key: str) -> str:
+        """The parameter `key` (named as in hand.yaml) in words, without its group and unit, as "time constant"."""
+        return self._parts(key)[1].replace("_", " ")
+
+    def _parts(self, key: str) -> tuple[str, str, str]:
+        """Group of a key, its name on this machine without the unit, and the ending that is its unit on a hand."""
         group, _, name = key.rpartition(".")
         ending = next((ending for ending in (*ENDINGS, *self._special()) if name.endswith(f"_{ending}")), "")
         stem = name.removesuffix(f"_{ending}") if ending else name
-        suffix, factor, unit = self._composed(ENDINGS[ending]) if ending in ENDINGS else self._special()[ending]
-        own = "_".join(part for part in (self.names.get(stem, stem), suffix) if part)
-        return Quantity(f"{group}.{own}" if group else own, factor, unit)
+        return group, self.names.get(stem, stem), ending
 
     def _special(self) -> dict[str, tuple[str, float, str]]:
         """Suffix, factor and unit by ending, of units with a name of their own."""
@@ -174,6 +183,11 @@ HAND = Wording()
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "u"))
 _PREFIXED = ("N", "Pa", "s")
 """Units whose size a prefix shows."""
+
+
+def unit_words(unit: str) -> str:
+    """A unit as it is written in a text; "" for a number without one."""
+    return "" if unit == "1" else unit.replace("^2", "²").replace("^3", "³")
 
 
 def amount(value: float, unit: str) -> str:

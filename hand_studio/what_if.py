@@ -12,26 +12,11 @@ import viser
 from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.effects import EFFECTS
-from hand_model.kernel.open_loop import HAND_EFFECTS
-from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
-from hand_model.quantities import HAND
+from hand_model.kernel.rows import ROW
+from hand_studio.choices import CHOICES, PARAMETERS, slider_label, slider_range
 
 ALL = "all joints"
 STEPS = 200
-PARAMETERS = {parameter.key: parameter for parameter in JOINT_PARAMETERS}
-CHOICES = tuple(effect.name for effect in HAND_EFFECTS if effect.keys)
-"""Effects that can be tried."""
-
-
-def slider_range(key: str, base: float) -> tuple[float, float]:
-    """From where to where a slider of a parameter goes, in the unit of its key; base: the value that was found [same].
-
-    Up to five typical sizes from the base; a number without a typical size, from a third to three times the base.
-    """
-    parameter = PARAMETERS[key]
-    span = 5.0 * parameter.typical if parameter.typical else 2.0 * abs(base) or 0.1 * (parameter.high - parameter.low)
-    low = base - span if parameter.typical or not base else base - 2.0 / 3.0 * abs(base)
-    return max(parameter.low, low), min(parameter.high, base + span)
 
 
 class WhatIf:
@@ -72,9 +57,8 @@ class WhatIf:
                 scale, row = PARAMETERS[key].scale, ROW[key]
                 low, high = slider_range(key, float(self._base[row, joint]) / scale)
                 value = float(np.clip(self._parameters[row, joint] / scale, low, high))
-                unit = HAND.units.quantity(key).unit
-                label = key.partition(".")[2]
-                slider = self._gui.add_slider(label, low, high, (high - low) / STEPS, value, hint=f"{key} [{unit}]")
+                step, about = (high - low) / STEPS, f"{key} of the model's file: {PARAMETERS[key].doc}"
+                slider = self._gui.add_slider(slider_label(self._effect.value, key), low, high, step, value, hint=about)
                 slider.on_update(partial(self._set, key))
                 self._sliders[key] = slider
 

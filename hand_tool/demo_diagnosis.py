@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from hand_diagnosis.pages.headline import effect_words, unit_words
+from hand_diagnosis.pages.headline import effect_words
 from hand_identification.excitation import EXPERIMENTS
 from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
-from hand_model.quantities import HAND
+from hand_model.quantities import HAND, unit_words
 from hand_recording.replay import record_offline
 from hand_robot.urdf import description_text
 from hand_tool.processes import ProcessError

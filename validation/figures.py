@@ -124,6 +124,7 @@ PARTS: dict[str, Part] = {
         f"python -m validation.figures # {key}": Part("", _settings(key))
         for key in ("settings", "fit_settings", "reading_settings", "machine_settings")
     },
+    "python -m validation.figures # what_if": Part("", _code("hand_studio.choices", "markdown_list")),
     "python -m validation.figures # python": Part("", _code("validation.api_page", "markdown")),
     "python -m validation.figures # commands": Part("", _code("validation.command_page", "markdown")),
     "python -m validation.figures # launch": Part("", _code("validation.node_page", "arguments")),

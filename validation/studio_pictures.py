@@ -67,7 +67,7 @@ def live(folder: Path, out: Path) -> None:
         _grasp(page)
         (out / "studio.png").write_bytes(page.picture())
         page.click("Model")
-        page.press("torque_nm", "End")
+        page.press("torque [N m]", "End")
         time.sleep(1.0)
         picture = page.picture()
         for _ in range(TRIES):

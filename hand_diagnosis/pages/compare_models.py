@@ -15,14 +15,14 @@ from hand_diagnosis.pages.compare_motions import (
     motion_sentence,
 )
 from hand_diagnosis.pages.hand_entries import entries
-from hand_diagnosis.pages.headline import counted, unit_words
+from hand_diagnosis.pages.headline import counted
 from hand_diagnosis.settings import SETTINGS
 from hand_machine.description import NUMBERS, MachineDescription
 from hand_machine.found_model import PARAMETER, WEIGHT
 from hand_machine.wording import AXIS, units_of
 from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
-from hand_model.quantities import HAND
+from hand_model.quantities import HAND, unit_words
 
 SAME_RELATIVE = 1e-9
 """Relative difference below which two numbers of a model are equal."""

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from hand_diagnosis.pages.drawing import tint
 from hand_diagnosis.settings import SETTINGS
+from hand_model.quantities import unit_words
 from hand_pages.numbers import with_error
 
 PROPER = {"coulomb": "Coulomb", "hall": "Hall", "fsr": "FSR"}
@@ -247,11 +248,6 @@ def by_reason(not_judged: Sequence[Report]) -> list[tuple[str, list[str]]]:
     for row in not_judged:
         groups.setdefault(row["reason"], []).append(row["joint"])
     return list(groups.items())
-
-
-def unit_words(unit: str) -> str:
-    """A unit as it is written in a text; "" for a number without one."""
-    return "" if unit == "1" else unit.replace("^2", "²").replace("^3", "³")
 
 
 def _cell(row: Report | None) -> dict[str, Any] | None:

@@ -22,12 +22,12 @@ from hand_diagnosis.pages.headline import (
     ties,
     tiles,
     title,
-    unit_words,
     worst_by_joint,
 )
 from hand_diagnosis.pages.page_plots import every_nth, law_plot, leading_stage, state_plot, time_plots
 from hand_diagnosis.settings import SETTINGS
 from hand_model.description import Hand
+from hand_model.quantities import unit_words
 from hand_pages.page import png, write_html
 from hand_pages.plots import Plot
 from hand_pages.results import made_rows

@@ -14,11 +14,22 @@ from hand_client.samples import Sample, Samples
 from hand_driver.board import Frame, Status
 from hand_driver.measurement import Converter
 from hand_model.description import Hand, load_hand
+from hand_model.effects import EFFECTS
 from hand_model.kernel.rows import ROW
 from hand_sim.plant import SimulatedPlant
+from hand_studio.choices import (
+    CHOICES,
+    CURVES,
+    FRAMES,
+    KINDS,
+    MACHINES,
+    PARAMETERS,
+    reason_of,
+    slider_label,
+    slider_range,
+)
 from hand_studio.live_model import SHOWN_S, LiveModel
 from hand_studio.tint import FULL, LARGE, NOISE, PLAIN, tint
-from hand_studio.what_if import CHOICES, PARAMETERS, slider_range
 
 HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
 RUBBING = HAND.joints.index("index_proximal")
@@ -188,3 +199,27 @@ def test_sliders_stay_in_the_allowed_range_and_hold_what_was_found() -> None:
         assert parameter.low <= low < high <= parameter.high, key
         assert low - 1e-9 * abs(low) <= base <= high + 1e-9 * abs(high), key
     assert tint(0.9 * NOISE) == PLAIN and tint(-2.0 * LARGE) == FULL
+
+
+def test_every_effect_is_offered_or_left_out_for_its_reason() -> None:
+    """Fails when an effect that a hand can have and that has a size is missing, or a reason is wrong."""
+    left = {name: reason_of(effect) for name, effect in EFFECTS.items() if name not in CHOICES}
+    assert left == {
+        **dict.fromkeys(
+            ("cogging", "command_delay", "directional_friction", "drive_lag", "drive_saturation"), MACHINES
+        ),
+        **dict.fromkeys(("hydraulic", "switching_valve"), KINDS),
+        **dict.fromkeys(("unnamed_pressure", "unnamed_torque"), CURVES),
+        "dropped_frames": FRAMES,
+    }
+
+
+def test_a_slider_has_words_and_a_unit() -> None:
+    """Fails when a label shows the key of a file, or two sliders of an effect have the same label."""
+    assert slider_label("coulomb_friction", "coulomb_friction.torque_nm") == "torque [N m]"
+    assert slider_label("valve_lag", "valve.time_constant_s") == "valve time constant [s]"
+    assert slider_label("stiffening", "stiffening.mixed_nm_per_pa_rad2") == "mixed [N m/(Pa rad²)]"
+    assert slider_label("fsr_gain", "fsr_gain.error") == "error"
+    for name in CHOICES:
+        labels = [slider_label(name, key) for key in EFFECTS[name].keys]
+        assert len(set(labels)) == len(labels) and not any("_" in label for label in labels), labels
