@@ -19,7 +19,7 @@ from hand_studio.live_model import LiveModel
 from hand_studio.page import Page
 from hand_studio.panel import Panel
 from hand_studio.tint import tints
-from hand_studio.until_sure import Answer, Study, StudyError, record_until_sure, table
+from hand_studio.until_sure import Answer, Study, StudyError, record_until_sure
 
 FRAME_S = 0.04
 """Period of the pictures."""
@@ -238,4 +238,4 @@ class _Robot:
 
     def report(self, note: str, answer: Answer | None) -> None:
         self.newest = answer
-        self._panel.sure(table(note, answer))
+        self._panel.sure(note, answer)

@@ -13,19 +13,23 @@ import viser
 
 from hand_client.live_state import LiveState
 from hand_model.arrays import Array
-from hand_model.description import Hand
+from hand_model.description import Hand, load_hand
 from hand_studio.curves import Curves
 from hand_studio.inbox import Inbox
 from hand_studio.legend import LIVE, legend
 from hand_studio.page import Page
+from hand_studio.until_sure import Answer, table
 from hand_studio.what_if import ALL, WhatIf
 
 SMALLEST_NM = 0.01
 LOOKING = "waiting for the controller"
 FIND = (
     "What does the model lack? The button moves the joint through experiments, records them and looks for the causes of"
-    " every difference from the model, until they are certain. It takes minutes; any other button ends it."
+    " every difference from the model, until they are certain. It takes minutes, and ends when you use another control"
+    " of the hand."
 )
+USE_FOUND, USE_FILE = "Use the found model", "Use the model of the file"
+"""Labels of the button that gives the ghost the found model, and takes it away again."""
 CALLS = re.compile(r"; call reset(_driver)?(, then enable)?$")
 """What a node asks for in the words of ROS; in the page, the button Enable does it."""
 STATUS_EM = 5.5
@@ -73,11 +77,30 @@ class Panel:
         button = gui.add_button("Record until sure")
         button.on_click(lambda _: self._inbox.ask("sure", "" if joint.value == ALL else str(joint.value)))
         self._sure = gui.add_html("")
+        self._answer: Answer | None = None
+        self._use = gui.add_button(USE_FOUND, visible=False)
+        self._use.on_click(lambda _: self._use_found())
 
-    def sure(self, content: str) -> None:
-        """Show the state of Record until sure, as HTML."""
+    def sure(self, note: str, answer: Answer | None) -> None:
+        """Show what Record until sure does now, and its newest answer."""
+        content = table(note, answer)
         if self._sure.content != content:
             self._sure.content = content
+        if answer is not None and answer is not self._answer:
+            self._answer, self._use.label, self._use.visible = answer, USE_FOUND, bool(answer.model)
+
+    def _use_found(self) -> None:
+        """Give ghost and What if the found model, or the one of the file again."""
+        answer, use = self._answer, self._use.label == USE_FOUND
+        if answer is None:
+            return
+        try:
+            model = load_hand(answer.model, self._hand.prefix) if use else self._hand
+        except ValueError as error:
+            self.sure(str(error), answer)
+            return
+        self.what_if.begin_with(model.parameters)
+        self._use.label = USE_FILE if use else USE_FOUND
 
     @property
     def max_torque_nm(self) -> float:

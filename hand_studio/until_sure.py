@@ -35,20 +35,39 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """A cause of a mismatch with its probability, 0 to 1."""
+    """A cause of a mismatch in words, with its probability, 0 to 1.
+
+    number: its size with error and unit, "" where the recordings do not determine it.
+    """
 
     joint: str
     effect: str
     probability: float
+    number: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a diagnosis says. following: the experiment to record next, "" where none is needed or none helps."""
+    """What a diagnosis says.
+
+    sentence: the title of its report.  certain: whether every cause is.  following: the experiment to record next, ""
+    where none is needed or none helps.  folder: of the report.  model: the file of the found model, "" where it is the
+    model that the recordings were compared with.
+    """
 
     sentence: str
     causes: tuple[Cause, ...]
+    certain: bool
     following: str
+    folder: str = ""
+    model: str = ""
+
+    def line(self, recordings: int) -> str:
+        """The answer as it ends the study, after so many recordings."""
+        sure = ("sure " if self.certain else "not sure ") if self.causes else ""
+        helpless = "" if self.certain or self.following else ", and no further experiment helps"
+        report = f"; report in {self.folder}" if self.folder else ""
+        return f"{self.sentence}; {sure}after {_count(recordings)}{helpless}{report}"
 
 
 class Study(Protocol):
@@ -111,14 +130,12 @@ def record_until_sure(robot: Robot, study: Study, joints: Sequence[str], period_
             study.diagnose(recordings, joints)
             begun = time.monotonic()
             while (found := study.answer()) is None:
-                robot.report(f"diagnosing {_count(recordings)}, {time.monotonic() - begun:.0f} s", answer)
+                robot.report(f"diagnosing {_count(len(recordings))}, {time.monotonic() - begun:.0f} s", answer)
                 robot.stay(period_s)
             answer = found
-            robot.report(answer.sentence, answer)
-            if not answer.following:
-                return f"{answer.sentence}; {_count(recordings)}"
-            if len(recordings) >= MOST or names[-2:] == [answer.following] * 2:
-                return f"not sure after {_count(recordings)}: {answer.sentence}"
+            robot.report("", answer)
+            if not answer.following or len(recordings) >= MOST or names[-2:] == [answer.following] * 2:
+                return answer.line(len(recordings))
             motion = study.motion(answer.following, joints)
     finally:
         study.cancel()
@@ -158,17 +175,28 @@ def _check(robot: Robot) -> None:
         raise StudyError(refusal)
 
 
-def _count(recordings: Sequence[str]) -> str:
-    return f"{len(recordings)} recording{'s' * (len(recordings) > 1)}"
+def _count(recordings: int) -> str:
+    return f"{recordings} recording{'s' * (recordings > 1)}"
 
 
 def table(note: str, answer: Answer | None) -> str:
-    """HTML of what is done now and of the causes with their probabilities."""
-    rows = [
-        f'<tr><td>{escape(cause.effect)}</td><td>{escape(cause.joint)}</td><td style="width:45%">'
+    """HTML of what is done now, and of the newest answer: its sentence, its causes and where its report is."""
+    shown = _answered(answer) if answer else ""
+    return f'<div style="padding:0.4em 0.8em;overflow-wrap:anywhere"><div id="sure">{escape(note)}</div>{shown}</div>'
+
+
+def _answered(answer: Answer) -> str:
+    report = f'<div id="report">Report: {escape(answer.folder)}</div>' if answer.folder else ""
+    rows = "".join(map(_row, answer.causes))
+    body = f'<table style="width:100%;font-size:0.85em">{rows}</table>' if rows else ""
+    return f'<div id="answer" style="font-weight:600">{escape(answer.sentence)}</div>{body}{report}'
+
+
+def _row(cause: Cause) -> str:
+    """A cause with its size below its name, and its probability as a bar and a number."""
+    size = f"<br>{escape(cause.number)}" if cause.number else ""
+    return (
+        f'<tr><td>{escape(cause.effect)}{size}</td><td>{escape(cause.joint)}</td><td style="width:30%">'
         f'<div style="background:#0072b2;height:0.8em;width:{100.0 * cause.probability:.0f}%"></div></td>'
         f'<td style="text-align:right">{cause.probability:.0%}</td></tr>'
-        for cause in (answer.causes if answer else ())
-    ]
-    body = f'<table style="width:100%;font-size:0.85em">{"".join(rows)}</table>' if rows else ""
-    return f'<div style="padding:0.4em 0.8em"><div id="sure">{escape(note)}</div>{body}</div>'
+    )

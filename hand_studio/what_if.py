@@ -37,6 +37,11 @@ class WhatIf:
         self._reset.on_click(lambda _: self._restore())
         self._show_sliders()
 
+    def begin_with(self, base: Array) -> None:
+        """Use other parameters (rows, joints), SI, which Reset restores from now on."""
+        self._base = base.copy()
+        self._restore()
+
     def take(self) -> Array | None:
         """The parameters (rows, joints), SI, where they have changed since the last call."""
         with self._lock:

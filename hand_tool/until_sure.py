@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 from hand_identification.excitation import EXPERIMENTS
 from hand_model.description import Hand
 from hand_studio.until_sure import Answer, Cause, Motion, StudyError
+from hand_tool.studio_replay import MODEL
 
 FIRST = "slow_triangle"
 DURATION_S, PERIOD_S = 20.0, 0.02
@@ -73,7 +75,8 @@ class Experiments:
         if code != 0:
             lines = (self._out / "diagnose.log").read_text(encoding="utf-8", errors="replace").strip().splitlines()
             raise StudyError(f"the diagnosis failed: {lines[-1] if lines else f'exit code {code}'}")
-        return answer_of(json.loads((self._out / "report.json").read_text(encoding="utf-8")))
+        answer = answer_of(json.loads((self._out / "report.json").read_text(encoding="utf-8")))
+        return replace(answer, folder=str(self._out), model=str(self._out / MODEL) if answer.causes else "")
 
     def cancel(self) -> None:
         """End a diagnosis that runs."""
@@ -88,19 +91,28 @@ class Experiments:
 
 
 def answer_of(report: Mapping[str, Any]) -> Answer:
-    """The causes of a report, and whether to go on: until every cause is certain, or no experiment helps."""
-    causes = [
-        Cause(found["joint"] or "hand", " or ".join([found["effect"], *found["tied_with"]]), found["probability"])
-        for found in report["findings"]
-    ]
-    sure = all(cause.probability >= SURE for cause in causes) and not any(f["tied_with"] for f in report["findings"])
-    causes += [
-        Cause(left["joint"], "physics that no effect explains", left["probability"]) for left in report["remainder"]
-    ]
-    following = (report["next_experiment"] or {}).get("name", "")
-    if not causes:
-        left_out = [f"{each['joint']} is left out: {each['reason']}" for each in report["not_judged"]]
-        return Answer("; ".join(["hand and model agree", *left_out[:1]]), (), "")
-    if sure and not report["remainder"]:
-        return Answer("sure", tuple(causes), "")
-    return Answer("not sure yet" if following else "no further experiment helps", tuple(causes), following)
+    """The title and the causes of a report, and whether to go on: until all are certain, or no experiment helps."""
+    from hand_diagnosis.pages.headline import title
+
+    causes = [*map(_cause, report["findings"]), *map(_remainder, report["remainder"])]
+    left_out = [f"{each['joint']} is left out: {each['reason']}" for each in report["not_judged"]]
+    sentence = "; ".join([title(report), *left_out[:1]])
+    certain = not report["remainder"] and all(
+        found["probability"] >= SURE and not found["tied_with"] for found in report["findings"]
+    )
+    following = "" if certain else (report["next_experiment"] or {}).get("name", "")
+    return Answer(sentence, tuple(causes), certain, following)
+
+
+def _cause(found: Mapping[str, Any]) -> Cause:
+    """A finding; of names that fit equally well, each would have a size of its own."""
+    from hand_diagnosis.pages.headline import effect_words, main_number
+
+    names = [effect_words(name) for name in (found["effect"], *found["tied_with"])]
+    number = "" if found["tied_with"] else main_number(found)
+    return Cause(found["joint"] or "hand", " or ".join(names), found["probability"], number)
+
+
+def _remainder(left: Mapping[str, Any]) -> Cause:
+    number = f"{left['rms']:.2g} {left['unit']} of the {left['signal']}"
+    return Cause(left["joint"], "physics that no effect explains", left["probability"], number)

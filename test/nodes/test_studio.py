@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 import yaml
 
+from hand_model.arrays import Array
 from hand_model.description import load_hand
 from hand_model.kernel.rows import ROW
 from hand_recording.loader import load_recording
@@ -24,8 +25,8 @@ from hand_recording.replay import record_offline
 from hand_studio import until_sure
 from hand_studio.inbox import Inbox
 from hand_studio.page import Page
-from hand_studio.panel import Panel
-from hand_studio.until_sure import Answer, Cause, Motion, table
+from hand_studio.panel import SMALLEST_NM, Panel
+from hand_studio.until_sure import Answer, Cause, Motion
 from test.nodes.stack import TOOL, WAIT_S, Client, Stack
 from validation.browser import Browser, changed
 
@@ -56,6 +57,12 @@ class Studio(Stack):
             assert time.monotonic() < end, f"Enable does not drive the hand: {self.client.statuses}"
             self.page.click("Enable")
             self.client.spin(1.5)  # the status of the nodes comes at 1 Hz
+
+    def torque_limits(self) -> dict[str, float]:
+        """Limit of the torque [N m] of each joint, by the controller."""
+        self.client.spin(0.1)
+        newest = self.client.states[-1]
+        return dict(zip(newest.name, newest.torque_limit, strict=True))
 
     def off_deg(self) -> float:
         """RMS difference of the model's curve from the measured one [deg], by the page; NaN without a curve."""
@@ -116,8 +123,8 @@ def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Studio]:
         made.client.close()
 
 
-def test_a_slider_moves_the_joint_and_the_picture(studio: Studio) -> None:
-    """Fails when a slider sends another joint or unit, or the hand in the picture does not move."""
+def test_a_slider_moves_the_joint_and_the_picture_until_vent(studio: Studio) -> None:
+    """Fails when a slider sends another joint, unit or torque limit, the picture stands still, or Vent does nothing."""
     studio.enable()
     others = {joint: studio.client.angle(joint) for joint in ("middle_proximal", "thumb_distal")}
     before = studio.still()
@@ -125,6 +132,14 @@ def test_a_slider_moves_the_joint_and_the_picture(studio: Studio) -> None:
     for joint, angle in others.items():
         assert abs(studio.client.angle(joint) - angle) < 0.1
     studio.client.until(lambda: changed(before, studio.page.scene()) > 0.005)
+    limits_nm = studio.torque_limits()
+    studio.page.press("torque limit N m", "Home")
+    studio.move("middle_proximal", "End", 0.1, 1.9)
+    assert studio.torque_limits() == limits_nm | {"middle_proximal": SMALLEST_NM}
+    studio.page.press("torque limit N m", "End")
+    studio.page.click("Vent")
+    studio.client.until(lambda: max(studio.client.valves[-1].pressure) == 0.0, 3.0)
+    studio.page.until_shown("vented")
 
 
 def test_record_writes_a_bag(studio: Studio) -> None:
@@ -204,12 +219,22 @@ def test_the_hand_goes_on_without_a_browser(studio: Studio) -> None:
     studio.page.until_shown("Hz, latency")
 
 
+def loaded_model(folder: Path) -> Path:
+    """Write model.yaml, the hand with a load of 0.05 N m on each joint, into a new folder; its path."""
+    folder.mkdir()
+    model = yaml.safe_load(CONFIG.read_text(encoding="utf-8"))
+    model["joint_defaults"]["constant_load"] = {"torque_nm": 0.05}
+    path = folder / "model.yaml"
+    path.write_text(yaml.safe_dump(model), encoding="utf-8")
+    return path
+
+
 class Scripted:
     """A robot that stands still, and a study with given answers, on a panel of a page."""
 
     def __init__(self, panel: Panel, answers: list[Answer], shown: Callable[[], None]) -> None:
         self._panel, self._answers, self._shown = panel, answers, shown
-        self.report = lambda note, answer: panel.sure(table(note, answer))
+        self.report = panel.sure
         self.stay = self.command = self.hold = self.cancel = self.diagnose = lambda *_: None
         self.refusal, self.record, self.is_recorded = lambda: "", lambda: "bag", lambda: True
         self.end_recording = lambda: "recorded: bag"
@@ -224,23 +249,27 @@ class Scripted:
         return self._answers.pop(0)
 
 
-def test_the_probabilities_change_in_the_page_with_every_diagnosis(
+def test_the_answer_changes_in_the_page_with_every_diagnosis_and_its_model_can_be_used(
     studio: Studio, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Fails when a probability is not shown in the tab Find, stays that of the diagnosis before, or its bar does."""
+    """Fails when a probability or its bar stays that of the diagnosis before, or size, report or model do not come."""
     monkeypatch.setattr(until_sure, "REST_S", 0.001)
     hand = load_hand(CONFIG)
+    found = loaded_model(studio.folder / "hand_diagnosis")
     seen: list[tuple[str, ...]] = []
     answers = [
         Answer(
-            sentence,
-            (Cause("index_proximal", "backlash", p), Cause("index_proximal", "hysteresis", 1.0 - p)),
+            f"index_proximal: constant load of {number}",
+            (Cause("index_proximal", "constant load", p, number), Cause("index_proximal", "hysteresis", 1.0 - p)),
+            not following,
             following,
+            str(found.parent),
+            str(found),
         )
-        for p, sentence, following in (
-            (0.55, "not sure yet", "reversals"),
-            (0.74, "not sure yet", "steps"),
-            (0.97, "sure", ""),
+        for p, number, following in (
+            (0.55, "0.06 ± 0.02 N m", "reversals"),
+            (0.74, "0.052 ± 0.007 N m", "steps"),
+            (0.97, "0.050 ± 0.002 N m", ""),
         )
     ]
     page = Page()
@@ -254,13 +283,24 @@ def test_the_probabilities_change_in_the_page_with_every_diagnosis(
         def shown() -> None:
             expected = (("55%", "45%"), ("74%", "26%"), ("97%", "3%"))[len(seen)]
             studio.page.until(BARS + f".join() == '{','.join(expected)}'")
-            assert [part for part in studio.page.text().split() if part.endswith("%")] == list(expected)
+            text, answer = studio.page.text(), answers[len(seen)]
+            assert [part for part in text.split() if part.endswith("%")] == list(expected)
+            assert answer.sentence in text and text.count(answer.causes[0].number) == 2
+            assert f"Report: {found.parent}" in text
             seen.append(expected)
 
         script = Scripted(panel, list(answers), shown)
-        assert until_sure.record_until_sure(script, script, ["index_proximal"], 0.001) == "sure; 3 recordings"
+        line = f"{answers[-1].sentence}; sure after 3 recordings; report in {found.parent}"
+        assert until_sure.record_until_sure(script, script, ["index_proximal"], 0.001) == line
         shown()
         assert len(seen) == len(answers)
+        for button, expected_nm in (("Use the found model", 0.05), ("Use the model of the file", 0.0)):
+            studio.page.click(button)
+            taken: list[Array | None] = [None]
+            while taken[-1] is None:
+                studio.client.spin(0.05)
+                taken.append(panel.what_if.take())
+            assert taken[-1][ROW["constant_load.torque_nm"]] == pytest.approx(expected_nm)
     finally:
         studio.page.open(studio.url)
         page.close()
@@ -322,10 +362,7 @@ def test_a_recording_is_replayed_next_to_the_model_before_and_after(studio: Stud
     bag, found = studio.folder / "loaded.mcap", studio.folder / "diagnosis"
     for _ in record_offline(replace(hand, parameters=concealed), rising, bag, seed=2):
         pass
-    found.mkdir()
-    model = yaml.safe_load(CONFIG.read_text(encoding="utf-8"))
-    model["joint_defaults"]["constant_load"] = {"torque_nm": 0.05}
-    (found / "model.yaml").write_text(yaml.safe_dump(model), encoding="utf-8")
+    loaded_model(found)
     command = [*TOOL, "studio", str(bag), "--after", str(found), "--no-browser", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -21,8 +22,8 @@ from hand_tool.until_sure import DURATION_S, FIRST, INSIDE, Experiments, answer_
 CONFIG = Path(__file__).parents[2] / "config" / "hand.yaml"
 HAND = load_hand(CONFIG)
 JOINT = "index_proximal"
-UNSURE = Answer("not sure yet", (Cause(JOINT, "backlash", 0.6),), "reversals")
-SURE = Answer("sure", (Cause(JOINT, "backlash", 0.97),), "")
+UNSURE = Answer(f"{JOINT}: backlash (60%)", (Cause(JOINT, "backlash", 0.6),), False, "reversals")
+SURE = Answer(f"{JOINT}: backlash (97%)", (Cause(JOINT, "backlash", 0.97),), True, "", "out/last_diagnosis")
 
 
 class Ended(Exception):
@@ -98,7 +99,8 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_it_goes_on_until_the_answer_is_certain() -> None:
     """Fails when it ends too early or too late, takes another experiment, or forgets an earlier recording."""
     robot, study = FakeRobot(), FakeStudy(UNSURE, UNSURE, SURE)
-    assert record_until_sure(robot, study, [JOINT], 0.001) == "sure; 3 recordings"
+    line = f"{SURE.sentence}; sure after 3 recordings; report in out/last_diagnosis"
+    assert record_until_sure(robot, study, [JOINT], 0.001) == line
     assert study.names == ["", "reversals", "reversals"]
     assert study.diagnosed == [[f"recording_{k}" for k in range(1, n + 1)] for n in (1, 2, 3)]
     assert robot.moved and all(angles == {JOINT: 0.1} for angles in robot.moved)
@@ -108,7 +110,15 @@ def test_it_goes_on_until_the_answer_is_certain() -> None:
 def test_it_ends_where_nothing_new_is_proposed() -> None:
     """Fails when it repeats an experiment that did not help for ever."""
     study = FakeStudy(*[UNSURE] * 20)
-    assert record_until_sure(FakeRobot(), study, [JOINT], 0.001).startswith("not sure after 3 recordings")
+    line = record_until_sure(FakeRobot(), study, [JOINT], 0.001)
+    assert line == f"{UNSURE.sentence}; not sure after 3 recordings"
+
+
+def test_the_line_says_how_certain_the_answer_is() -> None:
+    """Fails when an agreement counts as a certain cause, or a study without a next experiment seems to be certain."""
+    assert Answer("hand and model agree", (), True, "").line(1) == "hand and model agree; after 1 recording"
+    helpless = replace(UNSURE, following="")
+    assert helpless.line(2) == f"{UNSURE.sentence}; not sure after 2 recordings, and no further experiment helps"
 
 
 def test_another_request_ends_it_at_once() -> None:
@@ -161,7 +171,7 @@ def test_an_unknown_experiment_is_one_line(tmp_path: Path) -> None:
 
 
 def test_a_concealed_friction_is_found_by_the_process(tmp_path: Path) -> None:
-    """Fails when the diagnosis gets another recording, model or joint, or its causes do not come back."""
+    """Fails when the diagnosis gets another recording, model or joint, or causes, report or model do not come back."""
     parameters = HAND.parameters.copy()
     parameters[ROW["coulomb_friction.torque_nm"], HAND.joints.index(JOINT)] = 0.02
     bag = tmp_path / "rubbing.mcap"
@@ -172,9 +182,15 @@ def test_a_concealed_friction_is_found_by_the_process(tmp_path: Path) -> None:
     study.diagnose([str(bag)], [JOINT])
     while (answer := study.answer()) is None:
         time.sleep(0.1)
-    assert answer.sentence == "sure" and answer.following == "", answer
-    assert [(cause.joint, cause.effect) for cause in answer.causes] == [(JOINT, "coulomb_friction")]
-    assert answer.causes[0].probability > 0.9
+    (cause,) = answer.causes
+    assert answer.certain and answer.following == "", answer
+    assert (cause.joint, cause.effect) == (JOINT, "Coulomb friction") and cause.probability > 0.9
+    number = re.fullmatch(r"(\S+) ± (\S+) N m", cause.number)
+    assert number is not None and abs(float(number[1]) - 0.02) < 3.0 * float(number[2]) < 0.002
+    assert answer.sentence == f"{JOINT}: Coulomb friction of {cause.number} ({cause.probability:.0%})"
+    assert (Path(answer.folder) / "report.html").is_file() and Path(answer.folder).parent == tmp_path
+    torque_nm = load_hand(answer.model).row("coulomb_friction.torque_nm")
+    assert torque_nm[HAND.joints.index(JOINT)] == pytest.approx(float(number[1]), rel=0.01)
 
 
 def test_a_diagnosis_that_fails_is_one_line(tmp_path: Path) -> None:
@@ -191,23 +207,40 @@ def test_a_diagnosis_that_fails_is_one_line(tmp_path: Path) -> None:
 
 def finding(probability: float, *tied: str) -> dict[str, object]:
     """A finding of a report."""
-    return {"joint": JOINT, "effect": "backlash", "probability": probability, "tied_with": list(tied)}
+    width = {"value": 0.02, "std": 0.001, "unit": "rad", "determined": True}
+    others = [{"effect": name, "probability": 0.02} for name in tied]
+    own = {"joint": JOINT, "effect": "backlash", "probability": probability, "parameters": {"backlash.width": width}}
+    return own | {"tied_with": list(tied), "alternatives": others}
 
 
 def report(findings: list[dict[str, object]], following: str = "reversals", left: float = 0.0) -> dict[str, object]:
     """A report with what an answer is made of."""
-    remainder = [{"joint": JOINT, "probability": left}] if left else []
-    proposed = {"name": following, "why": ""} if following else None
-    return {"findings": findings, "remainder": remainder, "next_experiment": proposed, "not_judged": []}
+    remainder = [{"joint": JOINT, "signal": "angle", "rms": 0.831, "unit": "deg", "probability": left}] if left else []
+    content = {"findings": findings, "remainder": remainder, "fit": [{"joint": JOINT}], "not_judged": []}
+    return content | {"next_experiment": {"name": following, "why": ""} if following else None}
 
 
 def test_an_answer_is_certain_only_where_all_of_it_is() -> None:
     """Fails when a tie, a remainder or an improbable cause counts as certain, or a certain one asks for more."""
-    assert answer_of(report([])) == Answer("hand and model agree", (), "")
+    agreed = answer_of(report([]))
+    assert (agreed.causes, agreed.certain, agreed.following) == ((), True, "")
+    assert agreed.sentence == "Model and recording agree: no effect of the catalogue is missing"
     assert answer_of(report([finding(0.95)])).following == ""
+    assert answer_of(report([finding(0.95)])).certain
     for unsure in (report([finding(0.7)]), report([finding(0.95, "hysteresis")]), report([finding(0.95)], left=0.8)):
-        assert answer_of(unsure).following == "reversals"
+        assert answer_of(unsure).following == "reversals" and not answer_of(unsure).certain
     assert answer_of(report([finding(0.95)], left=0.8)).causes[-1].probability == 0.8
-    assert answer_of(report([finding(0.6)], following="")).sentence == "no further experiment helps"
-    shown = table("1: <reversals>", answer_of(report([finding(0.95, "hysteresis")])))
-    assert "backlash or hysteresis" in shown and "95%" in shown and "&lt;reversals&gt;" in shown
+    assert not answer_of(report([finding(0.6)], following="")).certain
+
+
+def test_an_answer_has_the_title_of_the_report_and_the_size_of_every_cause() -> None:
+    """Fails when the sentence is another one, or a number lacks its error or unit, or belongs to one name of two."""
+    answer = answer_of(report([finding(0.95)], left=0.8) | {"not_judged": [{"joint": "thumb", "reason": "it rested"}]})
+    assert answer.sentence.startswith(f"{JOINT}: backlash of 0.0200 ± 0.0010 rad (95%); {JOINT}: 0.83 deg of the angle")
+    assert answer.sentence.endswith("1 of 2 joints not diagnosed; thumb is left out: it rested")
+    assert [cause.number for cause in answer.causes] == ["0.0200 ± 0.0010 rad", "0.83 deg of the angle"]
+    assert answer_of(report([finding(0.95, "hysteresis")])).causes[0].number == ""
+    shown = table("1: <reversals>", replace(answer, folder="out/<here>"))
+    for text in ("&lt;reversals&gt;", answer.sentence, "0.0200 ± 0.0010 rad", "95%", "Report: out/&lt;here&gt;"):
+        assert text in shown
+    assert "backlash or hysteresis" in table("", answer_of(report([finding(0.95, "hysteresis")])))
