@@ -128,6 +128,8 @@ PARTS: dict[str, Part] = {
     "python -m validation.figures # python": Part("", _code("validation.api_page", "markdown")),
     "python -m validation.figures # commands": Part("", _code("validation.command_page", "markdown")),
     "python -m validation.figures # launch": Part("", _code("validation.node_page", "arguments")),
+    "python -m validation.figures # messages": Part("", _code("validation.message_page", "messages")),
+    "python -m validation.figures # actions": Part("", _code("validation.message_page", "actions")),
     "python -m validation.figures # nodes": Part("", _code("validation.node_page", "parameters")),
     "python -m validation.figures # hand": Part("", picture=hand_picture.PICTURE),
     "hand reproduce --out out/paper": Part("paper", tables.paper_table),
