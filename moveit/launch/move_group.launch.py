@@ -11,7 +11,9 @@ from moveit_configs_utils import MoveItConfigsBuilder
 
 def generate_launch_description() -> LaunchDescription:
     # URDF, SRDF, limits, kinematics and controllers are found by their names in config.
-    configuration = MoveItConfigsBuilder("fluidic_hand", package_name="fluidic_hand_moveit_config").to_moveit_configs()
+    builder = MoveItConfigsBuilder("fluidic_hand", package_name="fluidic_hand_moveit_config")
+    builder.planning_pipelines(pipelines=["ompl"])  # the default loads all, and Pilz needs a file of its own
+    configuration = builder.to_moveit_configs()
     use_sim_time = ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool)
     return LaunchDescription(
         [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import runpy
 import sys
 import types
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ class Kept:
 
     def __init__(self, *arguments: Any, **named: Any) -> None:
         self.arguments, self.named = arguments, named
+        self.called: dict[str, dict[str, Any]] = {}
 
     def perform(self, context: dict[str, str]) -> str:
         return context[self.arguments[0]]
@@ -24,7 +26,13 @@ class Kept:
         return self
 
     def to_dict(self) -> dict[str, Any]:
-        return {}
+        """What the methods of MoveItConfigsBuilder were called with, by their name."""
+        return dict(self.called)
+
+    def __getattr__(self, name: str) -> Callable[..., None]:
+        if name.startswith("_") or type(self).__name__ != "MoveItConfigsBuilder":
+            raise AttributeError(name)
+        return lambda **named: self.called.update({name: named})
 
 
 class AbsentError(LookupError):

@@ -113,6 +113,14 @@ def test_moveit_keeps_to_this_machine_by_default(monkeypatch: pytest.MonkeyPatch
     assert kinds.index("SetEnvironmentVariable") < kinds.index("Node")
 
 
+def test_moveit_plans_with_what_the_package_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when move_group loads a planner whose files the package lacks: without a list it loads Pilz, too."""
+    file = ROOT / "moveit" / "launch" / "move_group.launch.py"
+    (actions,) = names_of(file, monkeypatch)["generate_launch_description"]().arguments
+    (node,) = [action.named for action in actions if type(action).__name__ == "Node"]
+    assert node["parameters"][0] == {"planning_pipelines": {"pipelines": ["ompl"]}}
+
+
 @pytest.mark.parametrize(
     ("name", "text", "line"),
     [
