@@ -15,10 +15,12 @@ from hand_model.yaml_document import yaml_text
 from hand_robot.layouts import foxglove_text, plotjuggler_text, rviz_text
 from hand_robot.moveit import moveit_files
 from hand_robot.ros2_control import controllers
+from hand_robot.srdf import Placed
 from hand_robot.urdf import macro_text
 
 ROOT = Path(__file__).resolve().parents[1]
 COMMAND = "python -m hand_robot.kept_files --write"
+TWO_HANDS, ARM_PREFIX = "examples/two_hands", "robot1_"
 
 
 def kept_files(root: Path) -> dict[str, str]:
@@ -27,7 +29,7 @@ def kept_files(root: Path) -> dict[str, str]:
     Raises DescriptionError, one line, for a description that cannot be read.
     """
     hand = load_hand(root / "config" / "hand.yaml")
-    made = moveit_files(hand, load_grasps(root / "config" / "grasps.yaml", hand))
+    made = moveit_files([Placed(hand, load_grasps(root / "config" / "grasps.yaml", hand))])
     return {
         "urdf/hand_macro.xacro": macro_text(hand),
         "config/controllers.yaml": f"# Made by: {COMMAND}\n{yaml_text(controllers(hand))}",
@@ -35,7 +37,19 @@ def kept_files(root: Path) -> dict[str, str]:
         "config/layouts/hand.plotjuggler.xml": plotjuggler_text(hand),
         "config/layouts/hand.rviz": rviz_text(hand),
         **{f"moveit/config/{name}": text for name, text in made.items()},
+        **{f"{TWO_HANDS}/moveit/{name}": text for name, text in _two_hands(root).items()},
     }
+
+
+def _two_hands(root: Path) -> dict[str, str]:
+    """The files for MoveIt of examples/two_hands, with the prefix of its documentation."""
+    placed = []
+    for side in ("left", "right"):
+        prefix = f"{ARM_PREFIX}{side}_"
+        hand = load_hand(root / "config" / "hand.yaml", prefix)
+        grasps = load_grasps(root / "config" / "grasps.yaml", hand)
+        placed.append(Placed(hand, grasps, f"{prefix}hand", f"{prefix}tool0"))
+    return moveit_files(placed, "two_hands")
 
 
 def main() -> int:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from hand_model.description import Hand
 from hand_model.geometry import PALM, Link, geometry_of, link_poses
 from hand_robot.xml_text import document, number
 
+HANDS = "hands"
+"""Name of the group of several hands."""
 POINTS = 9
 """Points on the centre line of a link at which distances to other links are taken."""
 
@@ -32,13 +35,43 @@ def fingers(hand: Hand) -> dict[str, tuple[str, list[str]]]:
     return found
 
 
-def srdf_text(hand: Hand, grasps: Mapping[str, Grasp], mount: str = "") -> str:
-    """An SRDF document. grasps: patterns, each the named state of its closed hand.  mount: parent link of the hand.
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """A hand on its robot. grasps: patterns, each the named state of its closed hand.
 
-    Raises ValueError, one line, for a hand without geometry.
+    namespace: of the hand's topics.  mount: parent link of the hand; empty: none.
     """
-    root = ET.Element("robot", name=hand.prefix + hand.name)
-    whole = f"{hand.prefix}hand"
+
+    hand: Hand
+    grasps: Mapping[str, Grasp]
+    namespace: str = "hand"
+    mount: str = ""
+
+    @property
+    def group(self) -> str:
+        """Name of the group of all joints of the hand."""
+        return f"{self.hand.prefix}hand"
+
+
+def srdf_text(placed: Sequence[Placed], robot: str = "") -> str:
+    """An SRDF document of the hands of a robot. robot: its name in the URDF; empty: that of the first hand.
+
+    Several hands are one group, too. Raises ValueError, one line, for a hand without geometry.
+    """
+    first = placed[0].hand
+    root = ET.Element("robot", name=robot or first.prefix + first.name)
+    for each in placed:
+        _add(root, each)
+    if len(placed) > 1:
+        both = ET.SubElement(root, "group", name=HANDS)
+        for each in placed:
+            ET.SubElement(both, "group", name=each.group)
+    return document(root, f"Made by: hand urdf, from {first.path.name} and the grasp patterns.")
+
+
+def _add(root: ET.Element, placed: Placed) -> None:
+    """The groups, states, end effector and pairs of links of one hand."""
+    hand, grasps, mount, whole = placed.hand, placed.grasps, placed.mount, placed.group
     group = ET.SubElement(root, "group", name=whole)
     for joint in hand.joints:
         ET.SubElement(group, "joint", name=joint)
@@ -55,7 +88,6 @@ def srdf_text(hand: Hand, grasps: Mapping[str, Grasp], mount: str = "") -> str:
         ET.SubElement(root, "end_effector", effector)
     for first, second, reason in may_touch(hand):
         ET.SubElement(root, "disable_collisions", link1=first, link2=second, reason=reason)
-    return document(root, f"Made by: hand urdf, from {hand.path.name} and the grasp patterns.")
 
 
 def may_touch(hand: Hand) -> list[tuple[str, str, str]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,8 +16,7 @@ from hand_tool.options import Model, Quiet, Verbose
 from hand_tool.paths import check_file, check_new
 
 if TYPE_CHECKING:
-    from hand_control.grasps import Grasp
-    from hand_model.description import Hand
+    from hand_robot.srdf import Placed
     from hand_robot.urdf import Mount
 
 
@@ -82,6 +81,16 @@ def urdf(
             help="Grasp patterns: the named states of srdf and moveit. Default: grasps.yaml next to the model."
         ),
     ] = None,
+    hands: Annotated[
+        str,
+        typer.Option(
+            help="With srdf and moveit: hands of one robot, such as left,right. Names begin with PREFIX and left_; the"
+            " namespace is then PREFIXleft_hand, and the mount PREFIXleft_MOUNT."
+        ),
+    ] = "",
+    robot: Annotated[
+        str, typer.Option(help="Name of the robot in its URDF, for srdf and moveit. Default: that of the hand.")
+    ] = "",
     model: Model = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -97,19 +106,22 @@ def urdf(
             check_new(out, "models")
         elif form is Format.MOVEIT:
             raise ValueError("--format moveit writes several files; --out must name a new folder")
-        _check_names(prefix, mount, namespace)
+        sides = _sides(hands)
+        _check_names(("prefix", prefix), ("mount", mount), ("robot", robot), *(("hands", side) for side in sides))
+        _check_names(("namespace", namespace), more="_/")
         chosen = choose_model(model)
         with_grasps = form in (Format.SRDF, Format.MOVEIT)
+        if (hands or robot) and not with_grasps:
+            raise ValueError("--hands and --robot need --format srdf or moveit")
         patterns = check_file(grasps or chosen.path.with_name("grasps.yaml")) if with_grasps else None
         chosen.print()
-        from hand_control.grasps import load_grasps
-        from hand_model.description import load_hand
         from hand_robot.urdf import Mount
 
-        hand = load_hand(chosen.path, prefix)
-        known = load_grasps(patterns, hand) if patterns is not None else {}
+        begin, topics = [f"{prefix}{side}_" for side in sides], namespace.strip("/")
+        names = [(each, each + topics, mount and each + mount) for each in begin] or [(prefix, namespace, mount)]
+        placed = _placed(chosen.path, patterns, names)
         where = Mount(mount, mount_xyz, mount_rpy)
-        texts = _texts(form, hand, known, where, namespace, ros2_control, mujoco_model)
+        texts = _texts(form, placed, where, robot, ros2_control, mujoco_model)
         if out is None:
             sys.stdout.write(texts[""])
             return
@@ -121,16 +133,23 @@ def urdf(
         note(f"{form.value} written to {out}")
 
 
+def _placed(path: Path, patterns: Path | None, names: Sequence[tuple[str, str, str]]) -> list[Placed]:
+    """A hand for each prefix, namespace and mount; with grasps where their file is given."""
+    from hand_control.grasps import load_grasps
+    from hand_model.description import load_hand
+    from hand_robot.srdf import Placed
+
+    made = []
+    for prefix, namespace, mount in names:
+        hand = load_hand(path, prefix)
+        made.append(Placed(hand, load_grasps(patterns, hand) if patterns else {}, namespace, mount))
+    return made
+
+
 def _texts(
-    form: Format,
-    hand: Hand,
-    grasps: Mapping[str, Grasp],
-    mount: Mount,
-    namespace: str,
-    control: Control,
-    mujoco_model: str,
+    form: Format, placed: Sequence[Placed], mount: Mount, robot: str, control: Control, mujoco_model: str
 ) -> dict[str, str]:
-    """The texts by the name of the file; a format of one file has no name."""
+    """The texts by the name of the file; a format of one file has no name. Most formats are of the first hand."""
     from hand_model.yaml_document import yaml_text
     from hand_robot import layouts
     from hand_robot.mjcf import mjcf_text
@@ -140,11 +159,12 @@ def _texts(
     from hand_robot.urdf import macro_text, urdf_text
 
     if form is Format.MOVEIT:
-        return moveit_files(hand, grasps, namespace, mount.link)
+        return moveit_files(placed, robot)
+    hand, namespace = placed[0].hand, placed[0].namespace
     makers: dict[Format, Callable[[], str]] = {
         Format.URDF: lambda: urdf_text(hand, mount, control.value, namespace, mujoco_model),
         Format.XACRO: lambda: macro_text(hand),
-        Format.SRDF: lambda: srdf_text(hand, grasps, mount.link),
+        Format.SRDF: lambda: srdf_text(placed, robot),
         Format.MJCF: lambda: mjcf_text(hand, servos=control is Control.MUJOCO),
         Format.CONTROLLERS: lambda: yaml_text(controllers(hand)),
         Format.FOXGLOVE: lambda: layouts.foxglove_text(hand, namespace),
@@ -154,9 +174,17 @@ def _texts(
     return {"": makers[form]()}
 
 
-def _check_names(prefix: str, mount: str, namespace: str) -> None:
-    """Names that XML, TF and ROS accept. Raises ValueError, one line."""
-    for option, value, more in (("prefix", prefix, "_"), ("mount", mount, "_"), ("namespace", namespace, "_/")):
+def _sides(hands: str) -> list[str]:
+    """The names of --hands. Raises ValueError, one line, for a name that is empty or there twice."""
+    sides = [name.strip() for name in hands.split(",")] if hands else []
+    if "" in sides or len(set(sides)) < len(sides):
+        raise ValueError(f"--hands is {hands!r}; it must be different names with commas between them")
+    return sides
+
+
+def _check_names(*given: tuple[str, str], more: str = "_") -> None:
+    """Names that XML, TF and ROS accept, by their option. more: letters besides. Raises ValueError, one line."""
+    for option, value in given:
         plain = value
         for letter in more:
             plain = plain.replace(letter, "")

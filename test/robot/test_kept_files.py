@@ -95,7 +95,9 @@ def test_the_files_for_moveit_are_those_of_the_prefix(tmp_path: Path) -> None:
     out = tmp_path / "moveit"
     words = ["--prefix", "left_", "--namespace", "/left_hand/", "--mount", "tool0", "--out", str(out)]
     assert CliRunner().invoke(app, ["urdf", "--format", "moveit", *words]).exit_code == 0
-    assert {path.name for path in out.iterdir()} == {Path(name).name for name in kept_files(ROOT) if "moveit/" in name}
+    assert {path.name for path in out.iterdir()} == {
+        Path(name).name for name in kept_files(ROOT) if name.startswith("moveit/")
+    }
     read = {path.stem: yaml.safe_load(path.read_text(encoding="utf-8")) for path in out.glob("*.yaml")}
     joints = load_hand(ROOT / "config" / "hand.yaml", "left_").joints
     assert tuple(read["joint_limits"]["joint_limits"]) == joints

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import types
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -103,3 +104,73 @@ def test_ros2_control_gets_the_controllers_of_both_hands(monkeypatch: pytest.Mon
     driven = {joint.get("name") for joint in urdf.findall("ros2_control/joint")}
     trajectory = [content for each in configured for name, content in each.items() if name.endswith("hand_controller")]
     assert driven == {joint for content in trajectory for joint in content["ros__parameters"]["joints"]}
+
+
+def element_names(urdf: ET.Element, kind: str) -> set[str]:
+    return {str(element.get("name")) for element in urdf.iter(kind)}
+
+
+def read(name: str) -> Any:
+    return yaml.safe_load((EXAMPLE / "moveit" / name).read_text(encoding="utf-8"))
+
+
+def test_the_files_for_moveit_fit_the_urdf() -> None:
+    """Fails when SRDF, limits, kinematics or controllers name what the URDF of both hands lacks, or lack a joint."""
+    made = robot("robot1_")
+    joints, links = set(made.actuated_joint_names), set(made.link_map)
+    srdf = ET.parse(EXAMPLE / "moveit" / "two_hands.srdf").getroot()
+    assert srdf.get("name") == made.robot.name == "two_hands"
+    groups = element_names(srdf, "group")
+    whole = {f"robot1_{side}_hand" for side in ("left", "right")}
+    grouped = {str(joint.get("name")) for group in srdf.findall("group") for joint in group.findall("joint")}
+    assert grouped == joints == {str(joint.get("name")) for joint in srdf.iterfind("group_state/joint")}
+    assert {str(group.get("name")) for group in srdf.findall("group[@name='hands']/group")} == whole
+    pairs = {str(pair.get(end)) for pair in srdf.findall("disable_collisions") for end in ("link1", "link2")}
+    chains = {str(chain.get(end)) for chain in srdf.iter("chain") for end in ("base_link", "tip_link")}
+    mounts = {str(effector.get("parent_link")) for effector in srdf.findall("end_effector")}
+    assert mounts == {"robot1_left_tool0", "robot1_right_tool0"} and pairs | chains | mounts <= links
+    assert {state.get("group") for state in srdf.findall("group_state")} == whole
+    assert set(read("kinematics.yaml")) == groups - whole - {"hands"} and len(groups) == 13
+    limits = read("joint_limits.yaml")["joint_limits"]
+    assert set(limits) == joints
+    for name, limit in limits.items():
+        assert limit["max_velocity"] <= made.joint_map[name].limit.velocity + 1e-6
+
+
+def test_moveit_drives_the_actions_of_the_launched_hands(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when a controller of MoveIt has another namespace than its hand, or a joint of the other hand."""
+    simple = read("moveit_controllers.yaml")["moveit_simple_controller_manager"]
+    hands = [action for action in launched(monkeypatch) if type(action).__name__ == "IncludeLaunchDescription"]
+    given = [dict(action.named["launch_arguments"]) for action in hands]
+    assert simple["controller_names"] == [each["namespace"] for each in given]
+    driven = [simple[each["namespace"]]["joints"] for each in given]
+    for each, joints in zip(given, driven, strict=True):
+        assert joints and all(joint.startswith(each["joint_prefix"]) for joint in joints)
+        assert simple[each["namespace"]]["action_ns"] == "follow_joint_trajectory"
+    assert sorted(itertools.chain(*driven)) == sorted(robot("robot1_").actuated_joint_names)
+
+
+def test_the_documented_command_writes_the_files_for_moveit(tmp_path: Path) -> None:
+    """Fails when `hand urdf` with several hands writes other names or files than the example has."""
+    out = tmp_path / "moveit"
+    words = ["--prefix", "robot1_", "--hands", "left,right", "--mount", "tool0", "--robot", "two_hands"]
+    assert CliRunner().invoke(app, ["urdf", "--format", "moveit", *words, "--out", str(out)]).exit_code == 0
+    files = {path.name: path.read_text(encoding="utf-8") for path in (EXAMPLE / "moveit").iterdir()}
+    assert files == {path.name: path.read_text(encoding="utf-8") for path in out.iterdir()}
+
+
+def test_move_group_gets_the_files_of_its_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when a file that move_group reads does not exist, or a folder of another prefix is not refused."""
+    functions = names_of(EXAMPLE / "move_group.launch.py", monkeypatch)
+    (actions,) = functions["generate_launch_description"]().arguments
+    arguments = {name: named["default_value"] for name, named in declared(actions).items()}
+    local = [type(action).__name__ for action in actions].index("SetEnvironmentVariable")
+    assert actions[local].arguments == ("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST") and local < len(actions) - 1
+    (node,) = functions["move_group"](arguments)
+    parameters, sim_time = node.named["parameters"]
+    assert sim_time == {"use_sim_time": False} and parameters.pop("planning_pipelines") == {"pipelines": ["ompl"]}
+    assert parameters["robot_description"]["mappings"] == {"arm_prefix": "robot1_"}
+    files = {Path(named["file_path"]) for named in parameters.values()}
+    assert files == {EXAMPLE / "two_hands.urdf.xacro", *(EXAMPLE / "moveit").iterdir()}
+    with pytest.raises(ValueError, match=r"arm_prefix is '', but .* has the joint robot1_left_\w+; write its files"):
+        functions["move_group"](arguments | {"arm_prefix": ""})

@@ -16,7 +16,7 @@ import yourdfpy
 from hand_control.grasps import Grasp
 from hand_model.description import Hand, load_hand
 from hand_model.geometry import geometry_of, link_poses
-from hand_robot.srdf import fingers, srdf_text
+from hand_robot.srdf import Placed, fingers, srdf_text
 from hand_robot.urdf import Mount, macro_text, urdf_text
 from hand_robot.xml_text import rpy_from_rotation
 
@@ -144,7 +144,7 @@ def test_the_macro_mounts_two_hands_on_one_arm(tmp_path: Path) -> None:
 def test_the_srdf_fits_the_urdf(hand: Hand, grasps: dict[str, Grasp]) -> None:
     """Broken by a group, state or pair of links with a name or an angle that the URDF does not have."""
     robot = parsed(urdf_text(hand, Mount("tool0")))
-    root = ET.fromstring(srdf_text(hand, grasps, "tool0"))
+    root = ET.fromstring(srdf_text([Placed(hand, grasps, mount="tool0")]))
     assert root.get("name") == robot.robot.name
     whole, *chains = root.findall("group")
     assert [joint.get("name") for joint in whole] == list(hand.joints)

@@ -35,6 +35,9 @@ BAD = {
     "namespace": (("--namespace", "a b"), "--namespace is 'a b'"),
     "format": (("--format", "sdf"), "sdf"),
     "moveit": (("--format", "moveit"), "--format moveit writes several files; --out must name a new folder"),
+    "hands": (("--format", "moveit", "--hands", "left,,right", "--out", "x"), "--hands is 'left,,right'; it must be"),
+    "hands of urdf": (("--hands", "left,right"), "--hands and --robot need --format srdf or moveit"),
+    "robot": (("--format", "srdf", "--robot", "two hands"), "--robot is 'two hands'"),
     "control": (("--ros2-control", "gazebo"), "gazebo"),
     "grasps": (("--format", "srdf", "--grasps", "none.yaml"), "none.yaml does not exist"),
 }
