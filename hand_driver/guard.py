@@ -49,7 +49,9 @@ class Guard:
         return f"valve_command refused: {objection}" if objection else ""
 
     def written(self, set_points: SetPoints, now_ns: int) -> None:
-        """Remember the set-points that were written at now_ns."""
+        """Remember the set-points that were written at now_ns. Pressure is not remembered while a fault is latched."""
+        if self.fault and set_points.pressure_pa.any():
+            return
         written = self._written
         written.append((now_ns, set_points))
         while len(written) > 1 and written[1][0] < now_ns - BEFORE_NS:  # what was in force BEFORE_NS ago stays

@@ -28,7 +28,7 @@ from hand_driver.measurement import Converter
 from hand_driver.pressure_ramp import PressureRamp
 from hand_driver.serial_board import SerialBoard
 from hand_driver.set_point_watch import SetPointWatch
-from hand_driver.set_points import CommandReader, RefusedError
+from hand_driver.set_points import CommandReader, RefusedError, SetPoints
 from hand_driver.topics import FrameTopics
 from hand_driver.zero import PressureZero
 from hand_messages.health import Health, Level
@@ -264,21 +264,23 @@ class DriverNode(HandNode):
         if not self.active or not self._health.budget.take(time.monotonic()):
             return
         try:
-            set_points = self._reader.read(raw, self.now_ns())
+            self._obey(self._reader.read(raw, self.now_ns()))
+        except RefusedError as error:
+            self._health.refused(str(error), time.monotonic())
+            self.log_throttled(Level.ERROR, "refused", str(error))
+
+    def _obey(self, set_points: SetPoints) -> None:
+        """Write set-points. RefusedError where they must not reach the board."""
+        conflict = self.conflict.line
+        with self._writing:  # the acquisition thread must not trip between the checks and what is written
             now_ns = time.monotonic_ns()
-            conflict = self.conflict.line
             if conflict and self._guard.driving(now_ns):
                 raise RefusedError(f"valve_command refused, the pressures are held: {conflict}")
             if refusal := self._guard.refusal(set_points, conflict or self._heartbeat.missing(now_ns)):
                 raise RefusedError(refusal)
-        except RefusedError as error:
-            self._health.refused(str(error), time.monotonic())
-            self.log_throttled(Level.ERROR, "refused", str(error))
-            return
-        self._health.asked(bool(set_points.pressure_pa.any()), now_ns * 1e-9)
-        with self._writing:
             self._guard.written(set_points, now_ns)
             self._write(set_points.pressure_pa, set_points.lifetime_s)
+        self._health.asked(bool(set_points.pressure_pa.any()), now_ns * 1e-9)
 
     def trip(self, fault: str) -> None:
         """Vent the hand now and latch a fault of the driver; from then on only 0 Pa passes until `reset_driver`."""
@@ -321,14 +323,20 @@ class DriverNode(HandNode):
             self._commander, self._contested = commander, False
             return
         self.log_throttled(Level.ERROR, "authority", self.conflict.line, RARELY_S)
-        held = self._guard.held(now_ns)
-        self._contested = self._contested or held is not None
-        if self._contested and (verdict is Verdict.VENT or commander != self._commander):
+        if self._hold(now_ns, verdict is Verdict.VENT or commander != self._commander):
             self.trip(self.conflict.line)
             self._contested = False
-        elif held is not None:
-            self._guard.written(held, now_ns)
-            self._write(held.pressure_pa, held.lifetime_s)
+
+    def _hold(self, now_ns: int, ended: bool) -> bool:
+        """Write the held pressures again; whether the hand is to be vented instead, because the hold has ended."""
+        with self._writing:  # nothing that was held may follow a vent
+            held = self._guard.held(now_ns)
+            self._contested = self._contested or held is not None
+            vents = self._contested and ended
+            if held is not None and not vents:
+                self._guard.written(held, now_ns)
+                self._write(held.pressure_pa, held.lifetime_s)
+        return vents
 
     def _on_stop(self) -> None:
         self.trip("emergency stop: a message arrived on emergency_stop")

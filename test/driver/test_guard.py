@@ -51,6 +51,16 @@ def test_driving_means_pressure_within_its_lifetime() -> None:
     assert not guard.driving(1 * MS)
 
 
+def test_pressure_is_not_remembered_while_a_fault_is_latched() -> None:
+    """Fails when pressure that comes late counts as driving after a latch, or would be held or continued."""
+    guard = Guard()
+    guard.trip("x")
+    guard.written(DRIVE, 0)
+    assert not guard.driving(1 * MS) and guard.held(1 * MS) is None and guard.in_force(1 * MS) is None
+    guard.written(VENT, 0)
+    assert guard.in_force(1 * MS) is not None
+
+
 def test_a_hold_takes_the_least_of_the_last_tenth_of_a_second() -> None:
     """Fails when a hold keeps what a second commander had sent before it was noticed, or forgets what came before."""
     guard = Guard()
