@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import threading
 import time
+import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -46,6 +48,7 @@ from hand_ros.node import (
     HandNode,
     default_config,
     end,
+    one_line,
     run,
 )
 from hand_ros.parameters import NodeParameter
@@ -173,12 +176,22 @@ class DriverNode(HandNode):
 
     def _read_loop(self) -> None:
         while self._reading:
-            frame = self._link.read(READ_TIMEOUT_S)
-            if frame is not None:
-                self._publish(frame)
-            self._report()
+            try:
+                frame = self._link.read(READ_TIMEOUT_S)
+                if frame is not None:
+                    self._publish(frame)
+                self._report()
+            except Exception as error:  # a defect of this program, which would end the thread and leave the hand driven
+                self._on_defect(error)
         assert self._hand is not None
         self._link.write(np.zeros(self._hand.valve_count), self._hand.watchdog_s)
+
+    def _on_defect(self, error: Exception) -> None:
+        """Vent and latch, log where the error comes from, and go on after a pause: the next frame may be good."""
+        self.log_throttled(Level.ERROR, "defect", traceback.format_exc(), RARELY_S)
+        with suppress(Exception):  # where writing fails, too, it is latched all the same and the board vents by itself
+            self._trip(f"internal error: {type(error).__name__}: {one_line(error)}; see the log of the driver")
+        time.sleep(READ_TIMEOUT_S)
 
     def acquired_ns(self, frame: Frame) -> int:
         """Time of the host's monotonic clock [ns] of a frame's acquisition."""
@@ -223,9 +236,7 @@ class DriverNode(HandNode):
             self._ramp.begin()
             fault = "the board was restarted (its frames begin again); check its power supply"
         if fault and not self._guard.fault:
-            with self._writing:
-                self._guard.trip(fault)  # _on_watch keeps it in the state file
-                self._vent()
+            self._trip(fault)
         elif self._ramp.active:
             self._go_on_with_the_ramp(time.monotonic_ns())
 
@@ -284,10 +295,14 @@ class DriverNode(HandNode):
 
     def trip(self, fault: str) -> None:
         """Vent the hand now and latch a fault of the driver; from then on only 0 Pa passes until `reset_driver`."""
+        self._trip(fault)
+        self.keep_fault(self._guard.fault)
+
+    def _trip(self, fault: str) -> None:
+        """The same for the acquisition thread, which must not wait for a disk: _on_watch stores the fault."""
         with self._writing:
             self._guard.trip(fault)
             self._vent()
-        self.keep_fault(self._guard.fault)
 
     def _vent(self) -> None:
         if self.active and self._hand is not None:

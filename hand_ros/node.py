@@ -198,10 +198,10 @@ class HandNode(LifecycleNode):
             check_all(self.table, values)
             self.configure(values)
         except (ValueError, OSError) as error:
-            return self._failed(_one_line(error))
+            return self._failed(one_line(error))
         except Exception as error:  # a defect of this program, which rclpy would not report
             self.get_logger().error(traceback.format_exc())
-            return self._failed(f"internal error: {type(error).__name__}: {_one_line(error)}")
+            return self._failed(f"internal error: {type(error).__name__}: {one_line(error)}")
         self.problem, self.configured = None, True
         find_modules()
         spare_collections()
@@ -244,7 +244,7 @@ class HandNode(LifecycleNode):
             if self.configured:
                 self.reconfigure(values)
         except ValueError as error:
-            return SetParametersResult(successful=False, reason=_one_line(error))
+            return SetParametersResult(successful=False, reason=one_line(error))
         return SetParametersResult(successful=True)
 
     def _halt(self) -> None:
@@ -513,7 +513,8 @@ def _node_name(info: Any) -> str:
     return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
 
 
-def _one_line(error: BaseException) -> str:
+def one_line(error: BaseException) -> str:
+    """The message of an error in one line; the name of its class where it has none."""
     return " ".join(str(error).split()) or type(error).__name__
 
 
@@ -532,7 +533,7 @@ def run(make_node: Callable[[], HandNode], args: list[str] | None = None) -> int
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make_node()
     except Exception as error:  # rcl raises several unrelated classes for bad arguments
-        print(f"cannot start: {_one_line(error)}", file=sys.stderr)
+        print(f"cannot start: {one_line(error)}", file=sys.stderr)
         rclpy.try_shutdown()
         return 2
     executor = EventsExecutor()
@@ -583,5 +584,6 @@ __all__ = [
     "ParameterError",
     "default_config",
     "end",
+    "one_line",
     "run",
 ]

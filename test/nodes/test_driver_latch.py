@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rclpy
+from std_srvs.srv import Trigger
 
 from hand_driver.board import Board, Pressures
 from hand_driver.guard import Guard
@@ -122,3 +123,51 @@ def test_no_pressure_follows_a_latch_of_another_thread(driver: Driver, path: str
     guard.thread.join()
     assert driver.board.since(begun_s)[-1] == 0.0
     assert guard.fault == "the board was restarted" and not guard.driving(time.monotonic_ns())
+
+
+class Defect:
+    """Replaces a function by one that raises `times` times before it works."""
+
+    def __init__(self, replaced: Callable[..., Any], times: int) -> None:
+        self.replaced, self.left = replaced, times
+
+    def __call__(self, *given: Any) -> Any:
+        self.left -= 1
+        if self.left >= 0:
+            raise RuntimeError("defect\nof a test")
+        return self.replaced(*given)
+
+
+def until(condition: Callable[[], Any]) -> None:
+    """Wait until the condition holds, at most 5 s."""
+    end_s = time.monotonic() + 5.0
+    while not condition():
+        time.sleep(0.005)
+        assert time.monotonic() < end_s
+
+
+def test_a_defect_of_the_acquisition_vents_and_latches(
+    driver: Driver, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Fails when an exception ends the acquisition, is not logged, or pressure passes before `reset_driver`."""
+    monkeypatch.setattr(driver._topics, "encode", Defect(driver._topics.encode, 1))
+    until(lambda: driver._guard.fault)
+    begun_s, cycles = time.monotonic(), driver.cycles
+    driver.drive(0.3)
+    assert driver._guard.fault == "internal error: RuntimeError: defect of a test; see the log of the driver"
+    assert set(driver.board.since(begun_s)) == {0.0}
+    assert (driver.cycles or 0) > (cycles or 0) + 10
+    assert "Traceback" in capfd.readouterr().err
+    assert driver._on_reset(Trigger.Request(), Trigger.Response()).success
+    driver.until_driven()
+
+
+def test_a_defect_of_writing_ends_no_acquisition(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when the acquisition ends where the vent after a defect fails as well."""
+    monkeypatch.setattr(driver._topics, "encode", Defect(driver._topics.encode, 1))
+    monkeypatch.setattr(driver.board, "write", Defect(driver.board.write, 1))
+    until(lambda: driver._guard.fault)
+    cycles = driver.cycles or 0
+    until(lambda: (driver.cycles or 0) > cycles + 10)
+    driver.drive(0.1)
+    assert driver.board.writes[-1][1] == 0.0
