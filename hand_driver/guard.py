@@ -30,6 +30,10 @@ class Guard:
     def trip(self, fault: str) -> None:
         """Latch a fault; the first one is kept. The caller then writes 0 Pa."""
         self.fault = self.fault or fault
+        self.forget()
+
+    def forget(self) -> None:
+        """Nothing is in force any more, as after a vent. A latched fault stays."""
         self._written = deque()  # not cleared in place: another thread may be reading it
 
     def reset(self) -> str:

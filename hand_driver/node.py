@@ -31,6 +31,7 @@ from hand_driver.pressure_ramp import PressureRamp
 from hand_driver.serial_board import SerialBoard
 from hand_driver.set_point_watch import SetPointWatch
 from hand_driver.set_points import CommandReader, RefusedError, SetPoints
+from hand_driver.silence import Silence
 from hand_driver.topics import FrameTopics
 from hand_driver.zero import PressureZero
 from hand_messages.health import Health, Level
@@ -93,12 +94,17 @@ class DriverNode(HandNode):
             )
         return lambda: SerialBoard(values["serial_port"], hand.channel_count, values["serial_baud"])
 
+    def frame_rate_hz(self, _values: dict[str, Any], hand: Hand) -> float:
+        """Frames in a second of the host [1/s]."""
+        return hand.rate_hz
+
     def configure(self, values: dict[str, Any]) -> None:
         """Load the description and create publishers, subscription and service."""
         hand = load_hand(values["hand_description"] or default_config("hand.yaml"), values["joint_prefix"])
         self._hand = hand
         self._joints = list(hand.joints)
         self._open = self.board_factory(values, hand)
+        self._frame_rate_hz = self.frame_rate_hz(values, hand)
         _warm_up(hand)
         self._velocity_time_constant_s = values["velocity_time_constant_s"]
         self._reader = CommandReader(hand)
@@ -139,6 +145,8 @@ class DriverNode(HandNode):
         self._channel_watch = ChannelWatch(self._hand)
         self._channel_faults = ChannelFaults(self._hand)
         self._health = DriverHealth(self._hand, time.monotonic())
+        self._silence = Silence(self._frame_rate_hz)
+        self._guard.forget()
         self._link = Link(self._open)
         self._reporter = Reporter()
         self._set_point_watch = SetPointWatch(self._hand.joints)
@@ -219,6 +227,8 @@ class DriverNode(HandNode):
             self._report()  # the cause before the values that are not numbers
         for publisher, raw in zip(self._frame_publishers, self._topics.encode(stamp_ns, frame, measured), strict=True):
             publisher.publish(raw)
+        if np.isfinite(measured.position).any() or np.isfinite(measured.pressure).any():
+            self._silence.measured(time.monotonic_ns())
         self._watch_board(frame, acquired_ns, measured.pressure)
         self._zero.frame(frame)
         self._health.frame(frame, measured.at_rail, now_s, self._channel_watch)
@@ -287,7 +297,8 @@ class DriverNode(HandNode):
             now_ns = time.monotonic_ns()
             if conflict and self._guard.driving(now_ns):
                 raise RefusedError(f"valve_command refused, the pressures are held: {conflict}")
-            if refusal := self._guard.refusal(set_points, conflict or self._heartbeat.missing(now_ns)):
+            objection = conflict or self._heartbeat.missing(now_ns) or self._silence.objection(now_ns)
+            if refusal := self._guard.refusal(set_points, objection):
                 raise RefusedError(refusal)
             self._guard.written(set_points, now_ns)
             self._write(set_points.pressure_pa, set_points.lifetime_s)
@@ -314,6 +325,8 @@ class DriverNode(HandNode):
         missing = self._heartbeat.missing(now_ns)
         if missing and self._guard.driving(now_ns):
             self.trip(missing)
+        if unmeasured := self._silence.fault(self._guard.driving(now_ns), now_ns):
+            self.trip(unmeasured)
         if self._guard.fault:
             self._vent()  # again and again: a board may have missed it
             self.keep_fault(self._guard.fault)

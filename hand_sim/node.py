@@ -50,6 +50,10 @@ class SimulationNode(DriverNode):
         plant = SimulatedPlant(hand, hand.rate_hz, values["seed"])
         return lambda: SimulatedBoard(plant, hand.rate_hz, values["speed"])
 
+    def frame_rate_hz(self, values: dict[str, Any], hand: Hand) -> float:
+        """Frames in a second of the host [1/s], where simulated time is not real time."""
+        return hand.rate_hz * float(values["speed"])
+
     def acquired_ns(self, frame: Frame) -> int:
         """The board shares the clock of the host, so that nothing is to be mapped where its time is scaled."""
         return super().acquired_ns(frame) if self._time_ns is None else frame.received_ns

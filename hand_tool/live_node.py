@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -32,12 +33,29 @@ RECORDER = "recorder"
 """Name of the node that records for this command; other nodes may listen, too."""
 LIFETIME_NS = 100_000_000
 """Of an experiment's set-points: when the tool is stopped the board vents."""
+LOST_S = 0.3
+"""Angles older than this end an experiment; the driver vents earlier, where it still runs."""
+CHECKED_ROWS = 20
+"""The hand is checked once in so many rows of set-points."""
 BEYOND_RAD = np.radians(8.0)
 """An angle further than this outside its limits ends an experiment."""
 
 
 class NotReadyError(RuntimeError):
     """The nodes did not come up; the message is one line."""
+
+
+@dataclass(slots=True)
+class Measured:
+    """The newest angles [rad] by joint, and when they arrived: time of the monotonic clock [s]."""
+
+    angle_rad: dict[str, float] = field(default_factory=dict)
+    at_s: float = -math.inf
+
+    def take(self, message: JointState) -> None:
+        """Take a message that has just arrived."""
+        self.angle_rad.update(zip(message.name, message.position, strict=True))
+        self.at_s = time.monotonic()
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,16 +142,15 @@ def _trajectory(joints: Sequence[str], pose: Pose) -> JointTrajectory:
 def run_experiment(hand: Hand, commands: Array, namespace: str, healthy: Callable[[], None]) -> Iterator[float]:
     """Send set-points (T, joints) [Pa] at the board's rate; yields the share done, vents at the end and on any error.
 
-    Raises NotReadyError where no hand answers, somebody else commands the valves, or an angle leaves its limits.
+    Raises NotReadyError where no hand answers or it falls silent, somebody else commands the valves, or an angle leaves
+    its limits.
     """
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # Ctrl-C must leave us able to vent
     node = rclpy.create_node("experiment", namespace=namespace)
     executor = EventsExecutor()
     executor.add_node(node)
-    latest: dict[str, float] = {}
-    node.create_subscription(
-        JointState, "joint_states", lambda m: latest.update(zip(m.name, m.position, strict=True)), QUEUED_QOS
-    )
+    latest = Measured()
+    node.create_subscription(JointState, "joint_states", latest.take, QUEUED_QOS)
     publisher = node.create_publisher(ValveCommand, "valve_command", QUEUED_QOS)
     vent = np.zeros(len(hand.joints))
     try:
@@ -142,10 +159,12 @@ def run_experiment(hand: Hand, commands: Array, namespace: str, healthy: Callabl
         for k, row in enumerate(commands):
             _spin(executor, max(begun + k * period_s - time.monotonic(), 0.0))
             publisher.publish(_valve_command(node, hand, row))
-            if k % 20 == 0:
+            if k % CHECKED_ROWS == 0:
                 healthy()
                 _check_alone(node)
-                _check_angles(hand, latest)
+                if time.monotonic() - latest.at_s > LOST_S:
+                    _spin(executor, TICK_S)  # this process may have stood still: what has arrived is read first
+                _check_angles(hand, latest, time.monotonic())
                 yield (k + 1) / len(commands)
         yield 1.0
     finally:
@@ -158,11 +177,13 @@ def run_experiment(hand: Hand, commands: Array, namespace: str, healthy: Callabl
 
 
 def _await_hand(
-    node: Node, executor: EventsExecutor, publisher: Any, latest: dict[str, float], healthy: Callable[[], None]
+    node: Node, executor: EventsExecutor, publisher: Any, latest: Measured, healthy: Callable[[], None]
 ) -> None:
     end = time.monotonic() + RUNNING_S
     recorded = ("joint_states", "valve_command")
-    while not latest or publisher.get_subscription_count() < 2 or not _recorded(node, recorded):  # it and the hand
+    while (
+        not latest.angle_rad or publisher.get_subscription_count() < 2 or not _recorded(node, recorded)
+    ):  # it and the hand
         _spin(executor, TICK_S)
         healthy()
         if time.monotonic() > end:
@@ -183,9 +204,11 @@ def _valve_command(node: Node, hand: Hand, pressure_pa: Array) -> ValveCommand:
     return message
 
 
-def _check_angles(hand: Hand, latest: dict[str, float]) -> None:
+def _check_angles(hand: Hand, latest: Measured, now_s: float) -> None:
+    if now_s - latest.at_s > LOST_S:
+        raise NotReadyError(f"no joint_states for {LOST_S:g} s; check the driver and the board; vented")
     for joint, low, high in zip(hand.joints, hand.limits.low_rad, hand.limits.high_rad, strict=True):
-        angle = latest.get(joint, low)
+        angle = latest.angle_rad.get(joint, low)
         if not low - BEYOND_RAD <= angle <= high + BEYOND_RAD:
             limits = f"{np.degrees(low):.0f} to {np.degrees(high):.0f}"
             raise NotReadyError(f"{joint} is at {np.degrees(angle):.1f} degrees, outside {limits}; vented")

@@ -61,6 +61,17 @@ def test_pressure_is_not_remembered_while_a_fault_is_latched() -> None:
     assert guard.in_force(1 * MS) is not None
 
 
+def test_what_was_in_force_can_be_forgotten_without_the_latch() -> None:
+    """Fails when a driver that is activated again believes that pressure is in force, or loses its latch."""
+    guard = Guard()
+    guard.written(DRIVE, 0)
+    guard.forget()
+    assert not guard.driving(1 * MS) and guard.in_force(1 * MS) is None
+    guard.trip("x")
+    guard.forget()
+    assert guard.fault == "x"
+
+
 def test_a_hold_takes_the_least_of_the_last_tenth_of_a_second() -> None:
     """Fails when a hold keeps what a second commander had sent before it was noticed, or forgets what came before."""
     guard = Guard()

@@ -45,12 +45,16 @@ class Stack:
         self.running: list[Started] = []
 
     def start(self, name: str, *arguments: str) -> Started:
+        return self._start(name, *(TOOL if name == "hand" else (str(NODES / name),)), *arguments)
+
+    def module(self, name: str, *arguments: str) -> Started:
+        """Start a Python module; its log has the last part of its name."""
+        return self._start(name.rpartition(".")[2], sys.executable, "-m", name, *arguments)
+
+    def _start(self, name: str, *command: str) -> Started:
         log = (self.folder / f"{name}.log").open("ab")
         environment = os.environ | {"ROS_HOME": str(self.folder)}  # a latched fault of an earlier test stays there
-        command = TOOL if name == "hand" else (str(NODES / name),)
-        process = subprocess.Popen(
-            [*command, *arguments], stdout=log, stderr=subprocess.STDOUT, cwd=self.folder, env=environment
-        )
+        process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, cwd=self.folder, env=environment)
         log.close()
         self.running.append(process)
         return process

@@ -10,6 +10,8 @@ import pytest
 from hand_msgs.msg import BoardState, ValveCommand
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from test.nodes.stack import Client, Stack
 
 
@@ -94,6 +96,18 @@ def test_a_stuck_channel_is_named(stack: Stack, client: Client) -> None:
     assert "index_proximal angle (channel 3): at the rail, 65535 of" in answer.message
 
 
+def driving(client: Client) -> Callable[[], None]:
+    """A function that commands 50 kPa on every valve, as a node other than the controller would."""
+
+    def drive() -> None:
+        command = ValveCommand(name=client.joints[-1].name, pressure=[5e4] * len(client.joints[-1].name))
+        command.header.stamp = client.node.get_clock().now().to_msg()
+        command.lifetime.nanosec = 200_000_000
+        client.valve_publisher.publish(command)
+
+    return drive
+
+
 def test_a_board_that_restarts_is_vented_until_a_reset(stack: Stack, client: Client) -> None:
     """Fails when the driver goes on with a board that was restarted, or drives it again without being asked."""
     path = str(stack.folder / "board")
@@ -104,12 +118,7 @@ def test_a_board_that_restarts_is_vented_until_a_reset(stack: Stack, client: Cli
     stack.node("driver", serial_port=path)
     client.until(lambda: client.joints and states and states[-1].protocol == 2)
 
-    def drive() -> None:
-        command = ValveCommand(name=client.joints[-1].name, pressure=[5e4] * len(client.joints[-1].name))
-        command.header.stamp = client.node.get_clock().now().to_msg()
-        command.lifetime.nanosec = 200_000_000
-        client.valve_publisher.publish(command)
-
+    drive = driving(client)
     client.sending(drive, lambda: states[-1].fault == "" and max(states[-1].set_point, default=0.0) == 5e4)
     board.send_signal(signal.SIGUSR2)
     client.sending(drive, lambda: "the board was restarted" in states[-1].fault)
@@ -118,3 +127,24 @@ def test_a_board_that_restarts_is_vented_until_a_reset(stack: Stack, client: Cli
     assert client.trigger("reset_driver").success
     before = len(states)
     client.sending(drive, lambda: len(states) > before + 3 and max(states[-1].set_point, default=0.0) == 5e4)
+
+
+def test_a_board_that_sends_no_frames_is_vented_until_a_reset(stack: Stack, client: Client) -> None:
+    """Fails when a board that hears but falls silent is driven on by a node other than the controller."""
+    path = str(stack.folder / "board")
+    states: list[BoardState] = []
+    client.node.create_subscription(BoardState, "board_state", states.append, 10)
+    board = stack.module("validation.faults.faulty_board", path, "mute")
+    client.until(lambda: "ready" in stack.log("faulty_board"))
+    stack.node("driver", serial_port=path)
+    client.until(lambda: client.joints and states and states[-1].protocol == 2)
+    drive = driving(client)
+    client.sending(drive, lambda: states[-1].fault == "" and max(states[-1].set_point, default=0.0) == 5e4)
+    board.send_signal(signal.SIGUSR1)
+    client.sending(drive, lambda: "no measurement for 0.1 s" in states[-1].fault)
+    client.until_said("driver", "safety", "call reset_driver")
+    board.send_signal(signal.SIGUSR2)
+    client.sending(drive, lambda: max(states[-1].set_point, default=1.0) == 0.0)
+    client.until_said("driver", "commands", "a fault is latched (no measurement for 0.1 s")
+    assert client.trigger("reset_driver").success
+    client.sending(drive, lambda: max(states[-1].set_point, default=0.0) == 5e4)

@@ -13,7 +13,7 @@ import pytest
 import rclpy
 from std_srvs.srv import Trigger
 
-from hand_driver.board import Board, Pressures
+from hand_driver.board import Board, Frame, Pressures
 from hand_driver.guard import Guard
 from hand_driver.node import DriverNode
 from hand_driver.set_points import SetPoints
@@ -32,6 +32,11 @@ class RecordedBoard(SimulatedBoard):
     def __init__(self, hand: Hand) -> None:
         super().__init__(SimulatedPlant(hand, hand.rate_hz, 1), hand.rate_hz)
         self.writes: list[tuple[float, float]] = []
+        self.mute = False
+
+    def read(self, timeout_s: float) -> Frame | None:
+        frame = super().read(timeout_s)
+        return None if self.mute else frame
 
     def write(self, pressure_pa: Pressures, lifetime_s: float) -> int:
         self.writes.append((time.monotonic(), float(np.max(pressure_pa))))
@@ -171,3 +176,26 @@ def test_a_defect_of_writing_ends_no_acquisition(driver: Driver, monkeypatch: py
     until(lambda: (driver.cycles or 0) > cycles + 10)
     driver.drive(0.1)
     assert driver.board.writes[-1][1] == 0.0
+
+
+def test_a_silent_board_is_driven_no_further(driver: Driver) -> None:
+    """Fails when pressure is written after a silence of 0.2 s, none is latched, or a longer lifetime delays it."""
+    driver.command(DRIVE_PA, lifetime_s=1.0)
+    driver.board.mute = True
+    begun_s = time.monotonic()
+    driver.drive(0.6)
+    assert "no measurement for 0.1 s" in driver._guard.fault
+    assert set(driver.board.since(begun_s + 0.25)) == {0.0}
+
+
+def test_nothing_is_driven_before_the_first_measurement(driver: Driver) -> None:
+    """Fails when a driver that has just been activated writes pressure although the board sends nothing."""
+    driver.trigger_deactivate()
+    driver.board.mute = True
+    driver.board._closed = False
+    driver.trigger_activate()
+    begun_s = time.monotonic()
+    driver.drive(0.3)
+    assert max(driver.board.since(begun_s), default=0.0) == 0.0 and driver._guard.fault == ""
+    commands = next(status for status in driver.health() if status.name == "commands")
+    assert "nothing has been measured yet" in commands.message

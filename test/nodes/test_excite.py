@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -62,3 +63,19 @@ def test_who_else_commands_and_ctrl_c(stack: Stack, client: Client) -> None:
     assert f"hand excite: interrupted; incomplete: {stack.folder / 'cut.mcap'}" in stack.log("hand")
     client.until(lambda: vented(client))
     assert len(load_recording(stack.folder / "cut.mcap")["joint_states"]) > 0
+
+
+def test_an_experiment_ends_where_the_hand_falls_silent(stack: Stack, client: Client) -> None:
+    """Fails when set-points are sent on although no angle arrives any more."""
+    simulation = stack.node("simulation")
+    client.until(lambda: client.joints)
+    out = stack.folder / "silent.mcap"
+    running = stack.start("hand", *command(out, "--duration", "60")[len(TOOL) :])
+    client.until(lambda: client.valves and max(client.valves[-1].pressure) > 1e4)
+    simulation.send_signal(signal.SIGSTOP)
+    try:
+        assert running.wait(timeout=30) == 2
+    finally:
+        simulation.send_signal(signal.SIGCONT)
+    assert "no joint_states for 0.3 s; check the driver and the board; vented" in stack.log("hand")
+    assert vented(client) or client.last_pressure_pa() == 0.0

@@ -1,8 +1,8 @@
 """Faults of the board itself: repeated frames, a wrong clock, a restart; and, as processes, a board that hears nothing.
 
 In virtual time the emulated board sends old frames again over real bytes, and the mapping of its clock gets drifts,
-steps and restarts. With --full an emulated board in motion becomes deaf, half deaf, restarts, stops answering or loses
-its supply; the controller must vent and latch.
+steps and restarts. With --full an emulated board in motion becomes deaf, half deaf or mute, restarts, reports
+over-pressure or loses its supply; the controller must vent and latch.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ NOT_FOLLOWING = {
     "restarts": (Faults(restart=(1.0,)), 1.0),
 }
 """Faults of a board by name, each with the time at which it begins [s]. A board that restarts is vented at once."""
-BOARD_FAULTS = ("deaf", "half_deaf", "restarted", "over_pressure", "supply_lost")
+BOARD_FAULTS = ("deaf", "half_deaf", "mute", "restarted", "over_pressure", "supply_lost")
 
 
 def run(size: Size, seed: int) -> list[FaultResult]:

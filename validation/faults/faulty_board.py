@@ -1,8 +1,8 @@
 """An emulated serial board that gets a fault by a signal: python -m validation.faults.faulty_board PATH FAULT.
 
-SIGUSR1 begins the fault, SIGUSR2 ends it. FAULT is deaf (takes no set-points), half_deaf (takes one in ten), restarted
-(clock, sequence and set-points begin again), over_pressure (reports it and vents) or supply_lost (sensors without
-supply).
+SIGUSR1 begins the fault, SIGUSR2 ends it. FAULT is deaf (takes no set-points), half_deaf (takes one in ten), mute
+(takes set-points and sends no frames), restarted (clock, sequence and set-points begin again), over_pressure (reports
+it and vents) or supply_lost (sensors without supply).
 
 Example: python -m validation.faults.faulty_board /tmp/board deaf
 """
@@ -20,13 +20,13 @@ import numpy as np
 
 from hand_driver.board import Counts, Pressures, Status
 from hand_driver.negotiation import HIGHEST, BoardSession
-from hand_driver.wire import SetPointPayload
+from hand_driver.wire import SamplePayload, SetPointPayload
 from hand_sim.emulator import Emulator
 from hand_sim.plant import SimulatedPlant
 from hand_sim.serial_endpoint import SerialEndpoint
 from validation.faults.closed_loop import description
 
-FAULTS = ("deaf", "half_deaf", "restarted", "over_pressure", "supply_lost")
+FAULTS = ("deaf", "half_deaf", "mute", "restarted", "over_pressure", "supply_lost")
 TAKEN = 0.1
 """Share of the packets that a half deaf board takes."""
 
@@ -49,7 +49,7 @@ class FaultyPlant:
 
 
 class FaultySerial(SerialEndpoint):
-    """A serial endpoint that loses packets of the host while the fault lasts."""
+    """A serial endpoint that loses packets of the host, or its own, while the fault lasts."""
 
     def __init__(self, path: str, plant: FaultyPlant, rng: np.random.Generator) -> None:
         """Serve at path."""
@@ -60,6 +60,11 @@ class FaultySerial(SerialEndpoint):
     def restart(self) -> None:
         """Forget the host, as a board does that restarts."""
         self._session = BoardSession(HIGHEST)
+
+    def send(self, sample: SamplePayload, corrupt: bool = False) -> None:
+        """See BoardEndpoint.send."""
+        if self._plant.fault != "mute":
+            super().send(sample, corrupt)
 
     def receive(self) -> list[SetPointPayload]:
         """See BoardEndpoint.receive."""
