@@ -1,8 +1,9 @@
 """One publisher of each topic of authority: which is one too many, where it runs, and how long the hand holds.
 
 Two publishers of valve commands, or two of joint states, cannot both be right. From the moment a second one is found,
-the hand holds its pressures for HOLD_S and then vents, and the fault is latched. A second publisher that leaves within
-HOLD_S does no more than a hold: QUIET_S after it has left, the first one is obeyed again.
+the hand holds its pressures for HOLD_S and then vents, and the fault is latched. QUIET_S after a second publisher has
+left, a hold ends and the first one is obeyed again. Holds of several visits within SUMMED_S add up: a second publisher
+that comes and goes must not hold the hand for ever.
 
 A publisher is known by its DDS identifier. Those of Fast DDS contain 16 bits each of the host and of the process. No
 interface of ROS 2 gives the address of another machine.
@@ -10,6 +11,7 @@ interface of ROS 2 gives the address of another machine.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -20,6 +22,8 @@ HOLD_S = 0.5
 """Time for which the pressures are held before the hand vents."""
 QUIET_S = 0.1
 """Time without a second publisher after which a hold ends."""
+SUMMED_S = 5.0
+"""Time in which holds add up."""
 FAST_DDS = b"\x01\x0f"
 """Begin of the identifiers of Fast DDS, then two bytes of the host, two of the process, and two random ones."""
 PROCESS_BITS = 16
@@ -159,18 +163,37 @@ class Conflict:
         self.line = ""
         self._since_ns: int | None = None
         self._last_ns = 0
+        self._vented = False
+        self._holds: deque[tuple[int, int]] = deque()  # begin and end of the earlier ones
 
     def update(self, now_ns: int, line: str) -> Verdict:
         """Take the line that names every second publisher now, empty for none."""
         if line:
             self.line, self._last_ns = line, now_ns
             self._since_ns = now_ns if self._since_ns is None else self._since_ns
-        elif now_ns - self._last_ns > QUIET_S * 1e9:
-            self.line, self._since_ns = "", None
-        return self.verdict(now_ns)
+        elif self._since_ns is not None and now_ns - self._last_ns > QUIET_S * 1e9:
+            self._end(self._since_ns, now_ns)
+        verdict = self.verdict(now_ns)
+        self._vented = self._vented or verdict is Verdict.VENT
+        return verdict
+
+    def _end(self, since_ns: int, now_ns: int) -> None:
+        """End a hold and remember it. After a vent, which is latched, the sum begins again."""
+        self._holds.append((since_ns, now_ns))
+        if self._vented:
+            self._holds.clear()
+        self.line, self._since_ns, self._vented = "", None, False
 
     def verdict(self, now_ns: int) -> Verdict:
         """The verdict at now_ns [ns]."""
         if self._since_ns is None:
             return Verdict.ALONE
-        return Verdict.VENT if now_ns - self._since_ns >= HOLD_S * 1e9 else Verdict.HOLD
+        held_ns = now_ns - self._since_ns + self._earlier_ns(now_ns)
+        return Verdict.VENT if held_ns >= HOLD_S * 1e9 else Verdict.HOLD
+
+    def _earlier_ns(self, now_ns: int) -> int:
+        """How long the earlier holds have lasted within the last SUMMED_S [ns]."""
+        from_ns = now_ns - round(SUMMED_S * 1e9)
+        while self._holds and self._holds[0][1] <= from_ns:
+            self._holds.popleft()
+        return sum(end_ns - max(begin_ns, from_ns) for begin_ns, end_ns in self._holds)

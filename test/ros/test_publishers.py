@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import pytest
+
 from hand_ros.processes import processes
-from hand_ros.publishers import HOLD_S, QUIET_S, Conflict, Processes, Publisher, SolePublishers, Verdict
+from hand_ros.publishers import HOLD_S, QUIET_S, SUMMED_S, Conflict, Processes, Publisher, SolePublishers, Verdict
 
 MS = 1_000_000
 HERE, THERE = b"\x11\x22", b"\x33\x44"
@@ -132,6 +134,39 @@ def test_hold_then_vent_and_a_short_visit_is_a_hold() -> None:
     assert conflict.line == ""
     assert conflict.update(5000 * MS, "third") is Verdict.HOLD
     assert conflict.update(5000 * MS + round(QUIET_S * 1e9) + 1, "") is Verdict.ALONE
+
+
+def flapping(on_ms: int, off_ms: int, seconds: float, period_ms: int = 5) -> list[tuple[int, Verdict]]:
+    """Time [ms] and verdict of each update while a second publisher comes and goes."""
+    conflict, found = Conflict(), []
+    for ms in range(0, round(seconds * 1e3), period_ms):
+        present = ms % (on_ms + off_ms) < on_ms
+        found.append((ms, conflict.update(ms * MS, "second" if present else "")))
+    return found
+
+
+@pytest.mark.parametrize(("on_ms", "off_ms", "period_ms"), [(380, 120, 5), (380, 120, 20), (5, 120, 5), (100, 900, 5)])
+def test_a_second_publisher_that_comes_and_goes_vents(on_ms: int, off_ms: int, period_ms: int) -> None:
+    """Fails when visits that are short each hold the hand for more than HOLD_S within SUMMED_S, or for ever."""
+    found = flapping(on_ms, off_ms, 60.0, period_ms)
+    vent_ms = next(ms for ms, verdict in found if verdict is Verdict.VENT)
+    held_ms = period_ms * sum(verdict is Verdict.HOLD for ms, verdict in found if ms < vent_ms)
+    assert held_ms <= 1e3 * HOLD_S + 2 * period_ms
+    assert vent_ms < 1e3 * SUMMED_S
+
+
+def test_rare_visits_are_holds() -> None:
+    """Fails when visits of more than SUMMED_S ago count, or those of 2.5 s ago that are short enough together."""
+    assert not any(verdict is Verdict.VENT for _, verdict in flapping(380, 5000, 60.0))
+    assert not any(verdict is Verdict.VENT for _, verdict in flapping(100, 2400, 60.0))
+
+
+def test_after_a_vent_the_sum_begins_again() -> None:
+    """Fails when the next visit vents at once although the vent was latched and reset."""
+    conflict = Conflict()
+    assert [conflict.update(ms * MS, "second") for ms in (0, 600)] == [Verdict.HOLD, Verdict.VENT]
+    assert conflict.update(800 * MS, "") is Verdict.ALONE
+    assert conflict.update(900 * MS, "second") is Verdict.HOLD
 
 
 def test_our_own_process_is_found_in_proc(tmp_path: Path) -> None:
