@@ -156,6 +156,10 @@ class ControllerNode(HandNode):
         """Use new gains and limits, all or none, without a jump."""
         self._controller.configure(Settings.of(self._hand, values))
 
+    def latched_fault(self) -> str:
+        """The latched fault of the controller; empty for none."""
+        return self._controller.safety.fault
+
     def described(self) -> str:
         """The node and how many joints it has."""
         return f"{self.get_name()} of {len(self._hand.joints)} joints"
@@ -217,6 +221,7 @@ class ControllerNode(HandNode):
             self._publish(tick)
             self._publish_contacts()
             self._watch_goals(tick)
+        self.keep_fault(self._controller.safety.fault)  # after the vent is sent: a disk may be slow
         self._input_fault = ""
 
     def _on_board_state(self, raw: bytes) -> None:

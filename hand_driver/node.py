@@ -131,6 +131,10 @@ class DriverNode(HandNode):
             self.create_service(Trigger, "reset_driver", self._on_reset),
         )
 
+    def latched_fault(self) -> str:
+        """The latched fault of the driver; empty for none."""
+        return self._guard.fault
+
     def described(self) -> str:
         """The node and how many joints it has."""
         return f"{self.get_name()} of {len(self._joints)} joints"

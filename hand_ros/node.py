@@ -251,6 +251,7 @@ class HandNode(LifecycleNode):
         if self.active:
             self.active = False
             self.stop()
+            self.keep_fault(self.latched_fault())  # the next configuration reads it
 
     def finish(self) -> None:
         """End of the process: stop, publish the last statuses, wait until they are received, release the ports."""
@@ -276,6 +277,10 @@ class HandNode(LifecycleNode):
             logger.warning(line)
         else:
             logger.error(line)
+
+    def latched_fault(self) -> str:
+        """The fault that is latched now, empty for none; of nodes that call `load_fault`."""
+        return ""
 
     def load_fault(self, state_file: str) -> str:
         """The fault that was latched before a restart, or why that cannot be known, one line; empty for none."""

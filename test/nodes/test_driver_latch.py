@@ -199,3 +199,13 @@ def test_nothing_is_driven_before_the_first_measurement(driver: Driver) -> None:
     assert max(driver.board.since(begun_s), default=0.0) == 0.0 and driver._guard.fault == ""
     commands = next(status for status in driver.health() if status.name == "commands")
     assert "nothing has been measured yet" in commands.message
+
+
+def test_a_fault_of_a_frame_is_stored_when_the_driver_is_deactivated(driver: Driver, tmp_path: Path) -> None:
+    """Fails when a driver that is deactivated before its next watch, and configured again, has lost its latch."""
+    driver._trip("the board was restarted")
+    driver.trigger_deactivate()
+    assert "the board was restarted" in (tmp_path / "state.json").read_text(encoding="utf-8")
+    driver.trigger_cleanup()
+    driver.trigger_configure()
+    assert driver._guard.fault.startswith("the board was restarted (latched ")
