@@ -51,6 +51,7 @@ from hand_control.step_watch import LONGEST_S
 from hand_control.supervisor import VENT_S, Phase, Supervisor
 from hand_control.tuning import gains
 from hand_control.unmeasured import Unmeasured
+from hand_control.vent_watch import VentWatch
 from hand_messages.health import Health, Level
 from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
@@ -120,6 +121,7 @@ class Controller:
         self._shaper = Shaper(count, self._law.inputs, (hand.limits.low_rad, hand.limits.high_rad))
         self._torque = TorqueLimiter(hand.limits.max_torque_nm)
         self._watch = FrameWatch(hand)
+        self._vent_watch = VentWatch(hand)
         self._wanted = self._law.out[OUT.pressure]
         self._sent = self._wanted
         self._liquid = bool(hand.row("hydraulic.share").max() > 0.0)
@@ -434,6 +436,7 @@ class Controller:
         else:
             self._torque.start(self.hand.limits.max_torque_nm)
         self._ramp.start(pressure)
+        self._vent_watch.forget()
         self.board.start(host_ns)
         self.safety.arm(host_ns)
 
@@ -530,6 +533,7 @@ class Controller:
         inputs = np.array([position, zero, zero, zero, position, pressure])
         out = self._law.tick(inputs, dt, False, False)
         self._contact_monitor.release()
+        self._vent_watch.frame(position, pressure, dt)
         return Tick(stamp_ns, position, position, zero, zero, out[OUT.torque], self._torque.now, self._none, self._none)
 
     def health(self, host_ns: int) -> list[Health]:
@@ -539,8 +543,12 @@ class Controller:
             commands = Health("commands", Level.WARN, self._remark[1])
         if self._refusal is not None and (host_ns - self._refusal[0]) * 1e-9 < REFUSAL_S:
             commands = Health("commands", Level.ERROR, self._refusal[1])
-        valves = Health("valves", Level.WARN if self._starved else Level.OK, self._starved or "following")
-        return [self.safety.health(host_ns), commands, valves, self._sensor_health(), self.board.health()]
+        return [self.safety.health(host_ns), commands, self._valve_health(), self._sensor_health(), self.board.health()]
+
+    def _valve_health(self) -> Health:
+        if self._vent_watch.line:
+            return Health("valves", Level.ERROR, self._vent_watch.line)
+        return Health("valves", Level.WARN if self._starved else Level.OK, self._starved or "following")
 
     def _sensor_health(self) -> Health:
         watch = self._watch.sensors

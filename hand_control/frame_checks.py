@@ -315,8 +315,8 @@ class PressureWatch:
 
     expected: pressure of set-points and motion now, (n,) [Pa].  driven: what the set-points alone give, (n,) [Pa].
     wider: by how much expected may be wrong by the motion, (n,) [Pa]. Each check overwrites them.  short: (n,) 1 where
-    a pressure is too low for what is asked, or its set-point is still to return; `hold` overwrites it.  gap_s: longest
-    time between frames [s] after which nothing starts again.
+    a pressure is too low for what is asked, or its set-point is still to return; `hold` overwrites it.  high_s: (n,)
+    how long a pressure has been too high.  gap_s: longest time between frames [s] after which nothing starts again.
     """
 
     def __init__(self, hand: Hand, memory: Array | None = None) -> None:
@@ -331,6 +331,7 @@ class PressureWatch:
         self.driven: Array = self._state[DRIVEN]
         self.wider: Array = self._state[WIDER]
         self.short: Array = self._state[SHORT]
+        self.high_s: Array = self._state[_HIGH]
         self._still = np.zeros(len(hand.joints))
 
     def start(self, pressure: Array, position: Array | None = None) -> None:

@@ -564,6 +564,9 @@ class ControllerNode(HandNode):
         if not self.active:
             return [Health("safety", Level.OK, "vented: not active")]
         statuses = [*self._controller.health(time.monotonic_ns()), self.authority_health(), *self.stop_health()]
+        for status in statuses:
+            if status.name == "valves" and status.level == Level.ERROR:
+                self.log_throttled(Level.ERROR, "valves", status.message, RARELY_S)
         if self._input_fault:
             statuses.append(Health("input", Level.ERROR, self._input_fault))
         if flood := self._commands_in.problem(time.monotonic()):

@@ -95,6 +95,42 @@ def test_a_valve_stuck_open_vents_and_latches() -> None:
     )
 
 
+def test_a_vented_joint_that_stays_under_pressure_is_reported() -> None:
+    """Fails when a valve that stays open after a vent is called fine, is latched, or is reported for ever."""
+    rig = Rig()
+    rig.command(index_proximal=1.0)
+    rig.run(2.0)
+    held = rig.plant.state[P][INDEX]
+    rig.valve = only(INDEX, lambda _: held)
+    rig.controller.vent("vent was called")
+    rig.run(0.4)
+    assert rig.health("valves").level == Level.OK
+    rig.run(0.8)
+    assert rig.health("valves").level == Level.ERROR
+    line = (
+        r"vented, but index_proximal: its pressure \(channel 14\) stays at \d\.\d\d bar, the valve does not follow; .*"
+    )
+    assert re.fullmatch(line, rig.health("valves").message)
+    assert rig.controller.safety.fault == ""
+    rig.valve = lambda command: command
+    rig.run(1.0)
+    assert rig.health("valves").level == Level.OK
+
+
+def test_a_hand_that_is_vented_from_a_grasp_is_fine() -> None:
+    """Fails when the pressure that leaves through a good valve is reported, or that of the motion before."""
+    rig = Rig()
+    rig.command(**dict.fromkeys(HAND.joints, 1.1))
+    rig.run(2.0)
+    rig.controller.vent("vent was called")
+    for _ in range(300):
+        rig.run(0.005)
+        assert rig.health("valves").level == Level.OK, rig.health("valves").message
+    rig.controller.enable(True)
+    rig.run(0.5)
+    assert rig.controller.safety.phase is Phase.ACTIVE and rig.health("valves").level == Level.OK
+
+
 def test_a_starved_joint_is_warned_of_and_recovers() -> None:
     """Fails when a blocked valve is not reported, winds its integrator up, stops those of other joints, or vents."""
     rig = Rig()
