@@ -158,15 +158,18 @@ class Controller:
         self._max_jump_rad = math.radians(settings.max_jump_deg)
         self._law.change(gains(self.hand, settings))
 
-    def enable(self, on: bool) -> None:
-        """Drive the hand from its present pose, or vent it. ValueError while a fault is latched."""
+    def enable(self, on: bool, patient: bool = False) -> None:
+        """Drive the hand from its present pose, or vent it. ValueError while a fault is latched.
+
+        patient: see `Supervisor.enable`.
+        """
         if on:
             if self.board.fault and not self.safety.fault:
                 raise ValueError(f"not enabled: the driver holds the hand vented ({self.board.fault})")
             cause = next(filter(None, map(self.board.evidence, self.hand.joints)), "")
             if cause and not self.safety.fault:
                 raise ValueError(f"not enabled: {cause}")
-            self.safety.enable()
+            self.safety.enable(patient)
         else:
             self.vent("disabled on request")
 
@@ -390,8 +393,11 @@ class Controller:
     def _check_measurement(self, measured: tuple[Array, Array, Array], host_ns: int, elapsed_s: float) -> None:
         """Trip on an implausible measurement, elapsed_s [s] after the last one; arm on the first plausible one."""
         if self.safety.phase is Phase.ARMING:
-            if self._watch.plausible(*measured, self._max_jump_rad, elapsed_s)[0] != NOT_FINITE:
+            verdict, worst = self._watch.plausible(*measured, self._max_jump_rad, elapsed_s)
+            if verdict != NOT_FINITE:
                 self._arm(*measured, host_ns)
+            else:
+                self.safety.lacks = self._unmeasured.line(worst, measured)
             return
         found = self._watch.check(measured, self._law.watched, self._max_jump_rad, elapsed_s)
         self._starved = ""

@@ -170,7 +170,8 @@ class ControllerNode(HandNode):
         self._pressure: Array = np.full(len(self._hand.joints), np.nan)
         self._pressure_ns = 0
         if self._enabled_at_start and not self._controller.safety.fault:
-            self._controller.enable(True)
+            self._controller.enable(True, patient=True)
+        self._waited = False
         self._grasp_handle: ServerGoalHandle | None = None
         self._pattern: Pattern | None = None
         self._followed: list[tuple[ServerGoalHandle, TrajectoryGoal]] = []
@@ -453,6 +454,7 @@ class ControllerNode(HandNode):
     def _on_watch(self) -> None:
         if self._controller.check(time.monotonic_ns()):
             self._send_vent()
+        self._log_given_up()
         self._on_publishers()
         missing = self._heartbeat.missing(time.monotonic_ns())
         if missing and self._controller.safety.phase is not Phase.VENTED:
@@ -461,6 +463,13 @@ class ControllerNode(HandNode):
         if fault:
             self.keep_fault(fault)
             self.log_throttled(Level.ERROR, "fault", f"vented: {fault}; call reset, then enable", RARELY_S)
+
+    def _log_given_up(self) -> None:
+        """Log why a hand that was enabled is vented again before it was driven."""
+        safety = self._controller.safety
+        if self._waited and safety.phase is Phase.VENTED and not safety.fault:
+            self.log_throttled(Level.WARN, "not driven", f"not driven: {safety.reason}")
+        self._waited = safety.phase is Phase.ARMING
 
     def _trip(self, fault: str) -> None:
         """Vent now because of a fault outside of the frames, and latch it."""

@@ -6,6 +6,10 @@
     >  FREEZE_S  50 ms           the integrators stop in the next tick
     >  VENT_S   100 ms           vent, latched
 
+After `enable`, a first complete measurement must come within ARMING_S, or the hand is vented again: who has enabled a
+hand must not be surprised by it minutes later. A hand that is enabled at the start of the nodes waits for the first
+frame of its driver without a limit.
+
 By default a command needs no renewal. With a command time-out, an older command is held (the reference stands still),
 and after twice the time-out the hand is vented and the fault latched.
 
@@ -23,6 +27,8 @@ from hand_messages.health import Health, Level
 WARN_S = 0.020
 FREEZE_S = 0.050
 VENT_S = 0.100
+ARMING_S = 2.0
+"""Longest time from `enable`, or from the first frame after the start, to a complete measurement."""
 
 
 class Phase(Enum):
@@ -35,20 +41,30 @@ class Phase(Enum):
 
 @dataclass(slots=True)
 class Supervisor:
-    """The state machine. phase: its state.  reason: of the last vent.  fault: the latched fault, or empty."""
+    """The state machine. phase: its state.  reason: of the last vent.  fault: the latched fault, or empty.
+
+    lacks: while it waits for a complete measurement, what the last one lacked, one line; empty where none came.
+    """
 
     phase: Phase = Phase.VENTED
     reason: str = "not enabled"
     fault: str = ""
     frame_ns: int | None = None
     command_ns: int | None = None
+    lacks: str = ""
+    _arming_ns: int | None = None
+    _patient: bool = False
 
-    def enable(self) -> None:
-        """Drive the hand from the next plausible measurement on. ValueError while a fault is latched."""
+    def enable(self, patient: bool = False) -> None:
+        """Drive the hand from the next plausible measurement on. ValueError while a fault is latched.
+
+        patient: wait for a first frame without a limit, as at the start of the nodes.
+        """
         if self.fault:
             raise ValueError(f"not enabled: a fault is latched ({self.fault}); call reset first")
         if self.phase is Phase.VENTED:
             self.phase, self.frame_ns, self.command_ns = Phase.ARMING, None, None
+            self.lacks, self._arming_ns, self._patient = "", None, patient
 
     def arm(self, now_ns: int) -> None:
         """Drive the hand from now on: a first complete measurement has arrived."""
@@ -87,7 +103,9 @@ class Supervisor:
         self.command_ns = now_ns
 
     def check(self, now_ns: int, command_timeout_s: float) -> None:
-        """Trip on silence. Call it often, also while nothing arrives."""
+        """Trip on silence, and give up waiting for a measurement. Call it often, also while nothing arrives."""
+        if self.phase is Phase.ARMING:
+            self._check_arming(now_ns)
         if self.phase is not Phase.ACTIVE:
             return
         age_s = self.frame_age_s(now_ns)
@@ -95,6 +113,15 @@ class Supervisor:
             self.trip(f"no usable sensor data for {VENT_S * 1e3:.0f} ms; check the driver and the line to the board")
         elif self._command_age_s(now_ns) > 2.0 * command_timeout_s > 0.0:
             self.trip(f"no command for {2.0 * command_timeout_s:g} s; check the node that sends the commands")
+
+    def _check_arming(self, now_ns: int) -> None:
+        if self._patient and self.frame_ns is None:
+            return
+        if self._arming_ns is None:
+            self._arming_ns = now_ns
+        elif now_ns - self._arming_ns > ARMING_S * 1e9:
+            why = self.lacks or "no frame arrives; check the driver and the line to the board"
+            self.vent(f"no complete measurement within {ARMING_S:g} s; {why}; then call enable")
 
     def command_held(self, now_ns: int, command_timeout_s: float) -> bool:
         """Whether the last command is older than the time-out."""

@@ -31,13 +31,22 @@ class Unmeasured:
 
     def trip(self, safety: Supervisor, joint: int, measured: Sequence[Array], host_ns: int) -> None:
         """Latch. measured: angle [rad], speed [rad/s] and pressure [Pa], (joints,) each."""
+        name, line, cause = self._named(joint, measured)
+        fault = _with_cause(line, cause)
+        self._open = None if cause else (name, fault, host_ns)
+        safety.trip(fault)
+
+    def line(self, joint: int, measured: Sequence[Array]) -> str:
+        """The same, where nothing is latched."""
+        _, line, cause = self._named(joint, measured)
+        return _with_cause(line, cause)
+
+    def _named(self, joint: int, measured: Sequence[Array]) -> tuple[str, str, str]:
+        """The joint, what of it is not a number, and the cause, empty where the driver has named none."""
         name = self._joints[joint]
         what = next(q for q, values in zip(QUANTITIES, measured, strict=True) if not math.isfinite(values[joint]))
         line = f"{name}: its {what} (channel {self._channels[what][joint]}) is not a number"
-        cause = self._board.evidence(name)
-        fault = f"{line}; {cause or 'the driver has named no cause; check its status `channels`, sensor and cable'}"
-        self._open = None if cause else (name, fault, host_ns)
-        safety.trip(fault)
+        return name, line, self._board.evidence(name)
 
     def complete(self, safety: Supervisor, host_ns: int) -> None:
         """Add a cause that was not known yet; call it with each report of the driver."""
@@ -48,3 +57,7 @@ class Unmeasured:
         if cause and host_ns - since_ns <= LATE_S * 1e9:
             safety.reword(line, f"{line.partition(';')[0]}; {cause}")
             self._open = None
+
+
+def _with_cause(line: str, cause: str) -> str:
+    return f"{line}; {cause or 'the driver has named no cause; check its status `channels`, sensor and cable'}"

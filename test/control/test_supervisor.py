@@ -71,11 +71,49 @@ def test_arming_waits_and_warns() -> None:
     """Fails when an enabled hand without a measurement counts as driven, or trips before it is."""
     made = Supervisor()
     made.enable()
-    status = made.health(10**12)
-    assert (made.phase, status.level) == (Phase.ARMING, Level.WARN)
-    assert status.message == "waiting for a first complete measurement"
     made.check(10**12, 0.0)
-    assert made.phase is Phase.ARMING and made.fault == ""
+    made.check(10**12 + 2000 * MS, 0.0)
+    status = made.health(10**12)
+    assert (made.phase, status.level, made.fault) == (Phase.ARMING, Level.WARN, "")
+    assert status.message == "waiting for a first complete measurement"
+
+
+def test_a_hand_that_cannot_be_measured_is_enabled_for_two_seconds() -> None:
+    """Fails when a hand begins to move minutes after `enable`, the reason is not given, or a fault is latched."""
+    made = Supervisor()
+    made.enable()
+    made.check(0, 0.0)
+    made.enable()  # again: it does not wait for longer
+    made.check(2000 * MS + 1, 0.0)
+    assert (made.phase, made.fault) == (Phase.VENTED, "")
+    line = "no complete measurement within 2 s; no frame arrives; check the driver and the line to the board"
+    assert made.health(2001 * MS).message == f"vented: {line}; then call enable"
+    made.enable()
+    made.check(9000 * MS, 0.0)
+    made.lacks = "index_proximal: its angle (channel 3) is not a number"
+    made.check(11_001 * MS, 0.0)
+    assert made.reason == f"no complete measurement within 2 s; {made.lacks}; then call enable"
+    made.enable()
+    assert made.phase is Phase.ARMING and made.lacks == ""
+
+
+def test_a_hand_enabled_at_the_start_waits_for_its_first_frame() -> None:
+    """Fails when the nodes must start within two seconds of each other, or a hand without measurements waits on."""
+    made = Supervisor()
+    made.enable(patient=True)
+    for now_s in range(100):
+        made.check(now_s * 1000 * MS, 0.0)
+    assert made.phase.name == "ARMING"
+    made.frame(100_000 * MS)
+    made.check(100_000 * MS, 0.0)
+    made.check(102_000 * MS, 0.0)
+    assert made.phase.name == "ARMING"
+    made.check(102_000 * MS + 1, 0.0)
+    assert made.phase.name == "VENTED"
+    made.enable()
+    made.check(200_000 * MS, 0.0)
+    made.check(202_001 * MS, 0.0)
+    assert made.phase.name == "VENTED"  # a call of enable is not patient
 
 
 def test_enabling_again_forgets_the_ages_of_the_last_time() -> None:
