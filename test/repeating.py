@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 TRIES = 3
-STALLED = ("no usable sensor data", "the board reports that it is vented, although")
+STALLED = ("no usable sensor data", "the board reports that it is vented, although", "no measurement for")
 """Reasons for which a hand vents where its processes do not run for 0.1 s."""
 REPEATED: list[tuple[float, float, str]] = []
 """Of the running test: begin and end [s] of time.time() of each try that did not count, and why the hand vented."""

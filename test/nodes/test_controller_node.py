@@ -44,12 +44,14 @@ def controller(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Fed]:
     parameters = (f"state_file:={tmp_path / 'state.json'}", f"enabled_at_start:={at_start}")
     rclpy.init(args=["controller", "--ros-args", *(word for pair in parameters for word in ("-p", pair))])
     node = Fed()
-    node.trigger_configure()
-    node.trigger_activate()
-    yield node
-    node.finish()
-    node.destroy_node()
-    rclpy.try_shutdown()
+    try:
+        node.trigger_configure()
+        node.trigger_activate()
+        yield node
+    finally:
+        node.finish()
+        node.destroy_node()
+        rclpy.try_shutdown()
 
 
 def test_a_fault_of_a_frame_is_stored_with_the_frame(controller: Fed, tmp_path: Path) -> None:
