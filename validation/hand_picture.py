@@ -17,7 +17,7 @@ PICTURE = "hand.svg"
 BENT_DEG = {"proximal": 40.0, "distal": 50.0}
 """Angles of the finger that is drawn from its side."""
 SIDE_FINGER = "index"
-SIGNS = "positive flexes; 1 turns the thumb before the palm"
+HEADING = ("joint, and its range; positive flexes;", "1 turns the thumb before the palm")
 MM, LINE_MM, MARGIN_MM, RADIUS_MM = 1e3, 13.0, 8.0, 5.0
 STYLE = """
 .link{stroke:#dfe4e8;stroke-linecap:round}.edge{stroke:#7a838c;stroke-linecap:round}.palm{fill:#dfe4e8;stroke:#7a838c}
@@ -79,10 +79,12 @@ def _mark(x: float, y: float, number: int) -> str:
 
 def _legend(hand: Hand, x: float, y: float) -> Iterator[str]:
     """A line for each joint: number, name, and its range with signs."""
-    yield f'<text class="quiet" x="{x:.1f}" y="{y:.1f}">joint, and its range; {SIGNS}</text>'
+    first = y + LINE_MM * (len(HEADING) - 1)
+    for k, line in enumerate(HEADING):
+        yield f'<text class="quiet" x="{x:.1f}" y="{y + 0.8 * LINE_MM * k:.1f}">{line}</text>'
     low, high = np.degrees(hand.limits.low_rad), np.degrees(hand.limits.high_rad)
     for k, joint in enumerate(hand.joints):
-        at = y + LINE_MM * (k + 1)
+        at = first + LINE_MM * (k + 1)
         yield _mark(x + RADIUS_MM, at - 2.4, k + 1) + (
             f'<text x="{x + 3 * RADIUS_MM:.1f}" y="{at:.1f}">{escape(joint)}</text>'
             f'<text class="quiet" x="{x + 100:.1f}" y="{at:.1f}">{low[k]:+.0f} … {high[k]:+.0f} deg</text>'
@@ -131,7 +133,7 @@ def _turn(at: tuple[float, float], before_deg: float, after_deg: float, bend_deg
     tip = [around(after_deg, radius + side) for side in (3.0, -3.0)]
     ahead = around(after_deg + 9.0, radius)
     head = " ".join(f"{px:.1f},{py:.1f}" for px, py in (*tip, ahead))
-    text = around(before_deg + 0.3 * bend_deg, radius + 6.0)
+    text = around(before_deg + 0.5 * bend_deg, radius + 9.0)  # off the arc and the dashed line
     return (
         f'<line class="zero" x1="{at[0]:.1f}" y1="{at[1]:.1f}" x2="{far[0]:.1f}" y2="{far[1]:.1f}"/>'
         f'<path class="turn" d="M{x0:.1f} {y0:.1f}A{radius} {radius} 0 0 1 {x1:.1f} {y1:.1f}"/>'

@@ -49,6 +49,26 @@ def test_every_picture_is_generated() -> None:
         assert inside == anywhere > 0, picture.name
 
 
+def test_every_word_of_the_hand_is_inside_the_picture() -> None:
+    """Fails when a line of the drawing is cut off at its right end, or an angle is written on a dashed line."""
+    root = ElementTree.fromstring(hand_picture.draw(load_hand(ROOT / "config" / "hand.yaml")))
+    left, _, width, _ = (float(part) for part in root.attrib["viewBox"].split())
+    em = 7.0
+    texts = [each for each in root.iter() if each.tag.endswith("text")]
+    for text in texts:
+        end = float(text.attrib["x"]) + 0.55 * em * len(text.text or "")
+        assert end < left + width, text.text
+    lines = [each for each in root.iter() if each.attrib.get("class") == "zero"]
+    labels = [each for each in texts if each.attrib.get("class") == "turned"]
+    assert len(lines) == len(labels) == 2
+    for line, label in zip(lines, labels, strict=True):
+        x, y = (float(label.attrib[key]) for key in ("x", "y"))
+        x1, y1, x2, y2 = (float(line.attrib[key]) for key in ("x1", "y1", "x2", "y2"))
+        for share in np.linspace(0.0, 1.0, 50):  # no point of the line in the box of the label
+            at_x, at_y = x1 + share * (x2 - x1), y1 + share * (y2 - y1)
+            assert not (x <= at_x <= x + 2.2 * em and y - 0.75 * em <= at_y <= y), label.text
+
+
 def test_the_drawing_of_the_hand_is_current() -> None:
     """Fails when config/hand.yaml or the drawing changes and the picture in the documents does not."""
     drawn = hand_picture.draw(load_hand(ROOT / "config" / "hand.yaml"))
