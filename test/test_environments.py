@@ -101,6 +101,14 @@ def test_every_requirements_file_is_installed_by_make() -> None:
     assert {*running.split(), *checking.split()} == {path.name for path in ROOT.glob("requirements*.txt")}
 
 
+def test_the_readme_is_one_screen() -> None:
+    """Fails when the README grows beyond 50 lines, loses its picture, or has other than two commands to begin with."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 50
+    assert "](docs/pictures/studio.png)" in text
+    assert "Two commands" in text and re.findall(r"^    (make \w+)", text, re.MULTILINE) == ["make demo", "make studio"]
+
+
 def test_the_gate_is_the_readmes_command() -> None:
     """Fails when the gate runs commands other than those of the README."""
     assert (ROOT / ".ci" / "run").read_text(encoding="utf-8").rstrip().endswith("exec make test")

@@ -169,7 +169,7 @@ def _run_sentence(plant: str, run: Mapping[str, Any]) -> str:
     scores = run["scores"]
     place, first, alarm = (scores[name] for name in ("place", "first", "false_alarm"))
     return (
-        f"- {plant}: place correct in {100 * place['value']:.0f} % of {place['count']}, effect named first in"
+        f"- {plant}: place right in {100 * place['value']:.0f} % of {place['count']}, effect first in"
         f" {100 * first['value']:.0f} % of {first['count']}, false alarms in {100 * alarm['value']:.0f} % of"
         f" {alarm['count']} ({run['made']['date']}, commit {run['made']['commit']})."
     )
