@@ -31,6 +31,7 @@ from hand_recording.bag_writer import STORAGES, Arrival, Arrivals, BagError, Top
 from hand_recording.message_types import UnknownType
 from hand_recording.queue_bound import QUEUE, ROUND_BYTES, QueueBound
 from hand_recording.record_options import RecordOptions, RecordSummary, Selection, summarize
+from hand_recording.recorder_health import RecorderHealth
 from hand_ros.parameters import NodeParameter, check_all
 
 PERIOD_S = 0.02
@@ -77,8 +78,7 @@ def main(args: Sequence[str] | None = None) -> None:
             except Exception as error:  # rcl raises several unrelated classes for bad arguments
                 raise ValueError(" ".join(str(error).split())) from error
             options = _options_of(node)
-            node.get_logger().info(f"recording to {options.out}")
-            summary = _run(node, options, stop.wait, None, _answering(node))
+            summary = _run(node, options, stop.wait, _logging(node, options), _answering(node))
         except ValueError as error:
             print(f"recorder: {error}", file=sys.stderr)
             sys.exit(2)
@@ -88,6 +88,19 @@ def main(args: Sequence[str] | None = None) -> None:
         print(f"{topic.name}: {topic.messages} messages, {topic.rate_hz:.1f} Hz, {topic.missed} missed")
     for name, reason in summary.limited.items():
         print(f"{name}: {reason}")
+
+
+def _logging(node: Node, options: RecordOptions) -> Callable[[RecordSummary], None]:
+    """A function that logs whether a recording works."""
+    health, logger = RecorderHealth(options.selection.namespaces), node.get_logger()
+
+    def log(summary: RecordSummary) -> None:
+        if line := health.healthy(summary):
+            logger.info(line)
+        if line := health.silent(summary):
+            logger.warning(line)
+
+    return log
 
 
 @contextmanager

@@ -63,6 +63,10 @@ class FramePublisher(HandNode):
         }
         self._period_s = 1.0 / values["frame_rate_hz"]
 
+    def described(self) -> str:
+        """The node and how many joints it moves."""
+        return f"{self.get_name()} of {len(self._moving)} joints"
+
     def start(self) -> None:
         """Publish, unless another node does."""
         self._joints = self.create_subscription(JointState, "joint_states", self._on_joints, SENSOR_QOS, raw=True)
@@ -98,6 +102,7 @@ class FramePublisher(HandNode):
         description = self.sole_publisher(String, DESCRIPTION, RETAINED_QOS)
         still = self.create_publisher(TFMessage, "/tf_static", RETAINED_QOS)
         self._offered = [description, still, self.create_publisher(TFMessage, "/tf", TF_QOS)]
+        self.cycles = 0
         description.publish(String(data=self.description))
         stamp = self.get_clock().now().to_msg()
         for message in self._fixed:
@@ -111,6 +116,7 @@ class FramePublisher(HandNode):
             for publisher in frames:
                 self.destroy_publisher(publisher)
         self._offered = []
+        self.cycles = None
 
     def _on_joints(self, raw: bytes) -> None:
         self._raw = raw
@@ -130,6 +136,7 @@ class FramePublisher(HandNode):
             moved.append(message)
         if moved:
             self._offered[2].publish(TFMessage(transforms=moved))
+            self.cycles = (self.cycles or 0) + 1
 
 
 def _three(values: dict[str, Any], name: str) -> tuple[float, float, float]:

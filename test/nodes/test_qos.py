@@ -62,12 +62,20 @@ def test_every_topic_reaches_a_default_subscriber_and_late_ones_get_the_last_sta
     own = [info for info in publishers if info.node_name in ("simulation", "controller")]
     assert len(own) > len(TOPICS)
     assert {info.qos_profile.reliability for info in own} == {ReliabilityPolicy.RELIABLE}
-    for name in ("simulation", "controller"):
-        line = re.compile(rf" healthy: {name} of 11 joints runs in /hand at \d+ Hz; ")
+    recorder = stack.start("recorder", "--ros-args", "-r", "__ns:=/hand", "-p", f"out:={stack.folder / 'healthy.mcap'}")
+    lines_of = {
+        "simulation": r"simulation of 11 joints runs in /hand at \d+ Hz; ",
+        "controller": r"controller of 11 joints runs in /hand at \d+ Hz; ",
+        "frame_publisher": r"frame_publisher of 11 joints runs in /hand at \d+ Hz$",
+        "recorder": r"recorder of \d+ topics runs in /hand at \d\d+ messages/s, into .*healthy\.mcap$",
+    }
+    for name, words in lines_of.items():
+        line = re.compile(rf" healthy: {words}", re.MULTILINE)
         client.until(lambda name=name, line=line: line.search(stack.log(name)))  # type: ignore[misc]
         lines = stack.log(name).splitlines()
         outages = sum("[ERROR]" in line for line in lines)  # of a machine that stalls
         assert 1 <= sum(" healthy: " in line for line in lines) <= 1 + outages, stack.log(name)
+    assert "not healthy" not in stack.log("recorder") and stack.stop(recorder) == 0
 
     request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_DEACTIVATE))
     assert client.call(ChangeState, "simulation/change_state", request).success
