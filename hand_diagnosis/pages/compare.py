@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from hand_diagnosis.pages.drawing import tint
+from hand_diagnosis.pages.error_chart import ErrorChart, error_chart
 from hand_diagnosis.pages.headline import common_words, effect_words, errors, multiple, title, words_of
 from hand_pages.page import write_html
 from hand_pages.plots import Plot
@@ -29,7 +30,7 @@ class Cell:
 class Comparison:
     """title: the answer.  sentences: one for each side, and remarks.  head, rows: of the table.  plots: may be none.
 
-    document: the same for programs.
+    document: the same for programs.  errors: of two reports.
     """
 
     title: str
@@ -38,6 +39,7 @@ class Comparison:
     rows: tuple[tuple[Cell, ...], ...]
     document: dict[str, Any]
     plots: tuple[Plot, ...] = ()
+    errors: ErrorChart | None = None
 
 
 def kind_of(path: Path) -> Kind:
@@ -83,6 +85,7 @@ def compare_reports(first: Mapping[str, Any], second: Mapping[str, Any]) -> Comp
         (words.axis, "signal", "A: error before → after", "B: error before → after"),
         tuple(rows),
         {"kind": "report", "findings": named, "errors": numbers},
+        errors=error_chart(known[0], known[1]),
     )
 
 

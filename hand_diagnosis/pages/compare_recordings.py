@@ -79,7 +79,10 @@ def _amount(row: dict[str, Any], name: str) -> str:
 def _pair(
     both: tuple[Signals, Signals], joint: str, count: int, nth: int, stages: Sequence[int], wording: Wording
 ) -> tuple[dict[str, Any], Plot]:
-    """The RMS differences of a joint over `count` samples of the first recording, and its plot of every nth one."""
+    """The RMS differences of a joint over `count` samples of the first recording, and its plot of every nth one.
+
+    Under each signal of both is its difference.
+    """
     (first, second), period_s = both, both[0].period_s
     i, k, time_s = first.joints.index(joint), second.joints.index(joint), first.time_s[:count]
     numbers: dict[str, Any] = {"joint": joint}
@@ -95,6 +98,8 @@ def _pair(
         curves = [Curve("A", "before", axis, a[::nth]), Curve("B", "after", axis, b[::nth])]
         label = name if name == unit else f"{name} [{unit}]"
         panels.append(Panel(f"{joint}: {label}", curves, 2.0 if panels else 3.0))
+        apart = [Curve("A - B", "third", axis, (a - b)[::nth])]
+        panels.append(Panel("A - B" if name == unit else f"A - B [{unit}]", apart, 1.5, zero=True))
         parts.append(f"{name} {_amount(numbers, name)}")
     held: Array = second.set_point_pa[in_force(time_s, second.time_s), k]
     numbers["same_commands"] = _rms(first.set_point_pa[:count, i] - held) <= SETTINGS.same_commands_pa

@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 from matplotlib.figure import Figure
 
-from hand_diagnosis.pages.compare import write_comparison
+from hand_diagnosis.pages.compare import compare_reports, write_comparison
 from hand_diagnosis.pages.compare_recordings import compare_recordings
 from hand_diagnosis.pages.drawing import hand_drawing
 from hand_diagnosis.pages.fleet_page import write_index
@@ -165,6 +165,13 @@ def compare(path: Path) -> None:
     write_comparison(compare_recordings(first, second), (str(MADE["command"]), "b.mcap"), path.parent, MADE)
 
 
+def compare_two_reports(path: Path) -> None:
+    """Two reports side by side, the second without one of the errors."""
+    first = report()
+    second = {**first, "fit": first["fit"][1:]}
+    write_comparison(compare_reports(first, second), (str(MADE["command"]), "after"), path.parent, MADE)
+
+
 def fleet(path: Path) -> None:
     """The table of two recordings, one of which could not be used."""
     folder = path.parent
@@ -225,6 +232,7 @@ PAGES = {
     "diagnosis": (diagnosis, "report.html"),
     "demo": (demo, "index.html"),
     "compare": (compare, "compare.html"),
+    "compare reports": (compare_two_reports, "compare.html"),
     "fleet": (fleet, "index.html"),
     "predict": (predict, "prediction.html"),
     "reproduce": (reproduce, "index.html"),

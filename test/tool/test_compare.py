@@ -98,6 +98,8 @@ def test_two_recordings_differ_at_the_joint_that_rubs(tmp_path: Path) -> None:
     assert rows[-1]["angle_rms"] < 0.1 * rows[0]["angle_rms"]
     assert all(row["same_commands"] for row in rows)
     assert (tmp_path / "out" / "compare.html").stat().st_size < 3_000_000
+    page = (tmp_path / "out" / "compare.html").read_text(encoding="utf-8")
+    assert page.count("A - B [deg]") == page.count("A - B [kPa]") == len(rows)
 
 
 def test_two_reports_show_which_finding_is_gone(tmp_path: Path) -> None:
@@ -109,6 +111,12 @@ def test_two_reports_show_which_finding_is_gone(tmp_path: Path) -> None:
     assert content["answer"] == "Only in A: Coulomb friction of index_distal"
     (row,) = content["errors"]
     assert (row["a"]["rmse_after"], row["b"]["rmse_after"]) == (0.03, 2.0)
+    page = (tmp_path / "out" / "compare.html").read_text(encoding="utf-8")
+    assert page.count('class="track"') == 1 and page.count('<i class="end after') == 2
+    noise = row["a"]["noise_floor"]
+    wanted = [row["a"][key] / noise for key in ("rmse_before", "rmse_after")]
+    shown = re.search(r'title="A: (\S+) → (\S+); B:', page)
+    assert shown and [float(shown[1]), float(shown[2])] == pytest.approx(wanted, rel=0.05)
 
 
 def made(page: Path) -> dict[str, str]:
