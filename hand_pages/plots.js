@@ -263,5 +263,12 @@ for (const figure of figures) near.observe(figure);
 let waiting = 0;
 const again = () => { for (const plot of plots) if (plot.figure.clientWidth) plot.draw(); };
 addEventListener("resize", () => { cancelAnimationFrame(waiting); waiting = requestAnimationFrame(again); });
-addEventListener("beforeprint", () => { for (const figure of figures) if (figure.clientWidth) make(figure); again(); });
+let unfolded = [];
+addEventListener("beforeprint", () => {
+  unfolded = [...document.querySelectorAll("details:not([open])")];
+  for (const folded of unfolded) folded.open = true;
+  for (const figure of figures) if (figure.clientWidth) make(figure);
+  again();
+});
+addEventListener("afterprint", () => { for (const folded of unfolded) folded.open = false; });
 })();

@@ -400,3 +400,11 @@ def test_a_time_in_a_generated_section_is_measured() -> None:
         section = f"<!-- {before} -->\nThe demo takes 3 minutes.\n<!-- {after} -->\n"
         assert unmeasured(section) == []
         assert unmeasured(f"{section}The demo takes an hour.\n\n<!-- generated: make y -->\n<!-- end -->\n")
+
+
+def test_every_folder_of_tests_is_in_the_table() -> None:
+    """Fails when a folder of test/ has no row in docs/testing.md, or a row has no folder."""
+    table = text_of("docs/testing.md").partition("| remark |")[2].partition("\n\n")[0]
+    rows = [row.split("|")[1] for row in table.splitlines() if row.count("|") > 2 and "---" not in row]
+    named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
+    assert named == {path.name for path in (ROOT / "test").iterdir() if path.is_dir() and path.name[0] not in "._"}

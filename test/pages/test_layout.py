@@ -90,8 +90,8 @@ def test_every_page_fits_a_telephone_is_legible_in_the_dark_and_prints(
     browser: Browser, kind: str, tmp_path: Path
 ) -> None:
     """Fails when a page is wider than a telephone, a text has too little contrast in light, dark or print, a picture is
-    a white block in the dark, cannot be seen in print or has no result in words, a plot is not drawn, or the page has
-    no style for print.
+    a white block in the dark, cannot be seen in print or has no result in words, a plot is not drawn, what is folded
+    is not printed, or the page has no style for print.
     """
     page = write(kind, tmp_path)
     browser.emulate(PHONE)
@@ -114,6 +114,13 @@ def test_every_page_fits_a_telephone_is_legible_in_the_dark_and_prints(
         paper, ink = paper_and_ink(browser)
         assert paper < 0.2 and ink > 0.7
     browser.emulate(DESKTOP, dark=True, printed=True)
+    unfolded = browser.run("document.documentElement.scrollHeight")
+    browser.run("document.querySelectorAll('details').forEach((each) => { each.open = false; })")
+    assert browser.run("document.documentElement.scrollHeight") == unfolded  # a page that is folded prints all
+    if browser.run("document.querySelectorAll('figure.plot').length"):
+        browser.run("dispatchEvent(new Event('beforeprint'))")
+        assert browser.run("document.querySelectorAll('details:not([open])').length") == 0
+        browser.run("dispatchEvent(new Event('afterprint'))")
     check_contrast(browser, "print")
     assert browser.run("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     assert browser.run("getComputedStyle(document.body).maxWidth") == "none"
