@@ -13,8 +13,6 @@ Errors = Mapping[tuple[str, str], Mapping[str, Any]]
 Pair = tuple[float, float]
 LEAST, LARGEST = 0.5, 2.0
 """The axis contains at least this range, in multiples of the noise [-]."""
-MARGIN = 1.15
-"""Factor on the largest error at the end of the axis [-], so that its mark is inside."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +45,7 @@ def error_chart(first: Errors, second: Errors) -> ErrorChart | None:
     every = [value for _, *both in pairs for each in both if each for value in each if value > 0.0]
     if not every:
         return None
-    low, high = min(LEAST, *every), MARGIN * max(LARGEST, *every)
+    low, high = min(LEAST, *every), max(LARGEST, *every)
 
     def place(value: float) -> float:
         return round(100.0 * math.log(max(value, low) / low) / math.log(high / low), 2)
