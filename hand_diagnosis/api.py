@@ -11,8 +11,10 @@ It is stable: names and meanings change only with a new schema of report.json.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +29,7 @@ from hand_diagnosis.settings import SETTINGS
 from hand_model.description import Hand, load_hand
 from hand_recording.signal_files import read_signals
 from hand_recording.signals import Signals
+from hand_recording.version import version
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,15 +72,24 @@ class Report:
     def write(self, folder: str | Path, *, page: bool = True, made: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Write report.json, model.yaml and its patch into a folder, made where it is missing, and the page.
 
-        Returns the content of report.json.  made: its entry `made`: date, version, command.  OSError: not writable.
+        Returns the content of report.json.  made: its entry `made`; by default date, version and the model's hash.
+        OSError: not writable.
         """
         out = Path(folder)
-        whole = self.content if made is None else {**self.content, "made": dict(made)}
+        whole = {**self.content, "made": made_now(self.hand) if made is None else dict(made)}
         content, _ = write_report(self.diagnosis, self.hand, self.content["recordings"], out, whole)
         write_patch(content, self.hand.path, out)
         if page:
             write_page(self.diagnosis, content, out, self.hand)
         return content
+
+
+def made_now(hand: Hand) -> dict[str, Any]:
+    """Date, version and the SHA-256 of the file of the model, as they are now; without the hash where it is gone."""
+    entry = {"date": datetime.now(UTC).isoformat(timespec="seconds"), "version": version()}
+    if hand.path.is_file():
+        entry["model_sha256"] = hashlib.sha256(hand.path.read_bytes()).hexdigest()
+    return entry
 
 
 def read_recording(path: str | Path, model: str | Path | Hand, *, mapping: str | Path | None = None) -> Signals:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from hand_recording.version import version
 from hand_tool.check_board import check_board
 from hand_tool.compare import compare
 from hand_tool.demo import demo
@@ -27,7 +28,6 @@ from hand_tool.studio import studio
 from hand_tool.trial import app as trial
 from hand_tool.up import up
 from hand_tool.urdf import urdf
-from hand_tool.version import version
 
 app = typer.Typer(
     name="hand",

@@ -10,8 +10,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from hand_recording.version import version
 from hand_tool.chosen_model import ChosenModel
-from hand_tool.version import version
 
 
 @dataclass(frozen=True, slots=True)

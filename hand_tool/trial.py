@@ -13,11 +13,11 @@ from typing import Annotated, Any
 
 import typer
 
+from hand_recording.version import version
 from hand_tool.chosen_model import choose_model
 from hand_tool.console import fail, note, progress_bar, require, running
 from hand_tool.options import AsJson, Model, Quiet, Verbose
 from hand_tool.paths import check_exists, check_folder
-from hand_tool.version import version
 
 app = typer.Typer(
     no_args_is_help=True,

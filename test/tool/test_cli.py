@@ -24,9 +24,9 @@ from hand_model.description import load_hand
 from hand_model.effects.effect import PLACES
 from hand_recording.installed import differing_source
 from hand_recording.replay import record_offline
+from hand_recording.version import version
 from hand_tool import excite, magnet, new_effect, reproduce
 from hand_tool.cli import app
-from hand_tool.version import version
 from validation.magnet.contour import METHODS
 from validation.paper.result import IDS
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import runpy
 import shlex
@@ -24,6 +25,7 @@ from hand_model.kernel.rows import ROW
 from hand_model.yaml_patch import patched_text, read_patch
 from hand_recording.hand_signals import hand_signals
 from hand_recording.loader import load_recording
+from hand_recording.version import version
 from hand_studio.replay import window_of
 from hand_tool.cli import app
 
@@ -80,7 +82,10 @@ def test_python_finds_what_is_concealed(tmp_path: Path, capsys: pytest.CaptureFi
 
 
 def test_the_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fails when a cell raises or keeps outputs of a run, or another effect is found, or one in the plain sample."""
+    """Fails when a cell raises or keeps outputs of a run, or another effect is found, or one in the plain sample.
+
+    Also when the model found is not nearer to the measured curve, or the report does not say how it was made.
+    """
     notebook = json.loads((EXAMPLES / "diagnosis.ipynb").read_text(encoding="utf-8"))
     assert (notebook["nbformat"], len({cell["id"] for cell in notebook["cells"]})) == (4, len(notebook["cells"]))
     shutil.copytree(EXAMPLES / "recordings", tmp_path / "examples" / "recordings")
@@ -93,6 +98,14 @@ def test_the_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
             assert cell["outputs"] == []
             exec(compile("".join(cell["source"]), cell["id"], "exec"), names)
     assert [finding["effect"] for finding in names["report"].findings] == ["coulomb_friction"]
+    measured, nominal, better = (line.get_ydata() for line in names["axis"].lines)
+    errors = [float(np.nanmean((measured - curve) ** 2)) for curve in (nominal, better)]
+    assert np.isfinite(nominal).any() and errors[1] < 0.1 * errors[0]
+    names["plt"].close(names["figure"])
+    written = json.loads((tmp_path / "out" / "notebook" / "report.json").read_text(encoding="utf-8"))
+    digest = hashlib.sha256((tmp_path / "config" / "hand.yaml").read_bytes()).hexdigest()
+    assert written["made"]["model_sha256"] == digest and written["made"]["version"] == version()
+    assert written["made"]["date"].startswith("20")
     assert (names["agreeing"].verdict, names["agreeing"].findings) == ("agrees", [])
     found = names["report"].findings[0]["parameters"]["coulomb_friction.torque_nm"]["value"]
     assert 0.0 < names["friction"]["value"] < found
