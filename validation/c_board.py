@@ -13,11 +13,13 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from cobs import cobs
 
 from hand_control.board_config import BoardConfig, Sensor
+from hand_control.safety_numbers import NUMBERS
 from hand_control.safety_rules import Answer, Fault, SafetyLayer, State, limits_of
 from hand_driver.board import Echo, ProtocolMismatch, Status
 from hand_driver.wire import (
@@ -37,6 +39,18 @@ SOURCES = (BOARD / "hand_board.c", BOARD / "hand_wire.c")
 REPLAY = (*SOURCES, FIRMWARE / "hand_safety.c", HOST / "board_replay.c")
 CHANNELS = 64
 VERSIONS = (1, 2)
+FIRST_NUMBER = 2**32 - 40
+"""Count of the converter before the first sample; it wraps soon."""
+WARN_US = int(NUMBERS["warn_us"].value)
+
+
+class Reading(NamedTuple):
+    """What the converter has measured; see hand_board_reading in C."""
+
+    number: int
+    status: int
+    supply_mv: int
+    counts: Sequence[int]
 
 
 @cache
@@ -72,6 +86,7 @@ class BoardModel:
     accepted_us: int | None = None
     loops: int = 0
     frames: int = 0
+    sampled_us: int = 0
     decoder: PacketDecoder = field(default_factory=PacketDecoder)
 
     def __post_init__(self) -> None:
@@ -136,11 +151,12 @@ class BoardModel:
                     safety.reset()
                 safety.arm(now_us)
 
-    def sample(self, now_us: int, status: int, supply_mv: int, counts: Sequence[int]) -> tuple[bytes, list[int]]:
+    def sample(self, now_us: int, reading: Reading) -> tuple[bytes, list[int]]:
         """The frame of one sample, and the set-points of the next period [Pa]."""
         config = self.config
+        number, status, supply_mv, counts = reading
         if config.lowest_supply_mv <= supply_mv <= config.highest_supply_mv and not status & Status.ADC_FAULT:
-            self._measure(now_us, supply_mv, counts)
+            self._measure(now_us, number, supply_mv, counts)
         status |= Status.VENTED if self.safety.state == State.VENTED else 0
         status |= Status.OVER_PRESSURE if self.safety.fault == Fault.OVER_PRESSURE else 0
         echo = None
@@ -151,15 +167,20 @@ class BoardModel:
         sent = np.array(counts[: self.channels], np.uint16)
         payload = SamplePayload(self.frames % 2**32, now_us, supply_mv * 1e-3, Status(status), sent, self.version, echo)
         self.frames += 1
+        self.sampled_us = now_us
         return encode_sample(payload), self.safety.tick(now_us)
 
-    def _measure(self, now_us: int, supply_mv: int, counts: Sequence[int]) -> None:
+    def watch(self, now_us: int) -> list[int] | None:
+        """The set-points [Pa] where samples have stopped, None while they arrive."""
+        return self.safety.tick(now_us) if now_us - self.sampled_us > WARN_US else None
+
+    def _measure(self, now_us: int, number: int, supply_mv: int, counts: Sequence[int]) -> None:
         config, count = self.config, len(self.safety.joints)
         used = [counts[sensor.channel] for sensor in (*config.angle[:count], *config.pressure[:count])]
         valid = all(config.lowest_count < c < config.highest_count for c in used)
         angle = [self._value(sensor, supply_mv, counts) for sensor in config.angle[:count]]
         pressure = [self._value(sensor, supply_mv, counts) for sensor in config.pressure[:count]]
-        self.safety.sample(now_us, self.frames % 2**32, valid, pressure, angle)
+        self.safety.sample(now_us, number, valid, pressure, angle)
 
     def _value(self, sensor: Sensor, supply_mv: int, counts: Sequence[int]) -> int:
         ratio_ppm = counts[sensor.channel] * self.config.reference_mv * 10**6 // (self.config.full_scale * supply_mv)
@@ -176,6 +197,7 @@ class BoardTrace:
         self.words: list[int] = []
         self.lines: list[str] = []
         self._valves = [0] * len(self.model.safety.joints)
+        self._number = FIRST_NUMBER
         limits = [value for row in config.limits for value in row]
         sensors = [v for s in (*config.angle, *config.pressure) for v in (s.channel, s.zero_ppm, s.per_ratio)]
         numbers = [
@@ -198,17 +220,25 @@ class BoardTrace:
         return answer
 
     def sample(
-        self, now_us: int, counts: Sequence[int], status: int = 0, supply_mv: int = 5000
+        self, now_us: int, counts: Sequence[int], status: int = 0, supply_mv: int = 5000, *, repeated: bool = False
     ) -> tuple[bytes, list[int]]:
-        """See BoardModel.sample."""
-        frame, valves = self.model.sample(now_us, status, supply_mv, counts)
+        """See BoardModel.sample; the converter counts on, unless it repeats its last sample."""
+        self._number = (self._number + (not repeated)) % 2**32
+        frame, valves = self.model.sample(now_us, Reading(self._number, status, supply_mv, counts))
         self._valves = list(valves)
         times = (now_us >> 32, now_us & 0xFFFFFFFF)
         self._record(
-            f"sample {now_us} {status} {supply_mv}: {frame.hex()}",
-            [2, *times, status, supply_mv, *map(int, counts), len(frame), *frame],
+            f"sample {now_us} {self._number} {status} {supply_mv}: {frame.hex()}",
+            [2, *times, self._number, status, supply_mv, *map(int, counts), len(frame), *frame],
         )
         return frame, self._valves
+
+    def watch(self, now_us: int) -> list[int] | None:
+        """See BoardModel.watch."""
+        valves = self.model.watch(now_us)
+        self._valves = list(valves or self._valves)
+        self._record(f"watch {now_us}", [4, now_us >> 32, now_us & 0xFFFFFFFF, int(valves is not None)])
+        return valves
 
     def packet(self, payload: bytes) -> bytes:
         """A payload as the C codec has to pack it."""

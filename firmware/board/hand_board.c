@@ -202,20 +202,21 @@ static bool convert(const hand_board_config *c, const hand_board_sensor *sensor,
     return inside;
 }
 
-static void measure(hand_board *b, uint32_t now_us, uint16_t status, uint16_t supply_mv, const uint16_t *counts)
+static void measure(hand_board *b, uint32_t now_us, const hand_board_reading *reading)
 {
     const hand_board_config *c = b->config;
     int32_t pressure_pa[HAND_SAFETY_JOINTS];
     int32_t angle_urad[HAND_SAFETY_JOINTS];
+    const uint16_t supply_mv = reading->supply_mv;
     const bool supplied = (supply_mv >= c->lowest_supply_mv) && (supply_mv <= c->highest_supply_mv);
-    if (supplied && ((status & HAND_BOARD_ADC_FAULT) == 0U)) {
+    if (supplied && ((reading->status & HAND_BOARD_ADC_FAULT) == 0U)) {
         bool good = true;
         for (uint8_t i = 0U; i < b->safety.count; i++) {
-            const bool angle = convert(c, &c->angle[i], supply_mv, counts, &angle_urad[i]);
-            const bool pressure = convert(c, &c->pressure[i], supply_mv, counts, &pressure_pa[i]);
+            const bool angle = convert(c, &c->angle[i], supply_mv, reading->counts, &angle_urad[i]);
+            const bool pressure = convert(c, &c->pressure[i], supply_mv, reading->counts, &pressure_pa[i]);
             good = good && angle && pressure;
         }
-        (void)hand_safety_sample(&b->safety, now_us, b->frame_sequence, good, pressure_pa, angle_urad);
+        (void)hand_safety_sample(&b->safety, now_us, reading->number, good, pressure_pa, angle_urad);
     }
 }
 
@@ -239,12 +240,11 @@ static size_t write_echo(const hand_board *b, uint64_t now_us, uint8_t *payload,
     return end;
 }
 
-static size_t write_frame(const hand_board *b, uint64_t now_us, uint16_t status, uint16_t supply_mv,
-                          const uint16_t *counts, uint8_t *frame)
+static size_t write_frame(const hand_board *b, uint64_t now_us, const hand_board_reading *reading, uint8_t *frame)
 {
     uint8_t payload[HAND_BOARD_FRAME_SIZE];
     size_t end = 0U;
-    uint32_t bits = status;
+    uint32_t bits = reading->status;
     if (b->safety.state == (uint8_t)HAND_SAFETY_VENTED) {
         bits |= HAND_BOARD_VENTED;
     }
@@ -256,10 +256,10 @@ static size_t write_frame(const hand_board *b, uint64_t now_us, uint16_t status,
     end = hand_wire_write(payload, end, b->frame_sequence, 4U);
     end = hand_wire_write(payload, end, now_us, 8U);
     end = hand_wire_write(payload, end, bits, 2U);
-    end = hand_wire_write(payload, end, supply_mv, 2U);
+    end = hand_wire_write(payload, end, reading->supply_mv, 2U);
     end = hand_wire_write(payload, end, b->channels, 1U);
     for (uint8_t i = 0U; i < b->channels; i++) {
-        end = hand_wire_write(payload, end, counts[i], 2U);
+        end = hand_wire_write(payload, end, reading->counts[i], 2U);
     }
     if (b->version >= SECOND_VERSION) {
         end = write_echo(b, now_us, payload, end);
@@ -267,12 +267,23 @@ static size_t write_frame(const hand_board *b, uint64_t now_us, uint16_t status,
     return hand_wire_packet(payload, end, frame);
 }
 
-size_t hand_board_sample(hand_board *b, uint64_t now_us, uint16_t status, uint16_t supply_mv, const uint16_t *counts,
-                         int32_t *valve_pa, uint8_t *frame)
+size_t hand_board_sample(hand_board *b, uint64_t now_us, const hand_board_reading *reading, int32_t *valve_pa,
+                         uint8_t *frame)
 {
-    measure(b, (uint32_t)now_us, status, supply_mv, counts);
-    const size_t size = write_frame(b, now_us, status, supply_mv, counts, frame);
+    measure(b, (uint32_t)now_us, reading);
+    const size_t size = write_frame(b, now_us, reading, frame);
     b->frame_sequence++;
+    b->sampled_us = now_us;
     hand_safety_tick(&b->safety, (uint32_t)now_us, valve_pa);
     return size;
+}
+
+/* A time before the last sample was read before the interrupt of that sample, and is no fault of the clock. */
+bool hand_board_watch(hand_board *b, uint64_t now_us, int32_t *valve_pa)
+{
+    const bool stopped = (now_us > b->sampled_us) && ((now_us - b->sampled_us) > HAND_SAFETY_WARN_US);
+    if (stopped) {
+        hand_safety_tick(&b->safety, (uint32_t)now_us, valve_pa);
+    }
+    return stopped;
 }

@@ -42,12 +42,22 @@ typedef struct {
     const hand_board_sensor *pressure;
 } hand_board_config;
 
+/* What the converter has measured. number: its own count of conversions; one that is repeated is no new sample.
+ * status: HAND_BOARD_SUPPLY_LOW and HAND_BOARD_ADC_FAULT where they apply. counts: one per channel. */
+typedef struct {
+    uint32_t number;
+    uint16_t status;
+    uint16_t supply_mv;
+    const uint16_t *counts;
+} hand_board_reading;
+
 /* The caller reads safety and receiver.corrupt; only the functions below write. */
 typedef struct {
     const hand_board_config *config;
     hand_safety safety;
     hand_wire_receiver receiver;
     uint64_t accepted_us;
+    uint64_t sampled_us; /* last call of hand_board_sample */
     uint32_t session;
     uint32_t frame_sequence;
     uint32_t set_point_sequence;
@@ -67,9 +77,14 @@ bool hand_board_start(hand_board *b, const hand_board_config *config);
  * for HAND_BOARD_ANSWER_SIZE bytes. Returns the number of bytes to send; the last offer is answered. */
 size_t hand_board_receive(hand_board *b, uint64_t now_us, const uint8_t *data, size_t size, uint8_t *answer);
 
-/* One sample of every channel. status: HAND_BOARD_SUPPLY_LOW and HAND_BOARD_ADC_FAULT where they apply. valve_pa: the
- * set-points of the next period, one per joint. frame has room for HAND_BOARD_FRAME_SIZE bytes. Returns its size. */
-size_t hand_board_sample(hand_board *b, uint64_t now_us, uint16_t status, uint16_t supply_mv, const uint16_t *counts,
-                         int32_t *valve_pa, uint8_t *frame);
+/* One sample of every channel. valve_pa: the set-points of the next period, one per joint. frame has room for
+ * HAND_BOARD_FRAME_SIZE bytes. Returns its size. */
+size_t hand_board_sample(hand_board *b, uint64_t now_us, const hand_board_reading *reading, int32_t *valve_pa,
+                         uint8_t *frame);
+
+/* Checks every age where samples have stopped; call it in each round of the main loop, or from a timer that does not
+ * depend on the converter. Returns false, without a result, while samples arrive. Where it returns true, send valve_pa
+ * to the valves: it is 0 from HAND_SAFETY_VENT_US after the last sample on. */
+bool hand_board_watch(hand_board *b, uint64_t now_us, int32_t *valve_pa);
 
 #endif

@@ -17,6 +17,7 @@
 
 static hand_board board;
 static double pressure_pa[HAND_SAFETY_JOINTS];
+static int32_t valve_pa[HAND_SAFETY_JOINTS];
 
 static uint64_t now_ns(void)
 {
@@ -31,9 +32,8 @@ static uint16_t count_of(const hand_board_sensor *sensor, double value)
     return (uint16_t)(ratio * SUPPLY_MV / board_config.reference_mv * board_config.full_scale);
 }
 
-static void sample(void)
+static void sample(uint32_t number)
 {
-    static int32_t valve_pa[HAND_SAFETY_JOINTS];
     uint16_t counts[HAND_BOARD_CHANNELS] = {0};
     uint8_t frame[HAND_BOARD_FRAME_SIZE];
     for (uint32_t i = 0U; i < board_config.joints; i++) {
@@ -41,7 +41,8 @@ static void sample(void)
         counts[board_config.pressure[i].channel] = count_of(&board_config.pressure[i], pressure_pa[i]);
         counts[board_config.angle[i].channel] = count_of(&board_config.angle[i], 2.0 * pressure_pa[i]);
     }
-    const size_t size = hand_board_sample(&board, now_ns() / 1000U, 0U, SUPPLY_MV, counts, valve_pa, frame);
+    const hand_board_reading reading = {number, 0U, SUPPLY_MV, counts};
+    const size_t size = hand_board_sample(&board, now_ns() / 1000U, &reading, valve_pa, frame);
     if (write(STDOUT_FILENO, frame, size) != (ssize_t)size) {
         (void)fprintf(stderr, "a frame was lost\n");
     }
@@ -63,6 +64,7 @@ static int serve(uint64_t until_ns)
         if ((size > 0U) && (write(STDOUT_FILENO, answer, size) != (ssize_t)size)) {
             (void)fprintf(stderr, "an answer was lost\n");
         }
+        (void)hand_board_watch(&board, now_ns() / 1000U, valve_pa);
     }
     return open;
 }
@@ -76,7 +78,7 @@ int main(int argc, char **argv)
     }
     const uint64_t begun_ns = now_ns();
     for (uint64_t tick = 1U; serve(begun_ns + ((tick * NS_PER_S) / rate_hz)) != 0; tick++) {
-        sample();
+        sample((uint32_t)tick);
         if ((tick % rate_hz) == 0U) {
             (void)fprintf(stderr, "state %u fault %u set-point %ld Pa\n", (unsigned)board.safety.state,
                           (unsigned)board.safety.fault, (long)board.safety.output_pa[0]);

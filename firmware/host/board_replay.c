@@ -3,7 +3,7 @@
 
 #include "hand_board.h"
 
-enum { EVENT_START, EVENT_RECEIVE, EVENT_SAMPLE, EVENT_PACKET };
+enum { EVENT_START, EVENT_RECEIVE, EVENT_SAMPLE, EVENT_PACKET, EVENT_WATCH };
 
 #define MOST (256U)
 #define UNTOUCHED (0xA5U)
@@ -106,12 +106,21 @@ static int sample(void)
     static uint8_t frame[HAND_BOARD_FRAME_SIZE + 1U];
     fill(frame, sizeof frame);
     const uint64_t now_us = time_us();
-    const uint16_t status = (uint16_t)word(), supply_mv = (uint16_t)word();
     uint16_t counts[MOST];
+    hand_board_reading reading = {.counts = counts};
+    reading.number = word();
+    reading.status = (uint16_t)word();
+    reading.supply_mv = (uint16_t)word();
     for (uint32_t i = 0U; i < config.channels; i++) {
         counts[i] = (uint16_t)word();
     }
-    return same_bytes(frame, hand_board_sample(&board, now_us, status, supply_mv, counts, valves, frame));
+    return same_bytes(frame, hand_board_sample(&board, now_us, &reading, valves, frame));
+}
+
+static int watch(void)
+{
+    const uint64_t now_us = time_us();
+    return hand_board_watch(&board, now_us, valves) == (word() != 0U);
 }
 
 static int packet(void)
@@ -150,6 +159,8 @@ size_t board_replay(const uint32_t *words, size_t count)
             same = start() == word();
         } else if (event == EVENT_PACKET) {
             same = packet();
+        } else if (event == EVENT_WATCH) {
+            same = watch();
         } else {
             same = (event == EVENT_RECEIVE) ? receive() : sample();
         }

@@ -14,7 +14,9 @@
 static uint64_t random_state;
 static hand_board board;
 static uint64_t now_us;
+static uint64_t sampled_us;
 static uint32_t sequence;
+static uint32_t number; /* of the converter */
 static int32_t valves[HAND_SAFETY_JOINTS], before[HAND_SAFETY_JOINTS];
 static uint64_t driven, accepted;
 
@@ -92,6 +94,33 @@ static int within_torque(const hand_safety_joint *joint, int32_t angle_urad, int
     return (pressure_pa == 0) || (passive + active <= 1.10001 * joint->max_torque_nnm);
 }
 
+/* What holds for the set-points after every call that writes them. */
+static void check_set_points(void)
+{
+    const int vented = board.safety.state == (uint8_t)HAND_SAFETY_VENTED;
+    for (uint32_t i = 0U; i < board_config.joints; i++) {
+        check((valves[i] >= 0) && (valves[i] <= board_limits[i].max_pressure_pa), "a set-point is within its limit");
+        check((!vented) || (valves[i] == 0), "a vented board has no set-points");
+        check(vented || within_torque(&board_limits[i], board.safety.angle_urad[i], valves[i]),
+              "a set-point is within the torque limit");
+        driven += (valves[i] > 0);
+    }
+}
+
+/* Rounds of the main loop, which receives, without a sample. */
+static void stop_samples(void)
+{
+    for (uint32_t round = 0U; round < 12U; round++) {
+        now_us += draw(20000U);
+        receive();
+        const int written = hand_board_watch(&board, now_us, valves) ? 1 : 0;
+        check(written || (now_us - sampled_us <= HAND_SAFETY_WARN_US), "a stopped acquisition is seen");
+        check((now_us - sampled_us <= HAND_SAFETY_VENT_US) || (board.safety.state == (uint8_t)HAND_SAFETY_VENTED),
+              "a board without samples is vented");
+        check_set_points();
+    }
+}
+
 static void sample(void)
 {
     static uint8_t frame[HAND_BOARD_FRAME_SIZE];
@@ -108,7 +137,10 @@ static void sample(void)
     const uint16_t supply_mv = (uint16_t)((draw(500U) == 0U) ? draw(65536U) : 5000U);
     (void)memcpy(before, valves, sizeof valves);
     const int was_driving = board.safety.state == (uint8_t)HAND_SAFETY_DRIVING;
-    const size_t size = hand_board_sample(&board, now_us, (uint16_t)(draw(500U) == 0U ? 8U : 0U), supply_mv, counts, valves, frame);
+    number += (draw(20U) == 0U) ? 0U : 1U;
+    const hand_board_reading reading = {number, (uint16_t)(draw(500U) == 0U ? 8U : 0U), supply_mv, counts};
+    const size_t size = hand_board_sample(&board, now_us, &reading, valves, frame);
+    sampled_us = now_us;
     check(size <= sizeof frame, "a frame fits its array");
     hand_wire_start(&receiver);
     int whole = 0;
@@ -116,15 +148,10 @@ static void sample(void)
         whole = hand_wire_take(&receiver, frame[i]) ? 1 : 0;
     }
     check(whole && (receiver.corrupt == 0U), "a frame is one valid packet");
-    const int vented = board.safety.state == (uint8_t)HAND_SAFETY_VENTED;
+    check_set_points();
     for (uint32_t i = 0U; i < board_config.joints; i++) {
-        check((valves[i] >= 0) && (valves[i] <= board_limits[i].max_pressure_pa), "a set-point is within its limit");
-        check((!vented) || (valves[i] == 0), "a vented board has no set-points");
         check((!was_driving) || ((int64_t)valves[i] - before[i] <= ((int64_t)HAND_SAFETY_RATE_PA_PER_S * gap_us) / 1000000),
               "no set-point rises faster than the rate");
-        check(vented || within_torque(&board_limits[i], board.safety.angle_urad[i], valves[i]),
-              "a set-point is within the torque limit");
-        driven += (valves[i] > 0);
     }
 }
 
@@ -141,6 +168,9 @@ int main(int argc, char **argv)
         receive();
         if (draw(2U) == 0U) {
             sample();
+        }
+        if (draw(200U) == 0U) {
+            stop_samples();
         }
         if (draw(4000U) == 0U) {
             (void)hand_board_start(&board, &board_config);

@@ -8,6 +8,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -92,9 +93,9 @@ class Rig:
         self.trace.receive(self.now_us, data)
         return data
 
-    def tick(self, values: list[int] = REST, **more: int) -> tuple[SamplePayload, list[int]]:
+    def tick(self, values: list[int] = REST, *, repeated: bool = False, **more: int) -> tuple[SamplePayload, list[int]]:
         self.now_us += PERIOD_US
-        frame, valves = self.trace.sample(self.now_us, values, **more)
+        frame, valves = self.trace.sample(self.now_us, values, repeated=repeated, **more)
         (payload,) = PacketDecoder().feed(frame)
         assert isinstance(payload, SamplePayload)
         return payload, valves
@@ -231,6 +232,60 @@ def test_a_main_loop_that_hangs_vents(rig: Rig) -> None:
         assert rig.tick()[1] == [100_000] * VALVES
     assert rig.tick()[1] == [0] * VALVES
     assert rig.model.safety.fault == Fault.HEARTBEAT_LOST
+
+
+def test_an_acquisition_that_stops_vents(rig: Rig) -> None:
+    """Fails when the valves keep their set-points although only the main loop, which the host feeds, still runs."""
+    rig.driving(1e5)
+    sampled_us = rig.now_us
+    for late_us in (-1, 0, 1, N["warn_us"]):
+        assert rig.trace.watch(sampled_us + late_us) is None, "samples arrive"
+    for late_us in range(N["warn_us"] + 1, N["vent_us"] + 1, PERIOD_US):
+        rig.now_us = sampled_us + late_us
+        rig.send(1e5)
+        assert rig.trace.watch(rig.now_us) == [100_000] * VALVES
+    rig.now_us = sampled_us + N["vent_us"] + 1
+    rig.send(1e5)
+    assert rig.trace.watch(rig.now_us) == [0] * VALVES
+    assert rig.model.safety.fault == Fault.SENSORS_LOST
+    rig.send(0.0)
+    frame, valves = rig.tick()
+    assert valves == [0] * VALVES and Status.VENTED in frame.status, "samples that return do not arm it"
+
+
+def test_set_points_end_although_the_acquisition_stopped(rig: Rig) -> None:
+    """Fails when the lifetime of set-points is checked by samples alone."""
+    rig.driving(1e5)
+    rig.send(1e5, lifetime_s=0.05)
+    rig.trace.receive(rig.now_us + 49_999)
+    assert rig.trace.watch(rig.now_us + 49_999) == [100_000] * VALVES
+    assert rig.trace.watch(rig.now_us + 50_000) == [0] * VALVES
+    assert rig.model.safety.fault == Fault.COMMAND_LOST
+
+
+def test_a_board_without_any_sample_is_vented(rig: Rig) -> None:
+    """Fails when a board whose converter never starts drives, or the watch takes its start for a stop of samples."""
+    rig.send(0.0)
+    assert rig.trace.watch(rig.now_us) == [0] * VALVES
+    assert rig.model.safety.state == State.VENTED
+    assert rig.trace.watch(0) is None
+
+
+def test_a_converter_that_repeats_a_sample_vents(rig: Rig) -> None:
+    """Fails when one sample that the converter hands over for ever counts as new ones, or a single repetition vents."""
+    rig.driving(1e5)
+    sequence = -1
+    for k in range(2 * N["vent_us"] // PERIOD_US):
+        rig.send(1e5)
+        frame, valves = rig.tick(repeated=k % 2 == 0)
+        assert valves == [100_000] * VALVES and frame.sequence > sequence
+        sequence = frame.sequence
+    for _ in range(N["vent_us"] // PERIOD_US):
+        rig.send(1e5)
+        assert rig.tick(repeated=True)[1] == [100_000] * VALVES
+    rig.send(1e5)
+    assert rig.tick(repeated=True)[1] == [0] * VALVES
+    assert rig.model.safety.fault == Fault.SENSORS_LOST
 
 
 @pytest.mark.parametrize("version", [1, 2])
@@ -542,7 +597,7 @@ def test_the_host_renews_its_session_on_request_only() -> None:
         ({"supply_mv": 0}, False),
     ],
 )
-def test_samples_that_are_not_believed_vent(rig: Rig, more: dict[str, int], driven: bool) -> None:
+def test_samples_that_are_not_believed_vent(rig: Rig, more: dict[str, Any], driven: bool) -> None:
     """Fails when the hand is driven on a failed conversion or a supply out of range, or a bound is off by one."""
     values = [min(value, 55_000) for value in REST]
     rig.driving(1e5)
@@ -651,8 +706,12 @@ def random_stream(seed: int, count: int) -> BoardTrace:
             if wild:
                 values[rng.randrange(33)] = rng.choice((0, 65_535))
             rig.now_us += rng.choice((0, 60_000, 120_000)) if rng.random() < 0.02 else 0
-            rig.trace.sample(rig.now_us + PERIOD_US, values, rng.choice((0, 0, 0, 2, 8)) if wild else 0)
+            status, repeated = rng.choice((0, 0, 0, 2, 8)) if wild else 0, rng.random() < 0.05
+            rig.trace.sample(rig.now_us + PERIOD_US, values, status, repeated=repeated)
             rig.now_us += PERIOD_US
+        elif rng.random() < 0.3:
+            rig.now_us += rng.choice((0, 5_000, 60_000, 120_000))
+            rig.trace.watch(rig.now_us)
     return rig.trace
 
 

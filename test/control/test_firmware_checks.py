@@ -81,6 +81,7 @@ def test_random_packets_break_no_promise() -> None:
         ("= lower_of(allowed_pa, highest_pa);", "= highest_pa;", "a set-point is within"),
         ("s->output_pa[i] = 0;", "s->output_pa[i] = 10;", "a vented board has no set-points"),
         ("drive(s, step_us, HAND_SAFETY_RATE", "drive(s, step_us, 4 * HAND_SAFETY_RATE", "no set-point rises faster"),
+        ("(now_us - s->sample_us) <= HAND_SAFETY_VENT_US", "true", "a board without samples is vented"),
         ("if (room > 0) {", "if (room > -1) {\n        return joint->max_pressure_pa;", "the torque limit"),
     ],
 )
