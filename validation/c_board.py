@@ -44,6 +44,17 @@ FIRST_NUMBER = 2**32 - 40
 WARN_US = int(NUMBERS["warn_us"].value)
 
 
+class Accepted(NamedTuple):
+    """Accepted set-points, as the echo reports them; see hand_board_accepted in C. at_us: None before the first."""
+
+    at_us: int | None = None
+    sequence: int = 0
+    packets: int = 0
+
+
+NOTHING = Accepted()
+
+
 class Reading(NamedTuple):
     """What the converter has measured; see hand_board_reading in C."""
 
@@ -81,9 +92,8 @@ class BoardModel:
     version: int = 1
     session: int | None = None
     session_used: bool = False
-    sequence: int = 0
-    accepted: int = 0
-    accepted_us: int | None = None
+    newest: Accepted = NOTHING
+    in_force: Accepted = NOTHING
     loops: int = 0
     frames: int = 0
     sampled_us: int = 0
@@ -126,7 +136,7 @@ class BoardModel:
             return encode_answer(AnswerPayload(0, VERSIONS[-1], offer.session))
         if offer.session != self.session:
             self.version, self.session, self.session_used = version, offer.session, False
-            self.sequence, self.accepted, self.accepted_us = 0, 0, None
+            self.newest = self.in_force = NOTHING
             self.safety.reset()
         return encode_answer(AnswerPayload(self.version, VERSIONS[-1], offer.session))
 
@@ -145,7 +155,7 @@ class BoardModel:
         pressure_pa = [round(p) for p in payload.pressure_pa]
         if safety.command(now_us, payload.sequence, round(payload.lifetime_s * 1e6), pressure_pa) is Answer.ACCEPTED:
             self.session_used = payload.session is not None
-            self.sequence, self.accepted, self.accepted_us = payload.sequence, (self.accepted + 1) % 256, now_us
+            self.newest = Accepted(now_us, payload.sequence, (self.accepted + 1) % 256)
             if safety.state == State.VENTED and not any(pressure_pa):
                 if safety.fault == Fault.COMMAND_LOST:
                     safety.reset()
@@ -161,18 +171,28 @@ class BoardModel:
         status |= Status.OVER_PRESSURE if self.safety.fault == Fault.OVER_PRESSURE else 0
         echo = None
         if self.version > 1:
-            age_s = math.nan if self.accepted_us is None else (now_us - self.accepted_us + 500) // 1000 * 1e-3
-            in_force = np.floor(np.array(self.safety.output_pa, float) / 10.0 + 0.5) * 10.0
-            echo = Echo(self.sequence, age_s, in_force, self.accepted)
+            at_us, sequence, accepted = self.in_force
+            age_s = math.nan if at_us is None else (now_us - at_us + 500) // 1000 * 1e-3
+            followed = np.floor(np.array(self.safety.output_pa, float) / 10.0 + 0.5) * 10.0
+            echo = Echo(sequence, age_s, followed, accepted)
         sent = np.array(counts[: self.channels], np.uint16)
         payload = SamplePayload(self.frames % 2**32, now_us, supply_mv * 1e-3, Status(status), sent, self.version, echo)
         self.frames += 1
         self.sampled_us = now_us
-        return encode_sample(payload), self.safety.tick(now_us)
+        return encode_sample(payload), self._take_over(now_us)
 
     def watch(self, now_us: int) -> list[int] | None:
         """The set-points [Pa] where samples have stopped, None while they arrive."""
-        return self.safety.tick(now_us) if now_us - self.sampled_us > WARN_US else None
+        return self._take_over(now_us) if now_us - self.sampled_us > WARN_US else None
+
+    def _take_over(self, now_us: int) -> list[int]:
+        self.in_force = self.newest
+        return self.safety.tick(now_us)
+
+    @property
+    def accepted(self) -> int:
+        """Packets of set-points in the session, modulo 256."""
+        return self.newest.packets
 
     def _measure(self, now_us: int, number: int, supply_mv: int, counts: Sequence[int]) -> None:
         config, count = self.config, len(self.safety.joints)

@@ -94,10 +94,7 @@ static void take_set_points(hand_board *b, uint64_t now_us, uint8_t version)
             && (hand_safety_command(&b->safety, (uint32_t)now_us, sequence, lifetime_us, b->safety.count, pressure_pa)
                 == HAND_SAFETY_ACCEPTED)) {
             b->session_used = (version == SECOND_VERSION);
-            b->set_point_sequence = sequence;
-            b->accepted_us = now_us;
-            b->accepted = (uint8_t)(b->accepted + 1U);
-            b->any_accepted = true;
+            b->newest = (hand_board_accepted){now_us, sequence, (uint8_t)(b->newest.accepted + 1U), true};
             arm_on_request(b, (uint32_t)now_us, pressure_pa);
         }
     } else {
@@ -113,9 +110,8 @@ static void begin_session(hand_board *b, uint32_t session, uint8_t version)
         b->session = session;
         b->in_session = true;
         b->session_used = false;
-        b->set_point_sequence = 0U;
-        b->accepted = 0U;
-        b->any_accepted = false;
+        b->newest = (hand_board_accepted){.any = false};
+        b->in_force = b->newest;
         (void)hand_safety_reset(&b->safety);
     }
 }
@@ -224,15 +220,15 @@ static size_t write_echo(const hand_board *b, uint64_t now_us, uint8_t *payload,
 {
     size_t end = at;
     uint64_t age_ms = NEVER_MS;
-    if (b->any_accepted) {
-        age_ms = ((now_us - b->accepted_us) + (MS_US / 2U)) / MS_US;
+    if (b->in_force.any) {
+        age_ms = ((now_us - b->in_force.at_us) + (MS_US / 2U)) / MS_US;
         if (age_ms > OLDEST_MS) {
             age_ms = OLDEST_MS;
         }
     }
     end = hand_wire_write(payload, end, b->safety.count, 1U);
-    end = hand_wire_write(payload, end, b->set_point_sequence, 4U);
-    end = hand_wire_write(payload, end, b->accepted, 1U);
+    end = hand_wire_write(payload, end, b->in_force.sequence, 4U);
+    end = hand_wire_write(payload, end, b->in_force.accepted, 1U);
     end = hand_wire_write(payload, end, age_ms, 2U);
     for (uint8_t i = 0U; i < b->safety.count; i++) {
         end = hand_wire_write(payload, end, (uint64_t)(uint32_t)((b->safety.output_pa[i] + (UNIT_PA / 2)) / UNIT_PA), 2U);
@@ -267,6 +263,13 @@ static size_t write_frame(const hand_board *b, uint64_t now_us, const hand_board
     return hand_wire_packet(payload, end, frame);
 }
 
+/* The set-points of a tick, and what the echo of the next frame says of them. */
+static void take_over(hand_board *b, uint64_t now_us, int32_t *valve_pa)
+{
+    hand_safety_tick(&b->safety, (uint32_t)now_us, valve_pa);
+    b->in_force = b->newest;
+}
+
 size_t hand_board_sample(hand_board *b, uint64_t now_us, const hand_board_reading *reading, int32_t *valve_pa,
                          uint8_t *frame)
 {
@@ -274,7 +277,7 @@ size_t hand_board_sample(hand_board *b, uint64_t now_us, const hand_board_readin
     const size_t size = write_frame(b, now_us, reading, frame);
     b->frame_sequence++;
     b->sampled_us = now_us;
-    hand_safety_tick(&b->safety, (uint32_t)now_us, valve_pa);
+    take_over(b, now_us, valve_pa);
     return size;
 }
 
@@ -283,7 +286,7 @@ bool hand_board_watch(hand_board *b, uint64_t now_us, int32_t *valve_pa)
 {
     const bool stopped = (now_us > b->sampled_us) && ((now_us - b->sampled_us) > HAND_SAFETY_WARN_US);
     if (stopped) {
-        hand_safety_tick(&b->safety, (uint32_t)now_us, valve_pa);
+        take_over(b, now_us, valve_pa);
     }
     return stopped;
 }

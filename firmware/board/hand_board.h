@@ -51,21 +51,27 @@ typedef struct {
     const uint16_t *counts;
 } hand_board_reading;
 
+/* Accepted set-points, as the echo reports them. */
+typedef struct {
+    uint64_t at_us;
+    uint32_t sequence;
+    uint8_t accepted; /* packets in this session, modulo 256 */
+    bool any;
+} hand_board_accepted;
+
 /* The caller reads safety and receiver.corrupt; only the functions below write. */
 typedef struct {
     const hand_board_config *config;
     hand_safety safety;
     hand_wire_receiver receiver;
-    uint64_t accepted_us;
+    hand_board_accepted newest;
+    hand_board_accepted in_force; /* the newest at the last tick: the valves follow these */
     uint64_t sampled_us; /* last call of hand_board_sample */
     uint32_t session;
     uint32_t frame_sequence;
-    uint32_t set_point_sequence;
     uint32_t loops;
     uint8_t channels;
     uint8_t version;
-    uint8_t accepted; /* packets of set-points in this session, modulo 256 */
-    bool any_accepted;
     bool in_session;   /* the host has offered a session */
     bool session_used; /* and sent set-points in it */
 } hand_board;

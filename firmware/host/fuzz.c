@@ -74,14 +74,14 @@ static size_t make_packet(uint8_t *packet)
 static void receive(void)
 {
     static uint8_t packet[LONGEST + HAND_WIRE_OVERHEAD], answer[HAND_BOARD_ANSWER_SIZE];
-    const uint8_t was = board.accepted;
+    const uint8_t was = board.newest.accepted;
     size_t size = make_packet(packet);
     if (draw(30U) == 0U) {
         size = draw((uint32_t)size + 1U);
     }
     const size_t answered = hand_board_receive(&board, now_us, packet, size, answer);
     check(answered <= sizeof answer, "an answer fits its array");
-    accepted += (board.accepted != was);
+    accepted += (board.newest.accepted != was);
 }
 
 /* Eq. 11 of a fully crept joint at an angle within its limits, in floating point. */

@@ -180,6 +180,22 @@ def test_the_watch_of_the_driver_accepts_the_board(session: Rig) -> None:
     assert HAND.joints[4] in lines[-1], "a set-point that the board reduced is named by the driver"
 
 
+def test_the_watch_of_the_driver_accepts_set_points_that_change(session: Rig) -> None:
+    """Fails when the echo has the sequence of set-points that no valve follows yet: motion would latch the driver."""
+    session.driving(0.0)
+    watch, sent = SetPointWatch(HAND.joints), {session.sequence: 0.0}
+    for tick in range(300):
+        sample, _ = session.tick(counts(0.0, 0.0))
+        assert sample.echo is not None
+        assert list(sample.echo.pressure_pa) == [sent[sample.echo.sequence]] * VALVES
+        frame = Frame(sample.sequence, session.now_us, 5.0, sample.status, sample.counts, 0, sample.echo)
+        assert watch.frame(frame, session.now_us * 1000) == ""
+        pressure = 1e3 * (tick if tick < 150 else 300 - tick)
+        session.send(pressure)
+        sent[session.sequence] = pressure
+        watch.sent(session.sequence, np.full(VALVES, pressure), 0.1, session.now_us * 1000)
+
+
 def test_only_zero_set_points_arm_it(rig: Rig) -> None:
     """Fails when a pressure reaches a valve before a request, or zero set-points do not arm."""
     rig.tick()
@@ -328,6 +344,7 @@ def test_the_echo_is_what_acts_on_the_valves(session: Rig) -> None:
 def test_the_age_of_the_echo_is_limited(session: Rig, after_us: int, code_ms: int) -> None:
     """Fails when an age is rounded otherwise or wraps."""
     session.send(0.0)
+    session.trace.sample(session.now_us, REST)
     session.now_us += after_us - PERIOD_US
     frame, _ = session.tick()
     assert frame.echo is not None and round(frame.echo.age_s * 1e3) == code_ms
@@ -337,6 +354,7 @@ def test_the_count_of_packets_wraps(session: Rig) -> None:
     """Fails when the number of accepted packets is not modulo 256."""
     for _ in range(257):
         session.send(0.0)
+    session.tick()
     frame, _ = session.tick()
     assert frame.echo is not None and frame.echo.accepted == 1
 
