@@ -24,7 +24,7 @@
 #define HAND_SAFETY_OVER_US (50000U) /* [us] for so long */
 #define HAND_SAFETY_RAMP_US (500000U) /* [us] duration of the ramp after arming, */
 #define HAND_SAFETY_RAMP_PA_PER_S (1200000) /* [Pa/s] with this rate */
-#define HAND_SAFETY_RATE_PA_PER_S (100000000) /* [Pa/s] largest rise of a set-point; a fall is not limited */
+#define HAND_SAFETY_RATE_PA_PER_S (50000000) /* [Pa/s] largest rise of a set-point; a fall is not limited */
 #define HAND_SAFETY_TORQUE_PERMILLE (100) /* [1/1000] share by which a torque may exceed its limit */
 #define HAND_SAFETY_HIGHEST_PA (2000000) /* [Pa] pressures beyond are not plausible */
 #define HAND_SAFETY_SEQUENCE_WINDOW (2147483648U) /* a sequence number further ahead is refused */

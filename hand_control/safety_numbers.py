@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from hand_control.declared import DECLARED, C
+from hand_control.declared import C
 from hand_control.frame_checks import OVER, OVER_S
 from hand_control.supervisor import FREEZE_S, VENT_S, WARN_S
 from hand_model.description import Hand
@@ -26,6 +26,11 @@ RAMP_S = 0.5
 RAMP_PA_PER_S = 1.2e6
 """After arming, set-points rise at most at this rate for RAMP_S: full pressure then takes 0.5 s. The ramps of the
 controller and of the driver are slower and act first: the driver takes a reduced set-point for a fault of the board."""
+FILL_PA_PER_S = 1.0e7
+"""Fastest fill rate of a valve in config/hand.yaml."""
+RATE_MARGIN = 5.0
+"""A set-point rises by this multiple of FILL_PA_PER_S at most. The law leads the pressure by up to three times the fill
+rate; at 200 Hz the full range takes three ticks, and the driver takes a third reduced echo for a fault of a valve."""
 TORQUE_MARGIN = 0.1
 """Share above the torque limit at which the layer limits: its model is fully crept, the law's is not."""
 HIGHEST_PA = 2.0e6
@@ -63,7 +68,7 @@ NUMBERS: dict[str, Number] = {
     "ramp_us": _us(RAMP_S, "duration of the ramp after arming,"),
     "ramp_pa_per_s": _integer(RAMP_PA_PER_S, "Pa/s", "with this rate"),
     "rate_pa_per_s": _integer(
-        DECLARED["max_pressure_rate_pa_per_s"].value, "Pa/s", "largest rise of a set-point; a fall is not limited"
+        RATE_MARGIN * FILL_PA_PER_S, "Pa/s", "largest rise of a set-point; a fall is not limited"
     ),
     "torque_permille": _integer(TORQUE_MARGIN * 1e3, "1/1000", "share by which a torque may exceed its limit"),
     "highest_pa": _integer(HIGHEST_PA, "Pa", "pressures beyond are not plausible"),

@@ -38,6 +38,7 @@ from hand_driver.wire import (
 )
 from hand_model.description import load_hand
 from validation.c_board import CHANNELS, BoardTrace
+from validation.faults.closed_loop import VirtualHand
 
 ROOT = Path(__file__).parents[2]
 HAND = load_hand(ROOT / "config" / "hand.yaml")
@@ -194,6 +195,38 @@ def test_the_watch_of_the_driver_accepts_set_points_that_change(session: Rig) ->
         session.send(pressure)
         sent[session.sequence] = pressure
         watch.sent(session.sequence, np.full(VALVES, pressure), 0.1, session.now_us * 1000)
+
+
+def test_a_full_step_is_bounded_and_no_fault_for_the_driver(session: Rig) -> None:
+    """Fails when the layer passes the full range in one tick, or bounds it so that the driver latches a fault."""
+    session.driving(0.0)
+    watch = SetPointWatch(HAND.joints)
+    flexed = counts(0.0, 1.2)
+    levels: list[int] = []
+    for _ in range(40):
+        wanted = np.full(VALVES, 6e5 if len(levels) % 20 > 9 else 0.0)
+        session.send(wanted[0])
+        watch.sent(session.sequence, wanted, 0.1, session.now_us * 1000)
+        sample, valves = session.tick(flexed)
+        frame = Frame(sample.sequence, session.now_us, 5.0, sample.status, sample.counts, 0, sample.echo)
+        assert watch.frame(frame, session.now_us * 1000) == ""
+        levels.append(valves[0])
+    assert max(levels) == 600_000
+    assert max(np.diff(levels)) == N["rate_pa_per_s"] * PERIOD_US // 1_000_000 <= 250_000
+
+
+def test_normal_steps_stay_within_the_rate() -> None:
+    """Fails when the layer would reduce set-points of fast steps of the controller."""
+    hand, rises = VirtualHand(3), [0.0]
+    hand.run(1.0)
+    for degrees in (0.0, 90.0, 30.0, 80.0, -10.0, 100.0):
+        hand.move(degrees)
+        for _ in range(120):
+            before = hand.set_points_pa
+            hand.step()
+            rises.append(float(np.max(hand.set_points_pa - before)))
+    assert hand.controller.safety.fault == ""
+    assert 1e5 < max(rises) < 0.8 * N["rate_pa_per_s"] * PERIOD_US * 1e-6
 
 
 def test_only_zero_set_points_arm_it(rig: Rig) -> None:

@@ -14,9 +14,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hand_control import arming_ramp
-from hand_control.declared import C, Settings, bounded_dt
+from hand_control.declared import C, bounded_dt
 from hand_control.frame_checks import OVER, OVER_PRESSURE, OVER_S, PressureWatch
-from hand_control.safety_numbers import HIGHEST_PA, NUMBERS, RULES, SEQUENCE_WINDOW, joint_limits
+from hand_control.safety_numbers import (
+    FILL_PA_PER_S,
+    HIGHEST_PA,
+    NUMBERS,
+    RATE_MARGIN,
+    RULES,
+    SEQUENCE_WINDOW,
+    joint_limits,
+)
 from hand_control.safety_rules import Answer, Fault, JointLimits, State, limits_of
 from hand_control.supervisor import FREEZE_S, VENT_S, WARN_S, Phase, Supervisor
 from hand_driver import pressure_ramp
@@ -99,7 +107,8 @@ def test_the_numbers_are_those_of_controller_and_driver() -> None:
     assert N["lifetime_us"] == MAX_LIFETIME_S * 1e6
     assert N["step_us"] == C.max_dt * 1e6 and NUMBERS["step_s"].value == C.max_dt
     assert (N["over_permille"], N["over_us"]) == (OVER * 1e3, OVER_S * 1e6)
-    assert N["rate_pa_per_s"] == Settings.of(HAND, {}).max_pressure_rate_pa_per_s
+    assert max(HAND.row("valve.fill_rate_pa_per_s")) == FILL_PA_PER_S
+    assert N["rate_pa_per_s"] == RATE_MARGIN * FILL_PA_PER_S
     assert N["sequence_window"] == SEQUENCE_WINDOW
     assert N["ramp_pa_per_s"] > 2.0 * max(arming_ramp.RAMP_PA_PER_S, pressure_ramp.RAMP_PA_PER_S), "theirs act first"
     assert N["highest_pa"] == HIGHEST_PA > max(HAND.limits.max_pressure_pa) * (1.0 + OVER)
@@ -311,7 +320,7 @@ def test_the_rise_of_a_set_point_is_bounded(rig: Rig) -> None:
     assert rig.tick(0) == [0, 100]
     assert not rig.layer.rate_limited
     rig.keep(100, 200)
-    assert rig.tick(1) == [100, 200]
+    assert rig.tick(2) == [100, 200]
     assert not rig.layer.rate_limited, "a set-point that the rate just reaches is not limited"
 
 
@@ -364,7 +373,7 @@ def test_a_large_rise_is_exact() -> None:
     rig.driving(0, measured_pa=(0,))
     rig.keep(2_000_000)
     rig.sample(0)
-    assert rig.tick(15_000) == [N["rate_pa_per_s"] * 15_000 // 1_000_000] == [1_500_000]
+    assert rig.tick(15_000) == [N["rate_pa_per_s"] * 15_000 // 1_000_000] == [750_000]
     rig.trace.replay()
 
 

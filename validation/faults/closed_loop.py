@@ -111,6 +111,11 @@ class VirtualHand:
         return np.array(self.plant.plant.state[P])
 
     @property
+    def set_points_pa(self) -> Array:
+        """Set-points (n,) [Pa] that the board holds."""
+        return self._in_force.pressure_pa.copy()
+
+    @property
     def vented(self) -> bool:
         """Whether a fault is latched and the hand vented."""
         return self.controller.safety.phase is Phase.VENTED and bool(self.controller.safety.fault)
