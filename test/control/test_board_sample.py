@@ -621,6 +621,20 @@ def test_a_new_session_arms_nothing_above_its_limit(session: Rig) -> None:
     assert session.model.safety.state == State.VENTED
 
 
+def test_a_driver_that_restarts_clears_the_latch_and_arms_nothing(session: Rig) -> None:
+    """Fails when the page on a restarted driver is wrong: its first offer clears a latch, and no pressure follows."""
+    over_pressure(session)
+    restarted = HostProtocol(CHANNELS, "here")
+    offer = restarted.offer(0)
+    assert offer is not None and offer.session != SESSION
+    session.session, session.sequence = offer.session, -1
+    session.offer(session=offer.session)
+    assert (session.model.safety.state, session.model.safety.fault) == (State.VENTED, Fault.NONE)
+    for pressure in (1e5, 0.0, 0.0, 1e5):
+        session.send(pressure)
+        assert session.tick(counts(6.7e5))[1] == [0] * VALVES, "no request, or a pressure above its limit"
+
+
 def test_the_host_renews_its_session_on_request_only() -> None:
     """Fails when a new connection clears what the board has latched, or `renew` does not begin another session."""
     first, second = HostProtocol(CHANNELS, "here"), HostProtocol(CHANNELS, "here")
