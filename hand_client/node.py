@@ -15,6 +15,7 @@ from hand_msgs.action import Grasp
 from hand_msgs.msg import ContactForces, ControllerState, JointPressures, ValveCommand
 from rclpy.action import ActionClient
 from rclpy.experimental import EventsExecutor
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
@@ -68,8 +69,7 @@ class HandClient:
         node.create_subscription(ContactForces, "contact_forces", self._on_forces, SENSOR_QOS)
         node.create_subscription(ControllerState, "controller_state", self._on_state, SENSOR_QOS)
         node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, QUEUED_QOS)
-        self._commands = node.create_publisher(JointState, "joint_commands", QUEUED_QOS)
-        self._trajectories = node.create_publisher(JointTrajectory, "joint_trajectory", QUEUED_QOS)
+        self._publishers: dict[str, Publisher[Any]] = {}
         self._stop = node.create_publisher(Empty, "emergency_stop", QUEUED_QOS)
 
     def __enter__(self) -> HandClient:
@@ -122,7 +122,8 @@ class HandClient:
 
         Raises NoHandError where nobody listens.
         """
-        if not self.until(lambda: self._trajectories.get_subscription_count() > 0, ANSWER_S):
+        trajectories = self._publisher(JointTrajectory, "joint_trajectory", ANSWER_S)
+        if not trajectories.get_subscription_count():
             raise NoHandError(f"nobody listens to {self.namespace}/joint_trajectory")
         seconds = int(duration_s)
         point = JointTrajectoryPoint(
@@ -130,7 +131,7 @@ class HandClient:
             velocities=[0.0] * len(angle_rad),
             time_from_start=Duration(sec=seconds, nanosec=round((duration_s - seconds) * 1e9)),
         )
-        self._trajectories.publish(JointTrajectory(joint_names=list(angle_rad), points=[point]))
+        trajectories.publish(JointTrajectory(joint_names=list(angle_rad), points=[point]))
 
     def collect(self, joints: Sequence[str], site_joint: Mapping[str, int]) -> None:
         """From now on, keep every frame and the set-points of these joints in `samples`.
@@ -146,7 +147,18 @@ class HandClient:
         max_torque_nm: of each of them; 0: the configured limit.
         """
         torque = [max_torque_nm] * len(angle_rad) if max_torque_nm > 0.0 else []
-        self._commands.publish(JointState(name=list(angle_rad), position=list(angle_rad.values()), effort=torque))
+        commands = self._publisher(JointState, "joint_commands", CANCEL_S)
+        commands.publish(JointState(name=list(angle_rad), position=list(angle_rad.values()), effort=torque))
+
+    def _publisher(self, kind: Any, topic: str, timeout_s: float) -> Publisher[Any]:
+        """The publisher of a topic, made when it is first needed: a policy of SROS2 then need not allow the others.
+
+        A new one waits at most timeout_s [s] for a listener; what is published before would be lost.
+        """
+        if topic not in self._publishers:
+            made = self._publishers[topic] = self._node.create_publisher(kind, topic, QUEUED_QOS)
+            self.until(lambda: made.get_subscription_count() > 0, timeout_s)
+        return self._publishers[topic]
 
     def others(self) -> list[str]:
         """Names of the other nodes in the namespace of the hand, as far as they are known yet."""
@@ -162,8 +174,9 @@ class HandClient:
 
     def hold(self, joints: Sequence[str]) -> None:
         """End the motion of some joints where they are, and wait until that is sent: at most CANCEL_S."""
-        self._trajectories.publish(JointTrajectory(joint_names=list(joints)))
-        self._trajectories.wait_for_all_acked(rclpy.duration.Duration(seconds=CANCEL_S))
+        trajectories = self._publisher(JointTrajectory, "joint_trajectory", CANCEL_S)
+        trajectories.publish(JointTrajectory(joint_names=list(joints)))
+        trajectories.wait_for_all_acked(rclpy.duration.Duration(seconds=CANCEL_S))
 
     def grasp(
         self, pattern: str, closure: float, max_torque_nm: float, healthy: Callable[[], None]

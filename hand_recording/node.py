@@ -21,6 +21,7 @@ from typing import Any
 import rclpy
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.callback_groups import CallbackGroup
+from rclpy.exceptions import InvalidNamespaceException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -58,14 +59,21 @@ def record(
 
     until: waits for at most the given seconds and returns whether to stop, like threading.Event.wait.
     progress: called twice a second with the summary so far.  args: ROS arguments.
-    Raises BagError where the recording cannot be written.
+    Raises BagError where the recording cannot be written, ValueError for a namespace that no node can have.
     """
     rclpy.init(args=list(args or ()), signal_handler_options=SignalHandlerOptions.NO)
     try:
-        node = Node("recorder", start_parameter_services=False, enable_rosout=False)
-        return _run(node, options, until, progress)
+        return _run(_node_beside(options.selection.namespaces[0]), options, until, progress)
     finally:
         rclpy.try_shutdown()
+
+
+def _node_beside(hand: str) -> Node:
+    """A recorder in the namespace of a hand, to which the policy of config/security belongs."""
+    try:
+        return Node("recorder", namespace=f"/{hand.strip('/')}", start_parameter_services=False, enable_rosout=False)
+    except InvalidNamespaceException:
+        raise ValueError(f"namespace {hand!r}: only letters, digits, _ and / are allowed") from None
 
 
 def main(args: Sequence[str] | None = None) -> None:

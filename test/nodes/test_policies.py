@@ -21,13 +21,17 @@ from test.nodes.policies import FOLDER, allowed, problems, real
 if TYPE_CHECKING:
     from test.nodes.stack import Client, Stack
 
+EVERYTHING = (
+    "use(c.enable, True); use(c.vent); use(c.grasp, 'open', 1.0, 0.0, int); c.collect(['a'], {});"
+    " c.command({'a': 0.0}); c.hold(['a'])"
+)
 USES = {
-    "hand_client": "use(c.enable, True); use(c.vent); use(c.grasp, 'open', 1.0, 0.0, int); c.collect(['a'], {})",
+    "hand_client": EVERYTHING,
     "hand_enable": "use(c.enable, True)",
     "hand_grasp": "use(c.grasp, 'open', 1.0, 0.0, int)",
     "hand_move": "c.move({'a': 0.0}, 1.0); c.hold(['a'])",
     "hand_stop": "c.send_stop()",
-    "hand_studio": "use(c.enable, True); use(c.vent); use(c.grasp, 'open', 1.0, 0.0, int); c.collect(['a'], {})",
+    "hand_studio": EVERYTHING,
     "hand_up": "",
     "hand_watch": "",
 }
@@ -149,6 +153,26 @@ def test_the_policies_allow_exactly_what_the_nodes_use(stack: Stack, client: Cli
         stack.running.append(subprocess.Popen(command, stderr=subprocess.DEVNULL))
     for name in USES:
         _await(client, name)
+
+
+def test_hand_record_needs_no_more_than_the_policy_of_the_recorder(stack: Stack, client: Client) -> None:
+    """Fails when `hand record` makes a node that has no policy, or that uses what the policy denies."""
+    for topic in ("emergency_stop", "heartbeat"):
+        client.node.create_publisher(Empty, topic, 1)
+    command = [sys.executable, "-m", "hand_tool", "record", "--out", str(stack.folder / "all.mcap"), "--quiet"]
+    stack.running.append(subprocess.Popen(command, stderr=subprocess.DEVNULL))
+    may = allowed(enclave("recorder"))
+
+    def subscribed() -> set[str]:
+        try:
+            return real(client.node, "recorder", "/hand")["subscribe"]
+        except NodeNameNonExistentError:
+            return set()
+
+    client.until(lambda: {"/hand/emergency_stop", "/hand/heartbeat"} <= subscribed())
+    client.spin(1.0)  # a graph that is discovered in part must not pass
+    have = real(client.node, "recorder", "/hand")
+    assert {verb: have[verb] - may[verb] for verb in have if have[verb] - may[verb]} == {}
 
 
 def _await(client: Client, name: str) -> None:

@@ -263,3 +263,11 @@ def test_the_memory_of_a_recorder_does_not_grow_with_its_recording(start: Start,
     assert recorded_mb > 2.0
     assert grown_mb < 3.0  # 15 MB and more of messages arrive meanwhile
     assert talker.end()[0] == recorder.end()[0] == 0
+
+
+def test_a_namespace_that_no_node_can_have_is_one_line(tmp_path: Path) -> None:
+    """Fails when `hand record` ends in a traceback for a namespace with a space."""
+    command = [sys.executable, "-m", "hand_tool", "record", "--namespace", "a b", "--out", str(tmp_path / "a.mcap")]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert "'a b'" in done.stderr
