@@ -22,11 +22,16 @@ from hand_control.frame_checks import (
     allowed_jump,
 )
 from hand_control.frame_watch import FrameWatch
+from hand_control.supervisor import Phase
 from hand_model.description import load_hand
 from validation.faults.sensor_loop import Loop, Plant
 
 HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
 COUNT = len(HAND.joints)
+
+
+WATCHED = 17
+"""Missing frames of the longest gap, 90 ms, in which the watch for silence must trip nothing."""
 
 
 def test_the_allowed_jump_grows_with_the_time_that_is_missing() -> None:
@@ -58,7 +63,11 @@ def driven_with_gaps(gap_frames: int, every: int, seed: int, error: float) -> tu
         if number % 200 == 1:
             loop.step()
             loop.command(np.radians(rng.uniform(0.0, 80.0, COUNT)))
-        if not loop.step(heard):
+        driving = loop.step(heard)
+        if gap_frames <= WATCHED and not heard:
+            loop.controller.check(loop.now_ns)
+            driving = loop.controller.safety.phase is Phase.ACTIVE
+        if not driving:
             break
         driven += 1
         contacts += [event.joint for event in loop.controller.contacts() if event.touching]
@@ -67,10 +76,22 @@ def driven_with_gaps(gap_frames: int, every: int, seed: int, error: float) -> tu
 
 @pytest.mark.parametrize(("gap_frames", "every"), [(17, 60), (17, 37), (8, 23), (99, 431)])
 def test_gaps_and_stalls_in_fast_motion_trip_nothing(gap_frames: int, every: int) -> None:
-    """Fails when a gap of 90 ms or a stall of 0.5 s in fast motion latches a fault."""
+    """Fails when a gap of 90 ms, with the watch for silence, or a stall of 0.5 s without it latches a fault."""
     loop, driven, _ = driven_with_gaps(gap_frames, every, 91 + gap_frames, 0.3)
     assert loop.controller.safety.fault == ""
     assert driven == 2400
+
+
+@pytest.mark.parametrize(("frames", "fault"), [(19, ""), (20, "no usable sensor data")])
+def test_a_stall_after_which_the_watch_comes_first_vents_from_100_ms_on(frames: int, fault: str) -> None:
+    """Fails when a node that was stopped vents before 0.1 s, or goes on after more although its data are too old."""
+    loop, _, _ = driven_with_gaps(0, 60, 5, 0.0)
+    for _ in range(frames):
+        loop.step(heard=False)
+    assert loop.controller.safety.fault == ""
+    loop.now_ns += 1
+    loop.controller.check(loop.now_ns)
+    assert loop.controller.safety.fault.startswith(fault) and bool(loop.controller.safety.fault) == bool(fault)
 
 
 @pytest.mark.parametrize(("gap_frames", "every"), [(17, 60), (8, 46)])

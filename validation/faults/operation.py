@@ -2,7 +2,9 @@
 
 Each minute has a plant of its own: model 0, 10 or 30 % off, friction, valve lag once or twice, noise once or five
 times, air or liquid. It moves in steps, in smooth paths and in grasps; joints are pushed with smooth torques, meet
-obstacles and lose them; frames are missing for up to 90 ms, and the controller stalls for up to 0.5 s.
+obstacles and lose them. Frames are missing for up to 90 ms, while the controller's watch for silence runs. In a stall
+of up to 0.5 s neither frames nor the watch run, and a frame comes first when it ends: the node whose watch comes first
+vents instead, as it does after any silence of 0.1 s.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from hand_control.grasps import Grasp, load_grasps
+from hand_control.supervisor import Phase
 from hand_model.description import Hand
 from validation.faults.sensor_loop import Loop, Plant
 from validation.faults.sensors import CONFIG, ERRORS, Operation
@@ -48,6 +51,7 @@ class World:
         self.target = np.zeros(self.count)
         self.smooth: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self.silent = 0
+        self.stalled = False
         self.counts = {"frames": 0, "gaps": 0, "stalls": 0, "pushes": 0, "contacts": 0}
         self.loop.controller.enable(True)
         self.loop.step()
@@ -73,9 +77,14 @@ class World:
         if self.silent == 0:
             self._fall_silent(dt)
         heard = self.silent == 0
+        watched = not heard and not self.stalled
         self.silent = max(self.silent - 1, 0)
         self.counts["frames"] += 1
-        return loop.step(heard) or not heard
+        driven = loop.step(heard)
+        if watched:
+            loop.controller.check(loop.now_ns)
+            driven = loop.controller.safety.phase is Phase.ACTIVE
+        return driven or not (heard or watched)
 
     def _next_motion(self) -> None:
         rng, loop = self.rng, self.loop
@@ -118,9 +127,11 @@ class World:
     def _fall_silent(self, dt: float) -> None:
         draw = self.rng.random()
         if draw < dt / 5.0:
+            self.stalled = False
             self.silent = int(self.rng.integers(1, 18))  # 17 missing frames are 90 ms between two
             self.counts["gaps"] += 1
         elif draw < dt / 5.0 + dt / 30.0:
+            self.stalled = True
             self.silent = int(self.rng.integers(20, 100))
             self.counts["stalls"] += 1
 
