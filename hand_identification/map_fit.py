@@ -182,13 +182,16 @@ def _bounded_step(hessian: Array, gradient: Array, low: Array, high: Array) -> A
     step = np.clip(np.zeros(len(gradient)), low, high)
     free = np.ones(len(gradient), dtype=bool)
     for _ in range(2 * len(gradient)):
-        if free.any():
-            remaining = gradient[free] + hessian[np.ix_(free, ~free)] @ step[~free]
-            inside = np.linalg.solve(hessian[np.ix_(free, free)], -remaining)
-            step[free] = np.clip(inside, low[free], high[free])
-            left = step[free] != inside
+        inner, outer = np.flatnonzero(free), np.flatnonzero(~free)
+        if len(inner):
+            rows = hessian.take(inner, axis=0)  # several times as fast as an index of both axes
+            remaining = gradient.take(inner) + rows.take(outer, axis=1) @ step.take(outer)
+            inside = np.linalg.solve(rows.take(inner, axis=1), -remaining)
+            kept = np.minimum(np.maximum(inside, low.take(inner)), high.take(inner))
+            step[inner] = kept
+            left = kept != inside
             if left.any():
-                free[np.flatnonzero(free)[left]] = False
+                free[inner[left]] = False
                 continue
         slope = gradient + hessian @ step
         back = ~free & (((step <= low) & (slope < 0.0)) | ((step >= high) & (slope > 0.0))) & (low < high)

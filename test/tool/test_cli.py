@@ -294,3 +294,20 @@ def test_an_outdated_copy_of_the_model_is_noticed(tmp_path: Path) -> None:
     installed.unlink()
     installed.symlink_to(source / "config" / "hand.yaml")
     assert differing_source(installed, source) is None
+
+
+PRINTED = """
+import os
+from hand_tool import cli, main
+cli.run = lambda _: print(os.environ["OMP_WAIT_POLICY"]) or 0
+main.main()
+"""
+
+
+@pytest.mark.parametrize(("given", "expected"), [({}, "passive"), ({"OMP_WAIT_POLICY": "active"}, "active")])
+def test_threads_that_wait_do_not_occupy_a_core(given: dict[str, str], expected: str) -> None:
+    """Fails when the threads of the compiled loops spin while they wait, or a choice of the user is replaced."""
+    environment = {name: value for name, value in os.environ.items() if name != "OMP_WAIT_POLICY"} | given
+    command = [sys.executable, "-c", PRINTED]
+    done = subprocess.run(command, env=environment, text=True, capture_output=True, cwd=ROOT, check=False)
+    assert (done.returncode, done.stdout.strip()) == (0, expected), done.stderr
