@@ -35,7 +35,9 @@ from validation.trial.nominal import UNCERTAIN, Nominal
 from validation.trial.plant import ROW
 
 KINDS = ("plain", "one", "two", "half")
-SECONDS, OFF, EVERY = 30.0, 0.03, 2
+QUICK = KINDS[:2]
+"""Kinds of the short form."""
+SECONDS, QUICK_SECONDS, OFF, EVERY = 30.0, 18.0, 0.03, 2
 NOISE = (150.0, math.radians(0.03))
 MULTIPLES = (2.0, 5.0)
 """Sizes, in detection limits."""
@@ -53,12 +55,12 @@ class Case:
     without: tuple[str, ...]
 
 
-def draw_case(nominal: Nominal, kind: str, rng: Rng) -> Case:
-    """Draw a recording of one joint of the hand. kind: of KINDS."""
+def draw_case(nominal: Nominal, kind: str, rng: Rng, seconds: float = SECONDS) -> Case:
+    """Draw a recording of one joint of the hand. kind: of KINDS.  seconds: its duration [s]."""
     q = nominal.rows.copy()
     for name in UNCERTAIN:
         q[ROW[name]] *= 1.0 + OFF * np.clip(rng.standard_normal(q.shape[1]), -2.0, 2.0)
-    frames, joint = round(SECONDS / FRAME_S), int(rng.integers(q.shape[1]))
+    frames, joint = round(seconds / FRAME_S), int(rng.integers(q.shape[1]))
     u = set_points(str(rng.choice(EXPERIMENTS)), frames // EVERY, EVERY * FRAME_S, q.shape[1], rng)
     u[:, [k for k in range(q.shape[1]) if k != joint]] = 0.0
     where = cut(q, np.repeat(u, EVERY, axis=0), nominal.partner, nominal.neighbour, joint)
@@ -116,12 +118,12 @@ def row_of(case: Case, found: Diagnosis, certificates: Sequence[Certificate], se
     }  # fmt: skip
 
 
-def rows(path: Path, seed: int, cases: int, kinds: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """Draw, diagnose and attack the cases of every kind."""
+def rows(path: Path, seed: int, cases: int, kinds: Sequence[str], seconds: float = SECONDS) -> Iterator[dict[str, Any]]:
+    """Draw, diagnose and attack the cases of every kind. seconds: duration of a recording [s]."""
     nominal, hand = Nominal(path), load_hand(path)
     for number in range(cases):
         for kind in kinds:
-            case = draw_case(nominal, kind, np.random.default_rng([seed, number, KINDS.index(kind)]))
+            case = draw_case(nominal, kind, np.random.default_rng([seed, number, KINDS.index(kind)]), seconds)
             yield row_of(case, *diagnosed(case, hand))
 
 
@@ -138,10 +140,12 @@ def summary(done: Sequence[dict[str, Any]]) -> Iterator[str]:
         )
 
 
-def main(path: Path, seed: int, cases: int, kinds: Sequence[str], out: Path | None) -> None:
-    """Print every case and the counts."""
+def main(
+    path: Path, seed: int, cases: int, kinds: Sequence[str], out: Path | None, *, seconds: float = SECONDS
+) -> None:
+    """Print every case and the counts. seconds: duration of a recording [s]."""
     done = []
-    for row in rows(path, seed, cases, kinds):
+    for row in rows(path, seed, cases, kinds, seconds):
         done.append(row)
         print(json.dumps(row), flush=True)
     for line in summary(done):
@@ -159,7 +163,11 @@ if __name__ == "__main__":
     parser.add_argument("kinds", nargs="*", choices=[*KINDS, []], help="kinds of cases; default: all")
     parser.add_argument("--seed", type=int, default=5, help="of recordings")
     parser.add_argument("--cases", type=int, default=12, help="cases of each kind")
+    parser.add_argument("--quick", action="store_true", help="one short recording of the first two kinds")
     parser.add_argument("--model", type=Path, default=Path("config/hand.yaml"), help="description of the hand")
     parser.add_argument("--json", type=Path, help="file for the results")
     given = parser.parse_args()
-    main(given.model, given.seed, given.cases, given.kinds or KINDS, given.json)
+    if given.quick:
+        main(given.model, given.seed, 1, given.kinds or QUICK, given.json, seconds=QUICK_SECONDS)
+    else:
+        main(given.model, given.seed, given.cases, given.kinds or KINDS, given.json)

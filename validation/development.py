@@ -30,6 +30,8 @@ from validation.trial.calibration import calibration_error, log_score
 
 FLOORS = 1.25
 """Largest test error over the noise that counts as down to the noise."""
+QUICK = ("laminar gap", "plain")
+"""Recordings of the short form."""
 BELOW = 0.6
 """Probability below which the name of a stand-in for a deleted effect is not misleading."""
 
@@ -155,7 +157,9 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=1, help="of recordings and nominal models")
     parser.add_argument("--half", choices=(laws.TUNED, laws.ONCE), default=laws.TUNED, help="which forms")
     parser.add_argument("--deleted", action="store_true", help="without the effects that name the form")
+    parser.add_argument("--quick", action="store_true", help="one form and the plain joint only")
     parser.add_argument("--model", type=Path, default=Path("config/hand.yaml"), help="description of the hand")
     parser.add_argument("--json", type=Path, help="file for the results")
     given = parser.parse_args()
-    main(given.model, given.seed, given.half, given.names, deleted=given.deleted, out=given.json)
+    chosen = given.names or (QUICK if given.quick else ())
+    main(given.model, given.seed, given.half, chosen, deleted=given.deleted, out=given.json)

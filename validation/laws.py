@@ -382,15 +382,24 @@ def ratio_on(problem: JointProblem, test: JointProblem, fit: MapFit, stage: int)
     return float(np.sqrt(np.mean(residual[used] ** 2)) / NOISE[stage])
 
 
-def compare(hand: Hand, form: Form, seed: int) -> dict[str, Any]:
-    """Textbook and learned laws of all classes of a form's stage on one recording; errors on another one."""
+QUICK = ("leak",)
+"""Effects of the short form."""
+
+
+def classes(form: Form, quick: bool = False) -> tuple[str, ...]:
+    """The classes of a form's stage. quick: its own and the first other one."""
+    every = VALVE if form.effect in VALVE else MOTION
+    return (form.effect, next(name for name in every if name != form.effect)) if quick else every
+
+
+def compare(hand: Hand, form: Form, seed: int, names: Sequence[str]) -> dict[str, Any]:
+    """Textbook and learned laws of classes, a form's own among them, on one recording; errors on another one."""
     rng = np.random.default_rng(seed)
     nominal = replace(hand, parameters=hand.parameters.copy())
     for key in NOMINAL_KEYS:  # effects stay neutral
         nominal.parameters[ROW[key]] *= 1.0 + OFF * rng.standard_normal(len(hand.joints))
     problem, _, base = problem_of(nominal, recording(hand, form, rng))
     test, _, _ = problem_of(nominal, recording(hand, form, rng))
-    names = VALVE if form.effect in VALVE else MOTION
     stage = 0 if form.effect in VALVE else 1
     laws: dict[str, LearnedLaw] = {}
     evidence: dict[str, float] = {}
@@ -412,12 +421,13 @@ def compare(hand: Hand, form: Form, seed: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def main(half: str, path: Path, out: Path | None, names: Sequence[str]) -> None:
-    """Compare the forms of a half, one line each."""
+def main(half: str, path: Path, out: Path | None, names: Sequence[str], *, quick: bool = False) -> None:
+    """Compare the forms of a half, one line each. quick: those of QUICK alone, with one other class."""
     hand, rows = one_joint(path), []
+    names = names or QUICK if quick else names
     for number, form in enumerate(FORMS):
         if form.half == half and (not names or form.effect in names):
-            row = compare(hand, form, 100 + number)
+            row = compare(hand, form, 100 + number, classes(form, quick))
             rows.append(row)
             ratios = "  ".join(f"{row[key]:7.2f}" for key in ("nominal", "textbook", "learned"))
             verdict = "first" if row["right"] else f"after {row['first']}"
@@ -435,7 +445,8 @@ if __name__ == "__main__":
     )
     parser.add_argument("effects", nargs="*", help="effects whose forms are fitted; default: all")
     parser.add_argument("--half", choices=(TUNED, ONCE), default=TUNED, help="which forms")
+    parser.add_argument("--quick", action="store_true", help="one form, compared with one other class")
     parser.add_argument("--model", type=Path, default=Path("config/hand.yaml"), help="description of the hand")
     parser.add_argument("--json", type=Path, help="file for the results")
     given = parser.parse_args()
-    main(given.half, given.model, given.json, given.effects)
+    main(given.half, given.model, given.json, given.effects, quick=given.quick)
