@@ -31,7 +31,7 @@ class Sensor:
     per_ratio: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BoardConfig:
     """The fields of hand_board_config in C. limits: rows of `joint_limits`.  angle, pressure: a Sensor per joint."""
 
@@ -57,17 +57,17 @@ def board_config(hand: Hand) -> BoardConfig:
     slope = np.pi / 2.0 / (line.ratio_at_90_deg - line.ratio_at_0_deg)
     low, high = (round(share * sensors.supply_voltage_v * 1e3) for share in SUPPLY_SHARES)
     return BoardConfig(
-        len(hand.joints),
-        hand.channel_count,
-        low,
-        high,
-        round(sensors.adc.reference_v * 1e3),
-        full,
-        margin,
-        full - margin,
-        tuple(tuple(int(value) for value in row) for row in joint_limits(hand)),
-        _sensors(sensors.angle_channel, line.ratio_at_0_deg, slope * 1e6),
-        _sensors(sensors.pressure_channel, valve.ratio_at_zero, 1.0 / valve.ratio_per_pa),
+        joints=len(hand.joints),
+        channels=hand.channel_count,
+        lowest_supply_mv=low,
+        highest_supply_mv=high,
+        reference_mv=round(sensors.adc.reference_v * 1e3),
+        full_scale=full,
+        lowest_count=margin,
+        highest_count=full - margin,
+        limits=tuple(tuple(int(value) for value in row) for row in joint_limits(hand)),
+        angle=_sensors(sensors.angle_channel, line.ratio_at_0_deg, slope * 1e6),
+        pressure=_sensors(sensors.pressure_channel, valve.ratio_at_zero, 1.0 / valve.ratio_per_pa),
     )
 
 

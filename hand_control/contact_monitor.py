@@ -78,7 +78,13 @@ class ContactMonitor:
         source = " and ".join(["model"] * modelled + ["force"] * pressed)
         force, torque = float(self._force[joint]), float(torque_nm[joint])
         return Event(
-            joint, touching, onset, torque if math.isfinite(torque) else 0.0, force, source, (stamp_ns - onset) * 1e-9
+            joint=joint,
+            touching=touching,
+            onset_ns=onset,
+            torque_nm=torque if math.isfinite(torque) else 0.0,
+            force_n=force,
+            source=source,
+            delay_s=(stamp_ns - onset) * 1e-9,
         )
 
     def take(self) -> list[Event]:

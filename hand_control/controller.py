@@ -76,7 +76,7 @@ class Times(NamedTuple):
     host_ns: int
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, kw_only=True)
 class Tick:
     """The result of one frame; arrays (n,) in the hand's order, overwritten by the next tick.
 
@@ -460,15 +460,15 @@ class Controller:
         self._references.hold(reference, ~self._none)
         error, saturated = reference - position, out[OUT.saturated] != 0.0
         return Tick(
-            stamp_ns,
-            reference,
-            position,
-            error,
-            self._sent,
-            out[OUT.torque],
-            self._torque.now,
-            saturated,
-            self._none,
+            stamp_ns=stamp_ns,
+            reference=reference,
+            position=position,
+            error=error,
+            pressure_command=self._sent,
+            torque_estimate=out[OUT.torque],
+            torque_limit=self._torque.now,
+            saturated=saturated,
+            contact=self._none,
         )
 
     def _drive(self, times: Times, dt: float, fresh: bool, measured: tuple[Array, Array], pressure: Array) -> Tick:
@@ -501,15 +501,15 @@ class Controller:
         error = self._shaper.r - position
         self._check_tolerance(error, position, dt, times.host_ns)
         return Tick(
-            times.stamp_ns,
-            self._shaper.r,
-            position,
-            error,
-            self._sent,
-            out[OUT.torque],
-            self._torque.now,
-            out[OUT.saturated] != 0.0,
-            self._contact_monitor.contact,
+            stamp_ns=times.stamp_ns,
+            reference=self._shaper.r,
+            position=position,
+            error=error,
+            pressure_command=self._sent,
+            torque_estimate=out[OUT.torque],
+            torque_limit=self._torque.now,
+            saturated=out[OUT.saturated] != 0.0,
+            contact=self._contact_monitor.contact,
         )
 
     def _follow_grasp(self, grasp: Grasping, position: Array, dt: float, host_ns: int) -> None:
@@ -540,7 +540,17 @@ class Controller:
         out = self._law.tick(inputs, dt, False, False)
         self._contact_monitor.release()
         self._vent_watch.frame(position, pressure, dt)
-        return Tick(stamp_ns, position, position, zero, zero, out[OUT.torque], self._torque.now, self._none, self._none)
+        return Tick(
+            stamp_ns=stamp_ns,
+            reference=position,
+            position=position,
+            error=zero,
+            pressure_command=zero,
+            torque_estimate=out[OUT.torque],
+            torque_limit=self._torque.now,
+            saturated=self._none,
+            contact=self._none,
+        )
 
     def health(self, host_ns: int) -> list[Health]:
         """State of the safety, the commands and the valves."""

@@ -37,7 +37,7 @@ from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_model.quantities import Wording, unit_words
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Limit:
     """The smallest size of an effect that a joint's recording would have shown.
 
@@ -238,7 +238,16 @@ def _limit(
     before = _number(_key(effect, main), float(nominal[main]), wording)[1]
     others = tuple(number for row, number in numbers.items() if row != main and values[row] != nominal[row])
     signal = None if stage is None else wording.signals[stage]
-    return Limit(joint.joint, effect.name, name, unit, before, None if stage is None else value, others, signal)
+    return Limit(
+        joint=joint.joint,
+        effect=effect.name,
+        parameter=name,
+        unit=unit,
+        nominal=before,
+        value=None if stage is None else value,
+        others=others,
+        signal=signal,
+    )
 
 
 def _rows(effect: Effect) -> list[tuple[str, int]]:

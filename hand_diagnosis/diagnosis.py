@@ -93,7 +93,7 @@ class JointDiagnosis(JointResult):
         return [certificate for certificate in self.certificates if certificate.broken]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnosis:
     """All of it. verdict: agrees, explained, partly_explained or unknown_physics.  check: lines of the data check.
 
@@ -148,7 +148,15 @@ def diagnose(
         signals = [without_sensor_curve(recording, model) for recording in signals]
         reruns = [without_sensor_curve(recording, model) for recording in reruns]
     lines = [line for each in (*checked, *checked_reruns) for line in (*each.signals.notes, *each.lines)]
-    task = Task(signals, model, wanted, effects, tolerance, seed, repeatability(signals, reruns))
+    task = Task(
+        signals=signals,
+        model=model,
+        joints=wanted,
+        effects=effects,
+        tolerance=tolerance,
+        seed=seed,
+        floors=repeatability(signals, reruns),
+    )
     task, more = tolerant(task)
     lines += more
     done, failed = [], {}
@@ -166,15 +174,15 @@ def diagnose(
     findings, left = ranked_findings(done, signals), remainders(done)
     reasons = not_judged(checked, [result.joint for result in done], joints) | failed
     return Diagnosis(
-        _certain(verdict(findings, left), done),
-        tuple(findings),
-        tuple(left),
-        tuple(reasons.items()),
-        tuple(done),
-        tuple(lines),
-        sensor_curve,
-        wording,
-        starts_s,
+        verdict=_certain(verdict(findings, left), done),
+        findings=tuple(findings),
+        remainder=tuple(left),
+        not_judged=tuple(reasons.items()),
+        joints=tuple(done),
+        check=tuple(lines),
+        sensor_curve=sensor_curve,
+        wording=wording,
+        starts_s=starts_s,
     )
 
 
@@ -290,7 +298,18 @@ def _searched(
     last.forget_sensitivities()
     reported = _fitted_to_everything(whole, search, rng) if machine else last if search.accepted else None
     withdrawn += contradicted
-    result = JointDiagnosis(joint, search, tuple(results), wording, test, onset, whole, reported, found, withdrawn)
+    result = JointDiagnosis(
+        joint=joint,
+        search=search,
+        results=tuple(results),
+        wording=wording,
+        test=test,
+        onset=onset,
+        whole=whole,
+        last=reported,
+        isolability=found,
+        withdrawn=withdrawn,
+    )
     return replace(result, certificates=_certified(result), left_out=left_out)
 
 

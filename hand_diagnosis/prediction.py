@@ -29,7 +29,7 @@ STATE_ONLY = 1e-6
 """Relative tolerance [-] of the model's numbers while the state at the start is estimated: they do not move."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
     """The error of one signal of one recording, SI of the model; noise: noise of the readings and of the inputs.
 
@@ -101,7 +101,7 @@ def _angle_error(found: Sequence[JointPrediction]) -> float:
 
 
 def _predicted(signals: Sequence[Signals], model: JointModel, joints: Sequence[str]) -> list[JointPrediction]:
-    task = Task(signals, model, joints, [], STATE_ONLY, 0, {})
+    task = Task(signals=signals, model=model, joints=joints, effects=[], tolerance=STATE_ONLY, seed=0, floors={})
     return [_joint(task, joint) for joint in joints]
 
 
@@ -117,7 +117,16 @@ def _joint(task: Task, joint: str) -> JointPrediction:
         for segment, values in zip(problem.segments, predicted, strict=True)
     )
     squares = problem.block_squares([r[None] for r in residuals])[0]
-    fit = MapFit(free, z, 0.0, squares, residuals, np.zeros((len(z), len(z))), (), 0)
+    fit = MapFit(
+        free=free,
+        z=z,
+        cost=0.0,
+        squares=squares,
+        residuals=residuals,
+        normal=np.zeros((len(z), len(z))),
+        sensitivity=(),
+        iterations=0,
+    )
     scores = [
         _score(problem, segment, residual, stage, float(noise[stage]))
         for segment, residual in zip(problem.segments, residuals, strict=True)
@@ -137,7 +146,15 @@ def _score(problem: JointProblem, segment: Segment, residual: Array, stage: int,
     use = segment.use[stage]
     left, measured = residual[stage][use], segment.measured[stage][use]
     rmse, spread = float(np.sqrt(np.mean(left**2))), float(np.std(measured))
-    return Score(segment.name, problem.joint, stage, rmse, noise, spread, int(use.sum()))
+    return Score(
+        recording=segment.name,
+        joint=problem.joint,
+        stage=stage,
+        rmse=rmse,
+        noise=noise,
+        spread=spread,
+        samples=int(use.sum()),
+    )
 
 
 def document(prediction: Prediction, recordings: Sequence[str], model: str) -> dict[str, Any]:

@@ -12,7 +12,7 @@ SILENCE_S = 0.1
 """Time without a frame after which the link counts as down; after the same time the controller vents."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BoardReport:
     """State of the board.
 
@@ -57,7 +57,15 @@ class Reporter:
         up = link_up and frame is not None and now_s - self._frame_at_s <= SILENCE_S
         status = Status(0) if frame is None else frame.status
         supply_v, echo = (0.0, None) if frame is None else (frame.supply_voltage_v, frame.echo if up else None)
-        report = BoardReport(protocol, up, status, supply_v, echo, fault, self._channels if up else ())
+        report = BoardReport(
+            protocol=protocol,
+            link_up=up,
+            status=status,
+            supply_voltage_v=supply_v,
+            echo=echo,
+            fault=fault,
+            channels=self._channels if up else (),
+        )
         verdict = report.verdict
         if verdict == self._shown and now_s - self._shown_at_s < 1.0 / REPORT_HZ - 1e-9:
             return None

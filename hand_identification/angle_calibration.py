@@ -28,7 +28,7 @@ which is about the resolution of the sensor."""
 MODELS = ("line", "sine", "harmonic")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AngleCalibration:
     """A calibrated sensor.
 
@@ -67,15 +67,17 @@ def calibrate_angle(angle_deg: Array, voltage_v: Array) -> AngleCalibration:
     numbers = _FIT[chosen](angle_deg, voltage_v)
     start_deg, slope = _fit_line(angle_deg, voltage_v)
     error = _INVERSE[chosen](numbers, voltage_v) - angle_deg
+    ends = [float((end - start_deg) / slope) if slope else math.nan for end in (0.0, 90.0)]
     return AngleCalibration(
-        chosen,
-        tuple(float(x) for x in numbers),
-        float(np.sqrt(np.mean(error**2))),
-        float(np.abs(error).max()),
-        validation,
-        float(voltage_v.min()),
-        float(voltage_v.max()),
-        *(float((end - start_deg) / slope) if slope else math.nan for end in (0.0, 90.0)),
+        model=chosen,
+        numbers=tuple(float(x) for x in numbers),
+        rms_deg=float(np.sqrt(np.mean(error**2))),
+        largest_deg=float(np.abs(error).max()),
+        validation_deg=validation,
+        low_v=float(voltage_v.min()),
+        high_v=float(voltage_v.max()),
+        volts_at_0_deg=ends[0],
+        volts_at_90_deg=ends[1],
     )
 
 

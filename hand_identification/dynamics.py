@@ -68,7 +68,7 @@ class Estimate:
     record: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class JointDynamics:
     """The result of a joint.
 
@@ -109,13 +109,13 @@ def identify_joint(
     starts = [zero, *(START_SPREAD * rng.standard_normal((STARTS - 1, len(free))))]
     best = multi_start(problem, free, starts)
     return JointDynamics(
-        joint,
-        tuple(_estimates(problem, best)),
-        _rmse(problem, [r[0] for r in nominal], validation=False),
-        _rmse(problem, best.residuals, validation=False),
-        _rmse(problem, best.residuals, validation=True),
-        best,
-        problem,
+        joint=joint,
+        estimates=tuple(_estimates(problem, best)),
+        rmse_before=_rmse(problem, [r[0] for r in nominal], validation=False),
+        rmse_after=_rmse(problem, best.residuals, validation=False),
+        validation_after=_rmse(problem, best.residuals, validation=True),
+        fit=best,
+        problem=problem,
     )
 
 

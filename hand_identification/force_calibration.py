@@ -15,7 +15,7 @@ from hand_model.arrays import Array
 ORDER = 3
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ForceCalibration:
     """log10 F = sum coefficients[k] (log10 R_S)^k.  Errors in N: RMS and largest, and relative RMS.
 
@@ -77,18 +77,18 @@ def calibrate_force(force_n: Array, voltage_v: Array, supply_v: float, divider_o
     slope, intercept = np.polyfit(y, x, 1)
     error = fitted - force_n
     return ForceCalibration(
-        tuple(float(c) for c in coefficients),
-        supply_v,
-        divider_ohm,
-        float(resistance.min()),
-        float(resistance.max()),
-        float(fitted.min()),
-        float(fitted.max()),
-        float(np.sqrt(np.mean(error**2))),
-        float(np.abs(error).max()),
-        float(np.sqrt(np.mean((error / force_n) ** 2))),
-        float(intercept),
-        float(-slope),
+        coefficients=tuple(float(c) for c in coefficients),
+        supply_v=supply_v,
+        divider_ohm=divider_ohm,
+        low_ohm=float(resistance.min()),
+        high_ohm=float(resistance.max()),
+        low_n=float(fitted.min()),
+        high_n=float(fitted.max()),
+        rms_n=float(np.sqrt(np.mean(error**2))),
+        largest_n=float(np.abs(error).max()),
+        relative_rms=float(np.sqrt(np.mean((error / force_n) ** 2))),
+        c0=float(intercept),
+        c1=float(-slope),
     )
 
 

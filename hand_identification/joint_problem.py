@@ -23,7 +23,7 @@ STAGES = READINGS
 FORCE = STAGES.index("force")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Segment:
     """One recording of the joint. Signals (T,), exogenous (T, EXOGENOUS).
 

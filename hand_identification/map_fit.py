@@ -20,7 +20,7 @@ from hand_model.arrays import Array
 from hand_recording.signals import white_noise
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MapFit:
     """The best point of a fit.
 
@@ -88,7 +88,16 @@ def map_fit(
         if not costs[best] < here.cost - max(tolerance, FITS.relative_tolerance * here.cost):
             break
         here = _Point(trials[best], float(costs[best]), squares[best], [r[best].copy() for r in residuals])
-    return MapFit(tuple(free), here.z, here.cost, here.squares, tuple(here.residuals), normal, tuple(sensitivity), done)
+    return MapFit(
+        free=tuple(free),
+        z=here.z,
+        cost=here.cost,
+        squares=here.squares,
+        residuals=tuple(here.residuals),
+        normal=normal,
+        sensitivity=tuple(sensitivity),
+        iterations=done,
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ ANGLE_UNITS = ((0.17, 2.0, "radians"),)
 """Spans [Pa, degrees] that a rig has whose numbers are in another unit: least, most, unit."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StaticMap:
     """Eq. 6: values and standard errors of a0 ... a3 (4,), r2, RMS residual [N m], warnings, covariance (4, 4).
 
@@ -85,7 +85,16 @@ def identify_statics(pressure_pa: Array, angle_rad: Array, torque_nm: Array) -> 
     rms = float(np.sqrt(np.mean(residual**2)))
     errors = np.sqrt(np.diag(covariance))
     warnings = _warnings(table, values, errors, pressure_pa, angle_rad)
-    return StaticMap(values, errors, covariance, r2, rms, len(torque_nm), independent, warnings)
+    return StaticMap(
+        values=values,
+        errors=errors,
+        covariance=covariance,
+        r2=r2,
+        rms_nm=rms,
+        samples=len(torque_nm),
+        independent=independent,
+        warnings=warnings,
+    )
 
 
 def identify_volume(pressure_pa: Array, angle_rad: Array, volume_m3: Array, torque_map: StaticMap) -> VolumeMap:

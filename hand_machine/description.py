@@ -55,7 +55,7 @@ SMALLEST_TOLERANCE = 1e-6
 """Least relative tolerance; a number that is known better is exact."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
     """A column of the recordings and the factor that turns it into SI. scale_given: whether the file states it.
 
@@ -78,7 +78,7 @@ class Column:
         return self.name.startswith("/")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MachineDescription:
     """A machine of one axis, SI.
 
@@ -167,10 +167,10 @@ def load_description(path: Path) -> MachineDescription:
     read |= _under_control(read, controller, of_speed=_of_speed(top))
     read["weight"] = _number(top, "weight", 0.0, 0.0, largest=0.0 if linear else LARGEST)
     return MachineDescription(
-        path,
-        top.name("name"),
-        linear,
-        imposed,
+        path=path,
+        name=top.name("name"),
+        linear=linear,
+        imposed=imposed,
         **{key: value for key, (value, _) in read.items()},
         has=_parts(top, linear=linear),
         columns=_columns(top, imposed),
@@ -378,12 +378,12 @@ def _column(part: Section) -> Column:
     if low >= high:
         raise part.error("limits", f"is [{low:g}, {high:g}]; the first number must be below the second")
     return Column(
-        str(own),
-        part.number("scale", -LARGEST, LARGEST, 1.0),
-        "scale" in part,
-        part.choice("pressure", list(PRESSURES)) if "pressure" in part else "",
-        part.number("offset", -LARGEST, LARGEST, 0.0),
-        part.number("delay", 0.0, MAX_DELAY_S, 0.0),
-        low,
-        high,
+        name=str(own),
+        scale=part.number("scale", -LARGEST, LARGEST, 1.0),
+        scale_given="scale" in part,
+        pressure=part.choice("pressure", list(PRESSURES)) if "pressure" in part else "",
+        offset=part.number("offset", -LARGEST, LARGEST, 0.0),
+        delay_s=part.number("delay", 0.0, MAX_DELAY_S, 0.0),
+        low=low,
+        high=high,
     )

@@ -65,7 +65,7 @@ class Scales:
     input: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AxisModel:
     """The nominal model of the axis. parameters: (rows of JOINT_PARAMETERS, 1), scaled to the size of a finger.
 
@@ -205,13 +205,15 @@ def _model(described: MachineDescription, scales: Scales, longest_s: float, unit
         parameters[CONTROLLED[name]] = described.controller[name] * scale
     put_effects(described, units, parameters)
     return AxisModel(
-        described.path,
-        described.name,
-        (AXIS,),
-        parameters[:, None],
-        np.array([-1]),
-        _lacks(described, longest_s),
-        {(PARAMETER | {"weight": WEIGHT})[name]: tolerance for name, tolerance in described.tolerances.items()}
+        path=described.path,
+        name=described.name,
+        joints=(AXIS,),
+        parameters=parameters[:, None],
+        partner=np.array([-1]),
+        lacks=_lacks(described, longest_s),
+        tolerances={
+            (PARAMETER | {"weight": WEIGHT})[name]: tolerance for name, tolerance in described.tolerances.items()
+        }
         | _over_travel(described),
     )
 
@@ -245,16 +247,16 @@ def _signals(
         force = table.signals["force"][:, None] / scales.torque / LEVER_M
     yes = np.ones(1, dtype=bool)
     return Signals(
-        recording.name,
-        (AXIS,),
-        table.period_s,
-        drive,
-        drive,
-        table.signals["position"][:, None] / scales.angle,
-        force,
-        table.known[:, None],
-        ~yes,
-        yes,
+        name=recording.name,
+        joints=(AXIS,),
+        period_s=table.period_s,
+        set_point_pa=drive,
+        pressure_pa=drive,
+        angle_rad=table.signals["position"][:, None] / scales.angle,
+        force_n=force,
+        known=table.known[:, None],
+        has_set_point=~yes,
+        has_pressure=yes,
         notes=table.notes,
         driven=described.imposed,
         machine=True,

@@ -68,7 +68,18 @@ def _palm(section: Section, prefix: str) -> Link:
     size, mass, inertia = _body(section)
     center = np.array([size[0] / 2.0, 0.0, 0.0])
     shape = Shape("box", size, pose(center))
-    return Link(prefix + PALM, "", -1, np.eye(4), np.zeros(3), size, mass, center, inertia, (shape,))
+    return Link(
+        name=prefix + PALM,
+        parent="",
+        joint=-1,
+        origin=np.eye(4),
+        axis=np.zeros(3),
+        size_m=size,
+        mass_kg=mass,
+        center_m=center,
+        inertia_kg_m2=inertia,
+        shapes=(shape,),
+    )
 
 
 def _link(entry: Section, names: list[str], prefix: str, above: list[Link]) -> Link:
@@ -124,16 +135,16 @@ def _mirrored(links: list[Link], frames: list[Frame]) -> Geometry:
     """The left hand: the right one, reflected in the plane of x and z. An axis of rotation is a pseudovector."""
     mirrored = tuple(
         Link(
-            link.name,
-            link.parent,
-            link.joint,
-            _reflected(link.origin),
-            -_MIRROR @ link.axis,
-            link.size_m,
-            link.mass_kg,
-            _MIRROR @ link.center_m,
-            link.inertia_kg_m2,
-            tuple(Shape(shape.kind, shape.size_m, _reflected(shape.pose)) for shape in link.shapes),
+            name=link.name,
+            parent=link.parent,
+            joint=link.joint,
+            origin=_reflected(link.origin),
+            axis=-_MIRROR @ link.axis,
+            size_m=link.size_m,
+            mass_kg=link.mass_kg,
+            center_m=_MIRROR @ link.center_m,
+            inertia_kg_m2=link.inertia_kg_m2,
+            shapes=tuple(Shape(shape.kind, shape.size_m, _reflected(shape.pose)) for shape in link.shapes),
         )
         for link in links
     )

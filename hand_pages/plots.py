@@ -60,7 +60,7 @@ class Panel:
     zero: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Plot:
     """Panels over one axis. label: of this axis, with its unit.  alt: the result in a sentence, for who sees no plot.
 

@@ -21,7 +21,7 @@ BLOCK = 4096  # rows decoded at once, so that they stay in the processor's cache
 MAX_LAYOUTS = 4  # layouts of a topic; messages with other layouts are decoded one by one
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TopicData:
     """A topic of N messages in order of their log times.
 
@@ -153,7 +153,14 @@ class TopicDecoder:
         stamp_ns = fields.pop("clock_ns", np.empty(0, np.int64)) if stamp_ns is None else stamp_ns
         publish_ns = arranged([block.publish_ns for block in self._blocks])
         return TopicData(
-            self._name, self._spec.type, names, stamp_ns, arranged([log_ns]), publish_ns, fields, self._malformed
+            name=self._name,
+            type=self._spec.type,
+            names=names,
+            stamp_ns=stamp_ns,
+            log_ns=arranged([log_ns]),
+            publish_ns=publish_ns,
+            fields=fields,
+            malformed=self._malformed,
         )
 
     def _spread(self, block: _Block, key: str, names: tuple[str, ...]) -> NDArray[Any]:

@@ -142,16 +142,16 @@ def _signals(path: Path, joints: tuple[str, ...], period_s: float, data: dict[st
     pressure, pressure_known = bridge(data["pressure"])
     commanded = np.isfinite(data["set_point"]).any(axis=0)
     return Signals(
-        path.name,
-        joints,
-        period_s,
-        np.nan_to_num(data["set_point"]),
-        pressure,
-        angle,
-        data["force"],
-        known & pressure_known,
-        np.asarray(commanded),
-        np.asarray(pressure_known.any(axis=0)),
-        (),
-        max(0.0, 1.0 - share),
+        name=path.name,
+        joints=joints,
+        period_s=period_s,
+        set_point_pa=np.nan_to_num(data["set_point"]),
+        pressure_pa=pressure,
+        angle_rad=angle,
+        force_n=data["force"],
+        known=known & pressure_known,
+        has_set_point=np.asarray(commanded),
+        has_pressure=np.asarray(pressure_known.any(axis=0)),
+        notes=(),
+        dropped=max(0.0, 1.0 - share),
     )

@@ -34,7 +34,7 @@ def samples_on_grid(name: object, first_s: float, last_s: float, period_s: float
     return count
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Signals:
     """One recording. T samples, J joints; every array (T, J).
 

@@ -33,7 +33,7 @@ Times = NDArray[np.int64]
 NS = 1_000_000_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TimeBase:
     """Signals at T times of J joints; NaN where a signal is not known. Every array is (T, J), force is (T, sites).
 
@@ -87,16 +87,16 @@ def resample(
         return interpolate(times, stamps, _named(data, field, names)[rows], gap_ns)
 
     return TimeBase(
-        times,
-        columns,
-        tuple(sites),
-        measured("joint_states", "position"),
-        measured("joint_states", "velocity"),
-        measured("joint_states", "effort"),
-        measured("pressures", "pressure"),
-        measured("contact_forces", "force", sites),
-        _valve_command(times, topics, columns),
-        _reference(times, topics, columns, gap_ns),
+        time_ns=times,
+        joints=columns,
+        sites=tuple(sites),
+        position=measured("joint_states", "position"),
+        velocity=measured("joint_states", "velocity"),
+        effort=measured("joint_states", "effort"),
+        pressure=measured("pressures", "pressure"),
+        force=measured("contact_forces", "force", sites),
+        valve_command=_valve_command(times, topics, columns),
+        reference=_reference(times, topics, columns, gap_ns),
     )
 
 

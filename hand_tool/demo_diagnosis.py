@@ -110,16 +110,16 @@ def conceal_and_diagnose(hand: Hand, model: Path, folder: Path, seed: int) -> Ou
     found = [{name: finding[name] for name in ("effect", "joint", "probability")} for finding in report["findings"]]
     effect = key.partition(".")[0]
     return Outcome(
-        seed,
-        joint,
-        effect,
-        key,
-        value,
-        report["verdict"],
-        found,
-        bool(found) and (found[0]["effect"], found[0]["joint"]) == (effect, joint),
-        [row for row in report["fit"] if row["split"] == "test" and row["joint"] == joint],
-        time.monotonic() - begun,
+        seed=seed,
+        joint=joint,
+        effect=effect,
+        key=key,
+        value=value,
+        verdict=report["verdict"],
+        found=found,
+        right=bool(found) and (found[0]["effect"], found[0]["joint"]) == (effect, joint),
+        errors=[row for row in report["fit"] if row["split"] == "test" and row["joint"] == joint],
+        seconds=time.monotonic() - begun,
     )
 
 

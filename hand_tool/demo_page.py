@@ -133,7 +133,7 @@ def _joint_plots(recording: Recording, result: Replay, joints: Sequence[str]) ->
         panels.append(Panel("pressure, set-point and measured [kPa]", pressure, 2.0))
         rms = float(np.sqrt(np.nanmean((reference - measured) ** 2)))
         alt = f"{joint}: the measured angle follows its reference within {rms:.2f} degrees RMS while the hand moves"
-        plots.append(Plot("time [s]", panels, alt, f"{alt}.", group="time"))
+        plots.append(Plot(label="time [s]", panels=panels, alt=alt, caption=f"{alt}.", group="time"))
     return plots
 
 
@@ -153,4 +153,4 @@ def _forces(recording: Recording) -> Plot | None:
         for k in pressed
     ]
     alt = f"The object pressed {len(pressed)} of {len(base.sites)} sensors, most of all {base.sites[pressed[0]]}"
-    return Plot("time [s]", panels, alt, f"{alt} with {most[pressed[0]]:.2g} N.", group="time")
+    return Plot(label="time [s]", panels=panels, alt=alt, caption=f"{alt} with {most[pressed[0]]:.2g} N.", group="time")

@@ -186,3 +186,40 @@ def test_signatures_are_short(path: Path) -> None:
     plain = [function for function in public_functions(path) if not function.is_compiled]
     long = {f.where: len(f.positional) for f in plain if len(f.positional) > MOST_POSITIONAL}
     assert not long
+
+
+KEPT = {"Parameter", "Frame", "SamplePayload", "Reproduction", "Trial", "FaultResult"}
+"""Records that are written as rows of a table, or unpacked from bytes."""
+
+
+def many_positional(source: str, classes: set[str]) -> list[tuple[int, str]]:
+    """Line and name of calls of classes with more than MOST_POSITIONAL arguments that are not named."""
+    calls = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)]
+    named = [(call, ast.unparse(call.func).rpartition(".")[2]) for call in calls if len(call.args) > MOST_POSITIONAL]
+    return [(call.lineno, name) for call, name in named if name in classes]
+
+
+def dataclasses_of(source: str) -> set[str]:
+    """Names of the dataclasses of a module that have more than MOST_POSITIONAL fields, or inherit some."""
+    classes = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ClassDef)]
+    classes = [node for node in classes if "dataclass" in " ".join(map(ast.unparse, node.decorator_list))]
+    counts = {node.name: sum(isinstance(part, ast.AnnAssign) for part in node.body) for node in classes}
+    return {node.name for node in classes if node.bases or counts[node.name] > MOST_POSITIONAL}
+
+
+def test_fields_are_named() -> None:
+    """Fails when a dataclass gets more than six fields by their order, in which two can be exchanged unnoticed."""
+    sources = {path: path.read_text(encoding="utf-8") for path in files((*COMPLYING, "test", "examples"))}
+    classes = {name for source in sources.values() for name in dataclasses_of(source)}
+    assert classes >= KEPT
+    found = {str(path.relative_to(ROOT)): many_positional(text, classes - KEPT) for path, text in sources.items()}
+    assert {path: calls for path, calls in found.items() if calls} == {}
+
+
+def test_seven_fields_by_order_are_seen() -> None:
+    """Fails when the search overlooks a call with seven fields by their order, or finds one with names."""
+    fields = "".join(f"    {name}: int\n" for name in "abcdefg")
+    calls = "x = m.A(1, 2, 3, 4, 5, 6, 7)\ny = A(1, 2, 3, 4, 5, 6, g=7)\n"
+    source = f"{calls}@dataclass(frozen=True)\nclass A:\n{fields}@dataclass\nclass B:\n    a: int\n"
+    assert dataclasses_of(source) == {"A"}
+    assert many_positional(source, {"A"}) == [(1, "A")]

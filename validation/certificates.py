@@ -83,9 +83,17 @@ def draw_case(nominal: Nominal, kind: str, rng: Rng, seconds: float = SECONDS) -
     noisy = [r + level * rng.standard_normal(r.shape) for r, level in zip(readings[:2], NOISE, strict=True)]
     yes, name = np.ones(1, dtype=bool), nominal.joints[joint]
     signals = Signals(
-        kind, (name,), EVERY * FRAME_S, where.u[::EVERY, :1], noisy[0], noisy[1], np.full(noisy[0].shape, np.nan),
-        np.ones(noisy[0].shape, dtype=bool), yes, yes,
-    )  # fmt: skip
+        name=kind,
+        joints=(name,),
+        period_s=EVERY * FRAME_S,
+        set_point_pa=where.u[::EVERY, :1],
+        pressure_pa=noisy[0],
+        angle_rad=noisy[1],
+        force_n=np.full(noisy[0].shape, np.nan),
+        known=np.ones(noisy[0].shape, dtype=bool),
+        has_set_point=yes,
+        has_pressure=yes,
+    )
     effects = tuple(family.effect for family in taken)
     return Case(kind, name, signals, effects, effects[-1:] if kind == "half" else ())
 

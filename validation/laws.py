@@ -329,7 +329,18 @@ def recording(hand: Hand, form: Form, rng: np.random.Generator) -> Signals:
     pressures = pressure[:, None] + NOISE[0] * rng.standard_normal(shape)
     angles = angle[:, None] + NOISE[1] * rng.standard_normal(shape)
     nothing, known = np.full(shape, np.nan), np.ones(shape, dtype=bool)
-    return Signals("simulated", (JOINT,), PERIOD_S, commands[:, None], pressures, angles, nothing, known, yes, yes)
+    return Signals(
+        name="simulated",
+        joints=(JOINT,),
+        period_s=PERIOD_S,
+        set_point_pa=commands[:, None],
+        pressure_pa=pressures,
+        angle_rad=angles,
+        force_n=nothing,
+        known=known,
+        has_set_point=yes,
+        has_pressure=yes,
+    )
 
 
 def one_joint(path: Path) -> Hand:

@@ -186,10 +186,17 @@ def recording(hand: Hand, form: str, floors: float, seed: int) -> tuple[Signals,
     yes = np.ones(1, dtype=bool)
     shape = (len(u), 1)
     signals = Signals(
-        f"{form}_{seed}", (JOINT,), 1.0 / RATE_HZ, u[:, None],
-        out[:, :1] + NOISE_PA * rng.standard_normal(shape), out[:, 1:] + NOISE_RAD * rng.standard_normal(shape),
-        np.full(shape, np.nan), np.ones(shape, dtype=bool), yes, yes,
-    )  # fmt: skip
+        name=f"{form}_{seed}",
+        joints=(JOINT,),
+        period_s=1.0 / RATE_HZ,
+        set_point_pa=u[:, None],
+        pressure_pa=out[:, :1] + NOISE_PA * rng.standard_normal(shape),
+        angle_rad=out[:, 1:] + NOISE_RAD * rng.standard_normal(shape),
+        force_n=np.full(shape, np.nan),
+        known=np.ones(shape, dtype=bool),
+        has_set_point=yes,
+        has_pressure=yes,
+    )
     return signals, size
 
 

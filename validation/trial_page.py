@@ -108,7 +108,12 @@ def _reliability(bins: Sequence[Mapping[str, float]]) -> list[Plot]:
     alt = f"Of {most['count']:.0f} findings claimed with {most['claimed']:.0%}, {most['right']:.0%} are right"
     panel = Panel("share of right findings", curves, 4.0, zero=True)
     return [
-        Plot("claimed probability", [panel], alt, f"{alt}. On the dashed line, claims are as often right as claimed.")
+        Plot(
+            label="claimed probability",
+            panels=[panel],
+            alt=alt,
+            caption=f"{alt}. On the dashed line, claims are as often right as claimed.",
+        )
     ]
 
 

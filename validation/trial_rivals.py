@@ -43,7 +43,7 @@ TREES, SEED = 400, 0
 NOTHING = "nothing"
 COMMAND = "python -m validation.trial_rivals FOLDER --train FOLDER"
 _AXIS = MachineDescription(
-    Path(), "joint", linear=True, imposed=True, gain=1.0, stiffness=0.0, damping=0.0, inertia=0.0, weight=0.0,
+    path=Path(), name="joint", linear=True, imposed=True, gain=1.0, stiffness=0.0, damping=0.0, inertia=0.0, weight=0.0,
     has=frozenset(), columns={}, tolerances={}, effects={}, recordings={}, sizes=None,
     derivative_window_s=None, controller={}, per_kelvin={}, reference_c=20.0,
 )  # fmt: skip
@@ -70,7 +70,15 @@ def joints_of(folder: Path, case: dict[str, Any]) -> Iterator[JointData]:
     checked = check(read_recording(folder / "recordings" / f"case_{case['number']:04d}.mcap", hand), hand)
     signals = [checked.signals]
     names = moving_joints(signals, hand, (), frozenset(checked.unusable))
-    task = Task(signals, hand, names, effects_without([], hand), case["tolerance"] or TOLERANCE, SEED, {})
+    task = Task(
+        signals=signals,
+        model=hand,
+        joints=names,
+        effects=effects_without([], hand),
+        tolerance=case["tolerance"] or TOLERANCE,
+        seed=SEED,
+        floors={},
+    )
     for name in names:
         ready = task.prepare(name)
         problem = fit_part(ready.problem)

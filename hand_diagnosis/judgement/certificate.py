@@ -36,7 +36,7 @@ GAUSSIAN_PROCESS, LAGGED_INPUTS = "gaussian_process", "lagged_inputs"
 States = dict[str, Array]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Certificate:
     """The strongest attack on a signal of a joint: its model, the states it is over, test errors before, after [SI].
 
@@ -146,7 +146,14 @@ def _judged(problem: JointProblem, stage: int, attack: Attack, validation: Sampl
     before, after = (float(np.sqrt(np.mean(r**2))) for r in (test.residual, test.residual - attack.test))
     sure = all(_falls(data, said) for data, said in ((validation, attack.validation), (test, attack.test)))
     return Certificate(
-        problem.joint, stage, attack.model, attack.over, before, after, sure, float(problem.floor[stage])
+        joint=problem.joint,
+        stage=stage,
+        model=attack.model,
+        over=attack.over,
+        before=before,
+        after=after,
+        sure=sure,
+        floor=float(problem.floor[stage]),
     )
 
 

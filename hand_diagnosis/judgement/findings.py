@@ -38,7 +38,7 @@ class Number:
     determined: bool
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
     """One finding. joint None: the whole hand.  alternatives: (effect, probability, experiment that separates).
 
@@ -131,8 +131,20 @@ def _dropped_frames(signals: Sequence[Signals]) -> list[Finding]:
         if share > SETTINGS.max_dropped_share:
             statement = f"{recording.name}: {share:.2%} of the frames are missing; gaps are bridged and not used."
             probability = SETTINGS.dropped_frames_probability
-            where = ("stamps", "gaps between stamps")
-            found.append(Finding(None, "timing", "dropped_frames", probability, (), (), *where, (), statement))
+            found.append(
+                Finding(
+                    joint=None,
+                    place="timing",
+                    effect="dropped_frames",
+                    probability=probability,
+                    alternatives=(),
+                    when=(),
+                    signal="stamps",
+                    condition="gaps between stamps",
+                    numbers=(),
+                    statement=statement,
+                )
+            )
     return found
 
 
@@ -174,21 +186,21 @@ def _finding(result: JointResult, index: int) -> Finding:
     law = law_curve(result.reported, result.reported.accepted[index], wording)
     explains = _explained_by(result, index)
     return Finding(
-        None if effect.everywhere or effect.place == "supply" else result.joint,
-        effect.place,
-        effect.name,
-        probability,
-        alternatives,
-        when(search, off, stage),
-        wording.signals[stage],
-        _condition(search, off, stage, wording),
-        numbers,
-        _statement(result, index, said(effect, numbers, wording), tied, explains, bound, law),
-        tuple(tied),
-        explains,
-        tuple(key for key, _ in bound),
-        law,
-        result.onset,
+        joint=None if effect.everywhere or effect.place == "supply" else result.joint,
+        place=effect.place,
+        effect=effect.name,
+        probability=probability,
+        alternatives=alternatives,
+        when=when(search, off, stage),
+        signal=wording.signals[stage],
+        condition=_condition(search, off, stage, wording),
+        numbers=numbers,
+        statement=_statement(result, index, said(effect, numbers, wording), tied, explains, bound, law),
+        tied_with=tuple(tied),
+        explains=explains,
+        at_bound=tuple(key for key, _ in bound),
+        law=law,
+        onset=result.onset,
     )
 
 

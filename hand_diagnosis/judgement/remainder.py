@@ -24,7 +24,7 @@ STAGE_PLACES = ("valve", "joint", "force_sensor")
 """Place of a remainder by the signal in which it shows."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Remainder:
     """What the best model leaves of a signal of a joint, in the unit in which the signal is shown.
 
@@ -84,20 +84,20 @@ def remainder(result: JointResult, stage: StageResult) -> Remainder:
     law = None if learned is None else described(learned, wording)
     family = PERIODIC["time"] if structure.tone > SETTINGS.min_tone_share else FAMILIES[structure.state]
     return Remainder(
-        result.joint,
-        STAGE_PLACES[stage.stage],
-        wording.signals[stage.stage],
-        factor * stage.most_left.after,
-        unit,
-        stage.most_left.left**2,
-        stage.other_physics,
-        family if learned is None else learned.placed.family,
-        stretches,
-        tuple((effect.name, numbers) for effect, numbers in zip(parts, own, strict=True)),
-        f"{_statement(result, stage, structure, texts)} {_law_text(learned, law, factor, unit)}",
-        stage.most_left.split,
-        learned,
-        law,
+        joint=result.joint,
+        place=STAGE_PLACES[stage.stage],
+        signal=wording.signals[stage.stage],
+        rms=factor * stage.most_left.after,
+        unit=unit,
+        share=stage.most_left.left**2,
+        probability=stage.other_physics,
+        family=family if learned is None else learned.placed.family,
+        when=stretches,
+        candidates=tuple((effect.name, numbers) for effect, numbers in zip(parts, own, strict=True)),
+        statement=f"{_statement(result, stage, structure, texts)} {_law_text(learned, law, factor, unit)}",
+        split=stage.most_left.split,
+        learned=learned,
+        law=law,
     )
 
 

@@ -98,7 +98,7 @@ class Placed:
         return [*pair, FreeParameter(row, rate, each, False, rate - most, rate + most)]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RemainderLaw:
     """The law of a remainder. problem: with the law's state placed.  validation, test: errors before and after, SI.
 
@@ -158,7 +158,9 @@ def learn_remainder(
         errors = (float(test.rmse(0)[stage]), float(test.rmse(1)[stage]))
         if errors[1] > (1.0 - SETTINGS.min_relative_improvement) * errors[0]:
             return None
-    return RemainderLaw(placed, stage, ready, fit, ended, (before, after), errors)
+    return RemainderLaw(
+        placed=placed, stage=stage, problem=ready, before=fit, fit=ended, validation=(before, after), test=errors
+    )
 
 
 def repeating_torque(problem: JointProblem, fit: MapFit) -> tuple[JointProblem, Placed, MapFit] | None:
@@ -259,7 +261,15 @@ def described(law: RemainderLaw, wording: Wording) -> LawCurve:
         sentence = f"{quantity} repeats every {every} of the {over} with an amplitude of {size}"
     else:
         sentence = in_words(quantity, (over,), points[:, 0], points[None, :, 1], unit.unit, over_unit.unit)
-    return LawCurve("learned", (over,), quantity, unit.unit, over_unit.unit, points, sentence)
+    return LawCurve(
+        form="learned",
+        over=(over,),
+        quantity=quantity,
+        unit=unit.unit,
+        over_unit=over_unit.unit,
+        points=points,
+        statement=sentence,
+    )
 
 
 def _curves(law: RemainderLaw, z: Array, x: Sequence[float] | Array) -> Array:

@@ -129,7 +129,7 @@ def _share(left: Array, phase: Array) -> float:
     return float(gone @ left) / max(float(left @ left), 1e-300)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Region:
     """A part of a signal's data, SI: RMS of the residual there, noise, standard errors above it, whether it is missed.
 
@@ -213,7 +213,9 @@ def _tested(state: str, part: str, residual: Array, block: NDArray[np.int64], re
     rms = float(np.sqrt(np.mean(residual**2)))
     sigma = (float(squares.mean()) - result.noise**2) / error
     missed = sigma > SETTINGS.min_missed_sigma and rms**2 - result.noise**2 > result.floor**2
-    return Region(result.stage, state, part, rms, result.noise, sigma, bool(missed))
+    return Region(
+        stage=result.stage, state=state, part=part, rms=rms, noise=result.noise, sigma=sigma, missed=bool(missed)
+    )
 
 
 def _band(residual: Array, period_s: float, low_hz: float, high_hz: float) -> Array:

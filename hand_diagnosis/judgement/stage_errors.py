@@ -43,7 +43,7 @@ class Excess:
         return min(self.after / max(self.before, 1e-300), 1.0)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StageResult:
     """One signal on the validation data, SI: error before and after, noise, excess over the noise before and after.
 
@@ -143,7 +143,19 @@ def stage_results(problem: JointProblem, nominal: MapFit, final: MapFit, effects
         errors, own = (float(before[stage]), float(after[stage])), float(noise[stage])
         beyond = (_beyond(errors[0], own), _beyond(errors[1], own))
         floor, samples = float(problem.floor[stage]), float(independent[stage])
-        results.append(StageResult(stage, *errors, own, *beyond, floor, effects, samples))
+        results.append(
+            StageResult(
+                stage=stage,
+                before=errors[0],
+                after=errors[1],
+                noise=own,
+                excess_before=beyond[0],
+                excess_after=beyond[1],
+                floor=floor,
+                effects=effects,
+                independent=samples,
+            )
+        )
     return results
 
 

@@ -48,7 +48,18 @@ def _simulated(hand: Hand, names: Sequence[str], commands: Array, period_s: floa
     sensors, known = hand.sensors, np.ones(given.shape, dtype=bool)
     read = sensors.angle_line.angle_rad(sensors.hall.ratio(states[:, PHI]))
     none, yes = np.full(given.shape, np.nan), np.ones(len(joints), dtype=bool)
-    return Signals(hand.name, tuple(joints), period_s, given, states[:, P], read, none, known, yes, yes)
+    return Signals(
+        name=hand.name,
+        joints=tuple(joints),
+        period_s=period_s,
+        set_point_pa=given,
+        pressure_pa=states[:, P],
+        angle_rad=read,
+        force_n=none,
+        known=known,
+        has_set_point=yes,
+        has_pressure=yes,
+    )
 
 
 def motion_sentence(rows: Sequence[dict[str, Any]], shown: int) -> str:

@@ -104,7 +104,7 @@ def _pair(
     held: Array = second.set_point_pa[in_force(time_s, second.time_s), k]
     numbers["same_commands"] = _rms(first.set_point_pa[:count, i] - held) <= SETTINGS.same_commands_pa
     alt = f"RMS difference of {joint}: {', '.join(parts)}"
-    return numbers, Plot("time [s]", panels, alt, f"{alt}.", group="time")
+    return numbers, Plot(label="time [s]", panels=panels, alt=alt, caption=f"{alt}.", group="time")
 
 
 def _rms(difference: Array) -> float:

@@ -159,4 +159,4 @@ def _trend(rows: Sequence[Row], joints: Sequence[str]) -> Plot | None:
     files = sum(row.of_file for row in dated)
     if files:
         caption += f" The dates of {counted(files, 'recording')} are those of the files."
-    return Plot(f"days since {begin}", [panel], alt, caption)
+    return Plot(label=f"days since {begin}", panels=[panel], alt=alt, caption=caption)

@@ -82,7 +82,18 @@ def time_plots(joint: JointDiagnosis, stage: int, nth: int) -> list[Plot]:
         )
         caption += f" Every {nth}th sample is shown." if nth > 1 else ""
         notes = _notes(names, errors, unit)
-        plots.append(Plot("time [s]", panels, alt, caption, _spans(joint, k), f"time {k}", names, notes))
+        plots.append(
+            Plot(
+                label="time [s]",
+                panels=panels,
+                alt=alt,
+                caption=caption,
+                spans=_spans(joint, k),
+                group=f"time {k}",
+                switches=names,
+                notes=notes,
+            )
+        )
     return plots
 
 
@@ -132,7 +143,9 @@ def state_plot(joint: JointDiagnosis, stage: int) -> Plot | None:
     signal = joint.wording.signals[stage]
     caption = f"Mean of measured minus model over the {means.state}, by direction of motion."
     alt = f"Mean error of the {signal} of {joint.joint} over the {means.state}: {_largest(means, unit)}"
-    return Plot(means.label, [Panel(f"measured - model [{unit}]", curves, zero=True)], alt, caption)
+    return Plot(
+        label=means.label, panels=[Panel(f"measured - model [{unit}]", curves, zero=True)], alt=alt, caption=caption
+    )
 
 
 def law_plot(effect: str, law: LawCurve) -> Plot:
@@ -143,7 +156,7 @@ def law_plot(effect: str, law: LawCurve) -> Plot:
         curves.append(Curve("textbook form", "quiet", state, textbook))
     panel = Panel(f"{law.quantity} [{law.unit}]", curves, zero=True)
     alt = f"law of {effect}: {law.statement}"
-    return Plot(f"{law.over[0]} [{law.over_unit}]", [panel], alt, law.statement)
+    return Plot(label=f"{law.over[0]} [{law.over_unit}]", panels=[panel], alt=alt, caption=law.statement)
 
 
 @dataclass(frozen=True, slots=True)

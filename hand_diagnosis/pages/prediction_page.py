@@ -102,7 +102,7 @@ def prediction_plots(joint: JointPrediction, wording: Wording, nth: int) -> list
         alt += f", noise floor {scale * own[0].noise:.3g} {unit}"
         caption = f"{segment.name}. Band: ±2 standard deviations of the noise."
         caption += f" Every {nth}th sample is shown." if nth > 1 else ""
-        plots.append(Plot("time [s]", panels, alt, caption, group=f"time {k}"))
+        plots.append(Plot(label="time [s]", panels=panels, alt=alt, caption=caption, group=f"time {k}"))
     return plots
 
 

@@ -112,7 +112,7 @@ class Prepared:
     start: Array
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
     """Recordings of a hand or machine, and how they are diagnosed.
 

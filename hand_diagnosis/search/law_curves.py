@@ -19,7 +19,7 @@ from hand_model.kernel.rows import ROW, effect_rows
 from hand_model.quantities import HAND, Wording, amount
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LawCurve:
     """A law over its states, in the units of the machine.
 
@@ -75,7 +75,15 @@ def describe(
     quantity, over = wording.sentence(known.quantity, ()), tuple(wording.state(name) for name in known.over)
     sentence = in_words(quantity, over, points[:, 0], here * unit.factor, unit.unit, over_unit.unit)
     form = "textbook" if textbook is None else "learned"
-    return LawCurve(form, over, quantity, unit.unit, over_unit.unit, points, sentence)
+    return LawCurve(
+        form=form,
+        over=over,
+        quantity=quantity,
+        unit=unit.unit,
+        over_unit=over_unit.unit,
+        points=points,
+        statement=sentence,
+    )
 
 
 def _curves(problem: JointProblem, effect: Effect, fit: MapFit, z: Array, first: Array, second: Array) -> Array:

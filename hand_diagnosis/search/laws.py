@@ -28,7 +28,7 @@ from hand_model.kernel.plant_rows import PLANT_PARAMETERS
 from hand_model.kernel.rows import ROW
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LearnedLaw:
     """The learned law of an effect, compared with its textbook form.
 
@@ -225,15 +225,15 @@ def _compared(problem: JointProblem, textbook: MapFit, fit: MapFit, effect: Effe
     confirmed = better and evidence + _validation_gain(problem, textbook, fit) > 0.0
     strong = evidence > SETTINGS.strong_log_evidence and fall[1] >= 0.0 and _falls(problem, textbook, fit)
     return LearnedLaw(
-        effect,
-        textbook,
-        fit,
-        tuple(fit.free[k].key for k in own),
-        evidence,
-        float(sum(1.0 - covariance[k, k] for k in own)),
-        stage,
-        fall,
-        bool(own and (confirmed or strong)),
+        effect=effect,
+        textbook=textbook,
+        fit=fit,
+        freed=tuple(fit.free[k].key for k in own),
+        evidence=evidence,
+        coefficients=float(sum(1.0 - covariance[k, k] for k in own)),
+        stage=stage,
+        fall=fall,
+        preferred=bool(own and (confirmed or strong)),
     )
 
 

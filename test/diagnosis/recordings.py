@@ -62,16 +62,16 @@ def record(truth: Hand, rng: np.random.Generator, seconds: float = 44.0) -> Sign
     states = np.concatenate([plant.state[None], plant.advance(commands[:-1])])
     shape, yes = commands.shape, np.ones(joints, dtype=bool)
     return Signals(
-        "simulated",
-        truth.joints,
-        PERIOD_S,
-        commands,
-        states[:, P] + PRESSURE_NOISE_PA * rng.standard_normal(shape),
-        states[:, PHI] + ANGLE_NOISE_RAD * rng.standard_normal(shape),
-        np.full(shape, np.nan),
-        np.ones(shape, dtype=bool),
-        yes,
-        yes,
+        name="simulated",
+        joints=truth.joints,
+        period_s=PERIOD_S,
+        set_point_pa=commands,
+        pressure_pa=states[:, P] + PRESSURE_NOISE_PA * rng.standard_normal(shape),
+        angle_rad=states[:, PHI] + ANGLE_NOISE_RAD * rng.standard_normal(shape),
+        force_n=np.full(shape, np.nan),
+        known=np.ones(shape, dtype=bool),
+        has_set_point=yes,
+        has_pressure=yes,
     )
 
 
@@ -87,4 +87,15 @@ def recorded_alone(hand: Hand, commands: Array, joint: str = "index_distal") -> 
     j, yes = hand.joints.index(joint), np.ones(1, dtype=bool)
     pressure, angle = states[:, P, j : j + 1], states[:, PHI, j : j + 1]
     none, known = np.full_like(angle, np.nan), np.ones_like(angle, dtype=bool)
-    return Signals("steps", (joint,), 0.01, commands[:, j : j + 1], pressure, angle, none, known, yes, yes)
+    return Signals(
+        name="steps",
+        joints=(joint,),
+        period_s=0.01,
+        set_point_pa=commands[:, j : j + 1],
+        pressure_pa=pressure,
+        angle_rad=angle,
+        force_n=none,
+        known=known,
+        has_set_point=yes,
+        has_pressure=yes,
+    )

@@ -99,7 +99,9 @@ def test_noise_that_is_correlated_breaks_none(plain: Signals, hand: Hand) -> Non
 
 def test_a_small_share_or_an_unsure_one_does_not_break() -> None:
     """Fails when one of the three conditions is not asked for: share, significance, size."""
-    broken = Certificate(JOINT, 1, GAUSSIAN_PROCESS, ("angle",), 0.01, 0.005, True, 0.001)
+    broken = Certificate(
+        joint=JOINT, stage=1, model=GAUSSIAN_PROCESS, over=("angle",), before=0.01, after=0.005, sure=True, floor=0.001
+    )
     assert broken.broken and broken.share == pytest.approx(0.5)
     limit = 0.01 * (1.0 - SETTINGS.certificate_share)
     for other in (replace(broken, after=limit + 1e-6), replace(broken, sure=False), replace(broken, floor=0.02)):

@@ -248,7 +248,18 @@ def test_a_constant_recording_gives_no_finding(hand: Hand) -> None:
     count, joints = 2000, len(hand.joints)
     still, yes = np.zeros((count, joints)), np.ones(joints, dtype=bool)
     known = np.ones((count, joints), dtype=bool)
-    nothing = Signals("still", hand.joints, 0.005, still, still, still, np.full_like(still, np.nan), known, yes, yes)
+    nothing = Signals(
+        name="still",
+        joints=hand.joints,
+        period_s=0.005,
+        set_point_pa=still,
+        pressure_pa=still,
+        angle_rad=still,
+        force_n=np.full_like(still, np.nan),
+        known=known,
+        has_set_point=yes,
+        has_pressure=yes,
+    )
     result = diagnose([nothing], hand, tolerance=0.05, seed=0)
     assert result.verdict == "agrees"
     assert not result.joints

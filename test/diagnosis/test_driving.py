@@ -43,11 +43,17 @@ def read(hand: Hand, truth: tuple[np.ndarray, np.ndarray], *, known: np.ndarray 
     rng = np.random.default_rng(42)
     shape, yes = commands.shape, np.ones(commands.shape[1], dtype=bool)
     return Signals(
-        "made", hand.joints, PERIOD_S, commands,
-        states[::FINE, P] + NOISE_PA * rng.standard_normal(shape),
-        states[::FINE, PHI] + NOISE_RAD * rng.standard_normal(shape),
-        np.full(shape, np.nan), np.ones(shape, dtype=bool) if known is None else known, yes, yes,
-    )  # fmt: skip
+        name="made",
+        joints=hand.joints,
+        period_s=PERIOD_S,
+        set_point_pa=commands,
+        pressure_pa=states[::FINE, P] + NOISE_PA * rng.standard_normal(shape),
+        angle_rad=states[::FINE, PHI] + NOISE_RAD * rng.standard_normal(shape),
+        force_n=np.full(shape, np.nan),
+        known=np.ones(shape, dtype=bool) if known is None else known,
+        has_set_point=yes,
+        has_pressure=yes,
+    )
 
 
 def fitted(signals: Signals, hand: Hand) -> tuple[JointProblem, list[FreeParameter], np.ndarray]:
@@ -102,7 +108,12 @@ def test_a_vented_partner_that_is_not_recorded_is_shaken(hand: Hand) -> None:
         angle_rad=whole.angle_rad[:, keep], force_n=whole.force_n[:, keep], known=whole.known[:, keep],
         has_set_point=whole.has_set_point[keep], has_pressure=whole.has_pressure[keep],
     )  # fmt: skip
-    beside = Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem.segments[0].exogenous[:, PARTNER]
+    beside = (
+        Task(signals=[signals], model=hand, joints=[JOINT], effects=[], tolerance=0.05, seed=0, floors={})
+        .prepare(JOINT)
+        .problem.segments[0]
+        .exogenous[:, PARTNER]
+    )
     angle = made[1][::FINE, PHI, partner]
     true = np.zeros(len(angle))
     true[1:-1] = np.diff(angle, 2) / PERIOD_S**2
@@ -143,7 +154,11 @@ def test_gaps_are_bridged_beside_the_model(hand: Hand, truth: tuple[np.ndarray, 
 def test_acceleration_has_less_noise_beside_the_model(hand: Hand, truth: tuple[np.ndarray, np.ndarray]) -> None:
     """Fails when a partner's acceleration is as noisy as one taken from angles alone."""
     signals = read(hand, truth)
-    problem = Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem
+    problem = (
+        Task(signals=[signals], model=hand, joints=[JOINT], effects=[], tolerance=0.05, seed=0, floors={})
+        .prepare(JOINT)
+        .problem
+    )
     partner = int(hand.partner[hand.joints.index(JOINT)])
     angle = truth[1][::FINE, PHI, partner]
     true = np.zeros(len(angle))
@@ -171,7 +186,11 @@ def test_recordings_of_one_name_and_another_length_are_kept_apart(
     """Fails when two recordings are merged because their files have the same name."""
     long = read(hand, truth)
     short = read(hand, (truth[0][:600], truth[1][: 600 * FINE]))
-    segments = Task([long, short], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem.segments
+    segments = (
+        Task(signals=[long, short], model=hand, joints=[JOINT], effects=[], tolerance=0.05, seed=0, floors={})
+        .prepare(JOINT)
+        .problem.segments
+    )
     assert [len(segment.exogenous) for segment in segments] == [len(truth[0]), 600]
     assert segments[0].exogenous[:590, INFLOW] == pytest.approx(segments[1].exogenous[:590, INFLOW], rel=0.2, abs=5e5)
 

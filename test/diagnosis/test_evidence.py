@@ -22,7 +22,7 @@ JOINT = "index_distal"
 def _fit(hand: Hand, *, extra: bool) -> tuple[MapFit, Task, list[int]]:
     """A fit of a joint with plain Coulomb friction; extra: breakaway and load dependence are fitted, too."""
     signals = record(changed(hand, JOINT, coulomb_friction__torque_nm=0.006), np.random.default_rng(81), 20.0)
-    task = Task([signals], hand, [JOINT], [], 0.05, 0, {})
+    task = Task(signals=[signals], model=hand, joints=[JOINT], effects=[], tolerance=0.05, seed=0, floors={})
     ready = task.prepare(JOINT)
     keys = EFFECTS["coulomb_friction"].keys if extra else ("coulomb_friction.torque_nm",)
     added = [m for m in effect_free_parameters(EFFECTS["coulomb_friction"], ready.problem.nominal) if m.key in keys]
@@ -56,7 +56,9 @@ def test_validation_blocks_are_evidence(hand: Hand) -> None:
 def test_nominal_numbers_stay_within_three_tolerances(hand: Hand) -> None:
     """Fails when a parameter that is far off is absorbed by its tolerance instead of named as an effect."""
     signals = record(changed(hand, JOINT, valve__dead_time_s=0.03), np.random.default_rng(82), 20.0)
-    task = Task([signals], hand, [JOINT], list(EFFECTS.values()), 0.05, 0, {})
+    task = Task(
+        signals=[signals], model=hand, joints=[JOINT], effects=list(EFFECTS.values()), tolerance=0.05, seed=0, floors={}
+    )
     ready = task.prepare(JOINT)
     effects = [EFFECTS["valve_delay"], EFFECTS["valve_lag"]]
     found = search_joint(ready.problem, effects, ready.free, np.random.default_rng(0), ready.start)

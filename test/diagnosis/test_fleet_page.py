@@ -40,7 +40,18 @@ def some_rows() -> list[Row]:
         each = {joint: float(f"{ratio:.3g}") for joint, ratio in zip(JOINTS, ratios, strict=True)}
         name = f"2026-{k % 12 + 1:02d}/hand_{k:05d}_run.mcap"
         date_s = FIRST_S + k * DAY_S / 30.0
-        rows.append(Row(name, f"{k:05d}_hand_{k:05d}_run", verdict, text, date_s, False, each, Words()))
+        rows.append(
+            Row(
+                name=name,
+                link=f"{k:05d}_hand_{k:05d}_run",
+                verdict=verdict,
+                answer=text,
+                date_s=date_s,
+                of_file=False,
+                errors=each,
+                words=Words(),
+            )
+        )
     return [*rows, Row("bad.mcap", answer="<it> is empty", date_s=FIRST_S)]
 
 

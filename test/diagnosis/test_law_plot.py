@@ -18,7 +18,15 @@ def test_a_learned_law_is_drawn_with_its_band_and_the_textbook_form() -> None:
     """Fails when band or textbook form is missing, curves are exchanged, or a textbook law is drawn twice."""
     drawn = {}
     for form in ("learned", "textbook"):
-        law = LawCurve(form, ("speed", "load"), "friction", "mN m", "rad/s", POINTS, "friction rises")
+        law = LawCurve(
+            form=form,
+            over=("speed", "load"),
+            quantity="friction",
+            unit="mN m",
+            over_unit="rad/s",
+            points=POINTS,
+            statement="friction rises",
+        )
         plot = law_plot("Coulomb friction", law)
         assert (plot.label, plot.panels[0].label) == ("speed [rad/s]", "friction [mN m]")
         assert plot.alt == "law of Coulomb friction: friction rises"

@@ -87,7 +87,18 @@ def made(effect: str, truth: Mapping[str, float], seed: int) -> tuple[JointProbl
     shape, yes = (len(commands), 1), np.ones(1, dtype=bool)
     pressure, angle = (states[:, k] + NOISE[k] * rng.standard_normal(shape) for k in (0, 1))
     nothing, known = np.full(shape, np.nan), np.ones(shape, dtype=bool)
-    signals = Signals("s", (JOINT,), PERIOD_S, commands[:, None], pressure, angle, nothing, known, yes, yes)
+    signals = Signals(
+        name="s",
+        joints=(JOINT,),
+        period_s=PERIOD_S,
+        set_point_pa=commands[:, None],
+        pressure_pa=pressure,
+        angle_rad=angle,
+        force_n=nothing,
+        known=known,
+        has_set_point=yes,
+        has_pressure=yes,
+    )
     problem = joint_problem([signals], replace(hand, parameters=parameters), JOINT)
     free = nominal_free_parameters(problem.nominal, 0.03, True)
     fit = map_fit(problem, free, np.zeros(len(free)))

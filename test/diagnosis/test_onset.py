@@ -39,7 +39,18 @@ def recorded(first: Hand, then: Hand, at_s: float, rng: np.random.Generator) -> 
     pressure = states[:, P] + PRESSURE_NOISE_PA * rng.standard_normal(shape)
     angle = states[:, PHI] + ANGLE_NOISE_RAD * rng.standard_normal(shape)
     known, none = np.ones(shape, dtype=bool), np.full(shape, np.nan)
-    return Signals("simulated", first.joints, PERIOD_S, commands, pressure, angle, none, known, yes, yes)
+    return Signals(
+        name="simulated",
+        joints=first.joints,
+        period_s=PERIOD_S,
+        set_point_pa=commands,
+        pressure_pa=pressure,
+        angle_rad=angle,
+        force_n=none,
+        known=known,
+        has_set_point=yes,
+        has_pressure=yes,
+    )
 
 
 @pytest.mark.long

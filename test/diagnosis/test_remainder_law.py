@@ -30,7 +30,15 @@ def law_of(hand: Hand, form: str, floors: float = FLOORS) -> RemainderLaw | None
     """The law of what the plain model leaves of the angle in a recording with one form."""
     print(f"seed {SEED}")
     signals, _ = recording(hand, form, floors, SEED)
-    ready = Task([signals], nominal_model(hand, SEED), [JOINT], [], 0.05, 0, {}).prepare(JOINT)
+    ready = Task(
+        signals=[signals],
+        model=nominal_model(hand, SEED),
+        joints=[JOINT],
+        effects=[],
+        tolerance=0.05,
+        seed=0,
+        floors={},
+    ).prepare(JOINT)
     problem = fit_part(ready.problem)
     fit = map_fit(problem, ready.free, ready.start)
     return learn_remainder(problem, ready.problem, fit, ANGLE, describe(problem, fit, ANGLE))

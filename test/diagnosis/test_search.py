@@ -28,7 +28,9 @@ def test_the_last_fit_goes_below_the_practical_floor(hand: Hand, monkeypatch: py
     monkeypatch.setattr(recordings, "PRESSURE_NOISE_PA", 20.0)
     rng = np.random.default_rng(90)
     nominal = off_by_a_little(hand, rng, 0.06)
-    ready = Task([record(hand, rng, 16.0)], nominal, [JOINT], [], 0.05, 0, {}).prepare(JOINT)
+    ready = Task(
+        signals=[record(hand, rng, 16.0)], model=nominal, joints=[JOINT], effects=[], tolerance=0.05, seed=0, floors={}
+    ).prepare(JOINT)
     fit = map_fit(ready.problem, ready.free, ready.start, 12, 1e-4)
     last = refit_below_floor(ready.problem, fit)
     train = ~ready.problem.validation
@@ -46,7 +48,11 @@ def test_a_better_valve_drives_the_joint_better(hand: Hand, monkeypatch: pytest.
     signals = record(leaking, np.random.default_rng(91))
     monkeypatch.setattr(recordings, "PRESSURE_NOISE_PA", 0.0)
     truth = record(leaking, np.random.default_rng(91)).pressure_pa[:, hand.joints.index(JOINT)]
-    whole = Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem
+    whole = (
+        Task(signals=[signals], model=hand, joints=[JOINT], effects=[], tolerance=0.05, seed=0, floors={})
+        .prepare(JOINT)
+        .problem
+    )
     first = fit_part(whole).segments[0].driving_pa
     result = diagnose([signals], hand, tolerance=0.05, seed=0, joints=[JOINT], sensor_curve=False)
     last = result.joints[0].search.problem.segments[0].driving_pa
@@ -69,7 +75,15 @@ def test_a_law_is_screened_where_its_textbook_form_sees_little(hand: Hand) -> No
     freed = []
     for law in ({"by_square": 1.0}, {}):
         truth = changed(hand, JOINT, **{f"thermal_drift__{key}": value for key, value in (drift | law).items()})
-        ready = Task([record(truth, rng, 20.0)], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT)
+        ready = Task(
+            signals=[record(truth, rng, 20.0)],
+            model=hand,
+            joints=[JOINT],
+            effects=[],
+            tolerance=0.05,
+            seed=0,
+            floors={},
+        ).prepare(JOINT)
         problem = fit_part(ready.problem)
         current = map_fit(problem, ready.free, ready.start)
         (found,) = promising(problem, current, [EFFECTS["thermal_drift"]], laws=True)
@@ -90,7 +104,15 @@ def test_names_for_one_claim_are_separated_below_floor_below_the_floor(
     monkeypatch.setattr(recordings, "PRESSURE_NOISE_PA", 60.0)
     rng = np.random.default_rng(5)
     law = {"tube_lag__time_constant_s": 0.008, "tube_lag__added_4_s": 0.008}
-    ready = Task([record(changed(hand, JOINT, **law), rng, 24.0)], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT)
+    ready = Task(
+        signals=[record(changed(hand, JOINT, **law), rng, 24.0)],
+        model=hand,
+        joints=[JOINT],
+        effects=[],
+        tolerance=0.05,
+        seed=0,
+        floors={},
+    ).prepare(JOINT)
     problem = fit_part(ready.problem)
     current = map_fit(problem, ready.free, ready.start)
     tube, sensor = (

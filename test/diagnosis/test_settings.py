@@ -144,7 +144,11 @@ def test_every_setting_is_documented_and_used(settings: AnySettings) -> None:
 
 def test_the_report_prints_every_setting() -> None:
     """Fails when a report does not say with which settings it was made."""
-    report = document(Diagnosis("agrees", (), (), (), (), (), False), [], "hand.yaml")
+    report = document(
+        Diagnosis(verdict="agrees", findings=(), remainder=(), not_judged=(), joints=(), check=(), sensor_curve=False),
+        [],
+        "hand.yaml",
+    )
     for key, settings in IN_FORCE.items():
         printed = json.loads(json.dumps(report[key], allow_nan=False))
         assert set(printed) == {entry.name for entry in fields(settings)}

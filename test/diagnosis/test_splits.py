@@ -29,7 +29,11 @@ def signals(hand: Hand) -> Signals:
 
 def test_the_last_fifth_or_a_whole_recording_is_spared(hand: Hand, signals: Signals) -> None:
     """Fails when test data are too few, reach into the fit part, or are taken from every one of many recordings."""
-    whole = Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem
+    whole = (
+        Task(signals=[signals], model=hand, joints=[JOINT], effects=[], tolerance=0.05, seed=0, floors={})
+        .prepare(JOINT)
+        .problem
+    )
     cut = spans_of_test(whole)[0][0]
     assert 0.7 < cut / signals.samples <= 0.8  # the cut is at the border of a block
     part = fit_part(whole)
@@ -37,7 +41,11 @@ def test_the_last_fifth_or_a_whole_recording_is_spared(hand: Hand, signals: Sign
     assert part.segments[0].block[-1] < whole.segments[0].block[cut]
     named = [replace(signals, name=name) for name in "abcd"]
     assert [each.name for each in spared_last(named)] == ["a", "b", "d", "c"]
-    several = Task(spared_last(named), hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem
+    several = (
+        Task(signals=spared_last(named), model=hand, joints=[JOINT], effects=[], tolerance=0.05, seed=0, floors={})
+        .prepare(JOINT)
+        .problem
+    )
     assert [segment.name for segment in fit_part(several).segments] == ["a", "b", "d"]
     assert len(fit_part(several).segments[0].angle_rad) == signals.samples
 
@@ -48,7 +56,15 @@ def test_test_data_change_no_fit(hand: Hand, signals: Signals) -> None:
     spoilt[round(0.85 * signals.samples) :, hand.joints.index(JOINT)] += np.radians(3.0)
     fits, errors = [], []
     for angle in (signals.angle_rad, spoilt):
-        ready = Task([replace(signals, angle_rad=angle)], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT)
+        ready = Task(
+            signals=[replace(signals, angle_rad=angle)],
+            model=hand,
+            joints=[JOINT],
+            effects=[],
+            tolerance=0.05,
+            seed=0,
+            floors={},
+        ).prepare(JOINT)
         fits.append(map_fit(fit_part(ready.problem), ready.free, ready.start, 6))
         tested = evaluate_test(ready.problem, [fits[-1]], free_axis=False)
         assert tested is not None
@@ -61,7 +77,9 @@ def test_test_data_change_no_fit(hand: Hand, signals: Signals) -> None:
 
 def test_exchanged_test_data_change_no_fit(hand: Hand, signals: Signals) -> None:
     """Fails when readings of test data inside a recording are fitted, or the end of the recording is not."""
-    ready = Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT)  # its inputs come from the usual split
+    ready = Task(signals=[signals], model=hand, joints=[JOINT], effects=[], tolerance=0.05, seed=0, floors={}).prepare(
+        JOINT
+    )  # its inputs come from the usual split
     usual = spans_of_test(ready.problem)[0]
     begin = 2 * usual[0] - usual[1]
     read = ready.problem.segments[0]
@@ -98,7 +116,11 @@ def test_an_obstacle_met_only_at_the_end_is_found(hand: Hand, monkeypatch: pytes
     monkeypatch.setattr(recordings, "excitation", gentle_first)
     column = hand.joints.index(JOINT)
     plain = record(hand, np.random.default_rng(seed), seconds)
-    last, _ = spans_of_test(Task([plain], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT).problem)[0]
+    last, _ = spans_of_test(
+        Task(signals=[plain], model=hand, joints=[JOINT], effects=[], tolerance=0.05, seed=0, floors={})
+        .prepare(JOINT)
+        .problem
+    )[0]
     before, after = (float(part.max()) for part in (plain.angle_rad[:last, column], plain.angle_rad[last:, column]))
     print(np.degrees([before, after]))
     at_rad = before + 0.2 * (after - before)

@@ -23,7 +23,9 @@ def test_a_limit_that_does_not_act_is_left(hand: Hand) -> None:
     print(f"seed {SEED}")
     rates = {"valve__fill_rate_pa_per_s": 3e5, "valve__vent_rate_pa_per_s": 2.5e5, "valve_flow_limit__choking": 1.0}
     signals = record(changed(hand, JOINT, **rates), np.random.default_rng(SEED), 16.0)
-    ready = Task([signals], hand, [JOINT], [], 0.05, 0, {}).prepare(JOINT)
+    ready = Task(signals=[signals], model=hand, joints=[JOINT], effects=[], tolerance=0.05, seed=0, floors={}).prepare(
+        JOINT
+    )
     effect = EFFECTS["valve_flow_limit"]
     free = merged(ready.free, effect_free_parameters(effect, ready.problem.nominal))
     off = {"valve.vent_rate_pa_per_s", "valve_flow_limit.choking"}

@@ -46,8 +46,19 @@ def tied(hand: Hand, joint: str, sizes: tuple[float, float]) -> tuple[Finding, A
         hypotheses.append(
             Hypothesis(EFFECTS[name], map_fit(problem, free, size * np.ones(len(free)), 1), 0.0, 0, (0.0, 0.0))
         )
-    where = ("pressure", "everywhere")
-    finding = Finding(joint, "valve", "valve_lag", 0.5, (("leak", 0.45, "hold"),), (), *where, (), "", ("leak",))
+    finding = Finding(
+        joint=joint,
+        place="valve",
+        effect="valve_lag",
+        probability=0.5,
+        alternatives=(("leak", 0.45, "hold"),),
+        when=(),
+        signal="pressure",
+        condition="everywhere",
+        numbers=(),
+        statement="",
+        tied_with=("leak",),
+    )
     return finding, SimpleNamespace(joint=joint, search=SimpleNamespace(problem=problem, rounds=[hypotheses]))
 
 

@@ -32,7 +32,9 @@ def recorded(true: Hand, nominal: Hand, share: float) -> tuple[Signals, Hand]:
 def tolerance_of(true: Hand, nominal: Hand, share: float, joints: list[str]) -> float:
     """The tolerance with which the joints are diagnosed."""
     signals, model = recorded(true, nominal, share)
-    return tolerant(Task([signals], model, joints, [], TOLERANCE, 0, {}))[0].tolerance
+    return tolerant(
+        Task(signals=[signals], model=model, joints=joints, effects=[], tolerance=TOLERANCE, seed=0, floors={})
+    )[0].tolerance
 
 
 def test_wrong_numbers_of_all_joints_are_no_effects(hand: Hand) -> None:

@@ -16,7 +16,17 @@ FLOOR, NOISE = 1.0, 0.2
 def result(before: float, after: float) -> StageResult:
     """A signal with one effect: its excess error before and after, in floors."""
     errors = math.hypot(before, NOISE), math.hypot(after, NOISE)
-    return StageResult(1, errors[0], errors[1], NOISE, before, after, FLOOR, 1, 40.0)
+    return StageResult(
+        stage=1,
+        before=errors[0],
+        after=errors[1],
+        noise=NOISE,
+        excess_before=before,
+        excess_after=after,
+        floor=FLOOR,
+        effects=1,
+        independent=40.0,
+    )
 
 
 def test_a_name_that_leaves_much_is_improbable() -> None:

@@ -49,16 +49,16 @@ def record(truth: Hand, seconds: float, rng: np.random.Generator) -> Signals:
     states = np.concatenate([plant.state[None], plant.advance(commands[:-1])])
     shape, yes = commands.shape, np.ones(joints, dtype=bool)
     return Signals(
-        "simulated",
-        truth.joints,
-        PERIOD_S,
-        commands,
-        states[:, P] + 150.0 * rng.standard_normal(shape),
-        states[:, PHI] + np.radians(0.03) * rng.standard_normal(shape),
-        np.full(shape, np.nan),
-        np.ones(shape, dtype=bool),
-        yes,
-        yes,
+        name="simulated",
+        joints=truth.joints,
+        period_s=PERIOD_S,
+        set_point_pa=commands,
+        pressure_pa=states[:, P] + 150.0 * rng.standard_normal(shape),
+        angle_rad=states[:, PHI] + np.radians(0.03) * rng.standard_normal(shape),
+        force_n=np.full(shape, np.nan),
+        known=np.ones(shape, dtype=bool),
+        has_set_point=yes,
+        has_pressure=yes,
     )
 
 

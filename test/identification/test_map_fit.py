@@ -46,7 +46,18 @@ def make_problem() -> JointProblem:
     pressure = states[:, P] + 150.0 * rng.standard_normal(shape)
     angle = states[:, PHI] + np.radians(0.03) * rng.standard_normal(shape)
     nothing, known = np.full(shape, np.nan), np.ones(shape, dtype=bool)
-    signals = Signals("steps", hand.joints, PERIOD_S, commands, pressure, angle, nothing, known, yes, yes)
+    signals = Signals(
+        name="steps",
+        joints=hand.joints,
+        period_s=PERIOD_S,
+        set_point_pa=commands,
+        pressure_pa=pressure,
+        angle_rad=angle,
+        force_n=nothing,
+        known=known,
+        has_set_point=yes,
+        has_pressure=yes,
+    )
     return joint_problem([signals], hand, JOINT)
 
 

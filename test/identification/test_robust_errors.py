@@ -39,7 +39,16 @@ def fitted(noise: np.ndarray) -> tuple[Any, MapFit]:
     residual, slopes = np.zeros((OUTPUTS, SAMPLES)), np.zeros((2, OUTPUTS, SAMPLES))
     residual[1], slopes[:, 1] = noise - z @ design, -design
     problem = Line([Part(np.arange(SAMPLES) // BLOCK)], np.array([0.0, 1e4, 0.0]), SAMPLES // BLOCK)
-    return problem, MapFit((), z, 0.0, np.zeros((OUTPUTS, problem.blocks)), (residual,), normal, (slopes,), 1)
+    return problem, MapFit(
+        free=(),
+        z=z,
+        cost=0.0,
+        squares=np.zeros((OUTPUTS, problem.blocks)),
+        residuals=(residual,),
+        normal=normal,
+        sensitivity=(slopes,),
+        iterations=1,
+    )
 
 
 def test_they_cover_the_truth_whether_the_noise_is_white_or_correlated() -> None:
@@ -65,7 +74,18 @@ def test_they_cover_the_truth_whether_the_noise_is_white_or_correlated() -> None
 def test_without_slopes_there_are_none() -> None:
     """Fails when a fit whose arrays were dropped gets errors, or an empty one stops the report."""
     problem, fit = fitted(np.zeros(SAMPLES))
-    bare = MapFit((), fit.z, 0.0, fit.squares, (), fit.normal, (), 1)
+    bare = MapFit(
+        free=(), z=fit.z, cost=0.0, squares=fit.squares, residuals=(), normal=fit.normal, sensitivity=(), iterations=1
+    )
     assert robust_errors(problem, bare).tolist() == [0.0, 0.0]
-    empty = MapFit((), np.zeros(0), 0.0, fit.squares, fit.residuals, np.zeros((0, 0)), fit.sensitivity, 1)
+    empty = MapFit(
+        free=(),
+        z=np.zeros(0),
+        cost=0.0,
+        squares=fit.squares,
+        residuals=fit.residuals,
+        normal=np.zeros((0, 0)),
+        sensitivity=fit.sensitivity,
+        iterations=1,
+    )
     assert robust_errors(problem, empty).size == 0

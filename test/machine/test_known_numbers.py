@@ -86,7 +86,15 @@ def test_a_wrong_number_is_found_next_to_exact_ones(tmp_path: Path, recording: P
     """Fails when the fit of a 10 % wrong stiffness misses the truth although gain and inertia are exact."""
     keys = {"gain": {"value": GAIN, "exact": True}, "inertia": {"value": INERTIA, "exact": True}}
     loaded = machine(tmp_path, recording, stiffness={"value": 1.1 * STIFFNESS, "tolerance": 0.2}, **keys)
-    task = Task(loaded.signals, loaded.model, loaded.model.joints, [], 0.05, 0, {})
+    task = Task(
+        signals=loaded.signals,
+        model=loaded.model,
+        joints=loaded.model.joints,
+        effects=[],
+        tolerance=0.05,
+        seed=0,
+        floors={},
+    )
     problem, fit = task.nominal_fits()[0]
     columns, _ = problem.columns(fit.free, fit.z[None])
     nominal = loaded.model.parameters[:, 0]

@@ -66,7 +66,18 @@ def test_what_concerns_the_whole_machine_is_not_put_on_a_hand(folder: Path, tmp_
     finding = dict.fromkeys(("rank", "joint", "place", "probability", "statement")) | {"effect": "supply_droop"}
     words = {"whole": "the machine", "axis": "axis"}
     content = {"verdict": "explained", "words": words, "findings": [finding], "remainder": []}
-    job = Job(str(folder / "good.csv"), str(MACHINE / "slide.yaml"), None, str(tmp_path), 0.05, 0, (), (), None, True)
+    job = Job(
+        recording=str(folder / "good.csv"),
+        model=str(MACHINE / "slide.yaml"),
+        mapping=None,
+        out=str(tmp_path),
+        tolerance=0.05,
+        seed=0,
+        joints=(),
+        without=(),
+        sensor_curve=None,
+        of_machine=True,
+    )
     (tmp_path / "report.json").write_text(json.dumps(content), encoding="utf-8")
     (tmp_path / KEY).write_text(job.key, encoding="utf-8")
     assert write_table(run_job(job), tmp_path)["by_joint"] == {"machine: supply_droop": 1}

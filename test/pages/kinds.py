@@ -61,7 +61,16 @@ def plot() -> Plot:
     below = Curve("after", "after", axis, 0.1 * values, variants=[0.2 * values])
     panels = [Panel("angle [deg]", curves), Panel("measured - model [deg]", [below], noise=0.05)]
     spans = [(0.5, 1.0, "validation"), (3.0, 4.0, "test")]
-    return Plot("time [s]", panels, "The angle is a sine", "A caption.", spans, "time", ["friction"], ["with", "off"])
+    return Plot(
+        label="time [s]",
+        panels=panels,
+        alt="The angle is a sine",
+        caption="A caption.",
+        spans=spans,
+        group="time",
+        switches=["friction"],
+        notes=["with", "off"],
+    )
 
 
 def report() -> dict[str, Any]:
@@ -146,7 +155,18 @@ def demo(path: Path) -> None:
     found = [{"effect": "tube_lag", "joint": "index_distal", "probability": 0.97}]
     errors = [{"signal": "pressure", "rmse_before": 1.0, "rmse_after": 0.1, "noise_floor": 0.1, "unit": "kPa"}]
     key = "tube_lag.time_constant_s"
-    outcome = Outcome(5, "index_distal", "tube_lag", key, 0.05, "explained", found, True, errors, 11.0)
+    outcome = Outcome(
+        seed=5,
+        joint="index_distal",
+        effect="tube_lag",
+        key=key,
+        value=0.05,
+        verdict="explained",
+        found=found,
+        right=True,
+        errors=errors,
+        seconds=11.0,
+    )
     write_plots(path, dict.fromkeys(JOINTS, plot()), plot(), summary, outcome, MADE)
 
 
@@ -159,7 +179,18 @@ def compare(path: Path) -> None:
 
     def recording(name: str) -> Signals:
         drawn = rng.standard_normal((4, *shape))
-        return Signals(name, JOINTS, 0.01, drawn[0], drawn[1], drawn[2], drawn[3], known, yes, yes)
+        return Signals(
+            name=name,
+            joints=JOINTS,
+            period_s=0.01,
+            set_point_pa=drawn[0],
+            pressure_pa=drawn[1],
+            angle_rad=drawn[2],
+            force_n=drawn[3],
+            known=known,
+            has_set_point=yes,
+            has_pressure=yes,
+        )
 
     first, second = recording("a"), recording("b")
     write_comparison(compare_recordings(first, second), (str(MADE["command"]), "b.mcap"), path.parent, MADE)

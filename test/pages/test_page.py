@@ -83,7 +83,7 @@ def test_runs_are_the_stretches_of_true() -> None:
 
 def test_no_name_ends_the_script_of_a_plot() -> None:
     """Fails when a name with markup, as that of a recording's joint, closes the element that holds the data."""
-    plot = Plot("</script>", [Panel("<b>", [Curve("a", "after", (0.0, 0.1), np.arange(3.0))])], "alt")
+    plot = Plot(label="</script>", panels=[Panel("<b>", [Curve("a", "after", (0.0, 0.1), np.arange(3.0))])], alt="alt")
     assert "<" not in plot.json()
     assert json.loads(plot.json())["axes"] == [{"start": 0.0, "step": 0.1}]
 
@@ -94,7 +94,7 @@ def test_switches_show_the_curve_of_every_combination(tmp_path: Path) -> None:
     below = Curve("model", "after", axis, 0.0 * level, variants=[k * level for k in (1.0, 2.0, 3.0)])
     above = [Curve("measured", "measured", axis, 10.0 * level), Curve("model", "after", axis, 10.0 * level)]
     panels, notes = [Panel("signal", above), Panel("error", [below])], ["none off", "a off", "b off", "both off"]
-    plot = Plot("time", panels, "alt", switches=["a", "b"], notes=notes)
+    plot = Plot(label="time", panels=panels, alt="alt", switches=["a", "b"], notes=notes)
     script = (ROOT / "hand_pages" / "plots.js").read_text(encoding="utf-8")
     data = f'<script type="application/json">{plot.json()}</script>'
     figure = f'<figure class="plot" tabindex="0">{data}<figcaption></figcaption></figure>'
@@ -122,7 +122,7 @@ def test_zooming_a_plot_zooms_those_of_its_group(tmp_path: Path) -> None:
 
     def figure(group: str, size: float) -> str:
         curve = Curve("a", "after", (0.0, 0.1), size * np.sin(np.arange(101.0)))
-        data = Plot("time [s]", [Panel("b", [curve])], "alt", group=group).json()
+        data = Plot(label="time [s]", panels=[Panel("b", [curve])], alt="alt", group=group).json()
         script = f'<script type="application/json">{data}</script>'
         return f'<figure class="plot" tabindex="0">{script}<figcaption></figcaption></figure>'
 

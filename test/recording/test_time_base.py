@@ -24,7 +24,16 @@ def _topic(stamps_ms: list[int], publish_ms: list[int] | None = None, **fields: 
     stamps = np.array(stamps_ms, np.int64) * MS
     publish = stamps if publish_ms is None else np.rint(np.array(publish_ms, np.float64) * MS).astype(np.int64)
     columns = {name: np.array(values, np.float64) for name, values in fields.items()}
-    return TopicData("t", "T", ("a", "b"), stamps, publish, publish, columns, 0)
+    return TopicData(
+        name="t",
+        type="T",
+        names=("a", "b"),
+        stamp_ns=stamps,
+        log_ns=publish,
+        publish_ns=publish,
+        fields=columns,
+        malformed=0,
+    )
 
 
 def _recording(**topics: TopicData) -> Recording:

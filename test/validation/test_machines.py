@@ -61,7 +61,18 @@ def axis(folder: Path) -> tuple[Case, Path]:
     known = (frozenset({"coulomb_friction"}),)
     numbers = {"coulomb_friction.force_n": {"value": 8.0, "source": "as simulated"}}
     entries = {name: {"path": name} for name in names}
-    return Case("axis", "Axis", machine, entries, names[2:], known, ("stiffening",), numbers, 0.1, {}), folder
+    return Case(
+        name="axis",
+        title="Axis",
+        machine=machine,
+        recordings=entries,
+        test=names[2:],
+        known=known,
+        decoys=("stiffening",),
+        published=numbers,
+        tolerance=0.1,
+        source={},
+    ), folder
 
 
 def test_columns_of_every_format() -> None:
@@ -103,8 +114,30 @@ def test_recordings_come_from_the_commit_of_a_clone(tmp_path: Path) -> None:
     (clone / "run.txt").write_text("5 5\n5 5\n", encoding="utf-8")
     recording = {"path": "run.txt", "format": "table", "names": ["t", "x"], "columns": ["x"]}
     source = {"repository": "maker/rig", "commit": git("rev-parse", "HEAD")}
-    case = Case("rig", "Rig", tmp_path / "m.yaml", {"run.npz": recording}, (), (), (), {}, 0.1, source)
-    other = Case("gone", "Gone", tmp_path / "m.yaml", {}, (), (), (), {}, 0.1, {"repository": "maker/gone"})
+    case = Case(
+        name="rig",
+        title="Rig",
+        machine=tmp_path / "m.yaml",
+        recordings={"run.npz": recording},
+        test=(),
+        known=(),
+        decoys=(),
+        published={},
+        tolerance=0.1,
+        source=source,
+    )
+    other = Case(
+        name="gone",
+        title="Gone",
+        machine=tmp_path / "m.yaml",
+        recordings={},
+        test=(),
+        known=(),
+        decoys=(),
+        published={},
+        tolerance=0.1,
+        source={"repository": "maker/gone"},
+    )
     lines = collect([case, other], tmp_path / "clones", tmp_path / "data", lambda _: None)
     assert lines == [f"gone: no clone of maker/gone in {tmp_path / 'clones'}"]
     with np.load(tmp_path / "data" / "rig" / "run.npz") as found:
@@ -166,7 +199,18 @@ def test_rivals_of_a_driven_axis(tmp_path: Path) -> None:
 def test_a_judgement_counts_classes_parts_and_decoys(tmp_path: Path) -> None:
     """Fails when a part of an unknown counts as named, a decoy below 0.5 as accepted, or a class as two effects."""
     known = (frozenset({"coulomb_friction"}), frozenset({"contact", "stiffening"}))
-    case = Case("m", "M", tmp_path / "m.yaml", {}, (), known, ("creep", "backlash"), {}, 0.1, {})
+    case = Case(
+        name="m",
+        title="M",
+        machine=tmp_path / "m.yaml",
+        recordings={},
+        test=(),
+        known=known,
+        decoys=("creep", "backlash"),
+        published={},
+        tolerance=0.1,
+        source={},
+    )
     finding = {"effect": "stiffening", "probability": 0.7, "parameters": {}}
     decoy = {"effect": "creep", "probability": 0.4, "parameters": {}}
     stamps = {"effect": "dropped_frames", "probability": 1.0, "parameters": {}}
@@ -184,7 +228,18 @@ def test_a_judgement_counts_classes_parts_and_decoys(tmp_path: Path) -> None:
 def test_published_numbers_within_two_standard_errors(tmp_path: Path) -> None:
     """Fails when a number three errors away agrees, or one that was not found counts as wrong or right."""
     numbers = {key: {"value": 1.0, "source": "s"} for key in ("near", "far", "absent")}
-    case = Case("m", "M", tmp_path / "m.yaml", {}, (), (), (), numbers, 0.1, {})
+    case = Case(
+        name="m",
+        title="M",
+        machine=tmp_path / "m.yaml",
+        recordings={},
+        test=(),
+        known=(),
+        decoys=(),
+        published=numbers,
+        tolerance=0.1,
+        source={},
+    )
     ours = {"near": {"value": 1.15, "std": 0.1, "unit": "N"}, "far": {"value": 1.3, "std": 0.1, "unit": "N"}}
     rows = published(case, {"findings": [{"parameters": ours}]}, {})
     assert [row["agrees"] for row in rows] == [True, False, None]

@@ -22,7 +22,17 @@ def soak(growth_mb: float = 0.0, frames: int = RATE_HZ, commands: int = RATE_HZ,
     for number in range(360):
         memory = dict.fromkeys(NAMES, 100.0 + number % 2) | {"recorder": 90.0 + growth_mb * number / 359}
         cpu = dict.fromkeys(NAMES, 0.2)
-        result.samples.append(Sample(10.0 * (number + 1), memory, cpu, 10.0, 10 * frames, 10 * commands, 0.2 * number))
+        result.samples.append(
+            Sample(
+                time_s=10.0 * (number + 1),
+                rss_mb=memory,
+                cpu=cpu,
+                passed_s=10.0,
+                frames=10 * frames,
+                commands=10 * commands,
+                file_mb=0.2 * number,
+            )
+        )
     return evaluate(result)
 
 

@@ -91,15 +91,15 @@ def compare(hand: Hand, hidden: str, seconds: float, joints: tuple[str, ...]) ->
     before = beyond_noise(problem, judged.search.nominal)
     share = _sparse_share(problem, judged.search.nominal)
     return Row(
-        hidden,
-        first.effect if first else "agrees",
-        first is not None and first.joint == JOINT,
-        _unfitted(problem),
-        beyond_noise(problem, judged.search.final),
-        before,
-        before * float(np.sqrt(max(1.0 - share, 0.0))),
-        frictions[best],
-        best,
+        hidden=hidden,
+        named=first.effect if first else "agrees",
+        joint=first is not None and first.joint == JOINT,
+        nominal=_unfitted(problem),
+        ours=beyond_noise(problem, judged.search.final),
+        reidentified=before,
+        sparse=before * float(np.sqrt(max(1.0 - share, 0.0))),
+        friction=frictions[best],
+        best_friction=best,
     )
 
 
@@ -160,11 +160,17 @@ def record(hand: Hand, hidden: str, seconds: float) -> Signals:
     shape = set_point.shape
     joints, all_joints = len(hand.joints), np.ones(len(hand.joints), dtype=np.bool_)
     return Signals(
-        hidden, hand.joints, PERIOD_S, set_point,
-        states[:, P] + 100.0 * rng.standard_normal(shape),
-        states[:, PHI] + np.radians(0.03) * rng.standard_normal(shape),
-        np.full((samples, joints), np.nan), np.ones(shape, dtype=np.bool_), all_joints, all_joints,
-    )  # fmt: skip
+        name=hidden,
+        joints=hand.joints,
+        period_s=PERIOD_S,
+        set_point_pa=set_point,
+        pressure_pa=states[:, P] + 100.0 * rng.standard_normal(shape),
+        angle_rad=states[:, PHI] + np.radians(0.03) * rng.standard_normal(shape),
+        force_n=np.full((samples, joints), np.nan),
+        known=np.ones(shape, dtype=np.bool_),
+        has_set_point=all_joints,
+        has_pressure=all_joints,
+    )
 
 
 def _motion(samples: int, rng: np.random.Generator) -> Array:

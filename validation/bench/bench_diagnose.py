@@ -100,14 +100,14 @@ def _record(hand: Hand, seconds: float) -> Signals:
     states = np.concatenate([plant.state[None], plant.advance(commands[:-1])])
     shape, all_joints = commands.shape, np.ones(joints, dtype=bool)
     return Signals(
-        "bench",
-        hand.joints,
-        PERIOD_S,
-        commands,
-        states[:, P] + 150.0 * rng.standard_normal(shape),
-        states[:, PHI] + 5e-4 * rng.standard_normal(shape),
-        np.full(shape, np.nan),
-        np.ones(shape, dtype=bool),
-        all_joints,
-        all_joints,
+        name="bench",
+        joints=hand.joints,
+        period_s=PERIOD_S,
+        set_point_pa=commands,
+        pressure_pa=states[:, P] + 150.0 * rng.standard_normal(shape),
+        angle_rad=states[:, PHI] + 5e-4 * rng.standard_normal(shape),
+        force_n=np.full(shape, np.nan),
+        known=np.ones(shape, dtype=bool),
+        has_set_point=all_joints,
+        has_pressure=all_joints,
     )

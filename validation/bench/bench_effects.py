@@ -99,4 +99,12 @@ def _row(name: str, graded: list[tuple[Grade, float]]) -> Row:
     grades = [result for result, _ in graded]
     first, joint, place = (sum(bool(getattr(g, what)) for g in grades) for what in ("first", "joint", "place"))
     sure = float(np.median([probability for _, probability in graded])) if graded else 0.0
-    return Row(name, len(grades), first, joint, place, sure, tuple(g.called for g in grades if not g.first))
+    return Row(
+        effect=name,
+        shown=len(grades),
+        first=first,
+        joint=joint,
+        place=place,
+        probability=sure,
+        instead=tuple(g.called for g in grades if not g.first),
+    )

@@ -96,10 +96,17 @@ def record(hand: Hand, q: Array) -> Signals:
     pressure, angle = np.array(states).transpose(1, 0, 2)
     all_joints, shape = np.ones(joints, dtype=np.bool_), command.shape
     return Signals(
-        "recording", hand.joints, PERIOD_S, command, pressure + NOISE_PA * rng.standard_normal(shape),
-        angle + NOISE_RAD * rng.standard_normal(shape), np.full(shape, np.nan), np.ones(shape, dtype=np.bool_),
-        all_joints, all_joints,
-    )  # fmt: skip
+        name="recording",
+        joints=hand.joints,
+        period_s=PERIOD_S,
+        set_point_pa=command,
+        pressure_pa=pressure + NOISE_PA * rng.standard_normal(shape),
+        angle_rad=angle + NOISE_RAD * rng.standard_normal(shape),
+        force_n=np.full(shape, np.nan),
+        known=np.ones(shape, dtype=np.bool_),
+        has_set_point=all_joints,
+        has_pressure=all_joints,
+    )
 
 
 def found_model(hand: Hand, name: str) -> Hand:

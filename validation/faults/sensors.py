@@ -349,13 +349,13 @@ def _outcome(case: Case, trace: Trace, reference: Trace) -> Outcome:
     highest = np.maximum.accumulate(reference.set_point, axis=0)
     excess = trace.set_point[begin:answered] - highest[begin:answered]
     return Outcome(
-        case,
-        None if trace.vented is None else (trace.vented - since) / rate,
-        None if warned is None else (warned - since) / rate,
-        _error(trace.angle[begin:answered], reference.angle[begin:answered]),
-        max(float(excess.max(initial=0.0)), 0.0),
-        trace.line,
-        bool(moved.any()),
+        case=case,
+        detected_s=None if trace.vented is None else (trace.vented - since) / rate,
+        warned_s=None if warned is None else (warned - since) / rate,
+        error_deg=_error(trace.angle[begin:answered], reference.angle[begin:answered]),
+        excess_pa=max(float(excess.max(initial=0.0)), 0.0),
+        line=trace.line,
+        moved=bool(moved.any()),
     )
 
 

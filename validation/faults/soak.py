@@ -197,7 +197,17 @@ class Mover:
         files = [path for path in self._nodes.folder.glob("recording*/*") if path.is_file()]
         size_mb = sum(path.stat().st_size for path in files) * 1e-6
         self._result.frames += frames
-        self._result.samples.append(Sample(time_s, memory, used, passed_s, frames, commands, size_mb))
+        self._result.samples.append(
+            Sample(
+                time_s=time_s,
+                rss_mb=memory,
+                cpu=used,
+                passed_s=passed_s,
+                frames=frames,
+                commands=commands,
+                file_mb=size_mb,
+            )
+        )
         self._mark()
 
 

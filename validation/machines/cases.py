@@ -64,16 +64,16 @@ def _read(path: Path) -> Case:
     if missing:
         raise ValueError(f"{path}: test has {', '.join(missing)}, which recordings does not list")
     return Case(
-        path.parent.name,
-        top["title"],
-        path.parent / "machine.yaml",
-        top["recordings"],
-        tuple(top["test"]),
-        tuple(frozenset(part.strip() for part in entry.split("|")) for entry in top["known"]),
-        tuple(top["decoys"]),
-        top["published"],
-        float(top["tolerance"]),
-        top["source"],
+        name=path.parent.name,
+        title=top["title"],
+        machine=path.parent / "machine.yaml",
+        recordings=top["recordings"],
+        test=tuple(top["test"]),
+        known=tuple(frozenset(part.strip() for part in entry.split("|")) for entry in top["known"]),
+        decoys=tuple(top["decoys"]),
+        published=top["published"],
+        tolerance=float(top["tolerance"]),
+        source=top["source"],
     )
 
 
@@ -94,16 +94,16 @@ def _older(machine: reality.Machine, out: Path) -> Case:
     recordings = reality.write_recordings(machine, folder)
     test = OLDER_TESTS[machine.name]
     return Case(
-        folder.name,
-        machine.name,
-        folder / "machine.yaml",
-        {path.name: {"path": str(path.resolve())} for path in recordings},
-        tuple(f"{name}.npz" for name in test),
-        tuple(frozenset({name}) for name in machine.known),
-        machine.decoys,
-        {key: {"value": value, "source": source} for key, (value, source) in machine.published.items()},
-        machine.tolerance,
-        {"about": "see the section Real machines of docs/proof.md"},
+        name=folder.name,
+        title=machine.name,
+        machine=folder / "machine.yaml",
+        recordings={path.name: {"path": str(path.resolve())} for path in recordings},
+        test=tuple(f"{name}.npz" for name in test),
+        known=tuple(frozenset({name}) for name in machine.known),
+        decoys=machine.decoys,
+        published={key: {"value": value, "source": source} for key, (value, source) in machine.published.items()},
+        tolerance=machine.tolerance,
+        source={"about": "see the section Real machines of docs/proof.md"},
     )
 
 

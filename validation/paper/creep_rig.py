@@ -48,16 +48,16 @@ def recording(hand: Hand, seed: int) -> Signals:
     count = len(held)
     yes = np.ones(1, dtype=bool)
     return Signals(
-        "fig13",
-        (JOINT,),
-        PERIOD_S,
-        held[:, None],
-        states[:, P, j : j + 1] + PRESSURE_NOISE_PA * rng.standard_normal((count, 1)),
-        states[:, PHI, j : j + 1] + ANGLE_NOISE_RAD * rng.standard_normal((count, 1)),
-        np.full((count, 1), np.nan),
-        np.ones((count, 1), dtype=bool),
-        yes,
-        yes,
+        name="fig13",
+        joints=(JOINT,),
+        period_s=PERIOD_S,
+        set_point_pa=held[:, None],
+        pressure_pa=states[:, P, j : j + 1] + PRESSURE_NOISE_PA * rng.standard_normal((count, 1)),
+        angle_rad=states[:, PHI, j : j + 1] + ANGLE_NOISE_RAD * rng.standard_normal((count, 1)),
+        force_n=np.full((count, 1), np.nan),
+        known=np.ones((count, 1), dtype=bool),
+        has_set_point=yes,
+        has_pressure=yes,
     )
 
 

@@ -83,7 +83,7 @@ def _plot(found: Sequence[Optimum], best_deg: float) -> Plot:
             errors.append(Curve(name, kind, *position_error_deg(angle, field)))
     shown = [Panel("B at the sensor [mT per T]", fields), Panel("error [deg]", errors, 4.0, noise=LIMIT_DEG)]
     alt = f"Field and error of the two-point line; by least squares the error stays within {best_deg:.2f} degree"
-    return Plot("magnet angle [deg]", shown, alt, "Grey band: the paper's bound of the error.")
+    return Plot(label="magnet angle [deg]", panels=shown, alt=alt, caption="Grey band: the paper's bound of the error.")
 
 
 def draw(found: Sequence[Optimum]) -> Figure:

@@ -41,5 +41,5 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
             ),
             Quantity("fig08_steep", "share of the rise below 5 N", "1", None, share, "the paper says: steep"),
         ),
-        (Plot("force [N]", shown, gets),),
+        (Plot(label="force [N]", panels=shown, alt=gets),),
     )

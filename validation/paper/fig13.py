@@ -133,7 +133,7 @@ def _plot(without: tuple[JointProblem, MapFit], within: tuple[JointProblem, MapF
         below.append(Curve(name, kind, axis, measured - simulated))
     shown = [Panel("angle [deg]", above, 5.0), Panel("measured - model [deg]", below)]
     alt = f"The error over the range falls from {errors[0]:.1%} without the material model to {errors[1]:.1%} with it"
-    return Plot("time [s]", shown, alt)
+    return Plot(label="time [s]", panels=shown, alt=alt)
 
 
 def _zones_plot(law: Mapping[str, float]) -> Plot:
@@ -146,7 +146,9 @@ def _zones_plot(law: Mapping[str, float]) -> Plot:
         Curve("p1: extension right of it", "after", extension_bar, ratio),
     ]
     alt = f"Zones as identified: at rest extension begins at {1e-5 * law['material.p_min_pa']:.2g} bar"
-    return Plot("pressure [bar]", [Panel("creeping ratio A", curves)], alt, "Fig. 12, as identified.")
+    return Plot(
+        label="pressure [bar]", panels=[Panel("creeping ratio A", curves)], alt=alt, caption="Fig. 12, as identified."
+    )
 
 
 def _draw(*models: tuple[JointProblem, MapFit], law: dict[str, float]):  # type: ignore[no-untyped-def]

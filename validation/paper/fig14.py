@@ -100,9 +100,9 @@ def _plot(runs: dict[str, tuple[str, Run]]) -> Plot:
     alt = f"Steps of a joint: largest overshoot of all joints {_over(whole):.1f} % with the whole controller and"
     alt += f" {_over(runs['no_adaptation'][1]):.1f} % without adaptation"
     return Plot(
-        "time [s]",
-        [Panel(f"{name}: angle [deg]", curves, 5.0) for name, curves in zip(TOGETHER, shown, strict=True)],
-        alt,
+        label="time [s]",
+        panels=[Panel(f"{name}: angle [deg]", curves, 5.0) for name, curves in zip(TOGETHER, shown, strict=True)],
+        alt=alt,
     )
 
 

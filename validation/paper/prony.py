@@ -63,8 +63,14 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
     counts, level = np.array(TERMS, dtype=float), np.full(len(TERMS), zone_error)
     of_terms = [Curve("spectrum", "before", counts, np.array(errors)), Curve("three zones", "after", counts, level)]
     plots = (
-        Plot("time [s]", [Panel("shift of the rest angle [deg]", curves)], gets, "Yellow: test data.", [test_span]),
-        Plot("terms of Eq. 10", [Panel("error on test data [deg]", of_terms, zero=True)], gets),
+        Plot(
+            label="time [s]",
+            panels=[Panel("shift of the rest angle [deg]", curves)],
+            alt=gets,
+            caption="Yellow: test data.",
+            spans=[test_span],
+        ),
+        Plot(label="terms of Eq. 10", panels=[Panel("error on test data [deg]", of_terms, zero=True)], alt=gets),
     )
     return Reproduction(
         "prony",

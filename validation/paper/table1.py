@@ -86,9 +86,13 @@ def reproduce(seed: int, progress: Progress) -> Reproduction:
         tuple(quantities),
         (
             Plot(
-                "magnet angle [deg]",
-                [Panel("output about mid supply [V]", outputs), Panel("deviation from the line [mV]", deviations)],
-                f"Nonlinearity of the ring {ours[1]:.3f} %, of the half-ring {ours[3]:.3f} % from -10 to 100 degrees",
+                label="magnet angle [deg]",
+                panels=[
+                    Panel("output about mid supply [V]", outputs),
+                    Panel("deviation from the line [mV]", deviations),
+                ],
+                alt=f"Nonlinearity of the ring {ours[1]:.3f} %, of the half-ring {ours[3]:.3f} %"
+                " from -10 to 100 degrees",
             ),
         ),
     )

@@ -40,7 +40,7 @@ INSEPARABLE = 0.5
 SMALLEST = 1e-3
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
     """A joint with its partner and neighbour, cut out of a hand.
 
@@ -96,7 +96,15 @@ def scene(q: Array, u: Array, partner: Index, neighbour: Index, joint: int, *, f
     at = {k: index for index, k in enumerate(near)}
     own = [at.get(int(partner[k]), -1) for k in near]
     beside = [at.get(int(neighbour[k]), 0) for k in near]
-    return Scene(q[:, near].copy(), u[:, near].copy(), np.array(own), np.array(beside), 0, frame_s, wander)
+    return Scene(
+        q=q[:, near].copy(),
+        u=u[:, near].copy(),
+        partner=np.array(own),
+        neighbour=np.array(beside),
+        column=0,
+        frame_s=frame_s,
+        wander=wander,
+    )
 
 
 class Measured(Protocol):

@@ -73,7 +73,15 @@ def _seal(folder: Path, seal: str, area_m2: float) -> Machine:
             }
     description = _description(f"seal_{seal}", "linear", {"gain": area_m2, "inertia": 0.1}, has_input=True)
     known = ("coulomb_friction", "hysteresis")
-    return Machine(f"seal {seal}", known, ("viscous_friction", "stiffening"), description, recordings, {}, 0.3)
+    return Machine(
+        name=f"seal {seal}",
+        known=known,
+        decoys=("viscous_friction", "stiffening"),
+        description=description,
+        recordings=recordings,
+        published={},
+        tolerance=0.3,
+    )
 
 
 def _servo(folder: Path) -> list[Machine]:
@@ -111,8 +119,24 @@ def _servo(folder: Path) -> list[Machine]:
     free = _description("servo_falling", "rotary", hanging, has_input=True, imposed=False)
     dry_and_wet, decoys = ("coulomb_friction", "viscous_friction"), ("stiffening", "hysteresis", "contact")
     return [
-        Machine("servo, driven", ("gravity",), ("stiffening", "contact"), rigid, driven, by_mass, 0.1),
-        Machine("servo, falling", dry_and_wet, decoys, free, falling, friction, 0.1),
+        Machine(
+            name="servo, driven",
+            known=("gravity",),
+            decoys=("stiffening", "contact"),
+            description=rigid,
+            recordings=driven,
+            published=by_mass,
+            tolerance=0.1,
+        ),
+        Machine(
+            name="servo, falling",
+            known=dry_and_wet,
+            decoys=decoys,
+            description=free,
+            recordings=falling,
+            published=friction,
+            tolerance=0.1,
+        ),
     ]
 
 
