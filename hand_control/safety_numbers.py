@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from hand_control.declared import C
 from hand_control.frame_checks import OVER, OVER_S
 from hand_control.supervisor import FREEZE_S, VENT_S, WARN_S
 from hand_model.description import Hand
+from hand_model.yaml_document import yaml_text
 
 LIFETIME_S = 1.0
 """Longest lifetime of set-points; the driver refuses a longer one as well."""
@@ -199,4 +199,4 @@ def rule_rows() -> str:
         }
         for rule in RULES
     ]
-    return head + yaml.safe_dump(rows, sort_keys=False, width=120)
+    return head + yaml_text(rows)

@@ -189,6 +189,18 @@ def test_every_package_is_installed() -> None:
     assert set(re.findall(r'"([\w.]+)"', listed.group(1))) == found
 
 
+def test_every_package_is_in_the_glossary_and_in_the_architecture() -> None:
+    """Fails when a new package, or a new part of validation, is described in neither of the two."""
+    packages = {path.parent.name for path in ROOT.glob("hand_*/__init__.py")} | {"hand_msgs", "validation"}
+    parts = {f"validation/{path.parent.name}" for path in ROOT.glob("validation/*/__init__.py")}
+    glossary, architecture = (
+        set(re.findall(r"^\| `([\w/]+)` \|", (ROOT / "docs" / name).read_text(encoding="utf-8"), re.MULTILINE))
+        for name in ("glossary.md", "architecture.md")
+    )
+    assert packages <= glossary
+    assert packages - {"validation"} | parts <= architecture
+
+
 def test_version_and_maintainer_stand_in_package_xml_alone() -> None:
     """Fails when the two packages disagree, or setup.py or pyproject.toml repeat what package.xml says."""
     names = ("version", "maintainer", "license")

@@ -24,8 +24,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hand_model.arrays import Array
 from hand_model.effects import CATALOGUE
 from hand_model.effects.effect import HOOKS, Effect, hook_arguments
 from hand_model.kernel.inline import inline
@@ -280,7 +280,7 @@ _OWN_ROWS = [ROW[own.key] for effect in CATALOGUE for own in effect.parameters]
 _OWN_NEUTRAL = np.array([own.neutral_si for effect in CATALOGUE for own in effect.parameters])
 
 
-def active_effects(parameters: NDArray[np.float64]) -> tuple[Effect, ...]:
+def active_effects(parameters: Array) -> tuple[Effect, ...]:
     """Effects with an own parameter that differs from its neutral value at any joint, in the catalogue's order.
 
     parameters: (rows of JOINT_PARAMETERS, joints) in SI, or (rows, hands, joints). The other effects are identities and
@@ -294,7 +294,7 @@ _LAW_ROWS = [ROW[own.key] for effect in CATALOGUE for own in effect.parameters i
 _LAW_NEUTRAL = np.array([own.neutral_si for effect in CATALOGUE for own in effect.parameters if own.law])
 
 
-def has_laws(parameters: NDArray[np.float64]) -> bool:
+def has_laws(parameters: Array) -> bool:
     """Whether any coefficient of a learned law differs from its neutral value; (..., rows of JOINT_PARAMETERS), SI."""
     return bool(np.any(parameters[..., _LAW_ROWS] != _LAW_NEUTRAL))
 
