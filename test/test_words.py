@@ -110,8 +110,16 @@ def prose() -> list[tuple[Path, int, str]]:
         parts = (
             passages(text) if path.suffix == ".py" else c_passages(text) if path.suffix in {".c", ".h"} else [(1, text)]
         )
-        found += [(path.relative_to(ROOT), line, part) for line, part in parts]
+        names = names_of_tests(text) if path.suffix == ".py" else ()
+        found += [(path.relative_to(ROOT), line, part) for line, part in (*parts, *names)]
     return found
+
+
+def names_of_tests(source: str) -> Iterator[tuple[int, str]]:
+    """Line and words of the names of test functions, which the report of a test run shows as sentences."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
+            yield node.lineno, node.name.replace("_", " ")
 
 
 def passages(source: str) -> Iterator[tuple[int, str]]:
@@ -156,6 +164,13 @@ def test_the_search_finds_each_expression(word: Word) -> None:
     as_comment = "\n".join(f"# {line}" for line in word.example.split("\n"))
     for source in (f'"""{word.example}"""\n', f"{as_comment}\nx = 1\n", f"print(f'''{word.example} {{1}}''')\n"):
         assert any(any(word.found(text)) for _, text in passages(source)), source
+
+
+def test_the_search_reads_names_of_tests() -> None:
+    """Fails when the name of a test passes with an expression of the list, or that of another function counts."""
+    source = "def test_a_joint_is_not_judged(): ...\ndef judged(): ...\n"
+    (name,) = names_of_tests(source)
+    assert name == (1, "test a joint is not judged") and any(any(word.found(name[1])) for word in WORDS)
 
 
 def test_names_in_code_are_not_prose() -> None:

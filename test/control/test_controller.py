@@ -142,7 +142,7 @@ def test_arming_holds_the_measured_pose() -> None:
 
 
 @pytest.mark.parametrize("where", ["position", "pressure"])
-def test_a_measurement_that_is_no_number_vents_and_latches(where: str) -> None:
+def test_a_measurement_that_is_not_finite_vents_and_latches(where: str) -> None:
     """Fails when a NaN leaves pressure on the valves."""
     driven = Driven()
     driven.frame()

@@ -165,7 +165,7 @@ def test_a_valve_that_sticks_while_its_joint_falls_is_found(error: float, joint:
     assert found.error_deg < 10.0
 
 
-def test_force_sensors_tell_of_contact_at_once_and_go_stale() -> None:
+def test_force_sensors_report_contact_at_once_and_go_stale() -> None:
     """Fails when a force causes no contact, its event lacks force or source, or a silent sensor holds contact."""
     rig = Rig()
     force = np.zeros(len(HAND.sensors.sites))

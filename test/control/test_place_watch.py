@@ -131,7 +131,7 @@ def test_a_hand_as_wired_is_neither_asked_nor_slow(factor: float) -> None:
 
 @pytest.mark.parametrize("begin_s", [0.0, 0.1, 0.2, 0.4])
 @pytest.mark.parametrize("push_s", [0.2, 0.4, 0.6, 0.8, 1.0, 1.5])
-def test_a_push_beside_a_blocked_joint_is_no_exchange(push_s: float, begin_s: float) -> None:
+def test_a_push_next_to_a_blocked_joint_is_no_exchange(push_s: float, begin_s: float) -> None:
     """Fails when a push on one joint, which may look like an answer once, latches a fault."""
 
     def pushed(frame: int, model: Array) -> Array:

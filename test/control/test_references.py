@@ -84,7 +84,7 @@ def test_latch_keeps_its_own_pose() -> None:
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_latch_of_what_is_no_number(bad: float) -> None:
+def test_latch_of_what_is_not_finite(bad: float) -> None:
     """Broken by a NaN or infinite target: the joint keeps its target, first the lower limit."""
     pose = np.full(COUNT, 0.5)
     pose[IA] = bad
@@ -242,7 +242,7 @@ def test_latch_ends_a_trajectory_that_waits() -> None:
 
 
 @pytest.mark.parametrize("starts_s", [0.0, 1.0])
-def test_clock_that_begins_anew_drops_trajectories(starts_s: float) -> None:
+def test_clock_that_begins_again_drops_trajectories(starts_s: float) -> None:
     """Fails with a trajectory that springs to life when the new clock reaches the old start."""
     references = latched()
     follow(references, [A], [(2.0, [1.5], [])], starts_s, 0.0)

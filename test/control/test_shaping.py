@@ -115,7 +115,7 @@ def test_a_joint_limit_as_target_is_reached_and_kept() -> None:
         assert shaper.v[0] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_a_slow_sine_passes_without_limits_being_felt() -> None:
+def test_a_slow_sine_passes_without_any_limit_acting() -> None:
     """Fails when the limits delay a motion that keeps them."""
     shaper, free = bounded(), Shaper(1)
     for k in range(2000):

@@ -44,7 +44,7 @@ def test_a_sound_recording_is_sound(signals: Signals, hand: Hand) -> None:
     ("field", "factor", "says"),
     [("angle_rad", 180.0 / np.pi, "degrees?"), ("pressure_pa", 1e-5, "another unit"), ("pressure_pa", 14.5, "unit")],
 )
-def test_another_unit_is_not_judged(field: str, factor: float, says: str, signals: Signals, hand: Hand) -> None:
+def test_another_unit_is_not_compared(field: str, factor: float, says: str, signals: Signals, hand: Hand) -> None:
     """Fails when degrees, bar or psi are diagnosed as if they were rad or Pa."""
     values = with_column(getattr(signals, field), factor * getattr(signals, field)[:, JOINT])
     wrong = replace(signals, angle_rad=values) if field == "angle_rad" else replace(signals, pressure_pa=values)
@@ -84,7 +84,7 @@ def test_spikes_rails_and_gaps_are_left_out(signals: Signals, hand: Hand) -> Non
     assert at_rail.sum() < 0.2 * (angle >= rail).sum()
 
 
-def test_a_channel_of_nan_is_said_and_not_judged(hand: Hand, tmp_path: Path) -> None:
+def test_a_channel_of_nan_is_named_and_excluded(hand: Hand, tmp_path: Path) -> None:
     """Fails when a bag whose angle channel holds no number gives a finding or a traceback, or is not reported."""
     noisy = record(hand, np.random.default_rng(71), 10.0)
     lost = replace(noisy, known=noisy.known.copy())

@@ -136,7 +136,7 @@ def test_a_model_that_is_wrong_does_no_harm(hand: Hand, truth: tuple[np.ndarray,
     assert rms(shaped[::finer] - true) < 1.2 * rms(before - true) + NOISE_PA
 
 
-def test_gaps_are_bridged_beside_the_model(hand: Hand, truth: tuple[np.ndarray, np.ndarray]) -> None:
+def test_gaps_are_bridged_along_the_model(hand: Hand, truth: tuple[np.ndarray, np.ndarray]) -> None:
     """Fails when a gap in the readings is a straight line in the driving pressure."""
     known = np.ones(truth[0].shape, dtype=bool)
     known[84:96] = False  # begins 40 ms after a step
@@ -151,7 +151,7 @@ def test_gaps_are_bridged_beside_the_model(hand: Hand, truth: tuple[np.ndarray, 
     assert rms((shaped - true)[84:96]) < 0.2 * rms((bridged[:, j] - true)[84:96])
 
 
-def test_acceleration_has_less_noise_beside_the_model(hand: Hand, truth: tuple[np.ndarray, np.ndarray]) -> None:
+def test_acceleration_has_less_noise_along_the_model(hand: Hand, truth: tuple[np.ndarray, np.ndarray]) -> None:
     """Fails when a partner's acceleration is as noisy as one taken from angles alone."""
     signals = read(hand, truth)
     problem = (
@@ -195,7 +195,7 @@ def test_recordings_of_one_name_and_another_length_are_kept_apart(
     assert segments[0].exogenous[:590, INFLOW] == pytest.approx(segments[1].exogenous[:590, INFLOW], rel=0.2, abs=5e5)
 
 
-def test_smoothing_takes_the_span_that_foretells_best() -> None:
+def test_smoothing_takes_the_span_that_predicts_best() -> None:
     """Fails when a slow signal is smoothed as briefly as a fast one, or a fast one over its own motion."""
     rng = np.random.default_rng(43)
     time = np.arange(3000) * 0.01

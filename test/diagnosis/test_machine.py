@@ -152,7 +152,7 @@ def test_a_falling_pendulum_loses_to_friction(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_part_that_is_known_stands_beside_the_unknown(tmp_path: Path) -> None:
+def test_a_part_that_is_known_stands_next_to_the_unknown(tmp_path: Path) -> None:
     """Fails when a remainder hides the effect that explains a part of it, or has the units of a finger."""
     content = run(tmp_path, PENDULUM, driven_arm(shaken_nm=0.05), "t,goal,angle")
     left = content["remainder"][0]  # type: ignore[index]

@@ -87,7 +87,7 @@ def test_a_slow_recorder_shows_an_effect(hand: Hand, tmp_path: Path) -> None:
     assert [finding.effect for finding in result.findings] == ["coulomb_friction"], result.findings
 
 
-def test_scattered_stamps_and_lost_frames_are_no_physics(plain: Recording, hand: Hand) -> None:
+def test_scattered_stamps_and_lost_frames_are_not_an_effect(plain: Recording, hand: Hand) -> None:
     """Fails when stamps off by up to 3 ms with 5 % of the frames lost are taken for physics, or are not reported."""
     print("seed", SEED)
     rng = np.random.default_rng(SEED)

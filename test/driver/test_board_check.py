@@ -126,7 +126,7 @@ def test_each_fault_is_found_and_named(what: dict[str, object], line: str) -> No
     assert result.as_json()["verdict"] == "faults"
 
 
-def test_a_silent_board_and_a_wrong_bit_rate_are_told_apart() -> None:
+def test_a_silent_board_and_a_wrong_bit_rate_are_distinguished() -> None:
     """Fails when the reader of a silent line is sent to look for noise, or the other way round."""
     silent = BoardCheck(HAND).finish_reading(LinkCounters(), 1, 3.0)
     assert silent.faults == ["0 frames arrived in 3.0 s; check the power of the board, the cable and the port"]

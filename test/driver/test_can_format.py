@@ -167,7 +167,7 @@ def test_another_version_is_named(version: int) -> None:
     assert count_of(damaged) == (0, 1)
 
 
-def test_a_count_of_another_version_is_not_judged() -> None:
+def test_a_count_of_another_version_is_not_compared() -> None:
     """Fails when a header of another version is refused for its count, whose meaning is unknown."""
     for version in (0, 3):
         header = CanMessage(0x100, bytes([version, 200, 0, 0, 0, 0, 0, 0]))

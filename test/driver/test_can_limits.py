@@ -56,7 +56,7 @@ def test_another_version_is_named_whatever_its_layout(count: int, between: int) 
         feed(CanAssembler(), announced(0x100, count, 3, between))
 
 
-def test_set_points_of_another_version_say_nothing_about_the_board() -> None:
+def test_set_points_of_another_version_are_not_evidence_about_the_board() -> None:
     """Fails when set-points of another host make a driver close its board, or reach a valve."""
     assembler = CanAssembler()
     assert feed(assembler, announced(0x200, 11, 3)) == []

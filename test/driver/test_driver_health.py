@@ -74,7 +74,7 @@ def test_silence_on_an_open_link_is_an_error(silence_s: float, level: Level) -> 
 
 
 @pytest.mark.parametrize(("rate_hz", "level"), [(200.0, Level.OK), (185.0, Level.OK), (150.0, Level.WARN)])
-def test_the_rate_is_judged_against_the_description(rate_hz: float, level: Level) -> None:
+def test_the_rate_is_compared_with_the_description(rate_hz: float, level: Level) -> None:
     """Fails when a slow board is called healthy, or the rate shown is not the one of the last seconds."""
     said = after(3.0, rate_hz)
     assert said.level == level
@@ -95,7 +95,7 @@ def test_losses_warn_while_they_are_recent_and_stay_counted(kind: str, words: st
     ("supply_v", "level"),
     [(5.0, Level.OK), (4.6, Level.OK), (4.4, Level.WARN), (5.6, Level.WARN), (3.9, Level.ERROR), (6.1, Level.ERROR)],
 )
-def test_the_sensor_supply_is_judged_both_ways(supply_v: float, level: Level) -> None:
+def test_the_sensor_supply_is_checked_both_ways(supply_v: float, level: Level) -> None:
     """Fails when a sagging or an excessive supply passes."""
     health = DriverHealth(HAND, 0.0)
     health.frame(frame(supply_v), [], 0.0)

@@ -142,7 +142,7 @@ def test_close_ends_a_read_in_another_thread(serial_board: SerialBoard) -> None:
     assert len(ended) == 1
 
 
-def test_writes_beside_a_read_arrive_whole(tmp_path: Path) -> None:
+def test_writes_during_a_read_arrive_whole(tmp_path: Path) -> None:
     """Fails when set-points written by two threads during a read are mixed or lost."""
     port = SerialEndpoint(str(tmp_path / "board"))
     board = SerialBoard(str(tmp_path / "board"), CHANNELS)
@@ -170,7 +170,7 @@ def test_writes_beside_a_read_arrive_whole(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("made", [False, True])
-def test_a_port_that_is_none_is_one_line(tmp_path: Path, made: bool) -> None:
+def test_a_port_that_is_not_valid_is_one_line(tmp_path: Path, made: bool) -> None:
     """Fails when a missing port or a plain file is not named, or pyserial's own exception escapes."""
     path = tmp_path / "no_port"
     if made:

@@ -96,7 +96,7 @@ def test_lengths_that_differ_are_refused(pressures: int) -> None:
 
 
 @pytest.mark.parametrize("lifetime_s", [0.0, -0.1, MAX_LIFETIME_S + 1e-6])
-def test_a_lifetime_that_is_none_is_refused(lifetime_s: float) -> None:
+def test_a_lifetime_that_is_not_valid_is_refused(lifetime_s: float) -> None:
     """Fails when a set-point may stay for ever, or has ended before it begins."""
     with pytest.raises(RefusedError, match="allowed is above 0 to 1 s"):
         read(message([1e5] * COUNT, lifetime_s=lifetime_s))

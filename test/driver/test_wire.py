@@ -81,7 +81,7 @@ def test_set_points_survive_to_their_resolution(pressure: list[float], lifetime_
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_what_is_no_number_is_never_encoded(value: float) -> None:
+def test_what_is_not_finite_is_never_encoded(value: float) -> None:
     """Fails when a NaN or infinite set-point becomes bytes."""
     with pytest.raises(ValueError, match="not a finite number"):
         encode_set_points(SetPointPayload(0, 0.1, np.array([0.0, value])))

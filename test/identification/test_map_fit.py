@@ -126,7 +126,7 @@ def test_the_prior_pulls_back_what_the_data_do_not_determine(problem: JointProbl
     assert_same_optimum(fit, reference(problem, free, np.zeros(len(free))))
 
 
-def test_a_bound_holds_and_the_others_settle_beside_it(problem: JointProblem, free: list[FreeParameter]) -> None:
+def test_a_bound_holds_and_the_others_settle_next_to_it(problem: JointProblem, free: list[FreeParameter]) -> None:
     """Fails when a parameter leaves its bounds, or when the others stop short because one has reached its bound."""
     unbounded = map_fit(problem, free, np.zeros(len(free)), 30)
     k = next(k for k, p in enumerate(free) if p.key == "valve.time_constant_s")

@@ -307,7 +307,7 @@ def test_starts_are_tried_briefly_and_two_are_ended(monkeypatch: pytest.MonkeyPa
     assert [iterations for iterations, _ in asked] == [4, 4, 4, 25, 25]
 
 
-def test_what_a_fit_tells_of_its_parameters() -> None:
+def test_what_a_fit_reports_of_its_parameters() -> None:
     """Broken by a resolution of another size, or one for what is no parameter; arrays are left out on request."""
     curve = problem(decay, (0.3, 1.6, 2.2))
     start_creep = FreeParameter(START_CREEP, 0.0, 0.1, False, 0.0, 1.0)

@@ -138,7 +138,7 @@ def test_a_linear_machine_speaks_of_metres_and_newtons(shaken_n: float, tmp_path
     assert not NOT_LINEAR.search(names), NOT_LINEAR.findall(names)
 
 
-def test_a_rotary_machine_is_no_hand(tmp_path: Path) -> None:
+def test_a_rotary_machine_is_not_a_hand(tmp_path: Path) -> None:
     """Fails when the report of a rotary axis names pascal, a joint of the hand, or millimetres."""
     rotary = LINEAR | {"motion": "rotary", "name": "arm"} | PER_RADIAN
     machine = loaded(tmp_path, rotary, slide(0.0) * [1.0, 1.0, 10.0])

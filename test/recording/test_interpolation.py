@@ -21,7 +21,7 @@ def test_a_straight_line_stays_one_except_in_gaps(unit: float) -> None:
     assert np.allclose(interpolate(times, stamps, stamps / unit, 1.5 * unit), expected, equal_nan=True)
 
 
-def test_a_sample_beside_nan_is_that_sample() -> None:
+def test_a_sample_next_to_nan_is_that_sample() -> None:
     """Fails when a NaN neighbour spoils a time that equals a stamp."""
     found = interpolate(np.array([0.0, 0.5, 1.0]), np.array([0.0, 1.0]), np.array([3.0, np.nan]), 2.0)
     assert found[0] == 3.0

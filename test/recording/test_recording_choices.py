@@ -102,7 +102,7 @@ def test_the_hand_and_what_belongs_to_it_is_recorded() -> None:
 
 
 @pytest.mark.parametrize("duration_s", [0.0, -1.0, float("nan"), float("inf")])
-def test_durations_that_are_none_are_refused(duration_s: float) -> None:
+def test_durations_that_are_not_valid_are_refused(duration_s: float) -> None:
     """Breaks when a recording that can never end or start is begun."""
     with pytest.raises(ValueError, match="duration"):
         RecordOptions(Path("x"), duration_s=duration_s)

@@ -78,7 +78,7 @@ def test_the_layouts_of_the_viewers_show_the_recording(result: Path) -> None:
     assert newest_of(result / "replay.mcap")["/hand/robot_description"].data == recorded["/hand/robot_description"].data
 
 
-def test_contact_forces_were_felt(result: Path) -> None:
+def test_contact_forces_were_measured(result: Path) -> None:
     """Fails when the object in the simulated hand presses no sensor."""
     from hand_recording.loader import load_recording  # noqa: PLC0415 - rosbags is slow to import
 
