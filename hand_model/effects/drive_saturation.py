@@ -17,7 +17,7 @@ def torque(q, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     limit, stiffness, damper, per_pa, per_pa_rad = q
     asked = (per_pa + per_pa_rad * phi) * p - stiffness * phi - damper * omega
     kept = min(max(asked, -limit), limit)
-    return kept - asked, 0.0 if kept == asked else -stiffness
+    return kept - asked, 0.0 if kept == asked else per_pa_rad * p - stiffness
 
 
 EFFECT = Effect(

@@ -162,7 +162,7 @@ class Effect:
     says: a sentence in whose braces stand the last parts of keys, which a report replaces by number and unit, or WORDS.
     experiments: excitations that show it, the best first.  doc: what it is.  source: where the equations come from.
     everywhere: whether one cause acts on the whole hand and not on one joint.
-    meets_others: whether its equations use NEIGHBOUR or INFLOW of e.
+    meets_others: whether its equations use NEIGHBOUR or INFLOW of e.  draws: whether they use INFLOW.
     constitution: the class of the effect, apart from its law; every entry of the catalogue has one.
     needs: what a machine must have for the effect to exist there, keys of NEEDS.
 
@@ -189,6 +189,7 @@ class Effect:
     experiments: tuple[str, ...] = ()
     everywhere: bool = False
     meets_others: bool = False
+    draws: bool = False
     constitution: Constitution | None = None
     needs: tuple[str, ...] = ()
     scanned: str = ""

@@ -86,6 +86,7 @@ EFFECT = Effect(
     doc="Supply pressure falls with the flow drawn; no set-point above it is reached.",
     source="resistance and capacity of a supply line, Beater, Pneumatic Drives, 2007",
     meets_others=True,
+    draws=True,
     constitution=Constitution(
         acts_on="supply pressure of all valves",
         sign="below the nominal supply",

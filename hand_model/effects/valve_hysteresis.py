@@ -6,33 +6,40 @@ import math
 
 from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
+from hand_model.effects.operators import decay
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
 
 LEAST_PA = 1e-3
-"""Keeps the reciprocal of the width finite."""
+LEAST_SOFTNESS = 1e-6
+"""Keep the way of a loop positive, and finite."""
 SECOND = 1.0 / 3.0
 """Width of each further play of the law over that of the one before."""
 
 
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
-    """Reciprocal of half the width of the loop."""
-    return (1.0 / (q[0] + LEAST_PA),)
+    """Way [Pa] over which a rounded loop closes to 1/e, and its reciprocal."""
+    reach = (q[0] + LEAST_PA) / max(q[1], LEAST_SOFTNESS)
+    return reach, 1.0 / reach
 
 
 @inline
 def set_point(q, m, u, p, e, h):  # type: ignore[no-untyped-def]
     """The valve lags by `behind`, which grows with the motion of u up to the width: at once, or gradually (Dahl).
 
-    By the law, it follows a share of a reversal at once, and plays of a third and a ninth of the width take their
-    shares of the loop (Prandtl and Ishlinskii).
+    Both are exact for any motion, which may come at once or in parts. By the law, it follows a share of a reversal at
+    once, and plays of a third and a ninth of the width take their shares of the loop (Prandtl and Ishlinskii).
     """
-    width, soft, follows, inner, innermost, per_width = q
+    width, soft, follows, inner, innermost, reach, per_reach = q
     behind, last, second, third = m
     way = u - last
-    slower = soft * min(max(math.copysign(1.0, way) * behind * per_width, 0.0), 1.0)
-    behind = min(max(behind + way * (1.0 - slower), -width), width)
+    toward = math.copysign(1.0, way)
+    along, far = max(toward * behind, -width), abs(way)
+    straight = min(far, max(-along, 0.0)) if soft > 0.0 else far
+    along += straight
+    along += (reach - along) * (1.0 - decay((far - straight) * per_reach))
+    behind = toward * min(along, width)
     second = min(max(second + way, -width * SECOND), width * SECOND)
     third = min(max(third + way, -width * SECOND * SECOND), width * SECOND * SECOND)
     plays = (1.0 - innermost) * ((1.0 - inner) * behind + inner * second) + innermost * third
@@ -41,10 +48,10 @@ def set_point(q, m, u, p, e, h):  # type: ignore[no-untyped-def]
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
     """How far the valve is behind [Pa] after the motion x [Pa] since a reversal of a wide loop; 0 at its middle."""
-    width, soft, follows, inner, innermost = q[:5]
-    part = min(x, width)
-    rounded = width * -math.expm1(-(x - width) / max(width, LEAST_PA)) if x > width else 0.0
-    outer = part - width + soft * rounded + (1.0 - soft) * min(max(x - width, 0.0), width)
+    width, soft, follows, inner, innermost, reach, per_reach = q
+    beyond = max(x - width, 0.0)
+    grown = reach * -math.expm1(-beyond * per_reach) if soft > 0.0 else beyond
+    outer = min(x, width) - width + min(grown, width)
     second, third = (min(x, 2.0 * r) - r for r in (width * SECOND, width * SECOND * SECOND))
     wider = (1.0 - inner) * outer + inner * second
     return float((1.0 - follows) * ((1.0 - innermost) * wider + innermost * third))
@@ -67,7 +74,7 @@ EFFECT = Effect(
         Parameter("valve_hysteresis.softness", 0.0, 1.0, "0 a play, 1 a rounded loop", 1.0, 0.0, 0.17),
         *_LAW,
     ),
-    prepared=("per_width",),
+    prepared=("reach", "per_reach"),
     memory={"behind": 0.0, "last": "pressure", "second": 0.0, "third": 0.0},
     law_memory=("second", "third"),
     hooks={"prepare": prepare, "set_point": set_point},

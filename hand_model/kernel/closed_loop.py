@@ -4,8 +4,8 @@
 
 A block is LANES = 16 joints wide, so that the compiler fills vector registers with the coupled pairs of lanes l and
 l + 8; joints without a partner take what is left. Within a step every joint is advanced from the same instant: pairs
-are solved together, and what a joint meets of others otherwise (a neighbour's angle, the inflow of the whole hand) is
-taken at the step's start. Blocks are independent and run in parallel.
+are solved together, and what a joint meets of others otherwise is predicted: the neighbour's angle in the middle of
+the step by its speed, the inflow of the whole hand by a trial of the step. Blocks are independent and run in parallel.
 """
 
 from __future__ import annotations
@@ -42,8 +42,10 @@ from hand_model.kernel.layout import (
     prepare_rows,
 )
 from hand_model.kernel.rows import ROW, STARTS, STATES, STEP_S
-from hand_model.kernel.step import assemble, deliver, steps_per_sample
+from hand_model.kernel.step import Steps, assemble, deliver, steps_per_sample
 
+INFLOW_ROUNDS = 2
+"""Times that the inflow of the hand is computed from the pressures that itself changes; one leaves 0.08 degrees."""
 HISTORY = 128
 """Set-points kept for the dead time, one a sample."""
 PARALLEL_STEPS = 1000
@@ -61,10 +63,12 @@ def _copy(source, target):  # type: ignore[no-untyped-def]
 
 
 # Global names of the loops below, given by `specialise` for a set of effects.
-meets_others = prepares = remembers = reads_pressure = reads_angle = False
+draws = meets_others = prepares = remembers = reads_pressure = reads_angle = False
 hook_prepare: Any = None
 hook_pressure_reading: Any = None
 hook_angle_reading: Any = None
+flows: Any = None
+split_flows: Any = None
 fluids: Any = None
 split_fluids: Any = None
 motions: Any = None
@@ -96,15 +100,15 @@ def _loop(key: str) -> Callable[..., Any]:
                     first_split, last_split = min(first_split, split), max(last_split, split)
             for n in range(steps):
                 if meets_others:
-                    inflow = 0.0
                     for i in range(LANES):
-                        inflow += max(w[RISE, i], 0.0)
-                    for i in range(LANES):
-                        w[INFLOW_OF_HAND, i] = inflow
                         w[NEIGHBOUR_ANGLE, i] = w[X + PHI, neighbour[i]] + 0.5 * h * w[X + OMEGA, neighbour[i]]
                 if first_split <= n <= last_split:
+                    if draws:
+                        split_flows(w, n, clock, h)
                     split_fluids(w, n, clock, h)
                 else:
+                    if draws:
+                        flows(w, n, clock, h)
                     fluids(w, n, clock, h)
                 motions(w, clock, h)
                 if remembers:
@@ -121,13 +125,42 @@ def _loop(key: str) -> Callable[..., Any]:
     return advance_block
 
 
+def _flows(steps: Steps, around: Any) -> dict[str, Any]:
+    """The inflow of the whole hand in a step, by trial: pressures are not kept, and no memory changes."""
+    inflow, split_inflow = steps.inflow, steps.split_inflow
+
+    @inline
+    def add_up(w):  # type: ignore[no-untyped-def]
+        whole = 0.0
+        for i in range(LANES):
+            whole += w[INFLOW_OF_HAND, i]
+        for i in range(LANES):
+            w[INFLOW_OF_HAND, i] = whole
+
+    @inline
+    def flows(w, n, clock, h):  # type: ignore[no-untyped-def]
+        for _ in range(INFLOW_ROUNDS):
+            for i in range(LANES):
+                w[INFLOW_OF_HAND, i] = inflow(w, i, n, around(w, i, clock, h), h)
+            add_up(w)
+
+    @inline
+    def split_flows(w, n, clock, h):  # type: ignore[no-untyped-def]
+        for _ in range(INFLOW_ROUNDS):
+            for i in range(LANES):
+                w[INFLOW_OF_HAND, i] = split_inflow(w, i, n, around(w, i, clock, h), h)
+            add_up(w)
+
+    return {"flows": flows, "split_flows": split_flows}
+
+
 def _stages(hooks: Hooks, meets_others: bool) -> dict[str, Any]:
     """The stages of one step: the fluid of a lane, the motion of a pair of lanes, what follows from a lane's motion."""
     steps = assemble(hooks)
     pressure, split_pressure, creep = steps.pressure, steps.split_pressure, steps.creep
     pair, move, remember = steps.pair, steps.move, steps.remember
     hook_actuator, lags = hooks.actuator_pressure, hooks.uses("actuator_pressure")
-    keeps_rise = meets_others or steps.uses_rise
+    keeps_rise = steps.uses_rise
 
     @inline
     def around(w, i, clock, h):  # type: ignore[no-untyped-def]
@@ -175,7 +208,8 @@ def _stages(hooks: Hooks, meets_others: bool) -> dict[str, Any]:
         for i in range(LANES):
             remember(w, i, h)
 
-    return {"fluids": fluids, "split_fluids": split_fluids, "motions": motions, "memories": memories}
+    stages = {"fluids": fluids, "split_fluids": split_fluids, "motions": motions, "memories": memories}
+    return stages | _flows(steps, around)
 
 
 _BLOCK = "(f8[:,::1], i8[::1], f8[:,::1], i8, f8[:,::1], f8, i8, f8, f8[:,:,::1])"
@@ -215,6 +249,7 @@ def loops(effects: tuple[Effect, ...], laws: bool = False) -> Loops:
     names = {
         **_stages(hooks, meets_others),
         "meets_others": meets_others,
+        "draws": any(effect.draws for effect in effects),
         "prepares": hooks.uses("prepare"),
         "remembers": hooks.uses("moved") or hooks.uses("angle_sensor"),
         "reads_pressure": hooks.uses("pressure_reading"),

@@ -42,6 +42,8 @@ class Hooks(NamedTuple):
     """(w, i, h): derive the prepared constants of all effects for the step h [s]."""
     set_point: Any
     """(w, i, u, p, e, h) -> u [Pa]; changes memory."""
+    set_point_trial: Any
+    """The same without a change of memory."""
     valve_error: Any
     """(w, i, error) -> error [Pa]."""
     flow_limit: Any
@@ -91,6 +93,8 @@ _SIGNAL = {
     "force_reading": "force",
 }
 """Hooks through which a signal passes from effect to effect, and the argument that is the signal."""
+_DERIVED = {"valve_replaced": "valve", "set_point_trial": "set_point"}
+"""Composed functions that are no hooks of an effect, and the hook that they follow from."""
 _SENSORS = {"angle_sensor": "angle_reading", "force_sensor": "force_reading"}
 _REMEMBERS = ("set_point", "actuator_pressure", "valve")
 """Hooks that return a value and, where the effect has memory, the new memory."""
@@ -139,13 +143,14 @@ class _Writer:
         return inline(space[hook])
 
 
-def _signal_body(writer: _Writer, hook: str, effects: tuple[Effect, ...]) -> list[str]:
+def _signal_body(writer: _Writer, hook: str, effects: tuple[Effect, ...], keeps: bool = True) -> list[str]:
+    """keeps: whether new memory replaces the old one."""
     signal = _SIGNAL[hook]
     body = []
     for effect in reversed(effects) if hook == "pressure_true" else effects:
         if hook in effect.hooks:
             remembers = hook in _REMEMBERS and effect.memory
-            target = f"{signal}, {writer.memory(effect, '_, ')}" if remembers else signal
+            target = f"{signal}, {writer.memory(effect, '_, ') if keeps else '_'}" if remembers else signal
             body.append(f"{target} = {writer.call(effect, hook)}")
     return [*body, f"return {signal}"]
 
@@ -207,6 +212,7 @@ def _bodies(writer: _Writer, effects: tuple[Effect, ...]) -> dict[str, list[str]
     bodies = {hook: _signal_body(writer, hook, effects) for hook in _SIGNAL}
     bodies |= {hook: _sum_body(writer, hook, effects) for hook in ("pressure_source", "torque", "damping", "dry")}
     bodies |= {hook: _sensor_body(writer, hook, effects) for hook in _SENSORS}
+    bodies["set_point_trial"] = _signal_body(writer, "set_point", effects, keeps=False)
     bodies["moved"] = _memory_body(writer, "moved", effects)
     bodies["prepare"] = _prepare_body(writer, effects)
     bodies["valve_replaced"], bodies["valve"] = _valve_bodies(writer, effects)
@@ -229,9 +235,9 @@ def compose(effects: tuple[Effect, ...], laws: bool = True) -> Hooks:
         effects = tuple(effect for effect in effects if not all(own.law for own in effect.parameters))
     writer = _Writer(laws)
     bodies = _bodies(writer, effects)
-    arguments: dict[str, tuple[str, ...] | None] = {"valve_replaced": ()}
+    arguments: dict[str, tuple[str, ...] | None] = {"valve_replaced": (), "set_point_trial": HOOKS["set_point"]}
     used = {hook for effect in effects for hook in effect.hooks}
-    used |= {"valve_replaced"} if "valve" in used else set()
+    used |= {derived for derived, hook in _DERIVED.items() if hook in used}
     return Hooks(
         **{
             hook: writer.function(hook, bodies[hook], arguments.get(hook)) if hook in used else _unused(hook)

@@ -20,7 +20,9 @@ ACTUATOR, MEAN_CREEP, RISE = range(WORK_ROWS + 5, WORK_ROWS + 8)
 """Pressure at the actuator [Pa] and creeping ratio, mean over the step; rate of the pressure [Pa/s]."""
 INPUT, INFLOW_OF_HAND, NEIGHBOUR_ANGLE = range(WORK_ROWS + 8, WORK_ROWS + 11)
 """Measured input pressure [Pa]; what a joint meets of others: inflow of the hand [Pa/s], a neighbour's angle [rad]."""
-PER_TAU, PER_STOP, PER_CONTACT, PER_12_INERTIA, EXTENSION, RECOVERY = range(WORK_ROWS + 11, WORK_ROWS + 17)
+OVERRUN = WORK_ROWS + 11
+"""Part of the sum of the speeds at both ends of a step that a joint does not go because friction stops it [rad/s]."""
+PER_TAU, PER_STOP, PER_CONTACT, PER_12_INERTIA, EXTENSION, RECOVERY = range(WORK_ROWS + 12, WORK_ROWS + 18)
 """Prepared constants of the plain plant: reciprocals [1/s, 1/rad, 1/(kg m^2)] and rates of creep [1/s],
 see `prepare_rows`."""
 WORK = RECOVERY + 1

@@ -34,6 +34,7 @@ from hand_model.kernel.layout import (
     CREEP,
     MEAN_CREEP,
     OMEGA,
+    OVERRUN,
     PER_12_INERTIA,
     PHI,
     PHI_BEFORE,
@@ -60,13 +61,15 @@ class Steps(NamedTuple):
 
     pressure: Callable[..., Any]
     split_pressure: Callable[..., Any]
+    inflow: Callable[..., Any]
+    split_inflow: Callable[..., Any]
     creep: Callable[..., Any]
     single: Callable[..., Any]
     pair: Callable[..., Any]
     move: Callable[..., Any]
     remember: Callable[..., Any]
     uses_rise: bool
-    """Whether the fluid reads the rate of its pressure in the step before, which the loop then keeps."""
+    """Whether the pressure reads its rate in the step before, which the loop then keeps."""
 
 
 @inline
@@ -130,45 +133,86 @@ def _soft(x, threshold):  # type: ignore[no-untyped-def]
 
 
 @inline
-def _turned(before, free, after, per_mass, rub):  # type: ignore[no-untyped-def]
-    """Impulse [N m s] that friction gives less of, where a joint turns within a step.
+def _standstill(before, braked):  # type: ignore[no-untyped-def]
+    """Share of a step after which a joint stands still for the first time, and 0 where it does not stop.
 
-    Until it stands still, friction acts against the speed before the step, and only then against the one after it.
-    free: speed after the step without friction.  per_mass: 1 / mass [1/(kg m^2)].
+    braked: speed after the step if friction acted against the speed `before` it all the time [rad/s].
     """
-    against = rub if before > 0.0 else -rub
-    braking = free - before - against * per_mass
-    turns = before * after < 0.0
-    share = min(max(-before / (braking if turns else 1.0), 0.0), 1.0)
-    return -2.0 * share * against if turns else 0.0
+    stops = before * braked < 0.0
+    return before / (before - braked if stops else 1.0) if stops else 0.0
 
 
 @inline
-def rub_pair(a_0, b_0, a, b, m_a, m_b, m_ab, rub_a, rub_b):  # type: ignore[no-untyped-def]
-    """Speeds of two coupled joints [rad/s] after a step with dry friction.
+def _along(x, direction):  # type: ignore[no-untyped-def]
+    """x in a direction."""
+    return x if direction > 0.0 else -x
 
-    a_0, b_0: speeds before the step.  a, b: speeds after it without friction.  m_a, m_b, m_ab: the symmetric matrix of
-    the step [kg m^2].  rub_a, rub_b: largest impulses of friction [N m s]. A joint sticks where an impulse within its
-    bounds stops it, else the whole impulse acts against its motion; the four cases are solved exactly.
-    """
-    per_a, per_b, per = 1.0 / m_a, 1.0 / m_b, 1.0 / (m_a * m_b - m_ab * m_ab)
-    y_a, y_b = m_a * a + m_ab * b, m_ab * a + m_b * b
+
+@inline
+def _braked(a_0, b_0, y_a, y_b, masses, rub_a, rub_b):  # type: ignore[no-untyped-def]
+    """Speeds of a pair [rad/s] after a step in which none stops that moves; one that rests holds where it can."""
+    m_a, m_b, m_ab, per_a, per_b, per = masses
+    alone_a, alone_b = (y_a - _along(rub_a, a_0)) * per_a, (y_b - _along(rub_b, b_0)) * per_b
+    pull_a, pull_b = y_a - m_ab * alone_b, y_b - m_ab * alone_a
+    a_rests, b_rests = a_0 == 0.0, b_0 == 0.0
+    left_a = y_a - _along(rub_a, pull_a if a_rests else a_0)
+    left_b = y_b - _along(rub_b, pull_b if b_rests else b_0)
+    both_a, both_b = (m_b * left_a - m_ab * left_b) * per, (m_a * left_b - m_ab * left_a) * per
+    a_holds, b_holds = a_rests and abs(pull_a) <= rub_a, b_rests and abs(pull_b) <= rub_b
+    braked_a = 0.0 if a_holds else (alone_a if b_holds else both_a)
+    return braked_a, 0.0 if b_holds else (alone_b if a_holds else both_b)
+
+
+@inline
+def _slowed(y_a, y_b, masses, rub_a, rub_b):  # type: ignore[no-untyped-def]
+    """Speeds of a pair [rad/s] after an impulse: each sticks where friction can hold it, else all of that acts."""
+    m_a, m_b, m_ab, per_a, per_b, per = masses
     alone_b = _soft(y_b, rub_b) * per_b
     push = y_a - m_ab * alone_b
-    left_a = y_a - (rub_a if push > 0.0 else -rub_a)
+    left_a = y_a - _along(rub_a, push)
     alone_a = left_a * per_a
     pull = y_b - m_ab * alone_a
-    left_b = y_b - (rub_b if pull > 0.0 else -rub_b)
+    left_b = y_b - _along(rub_b, pull)
     both_a, both_b = (m_b * left_a - m_ab * left_b) * per, (m_a * left_b - m_ab * left_a) * per
     b_sticks = abs(pull) <= rub_b
     a_sticks = abs(push) <= rub_a
     slow_a = 0.0 if a_sticks else (alone_a if b_sticks else both_a)
-    slow_b = alone_b if a_sticks else (0.0 if b_sticks else both_b)
-    more_a, more_b = _turned(a_0, a, slow_a, per_a, rub_a), _turned(b_0, b, slow_b, per_b, rub_b)
-    together = slow_a * slow_b != 0.0
-    turned_a = (m_b * more_a - m_ab * more_b) * per if together else more_a * per_a
-    turned_b = (m_a * more_b - m_ab * more_a) * per if together else more_b * per_b
-    return slow_a + turned_a, slow_b + turned_b
+    return slow_a, alone_b if a_sticks else (0.0 if b_sticks else both_b)
+
+
+@inline
+def rub_pair(a_0, b_0, a, b, m_a, m_b, m_ab, rub_a, rub_b):  # type: ignore[no-untyped-def]
+    """Speeds of two coupled joints [rad/s] after a step with dry friction, and what the sums of the speeds at both ends
+    of the step have too much for the way of each (OVERRUN).
+
+    a_0, b_0: speeds before the step.  a, b: speeds after it without friction.  m_a, m_b, m_ab: the symmetric matrix of
+    the step [kg m^2].  rub_a, rub_b: largest impulses of friction [N m s]. Until the first joint stands still, friction
+    acts against the speeds before the step. From then on, what is left of the impulses acts, and the other joint may
+    stand still as well. In the end, a joint sticks where an impulse within the bounds stops it, else the whole impulse
+    acts against its motion; the four cases are solved exactly.
+    """
+    masses = m_a, m_b, m_ab, 1.0 / m_a, 1.0 / m_b, 1.0 / (m_a * m_b - m_ab * m_ab)
+    y_a, y_b = m_a * a + m_ab * b, m_ab * a + m_b * b
+    braked_a, braked_b = _braked(a_0, b_0, y_a, y_b, masses, rub_a, rub_b)
+    share_a, share_b = _standstill(a_0, braked_a), _standstill(b_0, braked_b)
+    a_first = share_a > 0.0 and (share_b == 0.0 or share_a <= share_b)
+    b_first = share_b > 0.0 and not a_first
+    first = share_a if a_first else share_b
+    mid_a = 0.0 if a_first else a_0 + first * (braked_a - a_0)
+    mid_b = 0.0 if b_first else b_0 + first * (braked_b - b_0)
+    left, change_a, change_b = 1.0 - first, mid_a - a_0 - first * (a - a_0), mid_b - b_0 - first * (b - b_0)
+    y_a, y_b = y_a + (m_a * change_a + m_ab * change_b), y_b + (m_ab * change_a + m_b * change_b)
+    rub_a, rub_b = left * rub_a, left * rub_b
+    braked_a, braked_b = _braked(mid_a, mid_b, y_a, y_b, masses, rub_a, rub_b)
+    share_a = _standstill(mid_a, braked_a) if b_first else 0.0
+    share_b = _standstill(mid_b, braked_b) if a_first else 0.0
+    slow_a, slow_b = _slowed(
+        y_a - share_a * _along(rub_a, mid_a), y_b - share_b * _along(rub_b, mid_b), masses,
+        rub_a - share_a * rub_a, rub_b - share_b * rub_b,
+    )  # fmt: skip
+    stop_a, stop_b = first + left * share_a, first + left * share_b
+    over_a = left * a_0 - mid_a * (stop_a if share_a > 0.0 else 1.0) + stop_a * slow_a
+    return slow_a, slow_b, over_a, left * b_0 - mid_b * (stop_b if share_b > 0.0 else 1.0) + stop_b * slow_b
 
 
 def assemble(hooks: Hooks) -> Steps:
@@ -181,6 +225,7 @@ def assemble(hooks: Hooks) -> Steps:
         hooks.uses(hook) for hook in ("set_point", "pressure_source", "valve", "dry", "moved", "angle_sensor")
     )
     hook_sensor, hook_replaced, hook_valve = hooks.angle_sensor, hooks.valve_replaced, hooks.valve
+    hook_trial = hooks.set_point_trial
 
     @inline
     def filled(w, i, p, u, e, h):  # type: ignore[no-untyped-def]
@@ -204,14 +249,39 @@ def assemble(hooks: Hooks) -> Steps:
         return after, 0.5 * (p + after)
 
     @inline
+    def _rising(w, i, first, second, h):  # type: ignore[no-untyped-def]
+        """Mean rate of filling [Pa/s] of two parts of a step; that of a switching valve is taken from the last step."""
+        rate = (max(first, 0.0) + max(second, 0.0)) / h
+        return (max(w[RISE, i], 0.0) if hook_replaced(w, i) else rate) if replaced else rate
+
+    @inline
+    def inflow(w, i, n, e, h):  # type: ignore[no-untyped-def]
+        """Rate of filling [Pa/s] that is expected in the n-th step of a sample; memory stays."""
+        p, u_0, u_1 = w[X + P, i], w[BEFORE, i], w[AFTER, i]
+        u = _within_supply(w, i, u_1 if _arrived(w, i, n) > 0.0 else u_0)
+        return _rising(w, i, filled(w, i, p, hook_trial(w, i, u, p, e, h), e, h) - p, 0.0, h)
+
+    @inline
+    def split_inflow(w, i, n, e, h):  # type: ignore[no-untyped-def]
+        """Like `inflow` for a step within which the set-point may change."""
+        p, share = w[X + P, i], _arrived(w, i, n)
+        u_0, u_1 = _within_supply(w, i, w[BEFORE, i]), _within_supply(w, i, w[AFTER, i])
+        middle = filled(w, i, p, hook_trial(w, i, u_0, p, e, h), e, (1.0 - share) * h)
+        after = filled(w, i, middle, hook_trial(w, i, u_1, p, e, h), e, share * h)
+        return _rising(w, i, middle - p, after - middle, h)
+
+    @inline
     def split_pressure(w, i, n, e, h):  # type: ignore[no-untyped-def]
         """Like `pressure` for a step within which the set-point may change: one part of it follows the other."""
         p, share = w[X + P, i], _arrived(w, i, n)
         u_0, u_1 = _within_supply(w, i, w[BEFORE, i]), _within_supply(w, i, w[AFTER, i])
         u = u_1 if share >= 1.0 else u_0 + share * (u_1 - u_0)
-        shaped = hook_set_point(w, i, u, p, e, h) if shapes else u
-        middle = filled(w, i, p, shaped + (u_0 - u) if share < 1.0 else shaped, e, (1.0 - share) * h)
-        linear = filled(w, i, middle, shaped + (u_1 - u) if share > 0.0 else shaped, e, share * h)
+        first, second = u + (u_0 - u) if share < 1.0 else u, u + (u_1 - u) if share > 0.0 else u
+        if shapes:
+            first, second = hook_trial(w, i, first, p, e, h), hook_trial(w, i, second, p, e, h)
+            hook_set_point(w, i, u, p, e, h)
+        middle = filled(w, i, p, first, e, (1.0 - share) * h)
+        linear = filled(w, i, middle, second, e, share * h)
         mean = 0.5 * ((1.0 - share) * (p + middle) + share * (middle + linear))
         if replaced:
             switched = hook_valve(w, i, p, u, e, h)
@@ -242,9 +312,12 @@ def assemble(hooks: Hooks) -> Steps:
         free = omega + (impulse + h * outside) / mass
         if not rubs:
             return free
-        per_mass = 1.0 / mass
-        slow = _soft(free, rub * per_mass)
-        return slow + _turned(omega, free, slow, per_mass, rub) * per_mass
+        most = rub / mass
+        braked = free - _along(most, omega)
+        share = _standstill(omega, braked)
+        slow = _soft(free - share * _along(most, omega), most - share * most)
+        w[OVERRUN, i] = share * (slow - braked) if rub > 0.0 else 0.0
+        return slow if rub > 0.0 else free
 
     @inline
     def pair(w, i, j, e_i, e_j, h):  # type: ignore[no-untyped-def]
@@ -257,16 +330,21 @@ def assemble(hooks: Hooks) -> Steps:
         b = omega_j + (m_i * push_j - m_ij * push_i) * per
         if not rubs:
             return a, b
-        slow_a, slow_b = rub_pair(omega_i, omega_j, a, b, m_i, m_j, m_ij, rub_i, rub_j)
+        slow_a, slow_b, over_a, over_b = rub_pair(omega_i, omega_j, a, b, m_i, m_j, m_ij, rub_i, rub_j)
         rubbing = rub_i + rub_j > 0.0
+        w[OVERRUN, i], w[OVERRUN, j] = over_a if rubbing else 0.0, over_b if rubbing else 0.0
         return slow_a if rubbing else a, slow_b if rubbing else b
 
     @inline
     def move(w, i, after, h, per_h):  # type: ignore[no-untyped-def]
-        """Move lane i with the mean of its speed and the speed after the step."""
+        """Move lane i with the mean of its speed and the speed after the step, less what friction ends before that."""
         phi, omega = w[X + PHI, i], w[X + OMEGA, i]
-        w[PHI_BEFORE, i], w[X + PHI, i] = phi, phi + 0.5 * h * (omega + after)
-        w[X + OMEGA, i], w[ACCELERATION, i] = after, (after - omega) * per_h
+        way, acceleration = omega + after, (after - omega) * per_h
+        if rubs:  # a joint that stops does not go on as it stopped
+            overrun = w[OVERRUN, i]
+            way, acceleration = way - overrun, acceleration if overrun == 0.0 else 0.0
+        w[PHI_BEFORE, i], w[X + PHI, i] = phi, phi + 0.5 * h * way
+        w[X + OMEGA, i], w[ACCELERATION, i] = after, acceleration
 
     @inline
     def remember(w, i, h):  # type: ignore[no-untyped-def]
@@ -276,5 +354,5 @@ def assemble(hooks: Hooks) -> Steps:
         if senses:
             hook_sensor(w, i, w[X + PHI, i], h)
 
-    uses_rise = fed or hooks.uses("flow_limit")
-    return Steps(pressure, split_pressure, creep, single, pair, move, remember, uses_rise)
+    uses_rise = fed or replaced or hooks.uses("flow_limit")
+    return Steps(pressure, split_pressure, inflow, split_inflow, creep, single, pair, move, remember, uses_rise)

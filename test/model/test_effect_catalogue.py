@@ -207,6 +207,7 @@ def test_an_effect_that_uses_other_joints_says_so(name: str) -> None:
             names = hook_arguments(hook, bool(effect.memory))
             plain(function)(*((values | s | {"e": surroundings})[argument] for argument in names))
     assert effect.meets_others == bool(surroundings.used & {NEIGHBOUR, INFLOW})
+    assert effect.draws == (INFLOW in surroundings.used)
 
 
 def test_torques_damping_and_friction_add_up(hooks: Hooks) -> None:

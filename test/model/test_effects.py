@@ -177,7 +177,14 @@ def valve_hysteresis(_: Any) -> None:
         np.testing.assert_allclose(u[12000:16001] - back, -behind, atol=30.0)
     half = numbers("valve_hysteresis", width_pa=width, softness=0.5)
     (_, (behind_half, *_)) = call("valve_hysteresis", "set_point", half, (2.5e3, 0.0, 0.0, 0.0), 100.0, 0.0, REST, H)
-    assert behind_half == approx(2.5e3 + 100.0 * (1.0 - 0.5 * 0.5), rel=1e-6)
+    reach = width / 0.5
+    assert behind_half == approx(reach - (reach - 2.5e3) * np.exp(-100.0 / reach), rel=1e-6)
+    for q in (numbers("valve_hysteresis", width_pa=width, softness=soft) for soft in (0.0, 0.3, 1.0)):
+        (_, at_once), parts = call("valve_hysteresis", "set_point", q, (-4e3, 0.0, 0.0, 0.0), 9e3, 0.0, REST, H), 7
+        m = (-4e3, 0.0, 0.0, 0.0)
+        for part in range(parts):
+            (_, m) = call("valve_hysteresis", "set_point", q, m, 9e3 * (part + 1) / parts, 0.0, REST, H)
+        assert m == approx(at_once, rel=2e-6)
 
 
 def valve_lag(_: Any) -> None:
@@ -728,7 +735,8 @@ def drive_saturation(_: Any) -> None:
         asked = (A2 + A3 * phi) * p - 2.0 * phi - 0.05 * omega
         added, stiffness = torque("drive_saturation", q, phi, omega=omega, p=p)
         assert asked + added == approx(np.clip(asked, -0.1, 0.1), abs=1e-12)
-        assert stiffness == (0.0 if abs(asked) <= 0.1 else -2.0)
+        assert stiffness == approx(0.0 if abs(asked) <= 0.1 else A3 * p - 2.0)
+    assert_stiffness("drive_saturation", numbers("drive_saturation", limit_nm=0.01), p=4e5)
 
 
 def drive_lag(_: Any) -> None:

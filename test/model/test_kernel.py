@@ -283,19 +283,37 @@ def test_the_frame_rate_does_not_change_the_motion(hand: Hand, rate_hz: int) -> 
     assert difference[P] < 20.0
 
 
-@pytest.mark.parametrize("effect", ["backlash", "angle_lag", "coulomb_friction", "gas_compression", "tube_lag"])
-def test_the_frame_rate_does_not_change_an_effect(hand: Hand, effect: str) -> None:
-    """Fails when an effect with memory runs once per frame and not once per integration step."""
-    parameters = hand.parameters.copy()
-    for row, value in probe_values(EFFECTS[effect], hand.parameters[:, 0])[1].items():
-        parameters[row] = value
-    other = replace(hand, parameters=parameters)
+EXCEPTIONS = {("supply_droop", 2): (0.01, 20.0), ("coulomb_friction", 3): (0.12, 20.0), ("end_stop", 2): (0.01, 20.0)}
+"""Probes with another bound than 0.005 degrees and 20 Pa: a supply that answers within 2 ms, 4 steps; friction that
+falls with the speed, where two motions part when one just stops; a stop that is hit at full speed. docs/model.md."""
+
+
+@pytest.mark.parametrize("rate_hz", [140, 700, 980])
+def test_the_frame_rate_does_not_change_an_effect(hand: Hand, rate_hz: int) -> None:
+    """Fails when the trajectory with any effect at any probe differs from that at 20 Hz by more than 0.005 degrees or
+    20 Pa: an equation that runs once per frame, one of first order in the step, a step that a change divides wrongly.
+
+    None of these rates divides into steps of 0.5 ms, and the dead time is no whole number of the steps that they give.
+    """
     levels = np.random.default_rng(7).uniform(0.0, 4e5, (60, 11))
-    readings = [
-        closed(other, np.repeat(levels, rate // 20, axis=0), ALL_BUT_SWITCHING, 1.0 / rate)[:: rate // 20]
-        for rate in (20, 1000)
-    ]
-    assert np.degrees(np.abs(readings[0] - readings[1])[:, PHI].max()) < 0.005
+    beyond = {}
+    for effect in (effect for effect in ALL_BUT_SWITCHING if effect.probes):
+        for number, probe in enumerate(probe_values(effect, hand.parameters[:, 0])):
+            parameters = hand.parameters.copy()
+            parameters[list(probe)] = np.array(list(probe.values()))[:, None]
+            other = replace(hand, parameters=parameters)
+            slow, fast = (
+                closed(other, np.repeat(levels, rate // 20, axis=0), ALL_BUT_SWITCHING, 1.0 / rate)[:: rate // 20]
+                for rate in (20, rate_hz)
+            )
+            difference = np.abs(slow - fast).max(axis=(0, 2))
+            found, bounds = (
+                (np.degrees(difference[PHI]), difference[P]),
+                EXCEPTIONS.get((effect.name, number), (0.005, 20.0)),
+            )
+            if any(value >= bound for value, bound in zip(found, bounds, strict=True)):
+                beyond[effect.name, number] = found
+    assert not beyond
 
 
 def test_hooks_refuse_a_set_out_of_order() -> None:

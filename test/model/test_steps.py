@@ -19,7 +19,7 @@ from hand_model.kernel import step as steps
 from hand_model.kernel.hooks import compose
 from hand_model.kernel.inline import inline
 from hand_model.kernel.layout import CREEP, OMEGA, PHI, P, X, prepare_rows
-from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
+from hand_model.kernel.rows import JOINT_PARAMETERS, MEMORY_ROW, ROW
 from hand_model.kernel.terms import one_sided, terms
 
 H = 5e-4
@@ -277,11 +277,17 @@ def noted(w: Any, i: int, u: float, p: float, e: Any, h: float) -> float:
     return u - 2e4
 
 
-def test_effects_get_the_mean_set_point_of_a_split_step() -> None:
-    """Broken by an effect on the set-point that gets another value than the mean, or whose change of it is lost."""
+@inline
+def lowered(w: Any, i: int, u: float, p: float, e: Any, h: float) -> float:
+    """The same hook without memory."""
+    return u - 2e4
+
+
+def test_effects_remember_the_mean_set_point_of_a_split_step() -> None:
+    """Broken by an effect on the set-point that keeps another value than the mean, or whose change of it is lost."""
     w = working_array()
     tau = value(w, "valve.time_constant_s")
-    noting = steps.assemble(PLAIN._replace(set_point=noted))
+    noting = steps.assemble(PLAIN._replace(set_point=noted, set_point_trial=lowered))
     w[X + P, 0] = 2.5e5
     steps.deliver(w, 0, 2e5, 3e5, 0.27, 10)
     after, _ = noting.split_pressure(w, 0, 2, E, H)
@@ -290,6 +296,47 @@ def test_effects_get_the_mean_set_point_of_a_split_step() -> None:
     after, _ = noting.pressure(w, 0, 5, E, H)
     assert w[rows.RISE, 0] == 3e5
     assert after == pytest.approx(relaxed(2.5e5, 2.8e5, H, tau), rel=1e-9)
+
+
+def test_a_play_follows_a_set_point_within_a_split_step() -> None:
+    """Broken by an effect that gets the mean set-point alone: within its play, it holds the valve where it is."""
+    w = working_array(valve_hysteresis__width_pa=1e4)
+    tau, hooks = value(w, "valve.time_constant_s"), compose((EFFECTS["valve_hysteresis"],))
+    hooks.prepare(w, 0, H)
+    memory = {name: MEMORY_ROW[f"valve_hysteresis.{name}"] for name in ("behind", "last")}
+    w[memory["behind"], 0], w[memory["last"], 0], w[X + P, 0] = -1e4, 2e5, 1e5
+    steps.deliver(w, 0, 2e5, 2.7e5, 0.27, 10)
+    after, _ = steps.assemble(hooks).split_pressure(w, 0, 2, E, H)
+    assert after == pytest.approx(relaxed(relaxed(1e5, 2.1e5, 0.7 * H, tau), 2.6e5, 0.3 * H, tau), rel=1e-9)
+    assert w[memory["last"], 0] == pytest.approx(2e5 + 0.3 * 7e4, rel=1e-12)
+
+
+def test_the_inflow_of_a_step_is_that_of_filling() -> None:
+    """Broken by an inflow that venting lowers, that is not the mean of the step, or that changes memory."""
+    w = working_array(supply_droop__resistance_s=0.1, supply_droop__share=1.0)
+    hooks = compose((EFFECTS["supply_droop"],))
+    hooks.prepare(w, 0, H)
+    drawing, tau = steps.assemble(hooks), value(w, "valve.time_constant_s")
+    memory = MEMORY_ROW["supply_droop.sag"]
+    w[memory, 0], w[X + P, 0] = 2e4, 1e5
+    before = w.copy()
+    steps.deliver(w, 0, 5e4, 3e5, 0.27, 10)  # it vents until the change, for 0.7 of step 2, and fills after it
+    vented = relaxed(1e5, 3e4, 0.7 * H, tau)
+    filled = relaxed(vented, 2.8e5, 0.3 * H, tau)
+    assert drawing.split_inflow(w, 0, 2, E, H) == pytest.approx((filled - vented) / H, rel=2e-3)  # the sag recovers
+    assert drawing.inflow(w, 0, 1, E, H) == 0.0
+    assert drawing.inflow(w, 0, 3, E, H) == pytest.approx((relaxed(1e5, 2.8e5, H, tau) - 1e5) / H, rel=2e-3)
+    w[rows.BEFORE], w[rows.AFTER], w[rows.ARRIVAL] = before[rows.BEFORE], before[rows.AFTER], before[rows.ARRIVAL]
+    np.testing.assert_array_equal(w, before)
+
+
+def test_the_inflow_of_a_switching_valve_is_that_of_the_step_before() -> None:
+    """Broken by a trial of a step that moves the pulses of a switching valve."""
+    w = working_array(switching_valve__share=1.0)
+    w[rows.RISE, 0] = 2e5
+    drawing = steps.assemble(compose((EFFECTS["switching_valve"],)))
+    steps.deliver(w, 0, 3e5, 3e5, 0.0, 10)
+    assert drawing.inflow(w, 0, 5, E, H) == drawing.split_inflow(w, 0, 5, E, H) == 2e5
 
 
 @pytest.mark.parametrize("wanted_pa", [5.9e5, 0.0])
@@ -466,14 +513,6 @@ def settled_pair(a: float, b: float, rub_a: float, rub_b: float) -> tuple[float,
     return float(speed[0]), float(speed[1])
 
 
-@pytest.mark.parametrize(("before", "after"), [(0.5, 0.4), (-0.5, -0.4), (0.4, 0.5)])
-def test_a_joint_that_does_not_turn_keeps_the_whole_impulse(before: float, after: float) -> None:
-    """Fails when friction gives less to a joint that moves on in its direction within the step."""
-    turned = getattr(steps._turned, "py_func", steps._turned)
-    assert turned(before, after + 0.1, after, 2.0, 0.1) == 0.0
-    assert turned(before, -after, -after, 2.0, 0.1) != 0.0
-
-
 def test_two_coupled_joints_stick_and_slide() -> None:
     """Broken by any of the four cases of two rubbing joints, in each direction; against an iterative solution."""
     rng = np.random.default_rng(12)
@@ -481,27 +520,40 @@ def test_two_coupled_joints_stick_and_slide() -> None:
     for _ in range(200):
         a, b = rng.uniform(-2.0, 2.0, 2)
         rub_a, rub_b = rng.uniform(0.0, 1.5e-4, 2)
-        found = steps.rub_pair(0.0, 0.0, a, b, *MASSES, rub_a, rub_b)
+        *found, over_a, over_b = steps.rub_pair(0.0, 0.0, a, b, *MASSES, rub_a, rub_b)
+        assert over_a == over_b == 0.0
         expected = settled_pair(a, b, rub_a, rub_b)
-        assert found == pytest.approx(expected, rel=1e-6, abs=1e-9), (a, b, rub_a, rub_b)
+        assert tuple(found) == pytest.approx(expected, rel=1e-6, abs=1e-9), (a, b, rub_a, rub_b)
         kinds.add(tuple(int(np.sign(round(speed, 9))) for speed in expected))
     assert len(kinds) == 9, f"seed 12 shows only {sorted(kinds)}"
-    assert steps.rub_pair(0.0, 0.0, 1.0, -2.0, *MASSES, 0.0, 0.0) == pytest.approx((1.0, -2.0), rel=1e-12)
+    assert steps.rub_pair(0.0, 0.0, 1.0, -2.0, *MASSES, 0.0, 0.0)[:2] == pytest.approx((1.0, -2.0), rel=1e-12)
 
 
-def test_a_turning_joint_of_a_pair_loses_less() -> None:
-    """Broken by a partner that does not share the impulse of a joint that turns within the step."""
-    matrix = np.array([[MASSES[0], MASSES[2]], [MASSES[2], MASSES[1]]])
-    rub = 2e-5
-    before, free = (0.3, 1.0), (-0.7, 1.6)
-    found = np.array(steps.rub_pair(*before, *free, *MASSES, rub, 0.0))
-    plain = np.array(steps.rub_pair(0.0, 0.0, *free, *MASSES, rub, 0.0))
-    share = before[0] / (before[0] - free[0] + rub / MASSES[0])
-    np.testing.assert_allclose(found - plain, np.linalg.solve(matrix, [-2.0 * share * rub, 0.0]), rtol=1e-9)
-    alone = np.array(steps.rub_pair(before[0], 0.0, free[0], -0.001, *MASSES, rub, 1e-3))
-    stuck = np.array(steps.rub_pair(0.0, 0.0, free[0], -0.001, *MASSES, rub, 1e-3))
-    assert stuck[1] == alone[1] == 0.0
-    assert alone[0] - stuck[0] == pytest.approx(-2.0 * share * rub / MASSES[0], rel=1e-9)
+def in_small_parts(before: Array, free: Array, rub: Array, parts: int = 1000) -> tuple[Array, Array, int]:
+    """Speeds after a step of a pair with friction, sums of mean speeds (twice the way), and how often one stops."""
+    speed, way, stops = before.copy(), np.zeros(2), 0
+    for _ in range(parts):
+        after = np.array(steps.rub_pair(0.0, 0.0, *(speed + (free - before) / parts), *MASSES, *(rub / parts))[:2])
+        stops += int(np.sum((speed != 0.0) & (speed * after <= 0.0)))
+        way, speed = way + (speed + after) / parts, after
+    return speed, way, stops
+
+
+def test_a_pair_stops_and_turns_where_small_steps_do() -> None:
+    """Broken by friction that acts too long against the old speed, a partner that does not share what happens then, or
+    a way that goes on after a stop; up to two stops within a step, of joints that move or rest before."""
+    rng, kinds = np.random.default_rng(5), set()
+    for trial in range(120):
+        before, free, rub = rng.uniform(-1.0, 1.0, 2), rng.uniform(-2.0, 2.0, 2), rng.uniform(0.0, 1.5e-4, 2)
+        if trial % 3 == 0:
+            before[trial % 2] = 0.0
+        expected, way, stops = in_small_parts(before, free, rub)
+        *found, over_a, over_b = steps.rub_pair(*before, *free, *MASSES, *rub)
+        if stops < 2:
+            np.testing.assert_allclose(found, expected, atol=2e-3)
+            np.testing.assert_allclose(before + found - (over_a, over_b), way, atol=4e-3)
+        kinds.add(stops)
+    assert kinds >= {0, 1, 2}, "seed 5"
 
 
 def test_pair_with_friction_uses_each_joints_own() -> None:
