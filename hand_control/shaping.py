@@ -26,6 +26,7 @@ import numpy as np
 from hand_control.declared import Settings, U, bounded_dt
 from hand_model.arrays import Array
 from hand_model.compile_cache import njit
+from hand_model.statics import leverage
 
 SUBSTEP = 0.1
 """Largest share of the filter's time constant 1/w that one explicit step takes: well inside stability."""
@@ -97,7 +98,7 @@ def filling_speed(statics: tuple[Array, Array, Array, Array], angle: Array, rate
     statics: a0 ... a3 of Eq. 6, (n,) each; the pressure is -(a0 + a1 phi) / (a2 + a3 phi).
     """
     a0, a1, a2, a3 = statics
-    lever = a2 + a3 * angle
+    lever = leverage.py_func(angle, a2, a3)
     return np.asarray(rate_pa_per_s * lever * lever / np.maximum(a0 * a3 - a1 * a2, 1e-12), dtype=np.float64)
 
 

@@ -16,12 +16,11 @@ from hand_identification.joint_problem import (
 )
 from hand_identification.settings import FITS
 from hand_model.arrays import Array, Flags
-from hand_model.compile_cache import njit
 from hand_model.joint_model import JointModel
 from hand_model.kernel.layout import OMEGA, PHI, P
 from hand_model.kernel.open_loop import OUTPUTS, surroundings_of
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STATES
-from hand_model.material import creep_rate
+from hand_model.material import creep_course
 from hand_recording.local_smoothing import Windows
 from hand_recording.settings import READING
 from hand_recording.signals import (
@@ -194,13 +193,5 @@ def crept(segment: Segment, end: int, column: Array, ratio: float) -> float:
     end: the sample.  column: (rows,) parameters.  ratio: at the first sample [-].
     """
     keys = ("p_min_pa", "b1_per_pa", "extension_time_s", "b0_per_pa", "recovery_time_s")
-    p_min, b1, extension_s, b0, recovery_s = (float(column[ROW[f"material.{key}"]]) for key in keys)
-    rates = (1.0 / extension_s, b0, 1.0 / recovery_s)
-    return float(_creep(segment.pressure_pa[:end], ratio, segment.period_s, p_min, b1, *rates))
-
-
-@njit(cache=True)
-def _creep(pressure, ratio, period_s, p_min, b1, extension_rate, b0, recovery_rate):  # type: ignore[no-untyped-def]
-    for p in pressure:
-        ratio += period_s * creep_rate(p, ratio, p_min, b1, extension_rate, b0, recovery_rate)
-    return ratio
+    law = tuple(float(column[ROW[f"material.{key}"]]) for key in keys)
+    return float(creep_course(segment.pressure_pa[:end], law, segment.period_s, ratio)[-1])

@@ -10,6 +10,7 @@ import numpy as np
 
 from hand_identification.static_map import StaticMap, VolumeMap
 from hand_model.arrays import Array
+from hand_model.statics import leverage, stiffness
 
 ATMOSPHERE_PA = 101325.0
 LARGEST_TORQUE_NM = 5.0
@@ -36,11 +37,11 @@ def verdicts(
 def _sign(found: StaticMap, pressure_pa: Array, angle_rad: Array) -> list[str]:
     _, a1, a2, a3 = found.values
     lines = []
-    if a2 + a3 * float(np.mean(angle_rad)) < 0.0:
+    if leverage.py_func(float(np.mean(angle_rad)), a2, a3) < 0.0:
         lines.append(
             "wrong sign: the torque falls with the pressure; is the torque positive where it flexes the joint?"
         )
-    elif a1 + a3 * float(np.mean(pressure_pa)) > 0.0:
+    elif stiffness.py_func(float(np.mean(pressure_pa)), a1, a3) > 0.0:
         lines.append("wrong sign: the torque rises with the angle; is the angle positive in flexion?")
     return lines
 

@@ -23,6 +23,7 @@ from hand_model.geometry import Geometry
 from hand_model.geometry_description import read_geometry
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STEP_S
 from hand_model.sensor_description import SensorSet, read_adc, read_names, read_sensors, read_sites
+from hand_model.statics import leverage, stiffness
 from hand_model.yaml_reader import DescriptionError, Section, is_name, read_yaml
 
 _HAND_WIDE = "supply"
@@ -191,7 +192,7 @@ def _check_joint(groups: dict[str, Section], value: dict[str, float]) -> None:
         problem = f"is {b1:g}; it must be at most {1.0 / span:g}, else the creeping ratio passes 1 at supply pressure"
         raise groups["material"].error("b1_per_pa", problem)
     a1, a3 = value["statics.a1_nm_per_rad"], value["statics.a3_nm_per_pa_rad"]
-    if a1 + a3 * supply >= 0.0:
+    if stiffness.py_func(supply, a1, a3) >= 0.0:
         problem = f"is {a3:g}; it must be below {-a1 / supply:g}, else the joint is unstable at supply pressure"
         raise groups["statics"].error("a3_nm_per_pa_rad", problem)
 
@@ -207,7 +208,7 @@ def _limits(sections: list[Section], parameters: Array, supply_pressure_pa: floa
         check_limits(section, low, high)
         check_stops(section, low, high, values)
         for key, angle in (("low_deg", low), ("high_deg", high)):
-            if slope + change * np.radians(angle) <= 0.0:
+            if leverage.py_func(np.radians(angle), slope, change) <= 0.0:
                 bound = np.degrees(-slope / change)
                 problem = f"is {angle:g}; pressure flexes the joint only on the near side of {bound:.4g} (-a2/a3)"
                 raise section.error(key, problem)

@@ -7,6 +7,11 @@ zero the material holds. Well-posed for b0 >= b1 and p_min > 0; A stays in [0, 1
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+
+from hand_model.arrays import Array
 from hand_model.compile_cache import njit
 
 
@@ -16,3 +21,28 @@ def creep_rate(p, creep, p_min, b1, extension_rate, b0, recovery_rate):  # type:
     extension = (b1 * (p - p_min) - creep) * extension_rate
     recovery = (b0 * p - creep) * recovery_rate
     return max(extension, 0.0) + min(recovery, 0.0)
+
+
+def mean_rate(time_s: Any, h: float) -> Any:
+    """(1 - exp(-h / T)) / h [1/s]: with it in place of 1 / T [1/s], a step of h [s] at constant pressure is exact."""
+    return -np.expm1(-h / time_s) / h
+
+
+def creep_course(pressure_pa: Array, law: tuple[float, ...], period_s: float, ratio: float = 0.0) -> Array:
+    """Creeping ratio (n + 1,) before each of n pressures [Pa], each of which holds for period_s [s], and after them.
+
+    law: p_min [Pa], b1 [1/Pa], time constant of extension [s], b0 [1/Pa], time constant of recovery [s].  ratio: at
+    the first pressure.
+    """
+    p_min, b1, extension_s, b0, recovery_s = law
+    rates = mean_rate(extension_s, period_s), mean_rate(recovery_s, period_s)
+    course = np.empty(len(pressure_pa) + 1)
+    course[0] = ratio
+    _advance(course, pressure_pa, period_s, p_min, b1, rates[0], b0, rates[1])
+    return course
+
+
+@njit(cache=True)
+def _advance(course, pressure, period_s, p_min, b1, extension, b0, recovery):  # type: ignore[no-untyped-def]
+    for k in range(len(pressure)):
+        course[k + 1] = course[k] + period_s * creep_rate(pressure[k], course[k], p_min, b1, extension, b0, recovery)

@@ -6,6 +6,7 @@ import numpy as np
 
 from hand_model.arrays import Array
 from hand_model.kernel.rows import ROW, STATE_ROW, STATES, WORK_ROWS
+from hand_model.material import mean_rate
 from hand_model.statics import equilibrium_angle
 
 P, PHI, OMEGA, CREEP = range(STATES)
@@ -54,10 +55,10 @@ def resting_states(parameters: Array) -> Array:
 def prepare_rows(w: Array, h: float) -> None:
     """Fill the prepared constants of a working array (..., WORK, lanes) in place, for steps of h [s].
 
-    The rates of creep are (1 - exp(-h / T)) / h: one step at constant pressure is then exact.
+    With the rates of creep (material.mean_rate), one step at constant pressure is exact.
     """
     for target, source in _RECIPROCALS:
         w[..., target, :] = 1.0 / w[..., source, :]
     w[..., PER_12_INERTIA, :] = 1.0 / (12.0 * w[..., ROW["dynamics.inertia_kg_m2"], :])
     for target, source in _DECAYS:
-        w[..., target, :] = -np.expm1(-h / w[..., source, :]) / h
+        w[..., target, :] = mean_rate(w[..., source, :], h)

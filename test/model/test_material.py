@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pytest import approx
 
 from hand_model.kernel.layout import CREEP, PHI, P
-from hand_model.material import creep_rate
+from hand_model.material import creep_course, creep_rate
 
 P_MIN, B1, T_EXT, B0, T_REC = 0.5e5, 1 / 5.5e5, 25.0, 1 / 4.5e5, 40.0
 SUPPLY = 6e5
@@ -111,3 +111,14 @@ def test_staircase_drifts_and_has_hysteresis_like_figure_13(joint: Any) -> None:
     left = creeping[-1] - creeping[np.rint(time / period_s).astype(int)]
     slope = np.polyfit(time, np.log(left + 1e-12), 1)[0]
     assert -1.0 / slope == approx(T_EXT, rel=0.1)
+
+
+def test_the_course_of_creep_is_exact_whatever_the_period() -> None:
+    """Broken by explicit steps, which err by 10 % at a fifth of a time constant, or a ratio that is one step off."""
+    law, period_s, start = (P_MIN, B1, T_EXT, B0, T_REC), 5.0, 0.1
+    course = creep_course(np.repeat([3e5, 0.9e5], 20), law, period_s, start)
+    assert course.shape == (41,)
+    steps = period_s * np.arange(21)
+    high, low = B1 * (3e5 - P_MIN), B0 * 0.9e5
+    np.testing.assert_allclose(course[:21], high + (start - high) * np.exp(-steps / T_EXT), atol=1e-12)
+    np.testing.assert_allclose(course[20:], low + (course[20] - low) * np.exp(-steps / T_REC), atol=1e-12)

@@ -13,6 +13,7 @@ from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, map_fit, multi_start
 from hand_model.arrays import Array
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
+from hand_model.material import creep_rate
 from hand_pages.plots import Curve, Kind, Panel, Plot
 from validation.paper.creep_rig import JOINT, description, without_material
 from validation.paper.drawing import BLUE, GREY, RED, nth_shown, panels
@@ -193,8 +194,13 @@ def _draw_zones(axes, law: dict[str, float]) -> None:  # type: ignore[no-untyped
     zones.legend(frameon=False, fontsize=7)
     pressure = np.linspace(0.0, 4e5, 200)
     for value in (0.1, 0.3, 0.5):
-        up = (b1 * (pressure - law["material.p_min_pa"]) - value) / law["material.extension_time_s"]
-        down = (b0 * pressure - value) / law["material.recovery_time_s"]
-        rate.plot(pressure * 1e-5, np.maximum(up, 0.0) + np.minimum(down, 0.0), lw=1.0, label=f"A = {value}")
+        rate.plot(pressure * 1e-5, _rates(law, pressure, value), lw=1.0, label=f"A = {value}")
     rate.set(xlabel="pressure [bar]", ylabel="rate of A [1/s]")
     rate.legend(frameon=False, fontsize=7)
+
+
+def _rates(law: Mapping[str, float], pressure_pa: Array, ratio: float) -> list[float]:
+    """A' [1/s] of Eq. 12 at pressures [Pa] and a creeping ratio."""
+    rates = [1.0 / law[f"material.{key}"] for key in ("extension_time_s", "recovery_time_s")]
+    p_min, b1, b0 = (law[f"material.{key}"] for key in ("p_min_pa", "b1_per_pa", "b0_per_pa"))
+    return [float(creep_rate(p, ratio, p_min, b1, rates[0], b0, rates[1])) for p in pressure_pa]

@@ -6,6 +6,7 @@ import numpy as np
 
 from hand_model.arrays import Array, Flags
 from hand_model.kernel.rows import ROW
+from hand_model.material import creep_course
 from hand_model.statics import torque
 from hand_pages.plots import Curve, Kind, Panel, Plot
 from validation.paper.creep_rig import PERIOD_S, description, problem
@@ -114,16 +115,10 @@ def _settled(held: Array) -> Flags:
 
 
 def _three_zones(nominal: Array, pressure_pa: Array) -> Array:
-    """Creeping ratio (T,) by Eq. 12 from the relaxed state; explicit Euler at the sample period."""
-    from hand_model.material import creep_rate  # noqa: PLC0415 - compiled on first use
-
+    """Creeping ratio (T,) by Eq. 12 from the relaxed state."""
     keys = ("p_min_pa", "b1_per_pa", "extension_time_s", "b0_per_pa", "recovery_time_s")
-    p_min, b1, extension, b0, recovery = (float(nominal[ROW[f"material.{key}"]]) for key in keys)
-    creep = np.zeros(len(pressure_pa))
-    for k in range(1, len(creep)):
-        rate = creep_rate(float(pressure_pa[k - 1]), creep[k - 1], p_min, b1, 1 / extension, b0, 1 / recovery)
-        creep[k] = creep[k - 1] + PERIOD_S * rate
-    return creep
+    law = tuple(float(nominal[ROW[f"material.{key}"]]) for key in keys)
+    return creep_course(pressure_pa, law, PERIOD_S)[:-1]
 
 
 def _rms_deg(error_rad: Array, use: Flags) -> float:
