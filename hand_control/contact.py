@@ -72,7 +72,7 @@ def contradicted_by_motion(s, i, reference_speed, speed, dt):  # type: ignore[no
 
 
 def threshold(false_alarms_per_hour: float, observer_filter_s: float) -> float:
-    """Threshold h for a rate of false alarms per joint; independent samples are two filter time constants apart.
+    """Threshold h [-] for a rate of false alarms per joint; independent samples are two filter time constants apart.
 
     It is 0 where the wanted rate is higher than the detector has at h = 0.
     """

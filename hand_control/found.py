@@ -259,7 +259,7 @@ def _compiled(names: tuple[str, ...], laws: bool) -> _Loops:
 
 
 def used_effects(parameters: Array) -> tuple[Effect, ...]:
-    """Effects in parameters (rows, joints) that the law uses, in the order of the catalogue."""
+    """Effects in parameters (rows, joints), SI, that the law uses, in the order of the catalogue."""
     return tuple(effect for effect in active_effects(parameters) if effect.name in USED)
 
 

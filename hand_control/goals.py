@@ -209,7 +209,7 @@ class RunningGoals:
         self._goals = [goal for goal in self._goals if goal.end is None]
 
     def step(self, now_ns: int, desired: tuple[Array, Array], measured: tuple[Array, Array]) -> list[NDArray[np.int64]]:
-        """See TrajectoryGoal.step; returns the joints (k,) of every goal that was aborted now."""
+        """See TrajectoryGoal.step, angles in [rad]; returns the joints (k,) of every goal that was aborted now."""
         for goal in self._goals:
             goal.step(now_ns, desired, measured)
         aborted = [goal.index for goal in self._goals if goal.end is not None and goal.end[0] is not Code.SUCCESSFUL]

@@ -118,7 +118,7 @@ class Grasping:
 
     @property
     def progress(self) -> float:
-        """Completed share of the motion, 0 ... 1."""
+        """Completed share of the motion, 0 ... 1 [-]."""
         return min(self._elapsed_s / self._duration_s, 1.0)
 
     def step(self, dt: float, position: Array, contact: Flags) -> tuple[Array, Array]:

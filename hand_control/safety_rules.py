@@ -93,7 +93,7 @@ class JointLimits:
 
 
 def limits_of(rows: np.ndarray[tuple[int, int], np.dtype[np.int32]]) -> tuple[JointLimits, ...]:
-    """JointLimits from the rows (n, 9) of `safety_numbers.joint_limits`."""
+    """JointLimits from the rows (n, 9) of `safety_numbers.joint_limits` [their integers]."""
     return tuple(JointLimits(**dict(zip(LIMITS, map(int, row), strict=True))) for row in rows)
 
 

@@ -37,7 +37,7 @@ class Unmeasured:
         safety.trip(fault)
 
     def line(self, joint: int, measured: Sequence[Array]) -> str:
-        """The line of such a latch, where nothing is latched; measured: as in `trip`, (joints,) each."""
+        """The line of such a latch, where nothing is latched; measured: as in `trip`, SI, (joints,) each."""
         _, line, cause = self._named(joint, measured)
         return _with_cause(line, cause)
 

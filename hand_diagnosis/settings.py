@@ -303,6 +303,12 @@ class Settings(LawSettings):
         CHOICE, "Stronger tints.", "Weaker tints.")
     strongest_tint: float = setting(0.55, "-", "Opacity of the full tint.", CHOICE, "Tints are hardly seen.",
         "Text on it is not readable.")
+    unjudged_tint: float = setting(0.5, "-", "Opacity of the grey of a joint that was not diagnosed.", CHOICE,
+        "It is hardly seen.", "It looks like a finding.")
+    chart_low: float = setting(0.5, "-", "The axis of errors begins there at the latest, in multiples of the noise.",
+        CHOICE, "Shorter bars.", "No visible change.")
+    chart_high: float = setting(2.0, "-", "The axis of errors ends there at the earliest, in multiples of the noise.",
+        CHOICE, "No visible change.", "Shorter bars.")
     drawing_margin_mm: float = setting(12.0, "mm", "Margin of the drawing of the hand.", CHOICE, "No visible change.",
         "A smaller hand.")
     # Certificates

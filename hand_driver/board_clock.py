@@ -50,7 +50,7 @@ class BoardClock:
 
     @property
     def rate_error(self) -> float | None:
-        """Relative error of the board's rate, positive where its clock is fast; None before it is measured."""
+        """Relative error of the board's rate [-], positive where its clock is fast; None before it is measured."""
         return 1.0 / (1.0 + self._drift) - 1.0 if self._closed >= MEASURED_BLOCKS else None
 
     def map(self, board_time_us: int, received_ns: int) -> int:

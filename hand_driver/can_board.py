@@ -53,7 +53,7 @@ class ReadAhead:
 
     @property
     def write_timeout(self) -> float | None:
-        """See serial.Serial."""
+        """See serial.Serial; [s]."""
         allowed: float | None = self._port.write_timeout
         return allowed
 

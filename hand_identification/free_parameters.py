@@ -127,12 +127,12 @@ def speed_free_parameters(speeds: Sequence[float]) -> list[FreeParameter]:
 
 
 def effect_free_parameters(effect: Effect, nominal: Array) -> list[FreeParameter]:
-    """Free parameters of an effect's own parameters and of the nominal numbers (rows,) that it sets free."""
+    """Free parameters of an effect's own parameters and of the nominal numbers (rows,), SI, that it sets free."""
     return _free_parameters(effect, effect.keys, nominal)
 
 
 def law_free_parameters(effect: Effect, nominal: Array) -> list[FreeParameter]:
-    """Free parameters of what a learned law sets free; their prior is centred on the textbook form (rows,)."""
+    """Free parameters of what a learned law sets free; their prior is centred on the textbook form (rows,), SI."""
     return _free_parameters(effect, effect.coefficients, nominal)
 
 

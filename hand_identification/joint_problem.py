@@ -63,7 +63,7 @@ class Segment:
 
     @property
     def measured(self) -> Array:
-        """(OUTPUTS, T)."""
+        """(OUTPUTS, T), SI."""
         return np.array([self.pressure_pa, self.angle_rad, np.nan_to_num(self.force_n)])
 
 
@@ -209,7 +209,8 @@ def validation_blocks(blocks: int) -> Flags:
 
 
 def initial_weights(period_s: float, noise: Array) -> Array:
-    """Weights (OUTPUTS,) of squared residuals: white noise (OUTPUTS,) and the practical floor, correlated."""
+    """Weights (OUTPUTS,) [1/unit^2] of squared residuals: white noise (OUTPUTS,) and the practical floor,
+    correlated."""
     samples = max(FITS.correlation_s / period_s, 1.0)
     weights: Array = 1.0 / (noise**2 + np.array(FITS.floor) ** 2 * samples)
     return weights

@@ -126,7 +126,8 @@ def multi_start(
     first: int = FITS.first_iterations,
     iterations: int = FITS.last_iterations,
 ) -> MapFit:
-    """Fit briefly from every start (free,), then to the end from the two best: simulation error has local minima."""
+    """Fit briefly from every start (free,) [-], then to the end from the two best: simulation error has local
+    minima."""
     tried = sorted((map_fit(problem, free, start, first) for start in starts), key=lambda fit: fit.cost)
     ended = [map_fit(problem, free, fit.z, iterations) for fit in tried[:2]]
     return min(ended, key=lambda fit: fit.cost)
@@ -211,7 +212,7 @@ def _bounded_step(hessian: Array, gradient: Array, low: Array, high: Array) -> A
 
 
 def costs_at(problem: JointProblem, free: Sequence[FreeParameter], points: Array) -> Array:
-    """Costs (k,) at coordinates (k, free), simulated together; infinite where the simulation is."""
+    """Costs (k,) [nats] at coordinates (k, free), simulated together; infinite where the simulation is."""
     return _simulated(problem, free, points)[0]
 
 

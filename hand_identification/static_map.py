@@ -72,7 +72,7 @@ class VolumeMap:
 
 
 def regressors(pressure_pa: Array, angle_rad: Array) -> Array:
-    """Columns of Eq. 6 (n, 4): 1, phi, p, p phi."""
+    """Columns of Eq. 6 (n, 4): 1, phi, p, p phi, SI."""
     return np.array([np.ones_like(angle_rad), angle_rad, pressure_pa, pressure_pa * angle_rad]).T
 
 
@@ -117,7 +117,7 @@ def residual_map(
 
 
 def correlation_time(residual: Array) -> float:
-    """Integrated autocorrelation time of a residual (n,) in samples, at least 1, up to the first crossing of 0.05."""
+    """Integrated autocorrelation time of a residual (n,) [samples], at least 1, up to the first crossing of 0.05."""
     centred = residual - residual.mean()
     power = np.abs(np.fft.rfft(centred, 2 * len(centred))) ** 2
     correlation = np.fft.irfft(power)[: len(centred)]

@@ -31,7 +31,7 @@ def motion(table: Readings) -> tuple[Array, Array, Array] | None:
 
 
 def smoothed(table: Readings, values: Array) -> Array:
-    """A signal (T,) of a recording, smoothed as its motion is."""
+    """A signal (T,) [any unit] of a recording, smoothed as its motion is."""
     window = _window(table)
     return values if window < 5 else np.asarray(savgol_filter(values, window, 3))
 

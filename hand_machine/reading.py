@@ -149,7 +149,8 @@ def _settled(read: Flags, time_s: Array) -> Flags:
 
 
 def find_repeats(values: Array) -> tuple[Flags, float]:
-    """Which finite readings (n,) only repeat the one before, and how many rows the signal is held for; 1: it is not.
+    """Which finite readings (n,) [any unit] only repeat the one before, and how many rows the signal is held for; 1:
+    it is not.
 
     A sensor may be read less often than its value is written down: between two of its values the table has the last
     one again, so that a moving axis seems to go by steps. A coarse encoder also repeats its readings, but goes on by

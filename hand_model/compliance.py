@@ -64,5 +64,5 @@ def hydraulic_pressure_pa(actuator: Actuator, start_pa: float, start_rad: float,
 
 
 def stiffness_nm_per_rad(phi: Array, torque_nm: Array) -> Array:
-    """dM/dphi (n,) along a trajectory of Eq. 7, total: geometry and fluid together."""
+    """dM/dphi (n,) [N m/rad] along a trajectory of Eq. 7, total: geometry and fluid together."""
     return np.asarray(np.gradient(torque_nm, phi))

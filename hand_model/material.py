@@ -24,12 +24,12 @@ def creep_rate(p, creep, p_min, b1, extension_rate, b0, recovery_rate):  # type:
 
 
 def mean_rate(time_s: Any, h: float) -> Any:
-    """(1 - exp(-h / T)) / h [1/s]: with it in place of 1 / T [1/s], a step of h [s] at constant pressure is exact."""
+    """(1 - exp(-h / T)) / h [1/s]: in place of 1 / T in Eq. 12, a step of h [s] at constant pressure is exact."""
     return -np.expm1(-h / time_s) / h
 
 
 def creep_course(pressure_pa: Array, law: tuple[float, ...], period_s: float, ratio: float = 0.0) -> Array:
-    """Creeping ratio (n + 1,) before each of n pressures [Pa], each of which holds for period_s [s], and after them.
+    """Creeping ratio of Eq. 12, (n + 1,), before each of n pressures [Pa] that hold for period_s [s] each, and after them.
 
     law: p_min [Pa], b1 [1/Pa], time constant of extension [s], b0 [1/Pa], time constant of recovery [s].  ratio: at
     the first pressure.

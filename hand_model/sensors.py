@@ -105,7 +105,7 @@ class AngleLine:
         return angle
 
     def ratio(self, angle_rad: Array) -> Array:
-        """The inverse of angle_rad."""
+        """The inverse of angle_rad, a ratio [-]."""
         share = angle_rad / (np.pi / 2.0)
         return self.ratio_at_0_deg + share * (self.ratio_at_90_deg - self.ratio_at_0_deg)
 

@@ -68,7 +68,8 @@ def on_clock(times_ns: NDArray[np.int64], sent_ns: NDArray[np.int64], shown_ns: 
 
 
 def bridge(values: Array) -> tuple[Array, Flags]:
-    """Columns of (T,) or (T, J) with NaN replaced by linear interpolation over the samples, and where they were known.
+    """Columns of (T,) or (T, J) [any unit] with NaN replaced by linear interpolation over the samples, and where
+    they were known.
 
     Before the first known sample the first one stands, behind the last one the last; a column that is never known is 0.
     """
@@ -83,7 +84,8 @@ def bridge(values: Array) -> tuple[Array, Flags]:
 
 
 def refine(values: Array, finer: int) -> Array:
-    """Samples (T,) or (T, J) with finer - 1 linearly interpolated ones between each two: (finer (T - 1) + 1, ...)."""
+    """Samples (T,) or (T, J) [any unit] with finer - 1 linearly interpolated ones between each two: (finer (T - 1) +
+    1, ...)."""
     samples = np.arange(len(values))
     at = np.arange(finer * (len(values) - 1) + 1) / finer
     if values.ndim == 1:

@@ -23,7 +23,8 @@ NOISE = 0
 
 
 def local_windows(residual: Array, period_s: float, noise: Array) -> Windows:
-    """Window of each sample of a residual (T,) with white noise of the standard deviations `noise` (T,), its unit."""
+    """Window [samples] of each sample of a residual (T,) with white noise of the standard deviations `noise` (T,),
+    its unit."""
     windows = np.ones(len(residual), dtype=np.int64)
     low, high = residual - READING.window_confidence * noise, residual + READING.window_confidence * noise
     agree = np.ones(len(residual), dtype=bool)
@@ -39,7 +40,7 @@ def local_windows(residual: Array, period_s: float, noise: Array) -> Windows:
 
 
 def smoothed_by(values: Array, windows: Windows) -> Array:
-    """Values (T,) smoothed by quadratics, each over its own window."""
+    """Values (T,) [any unit] smoothed by quadratics, each over its own window."""
     smooth = np.where(windows == NOISE, 0.0, values)
     for span in np.unique(windows[windows > 1]):
         chosen = windows == span

@@ -87,7 +87,8 @@ def stamp_scatter_s(stamps_ns: NDArray[np.int64], ticks: Ticks) -> float:
 
 
 def steadier(stamps_ns: NDArray[np.int64], ticks: Ticks, values: Array) -> bool | None:
-    """Whether readings (N, J) are clearly smoother at their ticks than at their stamps (N,); None: neither is.
+    """Whether readings (N, J) [any unit] are clearly smoother at their ticks than at their stamps (N,); None:
+    neither is.
 
     Readings at the ticks are compared with those interpolated at the ticks from the stamps, by third differences.
     """

@@ -107,7 +107,8 @@ def derivatives(angle_rad: Array, period_s: float, window_s: float = READING.smo
 
 
 def in_band(force: Array, period_s: float, window_s: float) -> Array:
-    """Forces (..., T) by a cubic over a moving window, as accelerations are computed; as they are for a window of 0."""
+    """Forces (..., T) [N] by a cubic over a moving window, as accelerations are computed; as they are for a window
+    of 0."""
     window = min(2 * half_window(period_s, window_s) + 1, (force.shape[-1] - 1) // 2 * 2 + 1)
     if window_s == 0.0 or window < LEAST_WINDOW:
         return force
@@ -115,7 +116,8 @@ def in_band(force: Array, period_s: float, window_s: float) -> Array:
 
 
 def white_noise(values: Array, known: Flags | None = None) -> float:
-    """Standard deviation of the white noise of a signal (T,), from its third differences, which motion hardly affects.
+    """Standard deviation of the white noise of a signal (T,) [its unit], from its third differences, which motion
+    hardly affects.
 
     known: (T,) the samples to use.
     """
@@ -132,12 +134,13 @@ def white_noise(values: Array, known: Flags | None = None) -> float:
 
 
 def smoothed_over(values: Array, span: int) -> Array:
-    """A signal (T,) smoothed by quadratics over an odd number of samples; fewer than 5 change nothing."""
+    """A signal (T,) [any unit] smoothed by quadratics over an odd number of samples; fewer than 5 change nothing."""
     return values if span < LEAST_WINDOW or len(values) <= span else savgol_filter(values, span, 2)
 
 
 def slopes_over(values: Array, span: int, order: int, period_s: float) -> Array:
-    """A derivative (T,) of a signal by quadratics over an odd number of samples; 0 where the signal is too short."""
+    """A derivative (T,) [unit/s] of a signal by quadratics over an odd number of samples; 0 where the signal is too
+    short."""
     span = max(span, LEAST_WINDOW)
     return savgol_filter(values, span, 2, order, period_s) if len(values) > span else np.zeros(len(values))
 
@@ -167,7 +170,7 @@ def smoothing_span(values: Array, period_s: float, noise: float) -> int:
 
 
 def smoothing_spans(values: Array, period_s: float) -> list[int]:
-    """The windows of inputs in samples, odd, without those below LEAST_WINDOW or longer than the signal (T,)."""
+    """The windows of inputs in samples, odd, from LEAST_WINDOW to the length of the signal (T,) [any unit]."""
     spans = [2 * round(0.5 * seconds / period_s) + 1 for seconds in READING.input_windows_s]
     return [span for span in spans if LEAST_WINDOW <= span < len(values)]
 

@@ -20,7 +20,7 @@ def number(value: float) -> str:
 
 
 def numbers(values: Array | tuple[float, ...]) -> str:
-    """Numbers (n,) as text, separated by spaces."""
+    """Numbers (n,) [any unit] as text, separated by spaces."""
     return " ".join(number(float(value)) for value in values)
 
 
@@ -57,13 +57,13 @@ class Style:
         return " ".join(self.mirrored(float(v)) if mirror else number(float(v)) for v, mirror in pairs)
 
     def origin(self, parent: ET.Element, pose: Array) -> None:
-        """Add the origin of a joint or of a body, a pose (4, 4); the plane of mirroring is that of x and z."""
+        """Add the origin of a joint or of a body, a pose (4, 4) [m]; the plane of mirroring is that of x and z."""
         rpy = rpy_from_rotation(pose[:3, :3])
         xyz = self._vector(pose[:3, 3], (False, True, False))
         ET.SubElement(parent, "origin", xyz=xyz, rpy=self._vector(rpy, (True, False, True)))
 
     def axis(self, parent: ET.Element, axis: Array) -> None:
-        """Add the axis (3,) of a joint, a pseudovector."""
+        """Add the axis (3,) [-] of a joint, a pseudovector."""
         ET.SubElement(parent, "axis", xyz=self._vector(axis, (True, False, True)))
 
 

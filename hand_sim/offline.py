@@ -55,7 +55,7 @@ class Measured:
 
 
 def set_points_in_force(commands: Commands, ticks: Ticks) -> Array:
-    """Set-points (ticks, joints) that the board holds from each tick to the next.
+    """Set-points (ticks, joints) [Pa] that the board holds from each tick to the next.
 
     The rules are those of `hand_driver.board.SetPointsInForce`: a tick takes over the set-points sent before it, and
     vents those that have outlived their lifetime. Before the first command the valves are vented.
@@ -74,7 +74,7 @@ def set_points_in_force(commands: Commands, ticks: Ticks) -> Array:
 
 
 def initial_state(hand: Hand, measured: Measured) -> Array:
-    """State (STATES, joints) at the first frame, from what was measured around it.
+    """State (STATES, joints), SI, at the first frame, from what was measured around it.
 
     Angles are taken back through the calibration to the angle that the sensor measured. The creeping ratio is the one
     that balances Eq. 11 at that angle, speed and pressure; joints close to an end stop or not measured count as rested.

@@ -14,7 +14,7 @@ from hand_sim.channels import Channels
 
 
 def resting_state(hand: Hand) -> Array:
-    """State (STATES, joints) of a vented hand that has rested for long: no pressure, no creep."""
+    """State (STATES, joints), SI, of a vented hand that has rested for long: no pressure, no creep."""
     return resting_states(hand.parameters)
 
 
@@ -37,7 +37,7 @@ class HandPlants:
 
     @property
     def state(self) -> Array:
-        """State now, (hands, STATES, joints)."""
+        """State now, (hands, STATES, joints), SI."""
         return self._loop.state
 
     def hold_history(self, pressure_pa: Array) -> None:
@@ -62,7 +62,7 @@ class HandPlant:
 
     @property
     def state(self) -> Array:
-        """True state now, (STATES, joints)."""
+        """True state now, (STATES, joints), SI."""
         state: Array = self._plants.state[0]
         return state
 

@@ -145,7 +145,7 @@ def _tracked(at: Array, usual: float) -> Array:
 
 
 def ascending_ticks(places: Array) -> Stamps:
-    """Ascending ticks (N,) from 0 nearest to the places (N,) of frames on a clock, in least squares.
+    """Ascending ticks (N,) from 0 nearest to the places (N,) [ticks] of frames on a clock, in least squares.
 
     Each frame has a tick of its own, so the number of lost frames before it never falls: an isotonic regression by
     pooling neighbours (Barlow et al., Statistical inference under order restrictions, 1972), then rounded, which is

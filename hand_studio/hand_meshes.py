@@ -49,7 +49,7 @@ def _capsule(length_m: float, radius_m: float) -> tuple[Array, Triangles]:
 
 
 def quaternion(rotation: Array) -> Array:
-    """The unit quaternion (4,), w first, of a rotation (3, 3): Bar-Itzhack, J. Guidance 23(6), 2000."""
+    """The unit quaternion (4,) [-], w first, of a rotation (3, 3): Bar-Itzhack, J. Guidance 23(6), 2000."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
     matrix = np.array(
         [

@@ -6,6 +6,7 @@ import ast
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -32,6 +33,7 @@ COMPLYING = (
 """Packages whose public functions are checked: all."""
 MOST_POSITIONAL = 6
 ARRAY = re.compile(r"\b(Array|Flags|NDArray|ndarray)\b")
+FLOATS = re.compile(r"\b(Array|ndarray|NDArray\[np\.float64\])\b(?!.*\bFlags\b)")
 AXIS = r"(?:\.\.\.|\w+)(?: (?:[-+*/]|of) \w+)?"
 SHAPE = re.compile(rf"\({AXIS}(?:,|(?:, {AXIS})+,?)\)")
 UNIT = re.compile(r"\[[^\]]+\]|\bSI\b")
@@ -72,9 +74,15 @@ def files(names: tuple[str, ...] = COMPLYING) -> list[Path]:
     return found
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    """The tree of a module, parsed once."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def public_functions(path: Path) -> Iterator[Function]:
     """Module functions and methods of public classes whose names have no leading underscore."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = parsed(path)
     where = path.relative_to(ROOT) if path.is_relative_to(ROOT) else path.name
     owners = [("", tree.body, "")]
     classes = [node for node in tree.body if isinstance(node, ast.ClassDef) and not node.name.startswith("_")]
@@ -96,9 +104,13 @@ def faults(function: Function) -> Iterator[str]:
     if ARRAY.search(returned) and not SHAPE.search(function.text):
         yield "no shape of what it returns"
     scalars = [name for name, annotation in annotations.items() if re.fullmatch(r"float( \| None)?", annotation)]
-    bare = [name for name in scalars if not UNIT_SUFFIX.search(name)]
-    if bare and not UNIT.search(function.text):
+    numbers = [name for name, annotation in annotations.items() if FLOATS.search(annotation)]
+    bare = [name for name in (*scalars, *numbers) if not UNIT_SUFFIX.search(name)]
+    if bare and not function.is_compiled and not UNIT.search(function.text):
         yield f"no unit of {', '.join(bare)}"
+    gives = re.fullmatch(r"(Array|float)( \| None)?", returned) and not UNIT_SUFFIX.search(function.node.name)
+    if gives and not function.is_compiled and not UNIT.search(function.text):
+        yield "no unit of what it returns"
 
 
 def raised(function: Function) -> set[str]:
@@ -139,11 +151,17 @@ def test_the_walk_sees_what_is_missing(tmp_path: Path) -> None:
     source = (
         'def a(x: Array, y: float) -> None:\n    """Nothing (really)."""\n'
         'def b(x: Array, y: float, z_s: float) -> None:\n    """x: (T, joints).  y: [N m]."""\n'
-        'def c(z_s: float) -> Array:\n    """A sum."""\n'
+        'def c(z_s: float) -> Array:\n    """A sum, SI."""\n'
+        'def d(x: Array) -> float:\n    """x: (T,)."""\n'
     )
     (tmp_path / "module.py").write_text(source, encoding="utf-8")
     found = {f.node.name: list(faults(f)) for f in public_functions(tmp_path / "module.py")}
-    assert found == {"a": ["no shape of x", "no unit of y"], "b": [], "c": ["no shape of what it returns"]}
+    assert found == {
+        "a": ["no shape of x", "no unit of y, x"],
+        "b": [],
+        "c": ["no shape of what it returns"],
+        "d": ["no unit of x", "no unit of what it returns"],
+    }
 
 
 @pytest.mark.parametrize("path", files(), ids=lambda path: str(path.relative_to(ROOT)))
@@ -192,16 +210,16 @@ KEPT = {"Parameter", "Frame", "SamplePayload", "Reproduction", "Trial", "FaultRe
 """Records that are written as rows of a table, or unpacked from bytes."""
 
 
-def many_positional(source: str, classes: set[str]) -> list[tuple[int, str]]:
+def many_positional(tree: ast.Module, classes: set[str]) -> list[tuple[int, str]]:
     """Line and name of calls of classes with more than MOST_POSITIONAL arguments that are not named."""
-    calls = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)]
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
     named = [(call, ast.unparse(call.func).rpartition(".")[2]) for call in calls if len(call.args) > MOST_POSITIONAL]
     return [(call.lineno, name) for call, name in named if name in classes]
 
 
-def dataclasses_of(source: str) -> set[str]:
+def dataclasses_of(tree: ast.Module) -> set[str]:
     """Names of the dataclasses of a module that have more than MOST_POSITIONAL fields, or inherit some."""
-    classes = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ClassDef)]
+    classes = [node for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
     classes = [node for node in classes if "dataclass" in " ".join(map(ast.unparse, node.decorator_list))]
     counts = {node.name: sum(isinstance(part, ast.AnnAssign) for part in node.body) for node in classes}
     return {node.name for node in classes if node.bases or counts[node.name] > MOST_POSITIONAL}
@@ -209,10 +227,10 @@ def dataclasses_of(source: str) -> set[str]:
 
 def test_fields_are_named() -> None:
     """Fails when a dataclass gets more than six fields by their order, in which two can be exchanged unnoticed."""
-    sources = {path: path.read_text(encoding="utf-8") for path in files((*COMPLYING, "test", "examples"))}
-    classes = {name for source in sources.values() for name in dataclasses_of(source)}
+    trees = {path: parsed(path) for path in files((*COMPLYING, "test", "examples"))}
+    classes = {name for tree in trees.values() for name in dataclasses_of(tree)}
     assert classes >= KEPT
-    found = {str(path.relative_to(ROOT)): many_positional(text, classes - KEPT) for path, text in sources.items()}
+    found = {str(path.relative_to(ROOT)): many_positional(tree, classes - KEPT) for path, tree in trees.items()}
     assert {path: calls for path, calls in found.items() if calls} == {}
 
 
@@ -220,6 +238,6 @@ def test_seven_fields_by_order_are_seen() -> None:
     """Fails when the search overlooks a call with seven fields by their order, or finds one with names."""
     fields = "".join(f"    {name}: int\n" for name in "abcdefg")
     calls = "x = m.A(1, 2, 3, 4, 5, 6, 7)\ny = A(1, 2, 3, 4, 5, 6, g=7)\n"
-    source = f"{calls}@dataclass(frozen=True)\nclass A:\n{fields}@dataclass\nclass B:\n    a: int\n"
-    assert dataclasses_of(source) == {"A"}
-    assert many_positional(source, {"A"}) == [(1, "A")]
+    tree = ast.parse(f"{calls}@dataclass(frozen=True)\nclass A:\n{fields}@dataclass\nclass B:\n    a: int\n")
+    assert dataclasses_of(tree) == {"A"}
+    assert many_positional(tree, {"A"}) == [(1, "A")]

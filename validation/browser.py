@@ -30,7 +30,7 @@ WAIT_S = 30.0
 
 
 def changed(first: bytes, second: bytes) -> float:
-    """Share of the pixels that differ clearly between two PNG pictures of one size."""
+    """Share [0 to 1] of the pixels that differ clearly between two PNG pictures of one size."""
     pictures = [imread(io.BytesIO(picture))[..., :3] for picture in (first, second)]
     return float(np.mean(np.abs(pictures[0] - pictures[1]).max(axis=-1) > 0.1))
 

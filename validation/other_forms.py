@@ -160,7 +160,7 @@ def commands_pa(rng: np.random.Generator, seconds: float = SECONDS) -> np.ndarra
 
 
 def difference_floors(one: np.ndarray, other: np.ndarray) -> float:
-    """Largest RMS difference of two outputs (T, 2) in practical floors, infinite for one that diverged."""
+    """Largest RMS difference of two outputs (T, 2) [practical floors], infinite for one that diverged."""
     square = np.mean((one - other) ** 2, axis=0) / np.array([FLOOR_PA**2, FLOOR_RAD**2])
     return float(np.sqrt(square.max())) if np.isfinite(square).all() else math.inf
 

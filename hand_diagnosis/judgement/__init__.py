@@ -2,7 +2,7 @@
 
 from hand_diagnosis.judgement.certificate import GAUSSIAN_PROCESS, LAGGED_INPUTS, Certificate, certify
 from hand_diagnosis.judgement.confirmation import confirm_laws, tested, without_repeating
-from hand_diagnosis.judgement.findings import Finding, JointResult, Number, joint_findings, ranked_findings, said
+from hand_diagnosis.judgement.findings import Finding, JointResult, joint_findings, ranked_findings
 from hand_diagnosis.judgement.notes import bound_notes, errors_by_split, exchange_notes
 from hand_diagnosis.judgement.onset import (
     LeftOut,
@@ -17,6 +17,7 @@ from hand_diagnosis.judgement.remainder import Remainder, remainders, verdict
 from hand_diagnosis.judgement.remainder_law import RemainderLaw, described, learn_remainder
 from hand_diagnosis.judgement.residual_structure import Region, describe, locate, states_of
 from hand_diagnosis.judgement.stage_errors import Excess, StageResult, stage_results, with_other_splits
+from hand_diagnosis.judgement.statement import Number, said
 
 __all__ = [
     "GAUSSIAN_PROCESS",

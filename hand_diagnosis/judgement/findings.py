@@ -5,8 +5,7 @@ A finding's numbers and sentence are in the units and words of the hand or machi
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from hand_diagnosis.judgement.onset import Onset
 from hand_diagnosis.judgement.residual_structure import describe
 from hand_diagnosis.judgement.stage_errors import StageResult
+from hand_diagnosis.judgement.statement import Number, said
 from hand_diagnosis.problem import ErrorsOnTest
 from hand_diagnosis.search import Hypothesis, JointSearch, LawCurve, standard_errors
 from hand_diagnosis.search import describe as describe_law
@@ -23,19 +23,8 @@ from hand_identification.map_fit import MapFit
 from hand_identification.settings import FITS
 from hand_model.effects.effect import Effect
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
-from hand_model.quantities import HAND, Wording
+from hand_model.quantities import Wording
 from hand_recording.signals import Signals
-
-
-@dataclass(frozen=True, slots=True)
-class Number:
-    """One parameter of a finding, with its key, value, standard error and unit on the hand or machine."""
-
-    key: str
-    value: float
-    std: float
-    unit: str
-    determined: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +88,7 @@ class JointResult:
         return [k for k, found in enumerate(accepted) if self.result(found.stage).claimed]
 
     def rmse(self, fit: MapFit, stage: int) -> float:
-        """Validation error of a fit in the unit in which the signal is shown."""
+        """Validation error of a fit [unit in which the signal is shown]."""
         held = self.search.problem.validation
         count = max(float(self.search.problem.block_counts[stage, held].sum()), 1.0)
         return self.wording.signal_units[stage][0] * float(np.sqrt(fit.squares[stage, held].sum() / count))
@@ -316,50 +305,6 @@ def _separating(effect: Effect, other: Effect) -> str:
     own = [name for name in effect.experiments if name not in other.experiments]
     theirs = [name for name in other.experiments if name not in effect.experiments]
     return (own or theirs or list(effect.experiments) or ["slow_triangle"])[0]
-
-
-def said(effect: Effect, numbers: Sequence[Number], wording: Wording) -> str:
-    """The catalogue's sentence about an effect, with its numbers and their units.
-
-    A number within SETTINGS.min_change_sigma standard errors of its neutral value is only named by its bound, and a
-    clause of a parenthesis with nothing but such numbers is left out.
-    """
-    keys = {wording.units.quantity(key).key: key for key in effect.keys}
-    shown = [(keys[n.key], n.value, n.std) for n in numbers if n.key in keys]
-    small = {keys[n.key].rpartition(".")[2]: n for n in numbers if n.key in keys and _is_neutral(keys[n.key], n)}
-    template = re.sub(r"\s*\(([^()]*)\)", lambda part: _kept(part, small), effect.says)
-    template = re.sub(r"{(\w+)}", lambda field: _bounded(field, small), template)
-    return wording.sentence(template, shown)
-
-
-def _bounded(field: re.Match[str], small: Mapping[str, Number]) -> str:
-    """A field of a template; of a number that is not significant, its upper limit."""
-    number = small.get(field.group(1))
-    if number is None:
-        return field.group(0)
-    most = abs(number.value) + SETTINGS.min_change_sigma * number.std
-    return f"at most {most:.2g}" + ("" if number.unit == "1" else f" {number.unit}")
-
-
-def _kept(part: re.Match[str], small: Mapping[str, Number]) -> str:
-    """A parenthesis of a template without the clauses of which every number is small; nothing where none is left."""
-    groups = []
-    for group in part.group(1).split(", "):
-        first = "plus " if group.startswith("plus ") else ""
-        clauses = [each for each in group.removeprefix(first).split(" and ") if not _is_small(each, small)]
-        groups += [first + " and ".join(clauses)] if clauses else []
-    return f" ({', '.join(groups)})" if groups else ""
-
-
-def _is_small(clause: str, small: Mapping[str, Number]) -> bool:
-    names = re.findall(r"{(\w+)}", clause)
-    numbers = [name for name in names if name not in HAND.words]
-    return bool(numbers) and all(name in small for name in numbers)
-
-
-def _is_neutral(key: str, number: Number) -> bool:
-    """Whether a number whose neutral value is 0 is not significantly different from it."""
-    return JOINT_PARAMETERS[ROW[key]].neutral == 0.0 and abs(number.value) < SETTINGS.min_change_sigma * number.std
 
 
 def parameter_numbers(search: JointSearch, effect: Effect, wording: Wording) -> list[Number]:

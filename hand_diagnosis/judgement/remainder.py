@@ -12,10 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hand_diagnosis.judgement.findings import Finding, JointResult, Number, errors_text, parameter_numbers, said, when
+from hand_diagnosis.judgement.findings import Finding, JointResult, errors_text, parameter_numbers, when
 from hand_diagnosis.judgement.remainder_law import FAMILIES, PERIODIC, RemainderLaw, described, learn_remainder
 from hand_diagnosis.judgement.residual_structure import Structure, describe, describe_test
 from hand_diagnosis.judgement.stage_errors import StageResult
+from hand_diagnosis.judgement.statement import Number, said
 from hand_diagnosis.problem import stretch_of_test, swings_freely
 from hand_diagnosis.search import LawCurve
 from hand_diagnosis.settings import SETTINGS

@@ -12,9 +12,6 @@ from hand_diagnosis.settings import SETTINGS
 from hand_model.description import Hand
 from hand_model.geometry import geometry_of, link_poses
 
-UNKNOWN = 0.5
-"""Opacity of the grey of a joint that was not diagnosed [-]."""
-
 
 def tint(ratio: float) -> float:
     """Opacity of the tint, 0 to SETTINGS.strongest_tint, of an error; logarithmic from 1 to full_tint.
@@ -58,7 +55,7 @@ def _joint(joint: str, line: str, width: float, ratio: float | None, link: str |
     outline = f'<line class="outline" {line} stroke-width="{width:.1f}"/>'
     inside = f'<line class="skin" {line} stroke-width="{width - 2.0:.1f}"/>'
     kind = ' class="unknown"' if ratio is None else ""
-    opacity = UNKNOWN if ratio is None else tint(ratio)
+    opacity = SETTINGS.unjudged_tint if ratio is None else tint(ratio)
     colour = f'<line{kind} {line} stroke-width="{width - 2.0:.1f}" stroke-opacity="{opacity:.2f}"/>'
     drawn = f"<g><title>{escape(title)}</title>{outline}{inside}{colour}</g>"
     return f'<a href="{escape(link)}" aria-label="{escape(title)}">{drawn}</a>' if link else drawn

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from hand_diagnosis.pages.headline import multiple, short
+from hand_diagnosis.settings import SETTINGS
 
 Errors = Mapping[tuple[str, str], Mapping[str, Any]]
 Pair = tuple[float, float]
-LEAST, LARGEST = 0.5, 2.0
-"""The axis contains at least this range, in multiples of the noise [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +44,7 @@ def error_chart(first: Errors, second: Errors) -> ErrorChart | None:
     every = [value for _, *both in pairs for each in both if each for value in each if value > 0.0]
     if not every:
         return None
-    low, high = min(LEAST, *every), max(LARGEST, *every)
+    low, high = min(SETTINGS.chart_low, *every), max(SETTINGS.chart_high, *every)
 
     def place(value: float) -> float:
         return round(100.0 * math.log(max(value, low) / low) / math.log(high / low), 2)

@@ -215,7 +215,7 @@ def _finding_tiles(finding: Report, known: Mapping[tuple[str, str], Report]) -> 
 
 
 def multiple(row: Report, key: str) -> float:
-    """An error of a row of `fit` in multiples of its noise."""
+    """An error of a row of `fit` [multiples of its noise]."""
     return float(row[key]) / max(float(row["noise_floor"]), 1e-300)
 
 

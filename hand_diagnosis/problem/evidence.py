@@ -28,7 +28,7 @@ def log_likelihood(problem: JointProblem, squares: Array, blocks: Flags) -> floa
 
 
 def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[Sequence[int]] = ()) -> float:
-    """Log evidence of a fit by Laplace's approximation, training and validation blocks together.
+    """Log evidence [nats] of a fit by Laplace's approximation, training and validation blocks together.
 
     The likelihood of the validation blocks at the point fitted without them is added: p(all) = p(train) p(val | train).
     optional: for each effect, indices of free parameters of which each may be needed or not. The evidence is the mean
@@ -104,7 +104,8 @@ def white_parts(problem: JointProblem, fit: MapFit) -> Array:
 
 
 def likelihood_below_floor(problem: JointProblem, known: MapFit, fit: MapFit) -> float:
-    """Log likelihood of the validation data by a fit, as `log_likelihood`, against white noise instead of the floor.
+    """Log likelihood [nats] of the validation data by a fit, as `log_likelihood`, against white noise instead of the
+    floor.
 
     known: the fit whose residuals show the noise, the same for all fits that are compared.
     """

@@ -281,7 +281,7 @@ def _ended(problem: JointProblem, fit: MapFit) -> MapFit:
 
 
 def standard_errors(problem: JointProblem, fit: MapFit) -> Array:
-    """Standard errors (free,) of the coordinates of a fit.
+    """Standard errors (free,) [-] of the coordinates of a fit.
 
     Those of its covariance; of a fit to everything, the larger ones of its error and of what does not fit.
     """

@@ -72,7 +72,7 @@ class Hypothesis:
         return (*self.effect.keys, *self.freed)
 
     def free_parameters(self, nominal: Array) -> list[FreeParameter]:
-        """Free parameters of the effect and of its learned law around the nominal numbers (rows,)."""
+        """Free parameters of the effect and of its learned law around the nominal numbers (rows,), SI."""
         return _with_law(self.effect, self.freed, nominal)
 
 
@@ -106,7 +106,7 @@ def probes_at(
 ) -> Probes:
     """Every probe of the effects, each set into the fit's parameters.
 
-    values_of: the probes of an effect around nominal numbers (rows,).
+    values_of: the probes of an effect around nominal numbers (rows,), SI.
     """
     base, starts = problem.columns(fit.free, fit.z[None])
     probes = [(effect, values) for effect in effects for values in values_of(effect, base[0])]

@@ -131,7 +131,7 @@ def search_joint(
 ) -> JointSearch:
     """Explain one joint by the effects given.
 
-    base: free parameters of its nominal numbers.  start: (base,) coordinates at which their fit begins.
+    base: free parameters of its nominal numbers.  start: (base,) coordinates [-] at which their fit begins.
     laws: whether laws are learned; without, only textbook forms are fitted, which is several times as fast.
     """
     nominal = _driven_by_own_valve(problem, map_fit(problem, base, start, SETTINGS.nominal_iterations))
@@ -158,7 +158,7 @@ def search_joint(
 def rough_evidence(
     problem: JointProblem, effects: Sequence[Effect], base: Sequence[FreeParameter], rng: np.random.Generator
 ) -> float:
-    """Log evidence of the best model with one effect at most, fitted by the coarse pass."""
+    """Log evidence [nats] of the best model with one effect at most, fitted by the coarse pass."""
     nominal = map_fit(problem, base, np.zeros(len(base)), SETTINGS.nominal_iterations)
     fits = [fit_roughly(problem, nominal, screened, rng) for screened in promising(problem, nominal, effects)]
     return max([log_evidence(problem, nominal), *(fit.log_evidence for fit in fits)])

@@ -148,7 +148,7 @@ def _time_constant(problem: JointProblem, fit: MapFit) -> float:
 
 
 def in_words(quantity: str, over: tuple[str, ...], x: Array, y: Array, unit: str, over_unit: str) -> str:
-    """A law in words. x (points,), y (values of the second state, points), in units and words of the machine."""
+    """A law in words. x (points,), y (values of the second state, points), in [units] and words of the machine."""
     main, size = y[0], float(np.abs(y).max())
     change = main - main[0]
     if size == 0.0:

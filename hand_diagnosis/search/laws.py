@@ -113,14 +113,14 @@ def _added(problem: JointProblem, textbook: MapFit, effect: Effect) -> list[Free
 
 
 def training_evidence(problem: JointProblem, fit: MapFit) -> float:
-    """Log evidence of a fit by Laplace's approximation, training data alone."""
+    """Log evidence [nats] of a fit by Laplace's approximation, training data alone."""
     train = ~problem.validation
     _, logdet = np.linalg.slogdet(np.eye(len(fit.z)) + _shrink(problem, fit) * fit.normal)
     return log_likelihood(problem, fit.squares, train) - 0.5 * float(fit.z @ fit.z) - 0.5 * float(logdet)
 
 
 def posterior_covariance(problem: JointProblem, fit: MapFit) -> Array:
-    """Covariance of the coordinates (free, free); where the error is above the floor, its scale is the error's."""
+    """Covariance of the coordinates (free, free) [-]; where the error is above the floor, its scale is the error's."""
     precision = np.eye(len(fit.z)) + _shrink(problem, fit) * fit.normal
     return np.asarray(np.linalg.inv(precision), dtype=np.float64)
 

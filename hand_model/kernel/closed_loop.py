@@ -321,12 +321,12 @@ class ClosedLoop:
 
     @property
     def state(self) -> Array:
-        """True state now, (hands, STATES, joints)."""
+        """True state now, (hands, STATES, joints), SI."""
         rows = self._map.gather(self._work[:, X : X + STATES])
         return np.ascontiguousarray(rows.reshape(STATES, self._hands, self._joints).transpose(1, 0, 2))
 
     def shift(self, change: Array) -> None:
-        """Add a change (hands, STATES, joints) to the true state; the memory of the effects stays."""
+        """Add a change (hands, STATES, joints), SI, to the true state; the memory of the effects stays."""
         rows = self._map.scatter(_side_by_side(change), np.zeros(STATES))
         self._work[:, X : X + STATES] += rows
 

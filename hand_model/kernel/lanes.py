@@ -101,7 +101,7 @@ def _map_lanes(partner: NDArray[np.int64]) -> LaneMap:
 
 
 def idle_parameters() -> Array:
-    """Parameters (rows,) of an unused lane: a slow, damped joint that stays at rest."""
+    """Parameters (rows,), SI, of an unused lane: a slow, damped joint that stays at rest."""
     values = np.array([parameter.neutral_si for parameter in JOINT_PARAMETERS])
     for key, value in _IDLE.items():
         values[ROW[key]] = value

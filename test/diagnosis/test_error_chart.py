@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from hand_diagnosis.pages.error_chart import LEAST, error_chart
+from hand_diagnosis.pages.error_chart import error_chart
+from hand_diagnosis.settings import SETTINGS
 
 
 def row(before: float, after: float) -> dict[str, float]:
@@ -21,7 +22,7 @@ def test_places_are_logarithms_of_multiples_of_the_noise() -> None:
     assert name == "index_distal, angle" and a is not None and b is not None
 
     def place(value: float) -> float:
-        return round(100.0 * math.log(value / LEAST) / math.log(100.0 / LEAST), 2)
+        return round(100.0 * math.log(value / SETTINGS.chart_low) / math.log(100.0 / SETTINGS.chart_low), 2)
 
     assert (a.before, a.after, b.before, b.after) == tuple(map(place, (100.0, 1.0, 10.0, 2.0)))
     assert chart.noise == place(1.0)

@@ -125,7 +125,7 @@ def _alarms(trial: Trial) -> float:
 
 
 def run_simple_pid(hand: Hand, parameters: Array, settings: Settings, pid: Array, seed: int) -> Run:
-    """simple-pid with fixed gains, one object per joint; its derivative has no filter.
+    """simple-pid with fixed gains, SI, one object per joint; its derivative has no filter.
 
     parameters: (rows, joints).  pid: (gains, joints).
     """

@@ -69,7 +69,7 @@ def run(quick: bool) -> list[dict[str, Any]]:
 
 
 def plant_of(hand: Hand, name: str) -> Array:
-    """The plants (ROWS, joints) of one hand whose joint JOINT has the physics `name` of HIDDEN."""
+    """The plants (ROWS, joints), SI, of one hand whose joint JOINT has the physics `name` of HIDDEN."""
     q = nominal(hand, 1)
     for row, value in HIDDEN[name].items():
         q[Q[row], hand.joints.index(JOINT)] = value
@@ -77,7 +77,8 @@ def plant_of(hand: Hand, name: str) -> Array:
 
 
 def record(hand: Hand, q: Array) -> Signals:
-    """A recording of RECORDED_S of plants q (ROWS, joints) under stairs, triangles and random steps of pressure."""
+    """A recording of RECORDED_S of plants q (ROWS, joints), SI, under stairs, triangles and random steps of
+    pressure."""
     rng = np.random.default_rng([SEED, 1])
     joints, count = len(hand.joints), round(RECORDED_S / PERIOD_S)
     t = np.arange(count) * PERIOD_S

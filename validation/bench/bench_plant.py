@@ -182,7 +182,7 @@ def default_hand() -> Hand:
 
 @cache
 def set_points() -> Array:
-    """Set-points (SAMPLES, joints) that jump ten times a second, from 0 to the supply and a little beyond."""
+    """Set-points (SAMPLES, joints) [Pa] that jump ten times a second, from 0 to the supply and a little beyond."""
     jumps = np.random.default_rng(0).uniform(-5e4, 6.5e5, (SAMPLES // 20, len(default_hand().joints)))
     return np.repeat(jumps, 20, axis=0)
 
@@ -257,7 +257,7 @@ def pointer(data: Any) -> ctypes.c_void_p:
 
 
 def check_agreement(states: Array, expected: Array) -> None:
-    """Raises RuntimeError unless both trajectories (samples, STATES, joints) agree in pressure and angle."""
+    """Raises RuntimeError unless both trajectories (samples, STATES, joints), SI, agree in pressure and angle."""
     difference = np.abs(states - expected).max(axis=(0, 2))
     if not (difference[P] <= AGREEMENT[0] and difference[PHI] <= AGREEMENT[1]):
         problem = f"{difference[P]:.3g} Pa and {np.degrees(difference[PHI]):.3g} deg"

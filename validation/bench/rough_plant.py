@@ -59,7 +59,7 @@ SUPPLY_PA = 6.0e5
 
 
 def nominal(hand: Hand, hands: int) -> Array:
-    """Plants (ROWS, hands * joints) with the numbers of the description, and nothing added."""
+    """Plants (ROWS, hands * joints), SI, with the numbers of the description, and nothing added."""
     q = np.zeros((len(ROWS), hands * len(hand.joints)))
     for name, key in NAMES.items():
         q[Q[name]] = np.tile(hand.row(key), hands)

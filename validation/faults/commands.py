@@ -132,7 +132,7 @@ def stamp_ns(header: Header) -> int:
 
 
 def number(rng: np.random.Generator, *ordinary: float) -> float:
-    """A number that no command should hold, or one of the ordinary numbers that are wrong here."""
+    """A number [any unit] that no command should hold, or one of the ordinary numbers that are wrong here."""
     return float(rng.choice([*NOT_FINITE, 1e308, -1e308, 1e9, -1e9, 1e3, -1e3, *ordinary]))
 
 

@@ -91,7 +91,7 @@ class Network:
     forward: Callable[[Array], Array]
 
     def predict(self, part: Part) -> Array:
-        """The signal (n,); the first values are measured, the later ones follow from its own predictions."""
+        """The signal (n,) [its unit]; the first values are measured, the later ones follow from its own predictions."""
         rows = slice(None, None, self.spacing)
         given, measured = _inputs(part, self.imposed)[rows], part.target[rows]
         out = measured.copy()
@@ -110,7 +110,7 @@ class Network:
 
     @property
     def is_change(self) -> float:
-        """1 where the network predicts the change of the signal: a position is almost its last value."""
+        """1 [-] where the network predicts the change of the signal: a position is almost its last value."""
         return 0.0 if self.imposed else 1.0
 
 

@@ -86,7 +86,7 @@ def rig_of(
 
 
 def error(predict: Predictor, parts: Sequence[Part]) -> float:
-    """RMS error over the known samples; infinite where a model is not finite."""
+    """RMS error [unit of the output] over the known samples; infinite where a model is not finite."""
     left = np.concatenate([(predict(part) - part.target)[part.known] for part in parts])
     return float(np.sqrt(np.mean(left**2))) if np.isfinite(left).all() else np.inf
 

@@ -88,7 +88,7 @@ def number_rows(machines: Sequence[Machine]) -> list[tuple[str, ...]]:
 
 
 def ratio(each: Machine) -> float:
-    """The test error relative to the best rival's."""
+    """The test error relative to the best rival's [-]."""
     return float(each["ours"] / min(each["rivals"].values()))
 
 

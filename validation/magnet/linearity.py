@@ -41,7 +41,7 @@ def sampled(angle_rad: Array, field_t: Array, low_deg: float, high_deg: float) -
 
 
 def joint_nonlinearity(angle_rad: Array, field_t: Array) -> tuple[float, float]:
-    """Eq. 2 over joint angles 0 ... 90 and -10 ... 100 degrees; the field (n,) passes zero at 45 (Eq. 1)."""
+    """Eq. 2 over joint angles 0 ... 90 and -10 ... 100 degrees; the field (n,) [T] passes zero at 45 (Eq. 1)."""
     peak = float(np.abs(field_t).max())
     ranges = ((-45.0, 45.0), (-55.0, 55.0))
     low, high = (nonlinearity_percent(output_v(sampled(angle_rad, field_t, *ends)[1], peak)) for ends in ranges)

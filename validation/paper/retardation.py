@@ -36,7 +36,8 @@ class Prony:
 
 
 def lagged(driver: Array, times_s: Array, period_s: float) -> Array:
-    """The driver (T,) through first-order lags of each time: (T, n), exact for a driver held between samples; Eq. 9."""
+    """The driver (T,) [any unit] through first-order lags of each time: (T, n), exact for a driver held between
+    samples; Eq. 9."""
     columns = []
     for tau in times_s:
         keep = np.exp(-period_s / tau)
@@ -45,7 +46,7 @@ def lagged(driver: Array, times_s: Array, period_s: float) -> Array:
 
 
 def fit_prony(driver: Array, response: Array, times_s: Array, period_s: float, use: Flags) -> Prony:
-    """Strengths of Eq. 10 by non-negative least squares over the samples in use (T,)."""
+    """Strengths [response/driver] of Eq. 10 by non-negative least squares over the samples in use (T,)."""
     table = np.column_stack([driver, lagged(driver, times_s, period_s)])
     weights, _ = nnls(table[use], response[use])
     return Prony(float(weights[0]), weights[1:], np.asarray(times_s))

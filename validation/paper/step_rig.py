@@ -83,7 +83,7 @@ def steps() -> Array:
 
 
 def reference(settings: Settings) -> Array:
-    """Steps through the reference filter: angle, speed and acceleration, (3, samples)."""
+    """Steps through the reference filter: angle, speed and acceleration, (3, samples), SI."""
     target, shaper = steps(), Shaper(1)
     shaper.latch(target[:1])
     out = np.empty((3, len(target)))
@@ -108,7 +108,7 @@ def draw(hand: Hand, hands: int, error: float, rng: np.random.Generator) -> Arra
 
 
 def many_gains(hand: Hand, settings: Settings, hands: int) -> Array:
-    """The law's gains for many hands side by side, (rows, hands * joints); partners stay within their hand."""
+    """The law's gains, SI, for many hands side by side, (rows, hands * joints); partners stay within their hand."""
     joints = len(hand.joints)
     g = np.tile(gains(hand, settings), (1, hands))
     partner = g[G.partner]
@@ -117,7 +117,7 @@ def many_gains(hand: Hand, settings: Settings, hands: int) -> Array:
 
 
 def run_law(hand: Hand, parameters: Array, settings: Settings, seed: int) -> Run:
-    """The controller's law, with the model of `hand`, on plants (hands, rows, joints)."""
+    """The controller's law, with the model of `hand`, on plants (hands, rows, joints), SI."""
     hands = parameters.shape[0]
     law = Law(many_gains(hand, settings, hands))
     inputs = law.inputs
@@ -155,7 +155,7 @@ def run_pid(hand: Hand, parameters: Array, settings: Settings, pid: Array, seed:
 def tune_pid(
     hand: Hand, settings: Settings, seed: int, rounds: int = 30, plants: Array | None = None, crowd: int = 10
 ) -> Array:
-    """The fixed gains (4,) with the least RMS error, overshoot at most 5 %, all joints alike.
+    """The fixed gains (4,), SI, with the least RMS error, overshoot at most 5 %, all joints alike.
 
     plants: (hands, rows, joints) to tune on; the nominal one where None.  crowd: members of the search per gain.
     """
@@ -181,7 +181,8 @@ def tune_pid(
 def closed_loop(
     hand: Hand, parameters: Array, target: Array, control: Callable[[Array, Array, Array], Array], seed: int
 ) -> Run:
-    """Plants (hands, rows, joints) under control(target (3,), angles, pressures) -> commands, all (hands * joints,)."""
+    """Plants (hands, rows, joints) under control(target (3,), angles, pressures) -> commands, all (hands * joints,),
+    SI."""
     rng = np.random.default_rng([seed, 14])
     hands, joints = parameters.shape[0], parameters.shape[2]
     plants = HandPlants(hand, parameters, 1.0 / RATE_HZ)

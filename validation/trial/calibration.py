@@ -26,19 +26,20 @@ def reliability(claims: Claims) -> list[dict[str, float]]:
 
 
 def calibration_error(claims: Claims) -> float | None:
-    """Expected calibration error (Naeini, Cooper, Hauskrecht 2015)."""
+    """Expected calibration error [0 to 1] (Naeini, Cooper, Hauskrecht 2015)."""
     if not claims:
         return None
     return sum(group["count"] * abs(group["claimed"] - group["right"]) for group in reliability(claims)) / len(claims)
 
 
 def brier(claims: Claims) -> float | None:
-    """Mean squared difference between probability and outcome (Brier 1950); 0 is best, 0.25 gives no information."""
+    """Mean squared difference [-] between probability and outcome (Brier 1950); 0 is best, 0.25 gives no
+    information."""
     return float(np.mean([(p - right) ** 2 for p, right in claims])) if claims else None
 
 
 def log_score(claims: Claims) -> float | None:
-    """Mean natural logarithm of the probability given to what happened (Good 1952); 0 is best."""
+    """Mean natural logarithm [nats] of the probability given to what happened (Good 1952); 0 is best."""
     if not claims:
         return None
     clipped = [(min(max(p, LEAST), 1.0 - LEAST), right) for p, right in claims]

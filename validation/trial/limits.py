@@ -139,7 +139,7 @@ class Projector:
         self._weight = where.frame_s / CORRELATION_S
 
     def remainder(self, change: Array, *others: Array) -> Array:
-        """What is left of a change (frames,), in units of the repeatability; others: further changes, freely scaled."""
+        """What is left of a change (frames,) [repeatabilities]; others: further changes, freely scaled."""
         r = change / self._sigma
         free = [b / max(float(np.linalg.norm(b)), 1e-300) * np.linalg.norm(r) for b in others]
         basis = np.vstack([self._s, *free]) if free else self._s
@@ -151,12 +151,12 @@ class Projector:
 
 
 def rms(values: Array) -> float:
-    """Root mean square of values (...,)."""
+    """Root mean square of values (...,) [their unit]."""
     return float(np.sqrt(np.mean(values**2)))
 
 
 def limit_size(concealed: Concealed, where: Scene) -> float:
-    """Size at the detection limit; inf where the effect is not visible up to its largest size."""
+    """Size [unit of the effect] at the detection limit; inf where the effect is not visible up to its largest size."""
     if concealed.needs == "drop":
         return 0.005
     if concealed.needs == "clock":

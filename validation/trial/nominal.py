@@ -78,7 +78,7 @@ class Nominal:
         return own.get(key, self.data["joint_defaults"].get(group, {}).get(key, 0.0))
 
     def write(self, rows: Array, path: Path, rate_hz: float, extra: dict[int, dict[str, Any]]) -> None:
-        """Write a hand.yaml with other rows (rows, joints); extra: further groups of single joints."""
+        """Write a hand.yaml with other rows (rows, joints), SI; extra: further groups of single joints."""
         data = copy.deepcopy(self.data)
         data["board"]["rate_hz"] = rate_hz
         for j, joint in enumerate(data["joints"]):
