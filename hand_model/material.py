@@ -29,7 +29,7 @@ def mean_rate(time_s: Any, h: float) -> Any:
 
 
 def creep_course(pressure_pa: Array, law: tuple[float, ...], period_s: float, ratio: float = 0.0) -> Array:
-    """Creeping ratio of Eq. 12, (n + 1,), before each of n pressures [Pa] that hold for period_s [s] each, and after them.
+    """Creeping ratio of Eq. 12 (n + 1,) before each of n pressures [Pa], each held for period_s [s], and after them.
 
     law: p_min [Pa], b1 [1/Pa], time constant of extension [s], b0 [1/Pa], time constant of recovery [s].  ratio: at
     the first pressure.
