@@ -38,7 +38,8 @@ def test_pressures_are_used_for_50_ms_and_then_no_frame_counts() -> None:
         _pressure_ns=START_NS,
         _pressure=np.zeros(len(HAND.joints)),
         _now_ns=lambda: START_NS,
-        _controller=SimpleNamespace(frame=frame),
+        _controller=SimpleNamespace(frame=frame, safety=safety),
+        keep_fault=lambda _: None,
     )
     for now_ns in range(START_NS, START_NS + 300_000_000, PERIOD_NS):
         ControllerNode._on_joint_states(node, now_ns.to_bytes(8, "little"))

@@ -22,6 +22,8 @@ from validation.faults.sensors import CONFIG, ERRORS, Operation
 MINUTE_S = 60.0
 NO_OBSTACLE_RAD = 3.0
 LEAVING_RAD_PER_S = 3.0
+GAP_S = 0.09
+"""Longest time between two frames in a gap."""
 PUSH_NM, PUSH_LIQUID_NM = 0.15, 0.03
 """Largest torque of a push; a liquid that cannot leave would otherwise be pulled below vacuum, which no plant has."""
 
@@ -128,7 +130,7 @@ class World:
         draw = self.rng.random()
         if draw < dt / 5.0:
             self.stalled = False
-            self.silent = int(self.rng.integers(1, 18))  # 17 missing frames are 90 ms between two
+            self.silent = int(self.rng.integers(1, max(int(GAP_S / dt), 2)))  # at 200 Hz, 17 are missing at most
             self.counts["gaps"] += 1
         elif draw < dt / 5.0 + dt / 30.0:
             self.stalled = True

@@ -132,7 +132,7 @@ class Laws:
 
 
 def states(name: str) -> Array:
-    """The states (POINTS,), SI, of a table."""
+    """The states (POINTS,) of a table."""
     low, high = TABLES[name]
     return np.linspace(low, high, POINTS)
 
