@@ -33,7 +33,7 @@ CONCEALED = {
     "stiffening.cubic_nm_per_rad3": (0.01, 0.03),
 }
 """Parameter that makes an effect act, with the range of its size in the unit of its name."""
-SECONDS, HIGHEST_PA = 9.0, 4e5
+SECONDS, HIGHEST_PA = 12.0, 4e5
 MOTIONS = ("reversals", "steps")
 """Experiments of the first and the second joint of a finger."""
 
