@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from hand_messages.health import DATA_LATE
+
 ERROR = 2
 """Level of an error in diagnostic_msgs/DiagnosticStatus."""
 PER_JOINT = {
@@ -56,6 +58,11 @@ class LiveState:
     def controlling(self) -> bool:
         """Whether the controller drives the hand."""
         return self.safety == "controlling"
+
+    @property
+    def driven(self) -> bool:
+        """Whether the hand is driven, also while a frame of its sensors is late."""
+        return self.controlling or self.safety == DATA_LATE
 
     @property
     def vented(self) -> bool:

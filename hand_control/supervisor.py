@@ -22,7 +22,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from hand_messages.health import Health, Level
+from hand_messages.health import DATA_LATE, Health, Level
 
 WARN_S = 0.020
 FREEZE_S = 0.050
@@ -143,5 +143,5 @@ class Supervisor:
         if self.phase is Phase.ARMING:
             return Health("safety", Level.WARN, self.phase.value)
         if self.frame_age_s(now_ns) > WARN_S:
-            return Health("safety", Level.WARN, "sensor data is late")
+            return Health("safety", Level.WARN, DATA_LATE)
         return Health("safety", Level.OK, self.phase.value)

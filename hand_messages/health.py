@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import IntEnum
 
+DATA_LATE = "sensor data is late"
+"""Status of a controller that drives its hand and waits for the next frame; it vents where that does not come."""
+
 
 class Level(IntEnum):
     """Levels of diagnostic_msgs/DiagnosticStatus."""

@@ -140,7 +140,7 @@ class LivePage:
         if angles:
             self._touched_s = time.monotonic()
             self._client.command(angles, self._panel.max_torque_nm)
-            if not self._client.state.controlling:
+            if not self._client.state.driven:
                 self._note = "the hand does not move; press Enable"
 
     def _answer(self, request: Request, recorder: Recorder, healthy: Callable[[], None]) -> str:
@@ -220,12 +220,12 @@ class _Robot:
         self._client.command(angles, self._panel.max_torque_nm)
 
     def hold(self, joints: Sequence[str]) -> None:
-        if self._client.state.controlling:
+        if self._client.state.driven:
             self._client.hold(joints)
 
     def refusal(self) -> str:
         state = self._client.state
-        return "" if state.controlling else f"the hand does not move ({state.safety or 'no hand'}); press Enable"
+        return "" if state.driven else f"the hand does not move ({state.safety or 'no hand'}); press Enable"
 
     def record(self) -> str:
         return self._recorder.start()

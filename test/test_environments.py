@@ -105,7 +105,7 @@ def test_the_readme_is_one_screen() -> None:
     """Fails when the README grows beyond 50 lines, loses its picture, or has other than two commands to begin with."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 50
-    assert "](docs/pictures/studio.png)" in text
+    assert "](docs/pictures/studio_model.png)" in text
     assert "Two commands" in text and re.findall(r"^    (make \w+)", text, re.MULTILINE) == ["make demo", "make studio"]
 
 

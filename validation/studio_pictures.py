@@ -116,7 +116,7 @@ def _look(page: Browser) -> bool:
     control(page)
     page.click("Find")
     page.click("Record until sure")
-    page.until("/recordings?$|^not sure|^Record until sure:/.test(document.querySelector('#note').innerText)", SURE_S)
+    page.until("/; report in |^Record until sure:/.test(document.querySelector('#note').innerText)", SURE_S)
     return not page.run("document.querySelector('#note').innerText.startsWith('Record until sure:')")
 
 

@@ -38,12 +38,14 @@ def test_what_is_unknown_is_null_for_machines() -> None:
 
 
 def test_safety_and_problems_are_those_of_the_newest_statuses() -> None:
-    """Fails when a hand that is vented counts as controlling, or a warning as a problem."""
+    """Fails when a hand that is vented counts as driven, one with late data does not, or a warning is a problem."""
     state = LiveState()
     assert (state.safety, state.controlling, state.vented) == ("", False, False)
     state.statuses["controller: safety"] = (0, "controlling")
-    assert state.controlling and not state.vented and state.problems == []
+    assert state.controlling and state.driven and not state.vented and state.problems == []
+    state.statuses["controller: safety"] = (1, "sensor data is late")
+    assert state.driven and not state.controlling and not state.vented and state.problems == []
     state.statuses["driver: frames"] = (1, "frames are missing")
     state.statuses["controller: safety"] = (ERROR, "vented: emergency stop")
-    assert state.vented and not state.controlling
+    assert state.vented and not state.controlling and not state.driven
     assert state.problems == ["controller: safety: vented: emergency stop"]
