@@ -58,8 +58,7 @@ class ContactMonitor:
         self._pressed = pressed | (self._pressed & (self._force > 0.5 * threshold_n))
 
     def update(self, stamp_ns: int, by_model: Array, age_s: Array, torque_nm: Array) -> None:
-        """Combine the sources. by_model (n,): 1 where the law reports contact; age_s since its onset; torque_nm: [N
-        m]."""
+        """Combine the sources. by_model (n,): 1 where the law reports contact; age_s [s] since its onset; torque_nm."""
         if abs(stamp_ns - self._force_ns) * 1e-9 > FORCE_AGE_S:
             self._pressed[:] = False
             self._force[:] = np.nan

@@ -393,8 +393,7 @@ class Law:
             reset_map(self.gains, self.state, i)
 
     def change(self, g: Array) -> None:
-        """Use new gains (rows, joints), SI, from the next tick on without a jump: the integrator takes the
-        difference."""
+        """Use new gains (rows, joints), SI, from the next tick on without a jump: the integrator changes, too."""
         for i in np.flatnonzero((g[G.adapt] == 0.0) & (self.gains[G.adapt] != 0.0)):
             reset_map(self.gains, self.state, i)
         if not np.array_equal(g, self.gains):

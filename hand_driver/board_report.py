@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hand_driver.board import Echo, Frame, Status
+from hand_driver.driver_health import SILENCE_S
 
 REPORT_HZ = 20.0
 """Rate without a change. The controller vents where it misses several reports."""
-SILENCE_S = 0.1
-"""Time without a frame after which the link counts as down; after the same time the controller vents."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -209,8 +209,7 @@ def validation_blocks(blocks: int) -> Flags:
 
 
 def initial_weights(period_s: float, noise: Array) -> Array:
-    """Weights (OUTPUTS,) [1/unit^2] of squared residuals: white noise (OUTPUTS,) and the practical floor,
-    correlated."""
+    """Weights (OUTPUTS,) of squared residuals, SI: white noise (OUTPUTS,) and the practical floor, correlated."""
     samples = max(FITS.correlation_s / period_s, 1.0)
     weights: Array = 1.0 / (noise**2 + np.array(FITS.floor) ** 2 * samples)
     return weights

@@ -126,8 +126,7 @@ def multi_start(
     first: int = FITS.first_iterations,
     iterations: int = FITS.last_iterations,
 ) -> MapFit:
-    """Fit briefly from every start (free,) [-], then to the end from the two best: simulation error has local
-    minima."""
+    """Fit briefly from every start (free,) [-], then to the end from the two best: there are local minima."""
     tried = sorted((map_fit(problem, free, start, first) for start in starts), key=lambda fit: fit.cost)
     ended = [map_fit(problem, free, fit.z, iterations) for fit in tried[:2]]
     return min(ended, key=lambda fit: fit.cost)

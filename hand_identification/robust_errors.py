@@ -19,8 +19,7 @@ from hand_model.arrays import Array
 
 
 def robust_errors(problem: JointProblem, fit: MapFit) -> Array:
-    """Standard errors (free,) [-] of the coordinates of a fit to every block of a problem; 0 without its
-    sensitivity."""
+    """Standard errors (free,) [-] of the coordinates of a fit to all blocks of a problem; 0 without its sensitivity."""
     if not fit.sensitivity or not len(fit.z):
         return np.zeros(len(fit.z))
     bread = np.asarray(np.linalg.inv(fit.normal + np.eye(len(fit.z))), dtype=np.float64)

@@ -17,8 +17,7 @@ NEIGHBOURS = 5
 
 
 def find_spikes(values: Array, *, pulses: bool = False) -> Flags:
-    """Which finite readings (n,) [any unit] jump away and come back within longest_spike samples. pulses: small ones
-    are real."""
+    """Which finite readings (n,) [any unit] jump away and back within longest_spike. pulses: small ones are real."""
     low, high = np.quantile(values, [MACHINE.range_quantile, 1.0 - MACHINE.range_quantile])
     steps = np.diff(values)
     least = MACHINE.input_spike_range * (high - low)
@@ -44,8 +43,7 @@ def find_spikes(values: Array, *, pulses: bool = False) -> Flags:
 
 
 def find_off_the_motion(times: Array, values: Array) -> Flags:
-    """Which finite readings (n,) [any unit] of a position miss the motion before and behind them. times: (n,)
-    rising."""
+    """Which finite positions (n,) [any unit] miss the motion before and behind them. times: (n,) rising."""
     found = find_spikes(values)
     for _ in range(MACHINE.spike_passes):
         kept = np.flatnonzero(~found)

@@ -10,6 +10,7 @@ other modules; here it is compiled again when any source of its package or of ha
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -20,6 +21,8 @@ from numba.core import caching
 
 without_arrays = njit(cache=True, _nrt=False, error_model="numpy")
 """numba.njit of functions that make no arrays, so that nothing counts references, which costs at every call."""
+# Threads of a parallel loop that wait for work would keep a core busy, which a running hand may need; read by OpenMP.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 _ROOT = Path(__file__).resolve().parent.parent
 
 

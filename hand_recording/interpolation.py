@@ -84,8 +84,7 @@ def bridge(values: Array) -> tuple[Array, Flags]:
 
 
 def refine(values: Array, finer: int) -> Array:
-    """Samples (T,) or (T, J) [any unit] with finer - 1 linearly interpolated ones between each two: (finer (T - 1) +
-    1, ...)."""
+    """Samples (T,) or (T, J) [any unit], linearly interpolated to finer times as many: (finer (T - 1) + 1, ...)."""
     samples = np.arange(len(values))
     at = np.arange(finer * (len(values) - 1) + 1) / finer
     if values.ndim == 1:

@@ -23,8 +23,7 @@ NOISE = 0
 
 
 def local_windows(residual: Array, period_s: float, noise: Array) -> Windows:
-    """Window [samples] of each sample of a residual (T,) with white noise of the standard deviations `noise` (T,),
-    its unit."""
+    """Window [samples] of each sample of a residual (T,) with white noise, standard deviations `noise` (T,)."""
     windows = np.ones(len(residual), dtype=np.int64)
     low, high = residual - READING.window_confidence * noise, residual + READING.window_confidence * noise
     agree = np.ones(len(residual), dtype=bool)

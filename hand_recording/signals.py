@@ -107,8 +107,7 @@ def derivatives(angle_rad: Array, period_s: float, window_s: float = READING.smo
 
 
 def in_band(force: Array, period_s: float, window_s: float) -> Array:
-    """Forces (..., T) [N] by a cubic over a moving window, as accelerations are computed; as they are for a window
-    of 0."""
+    """Forces (..., T) [N] by a cubic over a moving window, as accelerations are computed; as they are for no window."""
     window = min(2 * half_window(period_s, window_s) + 1, (force.shape[-1] - 1) // 2 * 2 + 1)
     if window_s == 0.0 or window < LEAST_WINDOW:
         return force
@@ -139,8 +138,7 @@ def smoothed_over(values: Array, span: int) -> Array:
 
 
 def slopes_over(values: Array, span: int, order: int, period_s: float) -> Array:
-    """A derivative (T,) [unit/s] of a signal by quadratics over an odd number of samples; 0 where the signal is too
-    short."""
+    """A derivative (T,) [unit/s] of a signal by quadratics over an odd number of samples; 0 for a signal too short."""
     span = max(span, LEAST_WINDOW)
     return savgol_filter(values, span, 2, order, period_s) if len(values) > span else np.zeros(len(values))
 

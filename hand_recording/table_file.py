@@ -53,8 +53,7 @@ class Table:
         return {name: column for name, column in self.columns.items() if isinstance(column, np.ndarray)}
 
     def finite(self, name: str) -> Array:
-        """A column (n,) [its unit] in which every cell must be a finite number. Raises RecordingError, naming the
-        first other."""
+        """A column (n,) [its unit] of finite numbers. Raises RecordingError that names the first cell with another."""
         column = self.columns[name]
         values = np.array([_number(cell) for cell in column]) if isinstance(column, list) else column
         wrong = np.flatnonzero(~np.isfinite(values))

@@ -35,15 +35,15 @@ class Inbox:
 
     def ask(self, name: str, what: str = "") -> None:
         """Take a request; the emergency stop is sent at once, whatever the other thread does."""
-        if name == "stop":
-            self.send_stop()
-        with self._lock:
-            if name == "stop":
-                self._angle_rad.clear()
-                self._requests.clear()
-                self.stop.set()
-            else:
+        if name != "stop":
+            with self._lock:
                 self._requests.append(Request(name, what))
+            return
+        self.send_stop()
+        with self._lock:
+            self._angle_rad.clear()
+            self._requests.clear()
+            self.stop.set()
 
     @property
     def waiting(self) -> bool:

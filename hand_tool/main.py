@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 
 from hand_tool import interrupts
@@ -11,8 +10,6 @@ from hand_tool import interrupts
 def main() -> None:
     """Run the command line of this process and exit with its code."""
     interrupts.install()
-    # Threads of the compiled loops that wait for work would keep a core busy, which a running hand may need.
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     try:
         from hand_tool.cli import run
 

@@ -51,8 +51,6 @@ WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
 _DOMAIN = int(os.environ.get("ROS_DOMAIN_ID") or os.getpid() % 90 + 10)
 os.environ["ROS_DOMAIN_ID"] = str((_DOMAIN - 10 + 17 * WORKER) % 90 + 10)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-# As in the command `hand`: threads that spin while they wait would slow the other processes of the tests.
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 # Logs and latched faults of nodes under test do not belong to the user.
 os.environ["ROS_HOME"] = str(ROOT / ".pytest_cache" / "ros" / str(os.getpid()))
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from hand_driver.board import Echo, Frame, Status
-from hand_driver.board_report import REPORT_HZ, SILENCE_S, Reporter
+from hand_driver.board_report import REPORT_HZ, Reporter
+from hand_driver.driver_health import SILENCE_S
 
 FINE = Status(0)
 ECHO = Echo(7, 0.005, np.array([1e5, 0.0]))

@@ -9,7 +9,6 @@ import argparse
 import importlib
 import importlib.util
 import json
-import os
 import shutil
 import sys
 from functools import cache
@@ -54,7 +53,6 @@ MODULES = {"codec": ("rclpy",), "loop": ("rclpy", "hand_msgs.msg"), "studio": ("
 
 def main() -> int:
     """Run what the command line names; exit code 0 done, 2 bad usage, 130 interrupted."""
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # as in the command `hand`: threads that wait do not count
     parser = argparse.ArgumentParser(
         prog="python -m validation.bench",
         description="Run the benches and write one file of results.",

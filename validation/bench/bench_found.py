@@ -77,8 +77,7 @@ def plant_of(hand: Hand, name: str) -> Array:
 
 
 def record(hand: Hand, q: Array) -> Signals:
-    """A recording of RECORDED_S of plants q (ROWS, joints), SI, under stairs, triangles and random steps of
-    pressure."""
+    """A recording of RECORDED_S of plants q (ROWS, joints), SI: stairs, triangles and random steps of pressure."""
     rng = np.random.default_rng([SEED, 1])
     joints, count = len(hand.joints), round(RECORDED_S / PERIOD_S)
     t = np.arange(count) * PERIOD_S

@@ -76,8 +76,7 @@ def _ours(hand: Hand, settings: Settings, hands: int) -> Control:
 
 
 def tuned(hand: Hand, settings: Settings, rival: Rival, rounds: int) -> Array:
-    """Logarithms (numbers,) [-] of the tuning with the least sum of settling time and overshoot on other wrong
-    plants."""
+    """Logarithms (numbers,) [-] of the tuning with the least settling time and overshoot on other wrong plants."""
     q = draw(hand, 1, ERROR, np.random.default_rng([SEED, 2]))
 
     def cost(tuning: Array) -> float:

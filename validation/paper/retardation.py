@@ -36,8 +36,7 @@ class Prony:
 
 
 def lagged(driver: Array, times_s: Array, period_s: float) -> Array:
-    """The driver (T,) [any unit] through first-order lags of each time: (T, n), exact for a driver held between
-    samples; Eq. 9."""
+    """The driver (T,) [any unit] through first-order lags (T, n) of Eq. 9, exact for a driver held between samples."""
     columns = []
     for tau in times_s:
         keep = np.exp(-period_s / tau)

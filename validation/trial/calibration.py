@@ -33,8 +33,7 @@ def calibration_error(claims: Claims) -> float | None:
 
 
 def brier(claims: Claims) -> float | None:
-    """Mean squared difference [-] between probability and outcome (Brier 1950); 0 is best, 0.25 gives no
-    information."""
+    """Mean squared difference [-] of probability and outcome (Brier 1950); 0 is best, 0.25 gives no information."""
     return float(np.mean([(p - right) ** 2 for p, right in claims])) if claims else None
 
 
