@@ -14,6 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from hand_msgs.action import Grasp
 from hand_msgs.msg import ContactForces, ControllerState, JointPressures, ValveCommand
 from rclpy.action import ActionClient
+from rclpy.client import Client
 from rclpy.experimental import EventsExecutor
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -27,6 +28,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from hand_client.live_state import ERROR, LiveState
 from hand_client.repeated_call import RepeatedCall
 from hand_client.samples import Samples
+from hand_ros.leaving import leave_graph
 from hand_ros.node import QUEUED_QOS, SENSOR_QOS
 
 RUNNING_S = 5.0
@@ -70,6 +72,8 @@ class HandClient:
         node.create_subscription(ControllerState, "controller_state", self._on_state, SENSOR_QOS)
         node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, QUEUED_QOS)
         self._publishers: dict[str, Publisher[Any]] = {}
+        self._services: dict[str, Client[Any, Any]] = {}
+        self._actions: list[ActionClient[Any, Any, Any]] = []
         self._stop = node.create_publisher(Empty, "emergency_stop", QUEUED_QOS)
 
     def __enter__(self) -> HandClient:
@@ -78,9 +82,7 @@ class HandClient:
 
     def __exit__(self, *_: object) -> None:
         """Leave the ROS graph."""
-        self._executor.remove_node(self._node)
-        self._node.destroy_node()
-        rclpy.try_shutdown()
+        leave_graph(self._node, self._executor, *self._actions)
 
     def spin(self, seconds: float) -> None:
         """Receive messages for some time [s]."""
@@ -185,7 +187,8 @@ class HandClient:
 
         healthy is called all the time and may raise; then the goal is cancelled. Raises NoHandError.
         """
-        action = ActionClient(self._node, Grasp, "grasp")
+        self._actions = self._actions or [ActionClient(self._node, Grasp, "grasp")]
+        (action,) = self._actions
         if not self.until(action.server_is_ready, ANSWER_S):
             raise NoHandError(f"nobody offers the action {self.namespace}/grasp")
         goal = Grasp.Goal(pattern=pattern, closure=closure, max_torque=max_torque_nm)
@@ -239,7 +242,9 @@ class HandClient:
         return bool(answer.success), str(answer.message)
 
     def _call(self, kind: Any, name: str, request: Any) -> Any:
-        client = self._node.create_client(kind, name)
+        if name not in self._services:
+            self._services[name] = self._node.create_client(kind, name)
+        client = self._services[name]
         if not self.until(client.service_is_ready, ANSWER_S):
             raise NoHandError(f"nobody offers the service {self.namespace}/{name}")
         call = RepeatedCall(lambda: client.call_async(request), AGAIN_S)

@@ -40,7 +40,7 @@ class QueueBound:
     def line(self, topic: str) -> str:
         """Why the queue of a topic is short, and how short it is."""
         return (
-            f"its messages have up to {self._largest[topic] / 1e6:.1f} MB: at most {self._depth[topic]} of them wait to"
+            f"its messages have up to {self._largest[topic] / 1e6:.3g} MB: at most {self._depth[topic]} of them wait to"
             " be written, and more that arrive meanwhile are missed"
         )
 

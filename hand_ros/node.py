@@ -36,6 +36,7 @@ from std_msgs.msg import Empty
 from hand_messages.bounds import Budget
 from hand_messages.health import Health, Level
 from hand_ros.fault_file import FaultFile, state_path
+from hand_ros.leaving import leave_graph
 from hand_ros.memory import find_modules, lock_memory, return_large_blocks, spare_collections
 from hand_ros.parameters import NodeParameter, ParameterError, check_all
 from hand_ros.processes import processes
@@ -261,6 +262,11 @@ class HandNode(LifecycleNode):
         for publisher in self.publishers:
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
         self.release()
+
+    def destroy_node(self) -> None:
+        """Free everything of the node; rclpy forgets the state machine, and with it the DDS participant."""
+        super().destroy_node()
+        self._state_machine.destroy_when_not_in_use()
 
     def log_throttled(self, level: Level, key: str, line: str, again_s: float = LOG_PERIOD_S) -> None:
         """Log one line, at most once in LOG_PERIOD_S for each key, and a line that does not change once in again_s."""
@@ -556,9 +562,7 @@ def run(make_node: Callable[[], HandNode], args: list[str] | None = None) -> int
             executor.spin_until_future_complete(stopped, timeout_sec=0.1)
     finally:
         node.finish()
-        executor.remove_node(node)
-        node.destroy_node()
-        rclpy.try_shutdown()
+        leave_graph(node, executor)
     return code
 
 

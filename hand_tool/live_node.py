@@ -22,6 +22,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from hand_model.arrays import Array
 from hand_model.description import Hand
+from hand_ros.leaving import leave_graph
 from hand_ros.node import DEFAULT_NAMESPACE, QUEUED_QOS, RETAINED_QOS, SENSOR_QOS
 
 READY_S = 60.0
@@ -113,9 +114,7 @@ def perform(
                 healthy()
                 on_progress(pose.label, TICK_S)
     finally:
-        executor.remove_node(node)
-        node.destroy_node()
-        rclpy.try_shutdown()
+        leave_graph(node, executor)
 
 
 def _recorded(node: Node, topics: Sequence[str]) -> bool:
@@ -171,9 +170,7 @@ def run_experiment(hand: Hand, commands: Array, namespace: str, healthy: Callabl
         for _ in range(3):
             publisher.publish(_valve_command(node, hand, vent))
             _spin(executor, 0.02)
-        executor.remove_node(node)
-        node.destroy_node()
-        rclpy.try_shutdown()
+        leave_graph(node, executor)
 
 
 def _await_hand(

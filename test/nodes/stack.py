@@ -19,6 +19,7 @@ from ament_index_python.packages import get_package_prefix
 from diagnostic_msgs.msg import DiagnosticArray
 from hand_msgs.msg import ControllerState, ValveCommand
 from lifecycle_msgs.srv import GetState
+from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -107,6 +108,7 @@ class Client:
         self.node = rclpy.create_node("client", namespace="hand")
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
+        self.actions: list[ActionClient[Any, Any, Any]] = []
         self.states: list[ControllerState] = []
         self.joints: list[JointState] = []
         self.valves: list[ValveCommand] = []
@@ -217,7 +219,17 @@ class Client:
         for messages in (self.states, self.joints, self.valves, self.statuses):
             messages.clear()
 
+    def action(self, kind: Any, name: str) -> ActionClient[Any, Any, Any]:
+        """A client of an action, which ends with this node."""
+        self.actions.append(ActionClient(self.node, kind, name))
+        return self.actions[-1]
+
     def close(self) -> None:
-        self.executor.remove_node(self.node)
+        """Leave the graph; fails where the DDS participant stays, which would listen to every later test."""
+        self.executor.shutdown()
+        for action in self.actions:
+            action.destroy()
         self.node.destroy_node()
         rclpy.try_shutdown()
+        threads = [path.read_text().strip() for path in Path("/proc/self/task").glob("*/comm")]
+        assert not any(name.startswith("dds.udp") for name in threads), threads

@@ -10,7 +10,6 @@ import pytest
 from action_msgs.msg import GoalStatus
 from hand_msgs.action import Grasp
 from hand_msgs.msg import Contact
-from rclpy.action import ActionClient
 
 if TYPE_CHECKING:
     from test.nodes.stack import Client, Stack
@@ -25,7 +24,7 @@ class Grasper:
         self.client = client
         self.feedback: list[Any] = []
         self.contacts: list[Any] = []
-        self.action = ActionClient(client.node, Grasp, "grasp")
+        self.action = client.action(Grasp, "grasp")
         client.node.create_subscription(Contact, "contacts", self.contacts.append, 50)
         client.until(self.action.server_is_ready)
 

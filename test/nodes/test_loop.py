@@ -132,13 +132,16 @@ def test_lost_sensors_vent_and_only_a_request_re_arms(stack: Stack, client: Clie
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_controller_vents_when_it_ends(stack: Stack, client: Client, number: signal.Signals) -> None:
-    """Fails when a controller that ends leaves pressure in the hand, logs nothing, or ends with an error."""
+    """Fails when a controller that ends leaves pressure in the hand, logs nothing, ends with an error, or stays in the
+    graph, as one that was killed does for 20 s.
+    """
     stack.node("simulation")
     controller = stack.node("controller")
     client.controlling()
     client.command(index_proximal=0.8)
     client.until(lambda: abs(client.angle("index_proximal") - 0.8) < 0.02)
     assert stack.stop(controller, number) == 0
+    client.until(lambda: "controller" not in client.node.get_node_names(), 3.0)
     assert client.last_pressure_pa() == 0.0
     assert "vented" in stack.log("controller")
     client.until(lambda: client.angle("index_proximal") < 0.2)

@@ -10,7 +10,6 @@ import pytest
 from action_msgs.msg import GoalStatus
 from control_msgs.action import FollowJointTrajectory, GripperCommand
 from control_msgs.msg import JointTolerance
-from rclpy.action import ActionClient
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 if TYPE_CHECKING:
@@ -25,7 +24,7 @@ class Caller:
 
     def __init__(self, client: Client, kind: Any, name: str) -> None:
         self.client, self.feedback = client, []  # type: ignore[var-annotated]
-        self.action = ActionClient(client.node, kind, name)
+        self.action = client.action(kind, name)
         client.until(self.action.server_is_ready)
 
     def send(self, goal: Any) -> Any:

@@ -27,7 +27,7 @@ from hand_studio.inbox import Inbox
 from hand_studio.page import Page
 from hand_studio.panel import SMALLEST_NM, Panel
 from hand_studio.until_sure import Answer, Cause, Motion
-from test.nodes.stack import HEARD_S, TOOL, WAIT_S, Client, Stack
+from test.nodes.stack import TOOL, WAIT_S, Client, Stack
 from validation.browser import Browser, changed
 
 CONFIG = Path(__file__).parents[2] / "config" / "hand.yaml"
@@ -43,10 +43,9 @@ class Studio(Stack):
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
         self.client = Client()
-        self.client.spin(HEARD_S)  # nodes of the test before are in the graph for a while, if they were killed
-        self.client.until(lambda: self.client.node.get_node_names().count("controller") == 0)
         self.process = self.start("hand", "studio", "--sim", "--no-browser", "--json", "--out", str(folder))
-        self.client.until(lambda: '"url"' in self.log("hand"), 60.0)
+        self.client.until(lambda: '"url"' in self.log("hand") or self.process.poll() is not None, 60.0)
+        assert self.process.poll() is None, self.log("hand")
         line = next(line for line in self.log("hand").splitlines() if '"url"' in line)
         self.url: str = json.loads(line)["url"]
         self.page = Browser(folder, self.url, SIZE)

@@ -76,7 +76,7 @@ def test_the_queue_of_a_topic_has_a_bound_in_bytes() -> None:
     assert bound.depth("/large") == 1
     assert not bound.shortened("/large", 200_000_000)
     assert set(bound.lines()) == {"/large"}
-    assert "up to 200.0 MB: at most 1 of them" in bound.lines()["/large"]
+    assert "up to 200 MB: at most 1 of them" in bound.lines()["/large"]
     assert QUEUE_BYTES < ROUND_BYTES  # so that one round empties a queue
 
 

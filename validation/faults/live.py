@@ -16,6 +16,7 @@ import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from hand_msgs.msg import BoardState, JointPressures, ValveCommand
+from rclpy.action import ActionClient
 from rclpy.experimental import EventsExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
@@ -27,6 +28,7 @@ from hand_client.repeated_call import RepeatedCall
 from hand_control.inputs import JointInput
 from hand_driver.board import Status
 from hand_messages.layouts import JOINT_PRESSURES, JOINT_STATE, VALVE_COMMAND
+from hand_ros.leaving import leave_graph
 from hand_ros.node import QUEUED_QOS, SENSOR_QOS, STATE_QOS
 from hand_tool.processes import executable
 from validation.faults.closed_loop import description
@@ -129,6 +131,7 @@ class User:
         self.node = rclpy.create_node("campaign", namespace="hand")
         self._executor = EventsExecutor()
         self._executor.add_node(self.node)
+        self._actions: list[ActionClient[Any, Any, Any]] = []
         joints = description().joints
         self._states = JointInput(JOINT_STATE, joints, ("position",))
         self._pressures = JointInput(JOINT_PRESSURES, joints, ("pressure",))
@@ -270,8 +273,11 @@ class User:
         low, high = MOVING_DEG
         self.command(high if np.degrees(self.angle_rad.mean()) < 0.5 * (low + high) else low)
 
+    def action(self, kind: Any, name: str) -> ActionClient[Any, Any, Any]:
+        """A client of an action, which ends with this node."""
+        self._actions.append(ActionClient(self.node, kind, name))
+        return self._actions[-1]
+
     def close(self) -> None:
         """Leave the graph."""
-        self._executor.remove_node(self.node)
-        self.node.destroy_node()
-        rclpy.try_shutdown()
+        leave_graph(self.node, self._executor, *self._actions)

@@ -20,7 +20,6 @@ from statistics import median
 
 import numpy as np
 from hand_msgs.action import Grasp
-from rclpy.action import ActionClient
 from rich.console import Console
 from rich.table import Table
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -134,7 +133,7 @@ class Mover:
         """Prepare the publishers of the motions."""
         self._user, self._nodes, self._result, self._rng = user, nodes, result, rng
         self._trajectories = user.node.create_publisher(JointTrajectory, "joint_trajectory", QUEUED_QOS)
-        self._grasps = ActionClient(user.node, Grasp, "grasp")
+        self._grasps = user.action(Grasp, "grasp")
         self._patterns = list(load_grasps(CONFIG / "grasps.yaml", description()))
         self._cpu: dict[str, float] = {}
         self._at_s = 0.0

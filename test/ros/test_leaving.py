@@ -1,0 +1,62 @@
+"""Programs leave the ROS graph before they end."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+THREADS = """
+from pathlib import Path
+names = [path.read_text().strip() for path in Path("/proc/self/task").glob("*/comm")]
+print(sorted(name for name in names if name.startswith("dds.") and name != "dds.shm.wdog"))
+"""
+"""Prints the threads of the DDS participants of this process; one of shared memory belongs to none of them."""
+NODE = """
+import rclpy
+from rclpy.experimental import EventsExecutor
+from rclpy.task import Future
+from std_msgs.msg import Empty
+from hand_ros.leaving import leave_graph
+rclpy.init()
+node, executor, come = rclpy.create_node("passer_by"), EventsExecutor(), []
+executor.add_node(node)
+node.create_subscription(Empty, "heard", come.append, 10)
+publisher = node.create_publisher(Empty, "heard", 10)
+while not come:
+    publisher.publish(Empty())
+    executor.spin_until_future_complete(Future(), timeout_sec=0.05)
+leave_graph(node, executor)
+"""
+LIFECYCLE_NODE = """
+import rclpy
+from hand_ros.node import HandNode
+rclpy.init()
+node = HandNode("passer_by", ())
+node.destroy_node()
+rclpy.try_shutdown()
+"""
+CLIENT = """
+from hand_client import node
+node.ANSWER_S = 0.1
+with node.HandClient("nobody") as client:
+    client.spin(0.1)
+    for ask in (client.vent, lambda: client.grasp("open", 1.0, 0.0, lambda: None)):
+        try:
+            ask()
+        except node.NoHandError:
+            continue
+        raise SystemExit("somebody answers")
+"""
+
+
+@pytest.mark.parametrize(
+    "program", [NODE, LIFECYCLE_NODE, CLIENT], ids=["node", "node of the hand", "client of the hand"]
+)
+def test_no_participant_is_left_to_the_end_of_the_program(program: str) -> None:
+    """Fails when a participant still lives when a program has left the graph: to end it later may crash Fast DDS."""
+    ended = subprocess.run(
+        [sys.executable, "-c", program + THREADS], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert ended.stdout == "[]\n"
