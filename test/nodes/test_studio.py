@@ -44,8 +44,13 @@ class Studio(Stack):
         super().__init__(folder)
         self.client = Client()
         self.process = self.start("hand", "studio", "--sim", "--no-browser", "--json", "--out", str(folder))
-        self.client.until(lambda: '"url"' in self.log("hand") or self.process.poll() is not None, 60.0)
-        assert self.process.poll() is None, self.log("hand")
+        try:
+            self.client.until(lambda: '"url"' in self.log("hand") or self.process.poll() is not None, 60.0)
+            assert self.process.poll() is None, self.log("hand")
+        except BaseException:
+            self.stop_all()
+            self.client.close()
+            raise
         line = next(line for line in self.log("hand").splitlines() if '"url"' in line)
         self.url: str = json.loads(line)["url"]
         self.page = Browser(folder, self.url, SIZE)
