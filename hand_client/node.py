@@ -18,7 +18,6 @@ from rclpy.client import Client
 from rclpy.experimental import EventsExecutor
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
@@ -28,7 +27,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from hand_client.live_state import ERROR, LiveState
 from hand_client.repeated_call import RepeatedCall
 from hand_client.samples import Samples
-from hand_ros.leaving import leave_graph
+from hand_ros.graph import join_graph, leave_graph
 from hand_ros.node import QUEUED_QOS, SENSOR_QOS
 
 RUNNING_S = 5.0
@@ -61,7 +60,7 @@ class HandClient:
         self.namespace = f"/{namespace.strip('/')}"
         self.state = LiveState()
         self.samples: Samples | None = None
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        join_graph()
         self._node = rclpy.create_node(name, namespace=self.namespace)
         self._executor = EventsExecutor()
         self._executor.add_node(self._node)

@@ -7,43 +7,35 @@ from __future__ import annotations
 
 import inspect
 import os
-import signal
 import socket
-import sys
 import time
 import traceback
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
-import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidParameterTypeException
-from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher as RosPublisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
-from rclpy.task import Future
 from std_msgs.msg import Empty
 
 from hand_messages.bounds import Budget
 from hand_messages.health import Health, Level
 from hand_ros.fault_file import FaultFile, state_path
-from hand_ros.leaving import leave_graph
-from hand_ros.memory import find_modules, lock_memory, return_large_blocks, spare_collections
+from hand_ros.memory import find_modules, spare_collections
 from hand_ros.parameters import NodeParameter, ParameterError, check_all
 from hand_ros.processes import processes
 from hand_ros.publishers import Conflict, Publisher, SolePublishers
 from hand_ros.rate_meter import RateMeter
 from hand_ros.streams import Stream
-from hand_ros.transport import use_profiles
 
 SENSOR_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Of subscriptions to sensor topics: an old sample is not sent again."""
@@ -529,54 +521,6 @@ def one_line(error: BaseException) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
-def run(make_node: Callable[[], HandNode], args: list[str] | None = None) -> int:
-    """Run one node until SIGINT, SIGTERM or shutdown; the process's exit code.
-
-    The node's finish runs in every case in which the process itself survives, so that the hand is vented.
-    """
-    stopped = Future()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stopped.set_result(None))
-    return_large_blocks()
-    lock_memory()
-    use_profiles(Path(default_config("fastdds.xml")).parent, os.environ, Path.cwd())
-    try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-        node = make_node()
-    except Exception as error:  # rcl raises several unrelated classes for bad arguments
-        print(f"cannot start: {one_line(error)}", file=sys.stderr)
-        rclpy.try_shutdown()
-        return 2
-    executor = EventsExecutor()
-    executor.add_node(node)
-    code = 0
-    try:
-        if node.get_parameter(AUTOSTART.name).value:
-            if node.trigger_configure() == TransitionCallbackReturn.SUCCESS:
-                node.trigger_activate()
-            elif node.get_parameter(EXIT_UNCONFIGURED.name).value:
-                code = 2
-                stopped.set_result(None)
-        while rclpy.ok() and not stopped.done():
-            # The time is limited, because Python's signal handlers run between these calls only.
-            executor.spin_until_future_complete(stopped, timeout_sec=0.1)
-    finally:
-        node.finish()
-        leave_graph(node, executor)
-    return code
-
-
-def end(code: int) -> NoReturn:
-    """End the process now with an exit code.
-
-    `run` has vented the hand and left the network. What Python does besides, freeing compiled code, takes more time
-    than a launch allows on a busy machine.
-    """
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(code)
-
-
 __all__ = [
     "COMMAND_QOS",
     "EVENT_QOS",
@@ -592,7 +536,5 @@ __all__ = [
     "HandNode",
     "ParameterError",
     "default_config",
-    "end",
     "one_line",
-    "run",
 ]

@@ -14,7 +14,6 @@ from builtin_interfaces.msg import Duration
 from hand_msgs.msg import ControllerState, ValveCommand
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -22,7 +21,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from hand_model.arrays import Array
 from hand_model.description import Hand
-from hand_ros.leaving import leave_graph
+from hand_ros.graph import join_graph, leave_graph
 from hand_ros.node import DEFAULT_NAMESPACE, QUEUED_QOS, RETAINED_QOS, SENSOR_QOS
 
 READY_S = 60.0
@@ -82,7 +81,7 @@ def perform(
     on_progress(label, seconds) is called about ten times a second, healthy() too: it raises to give up.
     Raises NotReadyError when no controller answers.
     """
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # Ctrl-C must leave us able to vent
+    join_graph()  # Ctrl-C must leave us able to vent
     node = rclpy.create_node("demo", namespace=DEFAULT_NAMESPACE)
     executor = EventsExecutor()
     executor.add_node(node)
@@ -144,7 +143,7 @@ def run_experiment(hand: Hand, commands: Array, namespace: str, healthy: Callabl
     Raises NotReadyError where no hand answers or it falls silent, somebody else commands the valves, or an angle leaves
     its limits.
     """
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # Ctrl-C must leave us able to vent
+    join_graph()  # Ctrl-C must leave us able to vent
     node = rclpy.create_node("experiment", namespace=namespace)
     executor = EventsExecutor()
     executor.add_node(node)

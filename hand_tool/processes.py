@@ -7,10 +7,12 @@ import signal
 import subprocess
 import sys
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
 
+WHEN_TOLD = "FLUIDIC_HAND_START_WHEN_TOLD"
+"""As hand_ros.program has it, which takes long to read."""
 STOP_S = 15.0
 
 
@@ -45,10 +47,25 @@ class Processes:
         """
         if optional:
             self._optional.add(name)
-        environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"} | dict(os.environ)
+        self._begin(name, command, {})
+
+    def prepare(self, name: str, command: Sequence[str]) -> None:
+        """Read the program of a node into memory, which takes a second; the node itself starts with `go`."""
+        self._begin(name, command, {WHEN_TOLD: "1"})
+
+    def go(self) -> None:
+        """Start every node that was prepared, unless its program has ended, which `check` reports."""
+        for process in self._running.values():
+            if process.stdin is not None and not process.stdin.closed:
+                with suppress(BrokenPipeError), process.stdin:
+                    process.stdin.write(b"go\n")
+
+    def _begin(self, name: str, command: Sequence[str], environment: dict[str, str]) -> None:
+        local = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
         with (self._logs / f"{name}.log").open("wb") as log:
             self._running[name] = subprocess.Popen(
-                [str(executable(command[0])), *command[1:]], stdout=log, stderr=subprocess.STDOUT, env=environment,
+                [str(executable(command[0])), *command[1:]], stdout=log, stderr=subprocess.STDOUT,
+                env=local | dict(os.environ) | environment, stdin=subprocess.PIPE if environment else None,
                 start_new_session=True,  # Ctrl-C reaches this process only; it ends the others in order
             )  # fmt: skip
 

@@ -104,14 +104,16 @@ def studio(
             with ExitStack() as stack:
                 interrupts.release()
                 interrupts.end_on_sigterm()
+                nodes = Processes(Path(stack.enter_context(TemporaryDirectory())))
+                stack.enter_context(nodes)
+                if link is not None:
+                    for command in node_commands(link, namespace, joint_prefix, chosen.path):
+                        nodes.prepare(command[0], command)
                 from hand_client.node import HandClient
 
                 checks: list[Callable[[], None]] = [interrupts.check]
-                client = HandClient(namespace, CLIENT, _all(checks))
+                client = stack.enter_context(HandClient(namespace, CLIENT, _all(checks)))
                 begun_s = time.monotonic()
-                nodes = Processes(Path(stack.enter_context(TemporaryDirectory())))
-                stack.enter_context(nodes)
-                stack.enter_context(client)
                 from hand_studio.inbox import Inbox  # other nodes are discovered meanwhile
                 from hand_studio.live_page import LivePage
                 from hand_tool.until_sure import Experiments
@@ -121,8 +123,7 @@ def studio(
                 if link is not None:
                     client.until(lambda: _runs_already(client, 0), max(ALONE_S - time.monotonic() + begun_s, 0.0))
                     check_alone(client, 0)
-                    for command in node_commands(link, namespace, joint_prefix, chosen.path):
-                        nodes.start(command[0], command)
+                    nodes.go()
                 live = LivePage(page, client, hand, grasps, Inbox(client.send_stop))
                 checks.append(live.check)
                 _announce(page, client.namespace, browser, as_json)

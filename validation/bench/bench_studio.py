@@ -1,7 +1,8 @@
 """The start of `hand studio --sim` on a built tree: from the command to a simulated hand that moves in a browser.
 
 A headless Chromium waits with an empty page and opens the address that the command prints. As soon as the page shows a
-hand that is controlled and its picture stays, a slider is moved. The time ends when a picture of the scene differs.
+hand that is controlled and its picture stays but for the noise, a slider is moved. The time ends when a picture of the
+scene differs.
 Without a graphics card the pictures are drawn by the processor, with the lowest priority.
 
 The CPU time of all processes of the command up to then is what other programs on the machine hardly change.
@@ -34,8 +35,8 @@ LONGEST_S = 120.0
 NAMESPACE = "started"
 SIZE = (700, 560)
 """Of the window [pixels]."""
-MOVED = 0.005
-"""Share of the pixels of a picture that a finger changes at least."""
+MOVED, STILL = 0.005, 0.001
+"""Share of the pixels of a picture that a finger changes at least, and that the noise of a hand at rest changes."""
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
@@ -85,7 +86,7 @@ def move(browser: Browser) -> None:
     """Move a finger by the page until its picture changes."""
     control(browser)
     before, now = b"", browser.scene()
-    while not before or np.ptp(imread(io.BytesIO(now))) < 0.1 or changed(before, now) > 0.0:
+    while not before or np.ptp(imread(io.BytesIO(now))) < 0.1 or changed(before, now) > STILL:
         before, now = now, browser.scene()
     browser.press("index_proximal", "End")
     end = time.monotonic() + LONGEST_S

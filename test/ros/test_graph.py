@@ -18,7 +18,7 @@ import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.task import Future
 from std_msgs.msg import Empty
-from hand_ros.leaving import leave_graph
+from hand_ros.graph import leave_graph
 rclpy.init()
 node, executor, come = rclpy.create_node("passer_by"), EventsExecutor(), []
 executor.add_node(node)
