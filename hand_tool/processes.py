@@ -88,6 +88,8 @@ class Processes:
     def stop(self, name: str) -> int:
         """End a process by SIGINT, return its exit code; SIGKILL and ProcessError if it does not end in STOP_S [s]."""
         process = self._running.pop(name)
+        if process.stdin is not None:
+            process.stdin.close()
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
         try:
