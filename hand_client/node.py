@@ -27,8 +27,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from hand_client.live_state import ERROR, LiveState
 from hand_client.repeated_call import RepeatedCall
 from hand_client.samples import Samples
-from hand_ros.graph import join_graph, leave_graph
-from hand_ros.node import QUEUED_QOS, SENSOR_QOS
+from hand_ros.node import QUEUED_QOS, SENSOR_QOS, join_graph, leave_graph
 
 RUNNING_S = 5.0
 """Longest wait for a hand that runs already; discovery takes up to 2.7 s."""

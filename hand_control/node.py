@@ -46,8 +46,9 @@ from hand_ros.node import (
     STATE_QOS,
     HandNode,
     default_config,
+    end,
+    run,
 )
-from hand_ros.program import end, run
 from hand_ros.publishers import Verdict
 
 try:

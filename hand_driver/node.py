@@ -48,10 +48,11 @@ from hand_ros.node import (
     STATE_FILE,
     HandNode,
     default_config,
+    end,
     one_line,
+    run,
 )
 from hand_ros.parameters import NodeParameter
-from hand_ros.program import end, run
 from hand_ros.publishers import Verdict
 
 READ_TIMEOUT_S = 0.05

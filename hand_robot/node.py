@@ -22,9 +22,8 @@ from hand_model.description import load_hand
 from hand_model.geometry import frame_prefix
 from hand_robot.frames import Transform, transforms_of
 from hand_robot.urdf import Mount, urdf_text
-from hand_ros.node import RETAINED_QOS, SENSOR_QOS, HandNode, default_config
+from hand_ros.node import RETAINED_QOS, SENSOR_QOS, HandNode, default_config, end, run
 from hand_ros.parameters import NodeParameter, ParameterError
-from hand_ros.program import end, run
 
 DESCRIPTION = "robot_description"
 TF_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)

@@ -5,37 +5,47 @@ This is the only module of hand_ros that imports rclpy.
 
 from __future__ import annotations
 
+import faulthandler
 import inspect
 import os
+import signal
 import socket
+import sys
 import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn, Protocol
 
+import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidParameterTypeException
+from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher as RosPublisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
+from rclpy.task import Future
 from std_msgs.msg import Empty
 
 from hand_messages.bounds import Budget
 from hand_messages.health import Health, Level
 from hand_ros.fault_file import FaultFile, state_path
-from hand_ros.memory import find_modules, spare_collections
+from hand_ros.memory import find_modules, lock_memory, return_large_blocks, spare_collections
 from hand_ros.parameters import NodeParameter, ParameterError, check_all
 from hand_ros.processes import processes
 from hand_ros.publishers import Conflict, Publisher, SolePublishers
 from hand_ros.rate_meter import RateMeter
+from hand_ros.starting import told_to_start
 from hand_ros.streams import Stream
+from hand_ros.transport import use_profiles
 
 SENSOR_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Of subscriptions to sensor topics: an old sample is not sent again."""
@@ -62,6 +72,8 @@ STOP_SEARCH_S = 0.1
 """Period of the search for publishers that retain an emergency stop."""
 RECEIVED_S = 0.3
 """A node that ends waits so long for reliable subscribers to receive what it published last."""
+ENDS_S = 4.0
+"""A node that has not ended after this time says where it hangs and ends; a launch kills it after 5 s."""
 DEFAULT_NAMESPACE = "hand"
 LOG_PERIOD_S = 2.0
 CHANGE_PERIOD_S = 0.09
@@ -521,6 +533,88 @@ def one_line(error: BaseException) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
+class Destroyed(Protocol):
+    """What a node does not destroy by itself, such as an ActionClient."""
+
+    def destroy(self) -> None:
+        """Free what it holds of the node."""
+
+
+def join_graph(args: Sequence[str] | None = None) -> None:
+    """Start ROS in this program, with our profiles of Fast DDS unless the user has some; signals stay with the program.
+
+    With these profiles programs of one machine find each other within a second; without, it may take three.
+    args: ROS arguments; default: those of the command line.
+    """
+    use_profiles(Path(default_config("fastdds.xml")).parent, os.environ, Path.cwd())
+    rclpy.init(args=None if args is None else list(args), signal_handler_options=SignalHandlerOptions.NO)
+
+
+def leave_graph(node: Node, executor: EventsExecutor, *besides: Destroyed) -> None:
+    """End the node, its executor, what it does not destroy itself, and ROS in this program.
+
+    The executor comes first. It holds what it has executed, and with it the DDS participant; Fast DDS would then end
+    the participant after the program, from a static destructor, where a discovery at that moment is a segmentation
+    fault and not an exit code.
+    """
+    executor.shutdown()
+    for each in besides:
+        each.destroy()
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def run(make_node: Callable[[], HandNode], args: list[str] | None = None) -> int:
+    """Run one node until SIGINT, SIGTERM or shutdown; the process's exit code.
+
+    The node's finish runs in every case in which the process itself survives, so that the hand is vented.
+    """
+    if not told_to_start():
+        return 0
+    stopped = Future()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stopped.set_result(None))
+    return_large_blocks()
+    lock_memory()
+    try:
+        join_graph(args)
+        node = make_node()
+    except Exception as error:  # rcl raises several unrelated classes for bad arguments
+        print(f"cannot start: {one_line(error)}", file=sys.stderr)
+        rclpy.try_shutdown()
+        return 2
+    executor = EventsExecutor()
+    executor.add_node(node)
+    code = 0
+    try:
+        if node.get_parameter(AUTOSTART.name).value:
+            if node.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+                node.trigger_activate()
+            elif node.get_parameter(EXIT_UNCONFIGURED.name).value:
+                code = 2
+                stopped.set_result(None)
+        while rclpy.ok() and not stopped.done():
+            # The time is limited, because Python's signal handlers run between these calls only.
+            executor.spin_until_future_complete(stopped, timeout_sec=0.1)
+    finally:
+        faulthandler.dump_traceback_later(ENDS_S, exit=True)  # works also where compiled code hangs
+        node.finish()
+        leave_graph(node, executor)
+        faulthandler.cancel_dump_traceback_later()
+    return code
+
+
+def end(code: int) -> NoReturn:
+    """End the process now with an exit code.
+
+    `run` has vented the hand and left the network. What Python does besides, freeing compiled code, takes more time
+    than a launch allows on a busy machine.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)
+
+
 __all__ = [
     "COMMAND_QOS",
     "EVENT_QOS",
@@ -536,5 +630,9 @@ __all__ = [
     "HandNode",
     "ParameterError",
     "default_config",
+    "end",
+    "join_graph",
+    "leave_graph",
     "one_line",
+    "run",
 ]

@@ -13,9 +13,8 @@ from hand_driver.node import COMMON_PARAMETERS, DriverNode
 from hand_messages.cdr import Layout
 from hand_messages.layouts import CLOCK
 from hand_model.description import Hand
-from hand_ros.node import QUEUED_QOS
+from hand_ros.node import QUEUED_QOS, end, run
 from hand_ros.parameters import NodeParameter
-from hand_ros.program import end, run
 from hand_sim.board import SimulatedBoard
 from hand_sim.plant import SimulatedPlant
 

@@ -138,7 +138,7 @@ class Page:
 
 
 def _light(scene: viser.SceneApi) -> None:
-    """Light from above and from beside the viewer.
+    """Light from above and from the left of the viewer.
 
     The lights of viser cast shadows and come from a picture of a room. Where no graphics card draws the page, preparing
     that picture takes two cores 2.5 s before the hand is seen.

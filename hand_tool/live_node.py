@@ -21,8 +21,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from hand_model.arrays import Array
 from hand_model.description import Hand
-from hand_ros.graph import join_graph, leave_graph
-from hand_ros.node import DEFAULT_NAMESPACE, QUEUED_QOS, RETAINED_QOS, SENSOR_QOS
+from hand_ros.node import DEFAULT_NAMESPACE, QUEUED_QOS, RETAINED_QOS, SENSOR_QOS, join_graph, leave_graph
 
 READY_S = 60.0
 """Longest wait for the controller: discovery takes seconds, a first compile of the kernels some more."""

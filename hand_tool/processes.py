@@ -11,8 +11,8 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
 
-WHEN_TOLD = "FLUIDIC_HAND_START_WHEN_TOLD"
-"""As hand_ros.program has it, which takes long to read."""
+from hand_ros.starting import WHEN_TOLD
+
 STOP_S = 15.0
 
 

@@ -118,14 +118,27 @@ class Browser:
         self.until(f"(document.body?.innerText ?? '').includes({json.dumps(text)})", timeout_s)
 
     def click(self, label: str) -> None:
-        """Click the first button or tab whose text begins with the label."""
+        """Click the first button or tab whose text begins with the label, when it lies still and nothing covers it."""
         every = "[...document.querySelectorAll('button, [role=tab]')]"
         find = f"{every}.find(b => b.innerText.startsWith({json.dumps(label)}))"
         self.until(find)
         self.run(f"{find}.scrollIntoView({{block: 'nearest'}})")
-        x, y = self.run(f"(r => [r.x + r.width / 2, r.y + r.height / 2])({find}.getBoundingClientRect())")
+        x, y = self._still(find)
         for kind in ("mousePressed", "mouseReleased"):
             self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+
+    def _still(self, find: str) -> tuple[float, float]:
+        """The middle of an element [pixels], by a JavaScript expression, once a click there would reach it."""
+        middle = "(r => [r.x + r.width / 2, r.y + r.height / 2])(e.getBoundingClientRect())"
+        script = f"(e => (([x, y]) => [x, y, e.contains(document.elementFromPoint(x, y))])({middle}))({find})"
+        before, end = None, time.monotonic() + WAIT_S
+        while True:
+            x, y, reached = self.run(script)
+            if reached and (x, y) == before:
+                return x, y
+            assert time.monotonic() < end, f"{find} moves or is covered; the page shows:\n{self.text()}"
+            before = (x, y)
+            time.sleep(0.05)
 
     def drag(self, selector: str, begin: float, end: float) -> None:
         """Drag the mouse over the first element that a CSS selector finds. begin, end: shares of its width [-]."""

@@ -88,6 +88,7 @@ PARTS: dict[str, Part] = {
     _bench("loop"): Part("bench/loop", tables.loop_table, missing=f"No such run {QUIET} is stored yet."),
     _bench("steps"): Part("bench/steps", tables.steps_sentence, exact=True),
     _bench("demo"): Part("bench/demo", tables.demo_sentence),
+    _bench("studio"): Part("bench/studio", tables.studio_sentence),
     _bench("effects"): Part("bench/effects", tables.effects_table),
     _bench("compare"): Part("bench/compare", tables.compare_table),
     "make faults # hazards": Part("faults", faults_page.hazards_table),

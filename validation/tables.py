@@ -105,6 +105,16 @@ def demo_sentence(entry: Entry) -> str:
     )
 
 
+def studio_sentence(entry: Entry) -> str:
+    """How long the studio takes to show a hand that moves."""
+    wall_s, cpu_s, others = (result["ours"] for result in entry["results"])
+    return (
+        f"`hand studio --sim` shows a simulated hand that moves {wall_s:.1f} s after the command, of which its"
+        f" processes use {cpu_s:.1f} s of processor time; the browser drew without a graphics card, and other programs"
+        f" used {100.0 * others:.0f} % of the machine. {source_line(entry)}"
+    )
+
+
 def effects_table(entry: Entry) -> str:
     """Each effect alone at twice its detection limit."""
     rows = []

@@ -114,6 +114,7 @@ def test_every_page_fits_a_telephone_is_legible_in_the_dark_and_prints(
         paper, ink = paper_and_ink(browser)
         assert paper < 0.2 and ink > 0.7
     browser.emulate(DESKTOP, dark=True, printed=True)
+    browser.until(f"innerWidth === {DESKTOP[0]}")
     unfolded = browser.run("document.documentElement.scrollHeight")
     browser.run("document.querySelectorAll('details').forEach((each) => { each.open = false; })")
     assert browser.run("document.documentElement.scrollHeight") == unfolded  # a page that is folded prints all

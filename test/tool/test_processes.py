@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hand_ros import program
-from hand_tool.processes import WHEN_TOLD, ProcessError, Processes
+from hand_tool.processes import ProcessError, Processes
 from test.waiting import until
 
 UNTIL_SIGINT = "trap 'echo $0 >> {ends}; exit 0' INT; echo ready; while :; do sleep 0.01; done"
@@ -41,20 +40,19 @@ def test_the_controller_ends_first_and_what_is_optional_last(nodes: Path) -> Non
 
 
 def test_a_prepared_node_starts_with_go_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fails when a real node that was prepared starts without `go`, not with it, or outlives a program that gives up."""
+    """Fails when a real node that was prepared starts without `go`, not with it, or does not end with its program."""
     monkeypatch.setenv("ROS_HOME", str(tmp_path))
-    assert WHEN_TOLD == program.WHEN_TOLD
     command = ["frame_publisher", "--ros-args", "-p", "hand_description:=nowhere.yaml", "-p", "exit_unconfigured:=true"]
     with Processes(tmp_path / "never") as given_up:
         given_up.prepare("frame_publisher", command)
         time.sleep(3.0)
         given_up.check()
     assert (tmp_path / "never" / "frame_publisher.log").read_text("utf-8") == ""
-    with Processes(tmp_path / "told") as told:
-        told.prepare("frame_publisher", command)
-        told.go()
-        told.go()  # one that has started already is not disturbed
-        until(lambda: "nowhere.yaml" in (tmp_path / "told" / "frame_publisher.log").read_text("utf-8"))
+    with Processes(tmp_path / "started") as ready:
+        ready.prepare("frame_publisher", command)
+        ready.go()
+        ready.go()  # one that has started already is not disturbed
+        until(lambda: "nowhere.yaml" in (tmp_path / "started" / "frame_publisher.log").read_text("utf-8"))
 
 
 def test_only_a_needed_process_ends_the_others(nodes: Path) -> None:

@@ -28,8 +28,7 @@ from hand_client.repeated_call import RepeatedCall
 from hand_control.inputs import JointInput
 from hand_driver.board import Status
 from hand_messages.layouts import JOINT_PRESSURES, JOINT_STATE, VALVE_COMMAND
-from hand_ros.graph import leave_graph
-from hand_ros.node import QUEUED_QOS, SENSOR_QOS, STATE_QOS
+from hand_ros.node import QUEUED_QOS, SENSOR_QOS, STATE_QOS, leave_graph
 from hand_tool.processes import executable
 from validation.faults.closed_loop import description
 

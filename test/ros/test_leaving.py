@@ -18,7 +18,7 @@ import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.task import Future
 from std_msgs.msg import Empty
-from hand_ros.graph import leave_graph
+from hand_ros.node import leave_graph
 rclpy.init()
 node, executor, come = rclpy.create_node("passer_by"), EventsExecutor(), []
 executor.add_node(node)
@@ -51,6 +51,17 @@ with node.HandClient("nobody") as client:
 """
 
 
+HANGING = """
+from hand_ros import node
+class Hanging(node.HandNode):
+    def finish(self):
+        while True:
+            pass
+node.ENDS_S = 0.3
+node.end(node.run(lambda: Hanging("hanging", (node.STATE_FILE,))))
+"""
+
+
 @pytest.mark.parametrize(
     "program", [NODE, LIFECYCLE_NODE, CLIENT], ids=["node", "node of the hand", "client of the hand"]
 )
@@ -60,3 +71,10 @@ def test_no_participant_is_left_to_the_end_of_the_program(program: str) -> None:
         [sys.executable, "-c", program + THREADS], capture_output=True, text=True, timeout=60, check=True
     )
     assert ended.stdout == "[]\n"
+
+
+def test_a_node_that_hangs_at_its_end_says_where_and_ends() -> None:
+    """Fails when a node whose end takes for ever stays, or ends without a line of where it was."""
+    command = [sys.executable, "-c", HANGING, "--ros-args", "-p", "exit_unconfigured:=true"]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert ended.returncode == 1 and "in finish" in ended.stderr
