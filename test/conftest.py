@@ -43,9 +43,8 @@ REAL_TIME = (
     "driver/test_c_board",
 )
 """Tests of processes that keep deadlines, by the beginning of their path below test/."""
-FIRST = ("validation/", "diagnosis/", "nodes/test_policies.py")
-"""Where the longest tests are: at the end they would run while the other processes have nothing left. And the test that
-looks at every node of the graph: those of earlier tests in its process may stay there until Python collects them."""
+FIRST = ("validation/", "diagnosis/")
+"""Where the longest tests are: at the end they would run while the other processes have nothing left."""
 WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
 # A domain per test process, before rclpy is imported: nodes of another process must not be heard.
 _DOMAIN = int(os.environ.get("ROS_DOMAIN_ID") or os.getpid() % 90 + 10)

@@ -27,6 +27,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from hand_client.repeated_call import RepeatedCall
+from hand_ros.node import join_graph
 from test.repeating import STALLED
 
 NODES = Path(get_package_prefix("fluidic_hand")) / "lib" / "fluidic_hand"
@@ -104,8 +105,11 @@ class Client:
     """A node of a user: it records the topics of the hand and sends commands."""
 
     def __init__(self) -> None:
-        rclpy.init()
+        before = dict(os.environ)
+        join_graph([])
         self.node = rclpy.create_node("client", namespace="hand")
+        os.environ.clear()  # the processes under test choose their profiles themselves
+        os.environ.update(before)
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
         self.actions: list[ActionClient[Any, Any, Any]] = []
