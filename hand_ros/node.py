@@ -33,6 +33,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.task import Future
+from rclpy.utilities import get_rmw_implementation_identifier
 from std_msgs.msg import Empty
 
 from hand_messages.bounds import Budget
@@ -546,7 +547,8 @@ def join_graph(args: Sequence[str] | None = None) -> None:
     With these profiles programs of one machine find each other within a second; without, it may take three.
     args: ROS arguments; default: those of the command line.
     """
-    use_profiles(Path(default_config("fastdds.xml")).parent, os.environ, Path.cwd())
+    if get_rmw_implementation_identifier().startswith("rmw_fastrtps"):  # others would hear the whole network
+        use_profiles(Path(default_config("fastdds.xml")).parent, os.environ, Path.cwd())
     rclpy.init(args=None if args is None else list(args), signal_handler_options=SignalHandlerOptions.NO)
 
 

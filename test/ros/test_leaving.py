@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
 import pytest
+import rclpy
+
+from hand_ros import node
+from hand_ros.transport import FROM_FILE, ONLY_LOCAL, PEERS, PROFILES, RANGE
 
 THREADS = """
 from pathlib import Path
@@ -78,3 +83,19 @@ def test_a_node_that_hangs_at_its_end_says_where_and_ends() -> None:
     command = [sys.executable, "-c", HANGING, "--ros-args", "-p", "exit_unconfigured:=true"]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert ended.returncode == 1 and "in finish" in ended.stderr
+
+
+@pytest.mark.parametrize(
+    ("middleware", "range_"), [("rmw_cyclonedds_cpp", "LOCALHOST"), ("rmw_fastrtps_cpp", "SYSTEM_DEFAULT")]
+)
+def test_profiles_of_fast_dds_are_for_fast_dds_alone(
+    middleware: str, range_: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fails when a program under another middleware no longer stays on this machine, where the user asked for that."""
+    ours = {*PROFILES, FROM_FILE, PEERS, ONLY_LOCAL}
+    environment = {key: value for key, value in os.environ.items() if key not in ours} | {RANGE: "LOCALHOST"}
+    monkeypatch.setattr(os, "environ", environment)
+    monkeypatch.setattr(node, "get_rmw_implementation_identifier", lambda: middleware)
+    monkeypatch.setattr(rclpy, "init", lambda **_: None)
+    node.join_graph([])
+    assert environment[RANGE] == range_ and (PROFILES[0] in environment) == (range_ != "LOCALHOST")
