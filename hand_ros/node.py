@@ -573,9 +573,9 @@ def run(make_node: Callable[[], HandNode], args: list[str] | None = None) -> int
     """
     if not told_to_start():
         return 0
-    stopped = Future()
+    signals: list[int] = []  # a Future has a lock, on which a handler could wait for the code that it interrupts
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stopped.set_result(None))
+        signal.signal(number, lambda number, _: signals.append(number))
     return_large_blocks()
     lock_memory()
     try:
@@ -594,10 +594,9 @@ def run(make_node: Callable[[], HandNode], args: list[str] | None = None) -> int
                 node.trigger_activate()
             elif node.get_parameter(EXIT_UNCONFIGURED.name).value:
                 code = 2
-                stopped.set_result(None)
-        while rclpy.ok() and not stopped.done():
+        while rclpy.ok() and not signals and code == 0:
             # The time is limited, because Python's signal handlers run between these calls only.
-            executor.spin_until_future_complete(stopped, timeout_sec=0.1)
+            executor.spin_until_future_complete(Future(), timeout_sec=0.1)
     finally:
         faulthandler.dump_traceback_later(ENDS_S, exit=True)  # works also where compiled code hangs
         node.finish()
