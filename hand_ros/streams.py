@@ -18,6 +18,8 @@ MOST_HZ = 2000.0
 """Fastest rate of one publisher: messages that were lost in between let its numbers rise this fast at most."""
 SLACK = 16
 """Numbers that may be skipped at once: messages that wait in queues arrive together."""
+STALL_S, CAUGHT_UP_S = 0.02, 0.05
+"""After a longer silence the node may have stood still: it then reads what has waited, first and last of it at once."""
 
 
 class Stream:
@@ -28,6 +30,7 @@ class Stream:
         self._last = 0
         self._last_ns: int | None = None
         self._stranger_ns: int | None = None
+        self._waited, self._waited_ns = 0.0, 0
 
     def take(self, number: int | None, now_ns: int) -> bool:
         """Whether a message with this number is from the followed publisher; always, where DDS gives no numbers."""
@@ -36,9 +39,12 @@ class Stream:
         if self._last_ns is not None:
             silent_s = (now_ns - self._last_ns) * 1e-9
             skipped = number - self._last - 1
-            if silent_s <= SILENCE_S and not 0 <= skipped <= SLACK + MOST_HZ * silent_s:
+            waited = self._waited if now_ns - self._waited_ns <= CAUGHT_UP_S * 1e9 else 0.0
+            if silent_s <= SILENCE_S and not 0 <= skipped <= SLACK + MOST_HZ * silent_s + waited:
                 self._stranger_ns = now_ns
                 return False
+            if silent_s > STALL_S:
+                self._waited, self._waited_ns = MOST_HZ * silent_s, now_ns
         self._last, self._last_ns = number, now_ns
         return True
 

@@ -43,6 +43,20 @@ def test_the_first_message_of_another_publisher_is_refused(number: int) -> None:
     assert not stream.disturbed(now_ns + 5 * MS + round(SHOWN_S * 1e9) + 1)
 
 
+@pytest.mark.parametrize("stall_ms", [25, 90, 300])
+def test_what_has_waited_while_a_node_stood_still_is_of_one_publisher(stall_ms: int) -> None:
+    """Fails when a node that stood still takes its queue for a second publisher, or believes every number for long."""
+    stream, now_ns = followed()
+    last = 101 + round(MOST_HZ * stall_ms * 1e-3)  # of a publisher at the fastest rate
+    now_ns += stall_ms * MS
+    for number, later_ns in ((101, 0), (102, 0), (last, 1000)):
+        assert stream.take(number, now_ns + later_ns), number
+    assert not stream.disturbed(now_ns + MS)
+    for after_ms in range(5, 61, 5):
+        assert stream.take(last + after_ms // 5, now_ns + after_ms * MS)
+    assert not stream.take(last + 13 + SLACK + round(MOST_HZ * 0.005) + 1, now_ns + 65 * MS)
+
+
 def test_two_publishers_cannot_both_be_followed() -> None:
     """Fails when a second one, whose numbers happen to continue those of the first, stays unnoticed."""
     stream, now_ns = followed()
