@@ -24,6 +24,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidParameterTypeException
+from rclpy.executors import Executor
 from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
 from rclpy.node import Node
@@ -552,7 +553,7 @@ def join_graph(args: Sequence[str] | None = None) -> None:
     rclpy.init(args=None if args is None else list(args), signal_handler_options=SignalHandlerOptions.NO)
 
 
-def leave_graph(node: Node, executor: EventsExecutor, *besides: Destroyed) -> None:
+def leave_graph(node: Node, executor: EventsExecutor | Executor, *besides: Destroyed) -> None:
     """End the node, its executor, what it does not destroy itself, and ROS in this program.
 
     The executor comes first. It holds what it has executed, and with it the DDS participant; Fast DDS would then end

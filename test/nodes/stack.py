@@ -27,7 +27,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from hand_client.repeated_call import RepeatedCall
-from hand_ros.node import join_graph
+from hand_ros.node import join_graph, leave_graph
 from test.repeating import STALLED
 
 NODES = Path(get_package_prefix("fluidic_hand")) / "lib" / "fluidic_hand"
@@ -230,10 +230,6 @@ class Client:
 
     def close(self) -> None:
         """Leave the graph; fails where the DDS participant stays, which would listen to every later test."""
-        self.executor.shutdown()
-        for action in self.actions:
-            action.destroy()
-        self.node.destroy_node()
-        rclpy.try_shutdown()
+        leave_graph(self.node, self.executor, *self.actions)
         threads = [path.read_text().strip() for path in Path("/proc/self/task").glob("*/comm")]
         assert not any(name.startswith("dds.udp") for name in threads), threads

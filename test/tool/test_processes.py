@@ -45,7 +45,7 @@ def test_a_prepared_node_starts_with_go_or_not_at_all(tmp_path: Path, monkeypatc
     command = ["frame_publisher", "--ros-args", "-p", "hand_description:=nowhere.yaml", "-p", "exit_unconfigured:=true"]
     with Processes(tmp_path / "never") as given_up:
         given_up.prepare("frame_publisher", command)
-        time.sleep(3.0)
+        time.sleep(3.0)  # twice as long as the node takes to print its line where nothing holds it
         given_up.check()
     assert (tmp_path / "never" / "frame_publisher.log").read_text("utf-8") == ""
     with Processes(tmp_path / "started") as ready:
