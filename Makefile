@@ -45,7 +45,7 @@ help:
 	@echo "make faults      injects faults in virtual time; FULL=1: also into processes in real time"
 	@echo "make soak        HOURS=1: the simulated hand in motion as processes; memory, missed periods, latches"
 	@echo "make figures     tables, numbers and pictures of README and docs; TAKE=out/bench.json stores a run"
-	@echo "make proof       the blind trial of the diagnosis; scores into out/proof and the documents"
+	@echo "make proof       blind trials of the diagnosis against every plant; scores into out/proof, with WRITE=1 also into the documents"
 	@echo "make machines    recordings of real machines in DATA=folder into out/machines.json; CLONES=folder: reads them first"
 	@echo "make mutate      mutation tests: which changes of the code no test notices"
 	@echo "make docs        the documents as a site into out/site, in an environment of its own; a broken link is an error"
@@ -85,14 +85,14 @@ figures: $(BUILT) $(CHECKED)
 mutate: $(BUILT) $(CHECKED)
 	$(RUN) python -m validation.mutation
 
-# The key is a variable of this recipe's shell; the processes of the diagnosis do not receive it.
+# The key of a trial stays in the process of validation.proof; those that diagnose do not receive it.
+# CASES=number of recordings, SCHEDULER=address of a dask scheduler, WRITE=1: store the scores and write the documents.
 # DATA=folder: public recordings of real machines (docs/proof.md names them), diagnosed as well.
 proof: $(BUILT) $(CHECKED)
-	$(RUN) rm -rf out/proof && made=$$(hand trial make out/proof --cases $(or $(CASES),404)) && \
-	key=$$(echo "$$made" | sed -n 's/^key //p') && echo "$$made" | sed '/^key /d' && \
-	hand trial run out/proof && (echo "$$key" | hand trial score out/proof || [ $$? = 1 ]) && \
-	$(if $(DATA),hand trial reality $(DATA) --out out/reality &&) \
-	python -m validation.figures --take out/proof $(if $(DATA),--take out/reality/reality.json)
+	$(RUN) rm -rf out/proof && python -m validation.proof --cases $(or $(CASES),600) --out out/proof \
+		$(if $(SCHEDULER),--scheduler $(SCHEDULER)) $(if $(WRITE),--write-docs) \
+		$(if $(DATA),&& hand trial reality $(DATA) --out out/reality && \
+			$(if $(WRITE),python -m validation.figures --take out/reality/reality.json,true))
 
 # DATA=folder: recordings of real machines, as `python -m validation.machines collect` writes them from CLONES=folder.
 machines: $(BUILT) $(CHECKED)

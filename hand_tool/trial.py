@@ -100,6 +100,7 @@ def run(
     folder: _Folder,
     tolerance: Annotated[float, typer.Option(help="Of hand diagnose: relative error of the nominal numbers.")] = 0.05,
     jobs: _Jobs = 2,
+    scheduler: Annotated[str | None, typer.Option(help="Address of a dask scheduler, instead of --jobs.")] = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
@@ -122,7 +123,7 @@ def run(
         note(f"model: as the trial describes it, {folder / 'plan.json'}")
         with _bar("recordings") as advance:
             try:
-                run_trial(folder, TOOL, jobs, tolerance, advance)
+                run_trial(folder, TOOL, jobs, tolerance, advance, scheduler=scheduler)
             except RuntimeError as error:
                 fail("trial run", str(error), 1)
         outputs.complete(folder / "reports", folder / "timing.json")

@@ -27,6 +27,7 @@ from validation.results import ROOT, STORE, load, provenance, read_run, store
 from validation.trial import document
 
 QUIET = "on a machine without other load"
+NOT_STORED = f"No such run {QUIET} is stored yet."
 PAGES = ("README.md", "CONTRIBUTING.md", "firmware/README.md", "docs/*.md")
 SECTION = re.compile(
     r"(?<!`)<!-- generated: (?P<name>[^>]+?) -->(?P<gap>\n*)(?P<text>.*?)(?P<end>\n*<!-- end -->)", re.DOTALL
@@ -85,7 +86,7 @@ def _trial(render: Callable[[Any], str]) -> Callable[[Any], str]:
 
 PARTS: dict[str, Part] = {
     **{_bench(name): Part(f"bench/{name}", tables.bench_table) for name in BENCHES},
-    _bench("loop"): Part("bench/loop", tables.loop_table, missing=f"No such run {QUIET} is stored yet."),
+    _bench("loop"): Part("bench/loop", tables.loop_table, missing=NOT_STORED),
     _bench("steps"): Part("bench/steps", tables.steps_sentence, exact=True),
     _bench("demo"): Part("bench/demo", tables.demo_sentence),
     _bench("studio"): Part("bench/studio", tables.studio_sentence),
@@ -93,10 +94,9 @@ PARTS: dict[str, Part] = {
     _bench("compare"): Part("bench/compare", tables.compare_table),
     "make faults # hazards": Part("faults", faults_page.hazards_table),
     "make faults # results": Part("faults", faults_page.results_table),
-    "make faults FULL=1 # results": Part(
-        "faults/live", faults_page.results_table, missing=f"No such run {QUIET} is stored yet."
-    ),
+    "make faults FULL=1 # results": Part("faults/live", faults_page.results_table, missing=NOT_STORED),
     "make soak HOURS=1": Part("soak", tables.soak_table, missing=f"No hour {QUIET} is stored yet."),
+    "make proof # together": Part("proof", tables.proof_table, missing=NOT_STORED),
     "make proof # summary": Part("trial", tables.trial_summary),
     "make proof # scores": Part("trial", _trial(document.scores_table)),
     "make proof # effects": Part("trial", _trial(document.effects_table)),
@@ -111,6 +111,7 @@ PARTS: dict[str, Part] = {
         "referees", lambda entry: document.families_table(entry["results"]).strip()
     ),
     "python -m validation.trial_rivals FOLDER --train FOLDER": Part("trial_rivals", tables.rivals_table),
+    "python -m validation.ablations FOLDER": Part("ablations", tables.ablations_table, missing=NOT_STORED),
     "make proof DATA=folder # machines": Part("reality", _trial(document.reality_table)),
     "make proof DATA=folder # seal": Part("reality", tables.machine_sentence),
     "python -m validation.mutation # groups": Part("mutation", mutants.groups_table),

@@ -122,6 +122,10 @@ def read_run(path: Path) -> dict[str, Any]:
     if isinstance(data, dict) and "trial_rivals" in data:
         about = {key: data[key] for key in ("command", "date", "commit", "machine")}
         return {"trial_rivals": {**about, "results": data["trial_rivals"]}}
+    for source in ("ablations", "proof"):
+        if isinstance(data, dict) and source in data:
+            about = {key: data[key] for key in ("command", "date", "commit", "machine")}
+            return {source: {**about, "results": data[source]}}
     if isinstance(data, list) and data and "baselines" in data[0]:
         return {"reality": {**provenance("make proof DATA=folder"), "results": data}}
     if isinstance(data, list) and data and "quantity" in data[0]:

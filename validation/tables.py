@@ -242,3 +242,33 @@ def rivals_table(entry: Entry) -> str:
     header = ("method", "median error / noise", "joints at most 1.25", "effect first", "place", "joint", "log score")
     count = f"{results['recordings']} recordings, forest trained on {results['trained_on']} others."
     return f"{markdown(header, rows)}\n\n{count} {source_line(entry)}"
+
+
+def ablations_table(entry: Entry) -> str:
+    """Scores of the diagnosis without one part at a time, on the same recordings."""
+    results = entry["results"]
+    shares = ("place", "joint", "first", "both", "false_alarm", "unknown_found", "unknown_wrong", "clean", "ece")
+    rows = []
+    for part, row in results.items():
+        cells = ["" if row[key]["value"] is None else f"{row[key]['value']:.0%}" for key in shares]
+        score = row["log_score"]["value"]
+        time = row["cpu_s"] / next(iter(results.values()))["cpu_s"]
+        rows.append((part, *cells, "" if score is None else f"{score:.2f}", f"{time:.2f}"))
+    header = (
+        "without", "place", "joint", "effect first", "both of two", "false alarms", "unknown found", "known as unknown",
+        "test error", "calibration error", "log score", "CPU time",
+    )  # fmt: skip
+    whole = next(iter(results.values()))
+    of = ", ".join(f"{whole[key]['count']} for {word}" for key, word in (("place", "place"), ("false_alarm", "alarms")))
+    return f"{markdown(header, rows)}\n\n{whole['recordings']} recordings ({of}). {source_line(entry)}"
+
+
+def proof_table(entry: Entry) -> str:
+    """The scores of all plants, those that count together first."""
+    from validation.proof import counted, head_of, rows_of  # noqa: PLC0415 - it imports this module through the figures
+
+    results = entry["results"]
+    count = sum(results["plants"][plant]["recordings"] for plant in counted(results))
+    whole = sum(run["recordings"] for run in results["plants"].values())
+    text = f"{count} of {whole} recordings are of plants that count. It took {results['minutes']:.0f} minutes."
+    return f"{markdown(head_of(results), rows_of(results))}\n\n{text} {source_line(entry)}"

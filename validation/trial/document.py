@@ -55,10 +55,9 @@ def runs_table(runs: list[dict[str, Any]]) -> str:
     """Every run against plants of others, in the order in which they were made: a row a score, a column a run."""
     heads = [f"{run['plant']}, {run['made']['date']}" for run in runs]
     lines = ["| score | goal | " + " | ".join(heads) + " |", "|---" * (2 + len(runs)) + "|"]
-    for name, goal in REFEREE_GOALS.items():
-        cells = [_cell(name, run["scores"][name]) for run in runs]
-        wanted = f"{goal[0]} {_percent(goal[1], 0)}" if goal else ""
-        lines.append(f"| {LABELS[name]} | {wanted} | " + " | ".join(cells) + " |")
+    for name in REFEREE_GOALS:
+        cells = [score_cell(name, run["scores"][name]) for run in runs]
+        lines.append(f"| {LABELS[name]} | {goal_of(name)} | " + " | ".join(cells) + " |")
     lines.append("")
     for head, run in zip(heads, runs, strict=True):
         kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(run["kinds"].items()))
@@ -69,8 +68,14 @@ def runs_table(runs: list[dict[str, Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _cell(name: str, score: dict[str, Any]) -> str:
-    """A score with its 95 % interval, or how many it is of."""
+def goal_of(name: str) -> str:
+    """The goal of a score on plants that were not looked at, or nothing."""
+    goal = REFEREE_GOALS[name]
+    return f"{goal[0]} {_percent(goal[1], 0)}" if goal else ""
+
+
+def score_cell(name: str, score: dict[str, Any]) -> str:
+    """A score with its 95 % interval, or how many it is of; nothing where nothing was asked."""
     if score["value"] is None:
         return ""
     if "low" not in score:

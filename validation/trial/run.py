@@ -48,12 +48,20 @@ def read_plan(folder: Path) -> list[dict[str, Any]]:
     return plan
 
 
-def run(folder: Path, command: list[str], jobs: int, tolerance: float, progress: Callable[[float], None]) -> None:
+def run(
+    folder: Path,
+    command: list[str],
+    jobs: int,
+    tolerance: float,
+    progress: Callable[[float], None],
+    *,
+    scheduler: str | None = None,
+) -> None:
     """Write folder/reports/BATCH/case_NNNN_*/report.json for every case; an interrupted run continues.
 
     command: how to call the tool, as in ["hand"].  tolerance: relative error of the nominal parameters.  progress:
-    called with the share done, 0 to 1.  Raises ValueError for a broken plan, RuntimeError with the last line
-    of the tool where it fails.
+    called with the share done, 0 to 1.  scheduler: address of a dask scheduler that diagnoses instead of jobs.  Raises
+    ValueError for a broken plan, RuntimeError with the last line of the tool where it fails.
     """
     plan = read_plan(folder)
     groups: dict[tuple[str, str, float], list[int]] = defaultdict(list)
@@ -68,7 +76,8 @@ def run(folder: Path, command: list[str], jobs: int, tolerance: float, progress:
             recordings = [str(folder / "recordings" / f"case_{number:04d}.mcap") for number in batch]
             reports = folder / "reports" / f"{group}_{first}"
             options = ["--model", str(folder / model), "--out", str(reports), "--tolerance", str(allowed)]
-            options += ["--each", "--jobs", str(min(jobs, len(batch)))] + (["--without", without] if without else [])
+            own = ["--jobs", str(min(jobs, len(batch)))] if scheduler is None else ["--scheduler", scheduler]
+            options += ["--each", *own] + (["--without", without] if without else [])
             options.append("--no-sensor-curve")  # the trial records true angles, not readings of the Hall sensors
             finished = subprocess.run(
                 [*command, "diagnose", *recordings, *options, "--json"],

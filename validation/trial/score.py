@@ -59,13 +59,8 @@ def score(
     """
     truth, commitment = unseal(folder, key)
     grades = [_grade(folder, case, answers, truth.get("tool")) for case in truth["cases"]]
-    graded = [g for g in grades if g.kind == "null" or g.multiple >= GRADED_FROM]
-    scores = {name: _share(name, graded) for name in LABELS if name not in OF_ALL}
-    numbers = [error <= WITHIN for g in graded for _, error in g.parameters]
-    scores["parameters"] = _interval(numbers)
+    graded = those_graded(grades)
     claims = [claim for g in graded for claim in g.claims]
-    for name, of in (("ece", calibration_error), ("brier", brier), ("log_score", log_score)):
-        scores[name] = {"value": of(claims), "count": len(claims)}
     result = {
         "commitment": commitment,
         "made": made,
@@ -77,7 +72,7 @@ def score(
         "kinds": dict(Counter(g.kind for g in grades)),
         "unplaced": dict(Counter(name for case in truth["cases"] for name in case["unplaced"])),
         "timing": json.loads((folder / "timing.json").read_text(encoding="utf-8")) if answers is None else None,
-        "scores": scores,
+        "scores": scores_of(grades),
         "at_the_limit": {
             name: _share(name, [g for g in grades if g.kind == "single" and g.multiple < GRADED_FROM])
             for name in ("place", "joint", "first", "first_two")
@@ -92,6 +87,22 @@ def score(
     draw_confusion(graded, folder / "confusion.png")
     draw_reliability(result["reliability"], folder / "reliability.png")
     return result
+
+
+def those_graded(grades: Iterable[Grade]) -> list[Grade]:
+    """The null cases, and those of at least GRADED_FROM detection limits."""
+    return [g for g in grades if g.kind == "null" or g.multiple >= GRADED_FROM]
+
+
+def scores_of(grades: Iterable[Grade]) -> dict[str, dict[str, Any]]:
+    """Every score of LABELS: value, count and, of shares, the 95 % interval."""
+    graded = those_graded(grades)
+    scores = {name: _share(name, graded) for name in LABELS if name not in OF_ALL}
+    scores["parameters"] = _interval([error <= WITHIN for g in graded for _, error in g.parameters])
+    claims = [claim for g in graded for claim in g.claims]
+    for name, of in (("ece", calibration_error), ("brier", brier), ("log_score", log_score)):
+        scores[name] = {"value": of(claims), "count": len(claims)}
+    return scores
 
 
 def plant_of(cases: list[dict[str, Any]]) -> str:

@@ -15,7 +15,9 @@ import pytest
 
 from hand_model.description import load_hand
 from hand_sim.plant import PHI, HandPlant, P
+from validation.ablations import TEXTBOOK, diagnosed
 from validation.results import load, read_run
+from validation.tables import proof_table
 from validation.trial.calibration import brier, calibration_error, log_score
 from validation.trial.catalogue import BY_NAME, FOREIGN, KNOWN
 from validation.trial.document import (
@@ -241,31 +243,38 @@ def test_runs_against_plants_of_others_are_added_and_never_replaced(tmp_path: Pa
 
 
 def test_a_small_trial_from_end_to_end(tmp_path: Path) -> None:
-    """Fails when make, run and score do not fit together, or when run starts although the key is set."""
-    folder = tmp_path / "trial"
-    made = hand("trial", "make", str(folder), "--cases", "5", "--seed", "11")
-    assert made.returncode == 0, made.stderr
-    commitment, key = (line.split()[1] for line in made.stdout.splitlines())
+    """Fails when the proof, its make, run and score do not fit together, when a diagnosis starts although the key is
+    set, or when a part that is switched off still acts.
+    """
+    out = tmp_path / "proof"
+    proved = subprocess.run(
+        [sys.executable, "-m", "validation.proof", "--cases", "5", "--plant", "trial", "--out", str(out)],
+        cwd=ROOT, capture_output=True, text=True, timeout=900, check=False,
+    )  # fmt: skip
+    assert proved.returncode == 0, proved.stderr
+    assert "joint correct" in proved.stdout and "<html" in (out / "proof.html").read_text(encoding="utf-8").lower()
+    stored = read_run(out / "proof.json")["proof"]
+    assert stored["results"]["plants"]["trial"]["recordings"] == 5 and "Made by `make proof`" in proof_table(stored)
+    folder = out / "trial"
     plan = (folder / "plan.json").read_text(encoding="utf-8")
     assert not any(foreign.name in plan.replace('"without"', "") for foreign in FOREIGN)
-    refused = hand("trial", "run", str(folder), HAND_TRIAL_KEY=key)
+    refused = hand("trial", "run", str(folder), HAND_TRIAL_KEY=new_key().decode())
     assert refused.returncode == 2 and "must not be able to open the seal" in refused.stderr
-    done = hand("trial", "run", str(folder))
-    assert done.returncode == 0, done.stderr
-    scored = hand("trial", "score", str(folder), "--key", key, "--json")
-    assert scored.returncode in {0, 1}, scored.stderr
-    result = json.loads(scored.stdout)
-    print(result["scores"])
+    result = json.loads((folder / "scores.json").read_text(encoding="utf-8"))
+    print(result["seed"], result["scores"])
     page = (ROOT / "docs" / "proof.md").read_text(encoding="utf-8")
     for render in (scores_table, effects_table, failures_table):
         header = next(line for line in render(result).splitlines() if line.startswith("|"))
         assert header in page
     assert read_run(folder)["trial"]["results"] == result
-    assert result["commitment"] == commitment and result["recordings"] == 5
+    assert (folder / "commitment.txt").read_text(encoding="ascii").strip() == result["commitment"]
+    assert result["recordings"] == 5
     assert result["scores"]["joint"]["value"] >= 0.5
     assert (folder / "confusion.png").stat().st_size > 5000
     wrong = hand("trial", "score", str(folder), "--key", new_key().decode())
     assert wrong.returncode == 2 and "does not open it" in wrong.stderr
+    found, seconds = diagnosed(str(folder), read_plan(folder)[0], TEXTBOOK)
+    assert seconds > 0.0 and not any((finding["law"] or {}).get("form") == "learned" for finding in found["findings"])
 
 
 @pytest.mark.parametrize(
