@@ -5,7 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-WITHIN = 0.15
+WITHIN, STANDARD_ERRORS = 0.15, 2.0
+FAMILIES = {
+    "time": ("periodic_in_time", "drifts_with_time"),
+    "event": ("drifts_with_time",),
+    "angle": ("periodic_in_angle", "depends_on_angle"),
+    "joint": ("depends_on_another_joint",),
+}
+"""Families by which a remainder rightly describes a kind of unknown physics; others are asked of no kind."""
 FLOORS = 1.25
 ONSET_S = 0.5
 
@@ -15,7 +22,8 @@ class Grade:
     """The result of one case; None where a question does not apply to it.
 
     claims: probability of the first finding of each joint, and whether it is right.  called: effect of the first
-    finding.  parameters: key and relative error of each parameter that can be compared.
+    finding.  parameters: key and relative error of each parameter that can be compared.  deviations: key and error in
+    the standard errors that the report states.
     """
 
     number: int
@@ -31,10 +39,12 @@ class Grade:
     both: bool | None = None
     false_alarm: bool | None = None
     unknown_found: bool | None = None
+    unknown_family: bool | None = None
     unknown_wrong: bool | None = None
     clean: bool | None = None
     onset: bool | None = None
     parameters: list[tuple[str, float]] = field(default_factory=list)
+    deviations: list[tuple[str, float]] = field(default_factory=list)
     claims: list[tuple[float, bool]] = field(default_factory=list)
 
 
@@ -68,7 +78,9 @@ def grade(case: dict[str, Any], report: dict[str, Any]) -> Grade:
     begun_s = case.get("conditions", {}).get("onset_s")
     if begun_s is not None:
         done.onset = all(any(_begins(f, t, begun_s) for f in findings if _joint(f, t)) for t in truths)
-    done.parameters = [error for t in truths for error in _parameter(findings, t)]
+    compared = [errors for t in truths for errors in _parameter(findings, t)]
+    done.parameters = [(key, relative) for key, relative, _ in compared]
+    done.deviations = [(key, deviation) for key, _, deviation in compared if deviation is not None]
     return done
 
 
@@ -81,8 +93,11 @@ def _beyond_conditions(findings: list[dict[str, Any]], case: dict[str, Any]) -> 
 def _grade_unknown(done: Grade, truth: dict[str, Any], report: dict[str, Any], without: str) -> Grade:
     """A remainder on the right joint is right; so is another effect of a deleted effect's isolability class."""
     stands_in = set(truth["group"]) - {without}
-    left = any(_joint(entry, truth) for entry in report["remainder"])
-    done.unknown_found = left or any(_joint(f, truth) and f["effect"] in stands_in for f in report["findings"])
+    left = [entry for entry in report["remainder"] if _joint(entry, truth)]
+    right = FAMILIES.get(truth.get("family", ""))
+    if left and right:
+        done.unknown_family = any(entry.get("family") in right for entry in left)
+    done.unknown_found = bool(left) or any(_joint(f, truth) and f["effect"] in stands_in for f in report["findings"])
     return done
 
 
@@ -140,8 +155,8 @@ def _clean(report: dict[str, Any], truths: list[dict[str, Any]]) -> bool | None:
     return all(f["rmse_after"] <= FLOORS * f["noise_floor"] for f in fits)
 
 
-def _parameter(findings: list[dict[str, Any]], truth: dict[str, Any]) -> list[tuple[str, float]]:
-    """Relative error of the parameter that both equations have, where the effect was named."""
+def _parameter(findings: list[dict[str, Any]], truth: dict[str, Any]) -> list[tuple[str, float, float | None]]:
+    """Key, relative error and error in stated errors of the parameter that both equations have, where it was named."""
     number = truth["number"]
     if number is None:
         return []
@@ -149,7 +164,10 @@ def _parameter(findings: list[dict[str, Any]], truth: dict[str, Any]) -> list[tu
         if finding["effect"] == truth["effect"] and _joint(finding, truth):
             reported = finding["parameters"].get(number["key"])
             if reported is not None:
-                return [(number["key"], abs(float(reported["value"]) * _unit(number["key"]) / number["value"] - 1.0))]
+                unit, std = _unit(number["key"]), reported.get("std")
+                error = abs(float(reported["value"]) * unit - number["value"])
+                deviation = None if not std else error / (float(std) * unit)
+                return [(number["key"], error / abs(number["value"]), deviation)]
     return []
 
 

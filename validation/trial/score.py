@@ -14,7 +14,7 @@ import matplotlib as mpl
 import numpy as np
 
 from validation.trial.calibration import brier, calibration_error, log_score, reliability
-from validation.trial.grade import WITHIN, Grade, grade
+from validation.trial.grade import STANDARD_ERRORS, WITHIN, Grade, grade
 from validation.trial.seal import tool_numbers, unseal
 
 mpl.use("Agg")
@@ -23,8 +23,8 @@ import matplotlib.pyplot as plt
 GOALS = {
     "place": (">=", 0.97), "joint": (">=", 0.98), "first": (">=", 0.90), "first_two": (">=", 0.97),
     "both": None, "false_alarm": ("<=", 0.02), "unknown_found": (">=", 0.80), "unknown_wrong": ("<=", 0.05),
-    "clean": (">=", 0.90), "parameters": (">=", 0.85), "onset": None, "ece": ("<=", 0.06),
-    "brier": None, "log_score": None,
+    "unknown_family": None, "clean": (">=", 0.90), "parameters": (">=", 0.85), "deviations": None, "onset": None,
+    "ece": ("<=", 0.06), "brier": None, "log_score": None,
 }  # fmt: skip
 LABELS = {
     "place": "place correct",
@@ -34,9 +34,11 @@ LABELS = {
     "both": "both of two effects named",
     "false_alarm": "false alarms on null cases",
     "unknown_found": "unknown physics reported as unknown",
+    "unknown_family": "family of the unknown physics named",
     "unknown_wrong": "known effects reported as unknown",
     "clean": "error at most 1.25 noise floors, data not fitted",
     "parameters": "parameters within 15 % (where both forms have them)",
+    "deviations": "parameters within 2 of their standard errors",
     "onset": "beginning found within 0.5 s",
     "ece": "expected calibration error",
     "brier": "Brier score of the claims (0 is best)",
@@ -44,7 +46,7 @@ LABELS = {
 }
 """What each score counts, in the words of docs/proof.md."""
 GRADED_FROM = 2.0
-OF_ALL = {"parameters", "ece", "brier", "log_score"}
+OF_ALL = {"parameters", "deviations", "ece", "brier", "log_score"}
 """Scores over all numbers or claims, not one a case."""
 
 
@@ -99,6 +101,7 @@ def scores_of(grades: Iterable[Grade]) -> dict[str, dict[str, Any]]:
     graded = those_graded(grades)
     scores = {name: _share(name, graded) for name in LABELS if name not in OF_ALL}
     scores["parameters"] = _interval([error <= WITHIN for g in graded for _, error in g.parameters])
+    scores["deviations"] = _interval([error <= STANDARD_ERRORS for g in graded for _, error in g.deviations])
     claims = [claim for g in graded for claim in g.claims]
     for name, of in (("ece", calibration_error), ("brier", brier), ("log_score", log_score)):
         scores[name] = {"value": of(claims), "count": len(claims)}

@@ -35,7 +35,7 @@ from validation.trial.motions import EXPERIMENTS, set_points
 from validation.trial.nominal import Nominal
 from validation.trial.plant import record
 from validation.trial.run import read_plan
-from validation.trial.score import LABELS, score
+from validation.trial.score import LABELS, score, scores_of
 from validation.trial.seal import NUMBERS, SEALED, new_key, seal, tool_numbers, unseal
 
 ROOT = Path(__file__).parents[3]
@@ -146,13 +146,27 @@ def test_grading_is_strict() -> None:
     assert both.first and not both.unknown_wrong and both.claims == [(0.9, True)]
     assert graded("null", [], [], left="ring_distal").false_alarm
     number = {"key": "coulomb_friction.torque_nm", "value": 0.01}
-    reported = {"coulomb_friction.torque_nm": {"value": 0.012}}
+    reported = {"coulomb_friction.torque_nm": {"value": 0.012, "std": 0.0008}}
     measured = graded(
         "single",
         [friction | {"number": number}],
         [finding("coulomb_friction", "index_distal", "joint", parameters=reported)],
     )
     assert measured.parameters[0][1] == pytest.approx(0.2)
+    assert measured.deviations == [("coulomb_friction.torque_nm", pytest.approx(2.5))]
+    assert scores_of([measured])["deviations"]["value"] == 0.0
+
+
+def test_a_remainder_is_graded_by_its_family() -> None:
+    """Fails when a wrong family counts as right, or a kind without a family of its own is asked for one."""
+    teeth = truth("teeth", "index_distal", "unknown", family="angle")
+    for family, right in (("periodic_in_angle", True), ("depends_on_angle", True), ("drifts_with_time", False)):
+        case = {"number": 1, "kind": "outside", "motion": "steps", "without": "", "truth": [teeth]}
+        left = {"joint": "index_distal", "probability": 0.8, "family": family}
+        assert grade(case, {"findings": [], "fit": [], "remainder": [left]}).unknown_family is right
+    spikes = truth("spikes", "index_distal", "unknown", family="sensor")
+    assert graded("outside", [spikes], [], left="index_distal").unknown_family is None
+    assert graded("outside", [teeth], []).unknown_family is None
 
 
 def test_calibration_error_is_that_of_the_claims() -> None:
