@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -106,7 +107,8 @@ def _joint(diagnosis: Diagnosis, joint: JointDiagnosis, report: Mapping[str, Any
         errors = [f"{joint.rmse(fit, stage):.3g}" for fit in (joint.search.nominal, hypothesis.fit)]
         gain = hypothesis.log_evidence - joint.search.nominal_evidence
         fall = f"{errors[0]} → {errors[1]} {joint.wording.signal_units[stage][1]}"
-        hypotheses.append((effect_words(hypothesis.effect.name), f"{gain:+.0f}", fall))
+        shown = f"{gain:+.0f}" if math.isfinite(gain) else "diverges"
+        hypotheses.append((effect_words(hypothesis.effect.name), shown, fall))
     stage = leading_stage(joint)
     return {
         "name": joint.joint,

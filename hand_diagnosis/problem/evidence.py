@@ -34,7 +34,10 @@ def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[Sequence
     optional: for each effect, indices of free parameters of which each may be needed or not. The evidence is the mean
     over these models; each follows from the full one by the ratio of posterior to prior density at the neutral values
     (Dickey, Ann. Math. Stat. 42(1), 1971), effects taken one by one: a number that is not needed costs nothing.
+    A fit at which a small change of a number lets the simulation diverge has none: -inf.
     """
+    if not np.isfinite(fit.normal).all():
+        return -np.inf
     train = ~problem.validation
     counts = np.maximum(problem.effective_counts(train), 1.0)
     chi2 = (problem.block_weights * fit.squares)[:, train].sum(axis=1)

@@ -53,6 +53,14 @@ def test_validation_blocks_are_evidence(hand: Hand) -> None:
     assert log_evidence(problem, replace(fit, squares=worse)) < log_evidence(problem, fit) - 4.0
 
 
+def test_a_fit_that_diverges_nearby_has_no_evidence(hand: Hand) -> None:
+    """Fails when NaN stands where evidence is compared: every comparison with it is false, and the order is lost."""
+    fit, task, amounts = _fit(hand, extra=True)
+    normal = fit.normal.copy()
+    normal[3] = normal[:, 3] = np.nan
+    assert log_evidence(task.prepare(JOINT).problem, replace(fit, normal=normal), [amounts]) == -np.inf
+
+
 def test_nominal_numbers_stay_within_three_tolerances(hand: Hand) -> None:
     """Fails when a parameter that is far off is absorbed by its tolerance instead of named as an effect."""
     signals = record(changed(hand, JOINT, valve__dead_time_s=0.03), np.random.default_rng(82), 20.0)
