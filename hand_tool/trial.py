@@ -25,7 +25,7 @@ app = typer.Typer(
     "Example: hand trial make out/trial --cases 40",
 )
 KEY = "HAND_TRIAL_KEY"
-PLANTS = ("trial", "development", "held_back", "mujoco")
+PLANTS = ("trial", "development", "held_back", "mujoco", "progpy")
 TOOL = [sys.executable, "-m", "hand_tool"]
 _Folder = Annotated[Path, typer.Argument(help="Folder of the trial.")]
 _Out = Annotated[Path, typer.Argument(help="New folder.")]
@@ -50,6 +50,7 @@ def make(
     trial: the plant of the trial, usual conditions. development: laws of many forms under many conditions, which may be
     looked at. held_back: laws and kinds of physics that are run, not looked at; note each run in docs/proof.md.
     mujoco: the hand in MuJoCo, with MuJoCo's own friction, damping, limits, tendons, weight and contact.
+    progpy: NASA's pneumatic valve with worn seals and springs, as a machine; --model is not used.
 
     Prints the commitment (SHA-256 of the truth, of the tool's version and of all its settings, splits included) and the
     key, which is not written to any file: keep it for score.
@@ -86,6 +87,11 @@ def make(
                 from validation.referees.mujoco_hand import make as make_mujoco
 
                 promised = make_mujoco(out, chosen.path, cases, master, key, jobs=jobs, progress=advance, tool=tool)
+            elif plant == "progpy":
+                require("validation", "progpy")
+                from validation.referees.progpy_valve import make as make_progpy
+
+                promised = make_progpy(out, cases, master, key, jobs=jobs, progress=advance, tool=tool)
             else:
                 promised = make_referees(
                     out, chosen.path, cases, master, key, plant, jobs=jobs, progress=advance, tool=tool

@@ -26,7 +26,7 @@ from validation.trial.grade import Grade
 from validation.trial.score import LABELS, scores_of
 
 TOOL = [sys.executable, "-m", "hand_tool", "trial"]
-COUNT, DEVELOPMENT = {"held_back": 0.4, "mujoco": 0.2}, {"development": 0.2, "trial": 0.2}
+COUNT, DEVELOPMENT = {"held_back": 0.4, "mujoco": 0.15, "progpy": 0.05}, {"development": 0.2, "trial": 0.2}
 """Plants whose scores count, and those that were looked at: shares of the recordings."""
 LEAST_CASES = 5
 """Recordings of a plant; `hand trial make` takes no fewer."""
@@ -34,6 +34,7 @@ CASES = (5, 100_000)
 WORDS = {
     "held_back": "families of laws that nobody looked at",
     "mujoco": "the hand in MuJoCo",
+    "progpy": "a pneumatic valve by NASA",
     "development": "families of laws that were looked at",
     "trial": "the plant of the first trials",
 }

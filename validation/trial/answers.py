@@ -11,7 +11,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from validation.trial.run import read_plan
+from validation.trial.run import read_plan, recording_of
 
 FINDING = {"joint": str, "place": str, "effect": str, "probability": float}
 LEFT = {"joint": str, "probability": float}
@@ -28,10 +28,11 @@ def export(folder: Path, out: Path) -> int:
     out.mkdir(parents=True, exist_ok=True)
     (out / "recordings").mkdir()
     for name in (*PUBLIC, *sorted({case["model"] for case in plan})):
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(folder / name, out / name)
     for case in plan:
-        name = f"recordings/case_{case['number']:04d}.mcap"
-        shutil.copyfile(folder / name, out / name)
+        recording = recording_of(folder, case["model"], case["number"])
+        shutil.copyfile(recording, out / "recordings" / recording.name)
     return len(plan)
 
 

@@ -17,6 +17,8 @@ BATCH = 24
 CASE: dict[str, type] = {"number": int, "model": str, "without": str, "tolerance": float}
 KINDS = {int: "a whole number", str: "text", float: "a number with a decimal point"}
 MOST_CASES = 100_000
+MACHINE = "machine.yaml"
+"""Name of the nominal model of a case on another machine than a hand."""
 
 
 def read_plan(folder: Path) -> list[dict[str, Any]]:
@@ -48,6 +50,11 @@ def read_plan(folder: Path) -> list[dict[str, Any]]:
     return plan
 
 
+def recording_of(folder: Path, model: str, number: int) -> Path:
+    """The recording of a case: a rosbag2 file of a hand, a table of another machine. model: as plan.json has it."""
+    return folder / "recordings" / f"case_{number:04d}.{'npz' if Path(model).name == MACHINE else 'mcap'}"
+
+
 def run(
     folder: Path,
     command: list[str],
@@ -73,12 +80,14 @@ def run(
     for group, ((model, without, allowed), numbers) in enumerate(groups.items()):
         for first in range(0, len(numbers), BATCH):
             batch = numbers[first : first + BATCH]
-            recordings = [str(folder / "recordings" / f"case_{number:04d}.mcap") for number in batch]
+            recordings = [str(recording_of(folder, model, number)) for number in batch]
             reports = folder / "reports" / f"{group}_{first}"
-            options = ["--model", str(folder / model), "--out", str(reports), "--tolerance", str(allowed)]
+            kind = "--machine" if Path(model).name == MACHINE else "--model"
+            options = [kind, str(folder / model), "--out", str(reports), "--tolerance", str(allowed)]
             own = ["--jobs", str(min(jobs, len(batch)))] if scheduler is None else ["--scheduler", scheduler]
             options += ["--each", *own] + (["--without", without] if without else [])
-            options.append("--no-sensor-curve")  # the trial records true angles, not readings of the Hall sensors
+            if kind == "--model":  # the trial records true angles, not readings of the Hall sensors
+                options.append("--no-sensor-curve")
             finished = subprocess.run(
                 [*command, "diagnose", *recordings, *options, "--json"],
                 env=environment, capture_output=True, text=True, check=False,
