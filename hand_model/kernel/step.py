@@ -84,11 +84,11 @@ def deliver(w, i, before, after, lag_samples, steps):  # type: ignore[no-untyped
     """Note which set-points reach the valve of lane i within a sample, and at which step the second one does.
 
     before, after: set-points [Pa] that were in force floor(lag) + 1 and floor(lag) samples ago. Returns the step that
-    the change falls into, or -1 where it falls between two steps, up to 1e-9 of a step.
+    the change falls into, or -1 where it falls between two steps, up to 1e-9 of a step, or where nothing changes.
     """
     at = (lag_samples - whole_below(lag_samples)) * steps
     nearest = whole_below(at + 0.5)
-    between = abs(at - nearest) < 1e-9
+    between = abs(at - nearest) < 1e-9 or before == after
     w[BEFORE, i], w[AFTER, i], w[ARRIVAL, i] = before, after, nearest if between else at
     return -1 if between else int(at)
 

@@ -225,6 +225,14 @@ def test_deliver_notes_the_change_of_a_sample(lag: float, at: float, within: int
         assert w[rows.ARRIVAL, 0] == round(at)
 
 
+def test_a_set_point_that_stays_splits_no_step() -> None:
+    """Broken by a step that is split, and takes twice the time, although the set-point is the same in both parts."""
+    w = working_array()
+    assert steps.deliver(w, 0, 3e5, 3e5, 2.27, 10) == -1
+    assert w[rows.ARRIVAL, 0] == round(w[rows.ARRIVAL, 0])  # no step counts as one within which it changes
+    assert w[rows.BEFORE, 0] == w[rows.AFTER, 0] == 3e5
+
+
 def relaxed(p: float, u: float, seconds: float, tau: float) -> float:
     return float(u + (p - u) * np.exp(-seconds / tau))
 
