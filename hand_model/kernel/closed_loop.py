@@ -39,6 +39,7 @@ from hand_model.kernel.layout import (
     OMEGA,
     PHI,
     RISE,
+    SPEED_AFTER,
     WORK,
     P,
     X,
@@ -135,7 +136,7 @@ def _stages(hooks: Hooks, meets_others: bool, draws: bool) -> dict[str, Any]:
     """The stages of one step: the fluid of a lane, the motion of a pair of lanes, what follows from a lane's motion."""
     steps = assemble(hooks)
     pressure, split_pressure, creep = steps.pressure, steps.split_pressure, steps.creep
-    pair, move, remember = steps.pair, steps.move, steps.remember
+    pair, slide, stick, move, remember = steps.pair, steps.slide, steps.stick, steps.move, steps.remember
     hook_actuator, lags = hooks.actuator_pressure, hooks.uses("actuator_pressure")
     keeps_rise = steps.uses_rise
 
@@ -174,6 +175,20 @@ def _stages(hooks: Hooks, meets_others: bool, draws: bool) -> dict[str, Any]:
             keep(w, i, after, mean, h, per_h)
 
     @inline
+    def rubbing_motions(w, clock, h):  # type: ignore[no-untyped-def]
+        per_h = 1.0 / h
+        others = 0
+        for i in range(HALF):
+            j = i + HALF
+            _, _, goes_on = slide(w, i, j, around(w, i, clock, h), around(w, j, clock, h), h)
+            others += 0 if goes_on else 1
+        if others > 0:  # to solve the stop of a joint takes as much time as all of its torques
+            for i in range(HALF):
+                stick(w, i, i + HALF)
+        for i in range(LANES):
+            move(w, i, w[SPEED_AFTER, i], h, per_h)
+
+    @inline
     def motions(w, clock, h):  # type: ignore[no-untyped-def]
         per_h = 1.0 / h
         for i in range(HALF):
@@ -187,7 +202,8 @@ def _stages(hooks: Hooks, meets_others: bool, draws: bool) -> dict[str, Any]:
         for i in range(LANES):
             remember(w, i, h)
 
-    stages = {"fluids": fluids, "split_fluids": split_fluids, "motions": motions, "memories": memories}
+    stages = {"fluids": fluids, "split_fluids": split_fluids, "memories": memories}
+    stages["motions"] = rubbing_motions if steps.rubs else motions
     return stages | inflow_stages(steps, around)
 
 

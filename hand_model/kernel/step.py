@@ -32,6 +32,7 @@ from hand_model.kernel.layout import (
     ARRIVAL,
     BEFORE,
     CREEP,
+    FREE_AFTER,
     MEAN_CREEP,
     OMEGA,
     OVERRUN,
@@ -39,6 +40,9 @@ from hand_model.kernel.layout import (
     PHI,
     PHI_BEFORE,
     RISE,
+    RUB,
+    SPEED_AFTER,
+    STEP_MASS,
     P,
     X,
 )
@@ -66,8 +70,12 @@ class Steps(NamedTuple):
     creep: Callable[..., Any]
     single: Callable[..., Any]
     pair: Callable[..., Any]
+    slide: Callable[..., Any]
+    stick: Callable[..., Any]
     move: Callable[..., Any]
     remember: Callable[..., Any]
+    rubs: bool
+    """Whether joints have dry friction."""
     uses_rise: bool
     """Whether the pressure reads its rate in the step before, which the loop then keeps."""
 
@@ -215,6 +223,26 @@ def rub_pair(a_0, b_0, a, b, m_a, m_b, m_ab, rub_a, rub_b):  # type: ignore[no-u
     return slow_a, slow_b, over_a, left * b_0 - mid_b * (stop_b if share_b > 0.0 else 1.0) + stop_b * slow_b
 
 
+@inline
+def goes_on_pair(a_0, b_0, a, b, m_a, m_b, m_ab, rub_a, rub_b):  # type: ignore[no-untyped-def]
+    """Speeds after a step of two coupled joints of which none stops or starts, and whether that is so: each goes on in
+    its direction against the whole friction, or rests and is held. The numbers are those of `rub_pair`.
+    """
+    per = 1.0 / (m_a * m_b - m_ab * m_ab)
+    rests_a, rests_b = a_0 == 0.0, b_0 == 0.0
+    y_a, y_b = m_a * a + m_ab * b, m_ab * a + m_b * b
+    against_a, against_b = _along(rub_a, a_0), _along(rub_b, b_0)
+    both_a = a - (m_b * against_a - m_ab * against_b) * per
+    both_b = b - (m_a * against_b - m_ab * against_a) * per
+    alone_a, alone_b = (y_a - against_a) / m_a, (y_b - against_b) / m_b
+    slow_a = 0.0 if rests_a else alone_a if rests_b else both_a
+    slow_b = 0.0 if rests_b else alone_b if rests_a else both_b
+    on_a = abs(y_a - m_ab * slow_b) <= rub_a if rests_a else a_0 * slow_a > 0.0
+    on_b = abs(y_b - m_ab * slow_a) <= rub_b if rests_b else b_0 * slow_b > 0.0
+    free = rub_a + rub_b == 0.0
+    return a if free else slow_a, b if free else slow_b, (on_a and on_b) or free
+
+
 def assemble(hooks: Hooks) -> Steps:
     """The steps with the hooks of a set of effects (hooks.compose)."""
     equations = terms(hooks)
@@ -320,8 +348,10 @@ def assemble(hooks: Hooks) -> Steps:
         return slow if rub > 0.0 else free
 
     @inline
-    def pair(w, i, j, e_i, e_j, h):  # type: ignore[no-untyped-def]
-        """Speeds of the coupled lanes i and j after h [s]."""
+    def slide(w, i, j, e_i, e_j, h):  # type: ignore[no-untyped-def]
+        """Speeds of the coupled lanes i and j after h [s] while neither stops nor starts, and whether that holds. With
+        friction, it leaves in rows what `stick` needs.
+        """
         push_i, m_i, rub_i, omega_i = _pushed(w, i, e_i, h)
         push_j, m_j, rub_j, omega_j = _pushed(w, j, e_j, h)
         m_ij = w[_JC, i]
@@ -329,11 +359,31 @@ def assemble(hooks: Hooks) -> Steps:
         a = omega_i + (m_j * push_i - m_ij * push_j) * per
         b = omega_j + (m_i * push_j - m_ij * push_i) * per
         if not rubs:
-            return a, b
-        slow_a, slow_b, over_a, over_b = rub_pair(omega_i, omega_j, a, b, m_i, m_j, m_ij, rub_i, rub_j)
-        rubbing = rub_i + rub_j > 0.0
-        w[OVERRUN, i], w[OVERRUN, j] = over_a if rubbing else 0.0, over_b if rubbing else 0.0
-        return slow_a if rubbing else a, slow_b if rubbing else b
+            return a, b, True
+        w[FREE_AFTER, i], w[STEP_MASS, i], w[RUB, i], w[OVERRUN, i] = a, m_i, rub_i, 0.0
+        w[FREE_AFTER, j], w[STEP_MASS, j], w[RUB, j], w[OVERRUN, j] = b, m_j, rub_j, 0.0
+        a, b, goes_on = goes_on_pair(omega_i, omega_j, a, b, m_i, m_j, m_ij, rub_i, rub_j)
+        w[SPEED_AFTER, i], w[SPEED_AFTER, j] = a, b
+        return a, b, goes_on
+
+    @inline
+    def stick(w, i, j):  # type: ignore[no-untyped-def]
+        """What `slide` left, and where a joint of the pair stops or starts, the speeds after the step instead."""
+        omega_i, omega_j, rub_i, rub_j = w[X + OMEGA, i], w[X + OMEGA, j], w[RUB, i], w[RUB, j]
+        free_a, free_b, m_i, m_j = w[FREE_AFTER, i], w[FREE_AFTER, j], w[STEP_MASS, i], w[STEP_MASS, j]
+        a, b, goes_on = goes_on_pair(omega_i, omega_j, free_a, free_b, m_i, m_j, w[_JC, i], rub_i, rub_j)
+        slow_a, slow_b, over_a, over_b = rub_pair(omega_i, omega_j, free_a, free_b, m_i, m_j, w[_JC, i], rub_i, rub_j)
+        w[OVERRUN, i], w[OVERRUN, j] = 0.0 if goes_on else over_a, 0.0 if goes_on else over_b
+        w[SPEED_AFTER, i], w[SPEED_AFTER, j] = a if goes_on else slow_a, b if goes_on else slow_b
+
+    @inline
+    def pair(w, i, j, e_i, e_j, h):  # type: ignore[no-untyped-def]
+        """Speeds of the coupled lanes i and j after h [s]."""
+        a, b, goes_on = slide(w, i, j, e_i, e_j, h)
+        if rubs and not goes_on:
+            stick(w, i, j)
+            return w[SPEED_AFTER, i], w[SPEED_AFTER, j]
+        return a, b
 
     @inline
     def move(w, i, after, h, per_h):  # type: ignore[no-untyped-def]
@@ -355,4 +405,18 @@ def assemble(hooks: Hooks) -> Steps:
             hook_sensor(w, i, w[X + PHI, i], h)
 
     uses_rise = fed or replaced or hooks.uses("flow_limit")
-    return Steps(pressure, split_pressure, inflow, split_inflow, creep, single, pair, move, remember, uses_rise)
+    return Steps(
+        pressure,
+        split_pressure,
+        inflow,
+        split_inflow,
+        creep,
+        single,
+        pair,
+        slide,
+        stick,
+        move,
+        remember,
+        rubs,
+        uses_rise,
+    )

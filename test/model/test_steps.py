@@ -564,6 +564,22 @@ def test_a_pair_stops_and_turns_where_small_steps_do() -> None:
     assert kinds >= {0, 1, 2}, "seed 5"
 
 
+def test_joints_that_go_on_are_those_of_the_whole_solution() -> None:
+    """Broken by a short cut that differs from the solution of all cases, or that is taken where a joint stops."""
+    rng, kinds = np.random.default_rng(8), set()
+    for _ in range(400):
+        before = rng.uniform(-1.0, 1.0, 2) * rng.choice([0.0, 1.0], 2)
+        free, rub = before + rng.uniform(-0.6, 0.6, 2), rng.uniform(0.0, 1.5e-4, 2) * rng.choice([0.0, 1.0], 2)
+        *found, goes_on = steps.goes_on_pair(*before, *free, *MASSES, *rub)
+        *expected, over_a, over_b = steps.rub_pair(*before, *free, *MASSES, *rub)
+        if goes_on:
+            assert tuple(found) == pytest.approx(tuple(expected), rel=1e-9, abs=1e-12)
+            assert over_a == pytest.approx(0.0, abs=1e-12)
+            assert over_b == pytest.approx(0.0, abs=1e-12)
+        kinds.add((goes_on, *(bool(each) for each in (before == 0.0) & (np.array(expected) == 0.0))))
+    assert len(kinds) >= 6, f"seed 8 shows only {sorted(kinds)}"
+
+
 def test_pair_with_friction_uses_each_joints_own() -> None:
     """Broken by friction that is exchanged between the joints of a pair, or left out."""
     w = working_array(coulomb_friction__presliding_deg=1e-4)
