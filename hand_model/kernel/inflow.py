@@ -62,28 +62,11 @@ def _slope(w, tried, found):  # type: ignore[no-untyped-def]
 
 
 @inline
-def note(w, jumps, h):  # type: ignore[no-untyped-def]
-    """Keep the inflow of a step for those that follow; jumps: whether a set-point changed in it."""
-    found, used = _whole(w), w[INFLOW_OF_HAND, 0]
-    slope = _slope(w, used, found) if not jumps and w[OF_HAND, AGE] == 0.0 else w[OF_HAND, SLOPE]
-    wrong = abs(found - w[OF_HAND, EXPECTED])
-    unsure = wrong > WRONG_SHARE * found or -slope * wrong * h > WRONG_PA or w[OF_HAND, AGE] >= OLD_STEPS
-    w[OF_HAND, SLOPE] = slope
-    w[OF_HAND, MISSING] = 0.0 if jumps else w[OF_HAND, MISSING] + found - used
-    w[OF_HAND, FOUND_BEFORE], w[OF_HAND, FOUND] = w[OF_HAND, FOUND], found
-    w[OF_HAND, USED_BEFORE], w[OF_HAND, USED] = w[OF_HAND, USED], used
-    w[OF_HAND, TRIALS] = AFTER_JUMP if jumps else max(w[OF_HAND, TRIALS] - 1.0, 1.0 if unsure else 0.0)
-    w[OF_HAND, AGE] += 1.0
-
-
-@inline
 def _expect(w):  # type: ignore[no-untyped-def]
     """The inflow that f and what is missing lead to, with f as a line whose value at 0 goes on as in the last steps."""
     slope, missing = w[OF_HAND, SLOPE], w[OF_HAND, MISSING]
-    last, before = (
-        w[OF_HAND, FOUND] - slope * w[OF_HAND, USED],
-        w[OF_HAND, FOUND_BEFORE] - slope * w[OF_HAND, USED_BEFORE],
-    )
+    last = w[OF_HAND, FOUND] - slope * w[OF_HAND, USED]
+    before = w[OF_HAND, FOUND_BEFORE] - slope * w[OF_HAND, USED_BEFORE]
     ahead = 2.0 * last - before
     inflow = max((ahead + missing) / (1.0 - slope), 0.0)
     w[OF_HAND, EXPECTED] = ahead + slope * inflow
@@ -94,6 +77,25 @@ def _expect(w):  # type: ignore[no-untyped-def]
 def _spread(w, inflow):  # type: ignore[no-untyped-def]
     for i in range(LANES):
         w[INFLOW_OF_HAND, i] = inflow
+
+
+@inline
+def note(w, jumps, h):  # type: ignore[no-untyped-def]
+    """Keep the inflow of a step, and spread the one that is expected of the next one, while the joints move.
+
+    jumps: whether a set-point changed in the step.
+    """
+    found, used = _whole(w), w[INFLOW_OF_HAND, 0]
+    slope = _slope(w, used, found) if not jumps and w[OF_HAND, AGE] == 0.0 else w[OF_HAND, SLOPE]
+    wrong = abs(found - w[OF_HAND, EXPECTED])
+    unsure = wrong > WRONG_SHARE * found or -slope * wrong * h > WRONG_PA or w[OF_HAND, AGE] >= OLD_STEPS
+    w[OF_HAND, SLOPE] = slope
+    w[OF_HAND, MISSING] = 0.0 if jumps else w[OF_HAND, MISSING] + found - used
+    w[OF_HAND, FOUND_BEFORE], w[OF_HAND, FOUND] = w[OF_HAND, FOUND], found
+    w[OF_HAND, USED_BEFORE], w[OF_HAND, USED] = w[OF_HAND, USED], used
+    w[OF_HAND, TRIALS] = AFTER_JUMP if jumps else max(w[OF_HAND, TRIALS] - 1.0, 1.0 if unsure else 0.0)
+    w[OF_HAND, AGE] += 1.0
+    _spread(w, _expect(w))
 
 
 @inline
@@ -115,10 +117,10 @@ def flows(steps: Steps, around: Any) -> dict[str, Any]:
     @inline
     def whole_flows(w, n, clock, h, jumps):  # type: ignore[no-untyped-def]
         unknown = jumps or w[OF_HAND, TRIALS] > 1.0
-        expected = _expect(w)
-        tried = w[OF_HAND, FOUND] if unknown else expected
-        _spread(w, tried)
-        trials = 2 if unknown else int(w[OF_HAND, TRIALS])
+        tried, trials = w[INFLOW_OF_HAND, 0], int(w[OF_HAND, TRIALS])
+        if unknown:
+            tried, trials = w[OF_HAND, FOUND], 2
+            _spread(w, tried)
         for trial in range(trials):
             for i in range(LANES):
                 w[FILLING, i] = inflow(w, i, n, around(w, i, clock, h), h)
