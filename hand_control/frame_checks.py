@@ -1,4 +1,4 @@
-"""What the controller checks of every frame: plausible values, pressures that follow, trajectories within tolerance.
+"""What the controller checks of every frame: plausible values, and pressures that follow.
 
 Pressures that differ from what the set-points ask for:
 
@@ -32,14 +32,12 @@ import math
 
 import numpy as np
 
-from hand_control.declared import Settings
-from hand_model.arrays import Array, Flags
+from hand_control.declared import inlined
+from hand_model.arrays import Array
 from hand_model.compile_cache import without_arrays
 from hand_model.description import Hand
 from hand_model.effects.effect import ANGLE, SPEED
-from hand_model.effects.gas_compression import prepare as per_supply
 from hand_model.effects.gas_compression import pressure_source as gas_rate
-from hand_model.effects.hydraulic import prepare as per_volume
 from hand_model.effects.hydraulic import pressure_source as liquid_rate
 from hand_model.kernel.step import valve_pressure
 
@@ -71,8 +69,6 @@ RETURN_PA_PER_S = 1.0e6
 """How fast a set-point rises after a pressure was too low, until it is held back no longer."""
 SHORT_S, TRUSTED, TRUSTED_PA = 0.1, 2.0, 3e4
 """A pressure that has been too low for SHORT_S justifies set-points up to TRUSTED times itself and TRUSTED_PA."""
-PATIENCE_S = 0.1
-"""Time for which a joint may leave its path: one noisy sample or a push of its partner aborts nothing."""
 FASTEST_RAD_PER_S = 70.0
 """Speed that no joint exceeds, also when an obstacle lets it go: an angle may change by so much in a gap."""
 JUMP_S = 0.0075
@@ -95,12 +91,12 @@ low for what is asked, or the set-point is still to return, so that an integrato
 of _OFF and of the angle in the last frame; _TURNED: by how much the latter has changed; _NOISE: mean second difference
 of _OFF; _CALM: time without a gap. _LOWER, _HIGHER: how much lower and higher displaced fluid may make the pressure;
 WIDER: the larger one."""
-_ROWS, ROWS = 29, 43
+_ROWS, ROWS = 29, 46
 """Rows of the state, and with the constants of the valves."""
 (
     _TAU, _VENT, _FILL, _A2, _A3, _LIQUID, _GROWTH, _EXPONENT, _VOLUME, _GAS_GROWTH, _GAS_GAIN, _GAS_PER_RAD, _SUPPLY,
-    _LIMIT,
-) = range(14)  # fmt: skip
+    _LIMIT, _PER_TAU, _PER_VOLUME, _PER_SUPPLY,
+) = range(17)  # fmt: skip
 _FLUID = (
     "statics.a2_nm_per_pa",
     "statics.a3_nm_per_pa_rad",
@@ -118,12 +114,12 @@ SUCTION_S = 0.05
 """A shove may pull a liquid below what a pressure sensor reads, but no longer than this: then it is a broken sensor."""
 
 
-def is_suction(liquid: bool, position: Array, pressure: Array, elapsed_s: float) -> bool:
+def is_suction(position: Array, pressure: Array, elapsed_s: float) -> bool:
     """Whether a frame is to count as missing: position (n,) [rad] is measured, some pressure (n,) [Pa] is not.
 
     elapsed_s: [s] since the last frame that counted.  Only where the hand is filled with a liquid, and for SUCTION_S.
     """
-    return liquid and 0.0 < elapsed_s <= SUCTION_S and bool(np.isfinite(position).all() > np.isfinite(pressure).all())
+    return 0.0 < elapsed_s <= SUCTION_S and bool(np.isfinite(position).all() > np.isfinite(pressure).all())
 
 
 @without_arrays
@@ -148,34 +144,34 @@ def implausible(position, velocity, pressure, last_position, max_jump):  # type:
     return (JUMPED if largest > max_jump else FINE), worst
 
 
-@without_arrays
+@inlined
 def _displaced(v, i, p, angle, speed):  # type: ignore[no-untyped-def]
     """Pressure rate [Pa/s] of joint i by displaced fluid, and how much lower and higher it may be [Pa/s]; Eq. 7."""
     around = (0.0, 0.0, 0.0, 0.0, angle, speed, 0.0)
     a2, a3, growth = v[_A2, i], v[_A3, i], v[_GROWTH, i]
-    full = liquid_rate((1.0, growth, a2, a3, per_volume((1.0, growth), 0.0)[0]), p, around)
+    full = liquid_rate((1.0, growth, a2, a3, v[_PER_VOLUME, i]), p, around)
     law = (v[_EXPONENT, i], v[_VOLUME, i], v[_GAS_GROWTH, i], v[_GAS_GAIN, i], v[_GAS_PER_RAD, i])
-    chamber = (*law, a2, a3, v[_SUPPLY, i])
-    gas = gas_rate((*chamber, per_supply(chamber, 0.0)[0]), p, around)
+    gas = gas_rate((*law, a2, a3, v[_SUPPLY, i], v[_PER_SUPPLY, i]), p, around)
     if v[_LIQUID, i] > 0.0:
         return full * v[_LIQUID, i] + gas, UNCERTAIN * abs(full), UNCERTAIN * abs(full)
     return gas, max(-full, gas, 0.0), max(full, -gas, 0.0)
 
 
-@without_arrays
+@inlined
 def _expect(s, v, i, u, angle, dt):  # type: ignore[no-untyped-def]
     """Advance the expected pressure of joint i by dt [s]; returns how far its band is below and above it [Pa]."""
-    tau = v[_TAU, i]
+    tau, per_tau = v[_TAU, i], v[_PER_TAU, i]
     rate, lower, higher = 0.0, 0.0, 0.0
     if dt > 0.0:
         share = dt / (dt + SPEED_FILTER_S)
         s[_SPEED, i] += share * ((angle - s[_ANGLE, i]) / dt - s[_SPEED, i])
         s[_ANGLE, i] = angle
         rate, lower, higher = _displaced(v, i, s[EXPECTED, i], angle, s[_SPEED, i])
-    s[EXPECTED, i] = max(valve_pressure(s[EXPECTED, i], u, tau, v[_VENT, i], v[_FILL, i], dt) + rate * dt, 0.0)
-    slow = valve_pressure(s[_SLOW, i], u, SLOWER * tau, v[_VENT, i], v[_FILL, i], dt)
+    s[EXPECTED, i] = max(valve_pressure(s[EXPECTED, i], u, per_tau, v[_VENT, i], v[_FILL, i], dt) + rate * dt, 0.0)
+    slow = valve_pressure(s[_SLOW, i], u, per_tau / SLOWER, v[_VENT, i], v[_FILL, i], dt)
     s[_SLOW, i] = max(slow + rate * dt, 0.0)
-    s[DRIVEN, i] = valve_pressure(s[DRIVEN, i], u, tau, v[_VENT, i], v[_FILL, i], dt)
+    if v[_LIQUID, i] > 0.0:
+        s[DRIVEN, i] = valve_pressure(s[DRIVEN, i], u, per_tau, v[_VENT, i], v[_FILL, i], dt)
     share, band = dt / (dt + tau), BAND_PA + BAND * s[EXPECTED, i]
     s[_LOWER, i] += share * (lower * tau - s[_LOWER, i])
     s[_HIGHER, i] += share * (higher * tau - s[_HIGHER, i])
@@ -183,7 +179,7 @@ def _expect(s, v, i, u, angle, dt):  # type: ignore[no-untyped-def]
     return band + s[_LOWER, i], band + s[_HIGHER, i]
 
 
-@without_arrays
+@inlined
 def _lasts(s, i, time, integral, excess, dt):  # type: ignore[no-untyped-def]
     """For how long [s] and by how much in all [Pa s] the pressure of joint i is outside its band, by excess [Pa]."""
     if excess > 0.0:
@@ -193,13 +189,13 @@ def _lasts(s, i, time, integral, excess, dt):  # type: ignore[no-untyped-def]
         s[time, i] = s[integral, i] = 0.0
 
 
-@without_arrays
+@inlined
 def _is_short(s, i):  # type: ignore[no-untyped-def]
     """Whether the pressure of joint i has been too low for long enough to be reported."""
     return s[_LOW, i] > SHORT_S or s[_LOW_PA_S, i] > SHORT_S * BAND_PA
 
 
-@without_arrays
+@inlined
 def _bend(s, i, change, turned, dt):  # type: ignore[no-untyped-def]
     """How far [Pa] the difference to the expectation has changed, and otherwise than in the frame before.
 
@@ -213,7 +209,7 @@ def _bend(s, i, change, turned, dt):  # type: ignore[no-untyped-def]
     return min(bend, abs(change))
 
 
-@without_arrays
+@inlined
 def _steps(s, v, i, asked, p, turned, dt):  # type: ignore[no-untyped-def]
     """Whether the pressure p [Pa] of joint i has stepped as no valve does, and has stayed there.
 
@@ -227,14 +223,14 @@ def _steps(s, v, i, asked, p, turned, dt):  # type: ignore[no-untyped-def]
         if (off - s[_BEFORE, i]) / s[_STEP, i] < 0.5:
             s[_STEP, i] = 0.0
         return s[_STEP, i] != 0.0 and s[_STEP_AGE, i] > STEP_S
-    drive = abs(asked - s[_PRESSURE, i]) * min(dt / v[_TAU, i], 1.0)
+    drive = abs(asked - s[_PRESSURE, i]) * min(dt * v[_PER_TAU, i], 1.0)
     s[_DRIVE, i] = max(drive, s[_DRIVE, i] * DRIVE_S / (dt + DRIVE_S))
     if dt > 0.0 and _is_step(s, v, i, off - before, bend, turned, p, dt):
         s[_STEP, i], s[_STEP_AGE, i], s[_BEFORE, i] = off - before, 0.0, before
     return False
 
 
-@without_arrays
+@inlined
 def _is_step(s, v, i, change, bend, turned, p, dt):  # type: ignore[no-untyped-def]
     """Whether neither valve nor motion explains the change, or the smaller bend [Pa], of the pressure p [Pa]."""
     given = STEP_LAGS * s[_DRIVE, i]
@@ -313,10 +309,11 @@ def cap_pressures(s, command, dt):  # type: ignore[no-untyped-def]
 class PressureWatch:
     """Compares the pressures of one hand with its set-points, frame by frame.
 
-    expected: pressure of set-points and motion now, (n,) [Pa].  driven: what the set-points alone give, (n,) [Pa].
-    wider: by how much expected may be wrong by the motion, (n,) [Pa]. Each check overwrites them.  short: (n,) 1 where
-    a pressure is too low for what is asked, or its set-point is still to return; `hold` overwrites it.  high_s: (n,)
-    how long a pressure has been too high.  gap_s: longest time between frames [s] after which nothing starts again.
+    expected: pressure of set-points and motion now, (n,) [Pa].  driven: what the set-points alone give, (n,) [Pa],
+    of a hand filled with a liquid.  wider: by how much expected may be wrong by the motion, (n,) [Pa]. Each check
+    overwrites them.  short: (n,) 1 where a pressure is too low for what is asked, or its set-point is still to return;
+    `hold` overwrites it.  high_s: (n,) how long a pressure has been too high.  gap_s: longest time between frames [s]
+    after which nothing starts again.
     """
 
     def __init__(self, hand: Hand, memory: Array | None = None) -> None:
@@ -324,7 +321,8 @@ class PressureWatch:
         lag = hand.row("valve.time_constant_s") + hand.row("valve.dead_time_s")
         valve = [lag, hand.row("valve.vent_rate_pa_per_s"), hand.row("valve.fill_rate_pa_per_s")]
         self._table = np.zeros((ROWS, len(hand.joints))) if memory is None else memory
-        self._table[_ROWS:] = [*valve, *(hand.row(key) for key in _FLUID), hand.limits.max_pressure_pa]
+        inverse = [1.0 / row for row in (lag, hand.row("hydraulic.volume_m3_per_pa"), hand.row("supply.pressure_pa"))]
+        self._table[_ROWS:] = [*valve, *(hand.row(key) for key in _FLUID), hand.limits.max_pressure_pa, *inverse]
         self._state, self._limit_pa = self._table[:_ROWS], self._table[_ROWS + _LIMIT]
         self.gap_s = GAP_S
         self.expected: Array = self._state[EXPECTED]
@@ -364,39 +362,3 @@ class PressureWatch:
         self._state[[_SPEED, _OFF, _STEP, _CALM]] = 0.0
         self._state[_DRIVE] = self._limit_pa
         self._state[_ANGLE] = self._still if position is None else position
-
-
-class ToleranceWatch:
-    """Measures for how long each joint has been outside the tolerance of its trajectory."""
-
-    def __init__(self, hand: Hand) -> None:
-        """Begin within the tolerances."""
-        self._joints = hand.joints
-        self._away_s = np.zeros(len(hand.joints))
-        self._late_s = np.zeros(len(hand.joints))
-
-    def check(self, error: Array, on_path: Flags, at_goal: Flags, settings: Settings, dt: float) -> str:
-        """One line with the reason to abort, or an empty text.
-
-        error: (n,) [rad].  on_path, at_goal: (n,), joints within a trajectory and past its end.  dt: [s].
-        """
-        if not (on_path.any() or at_goal.any()):
-            self._away_s[:] = self._late_s[:] = 0.0
-            return ""
-        size_deg = np.degrees(np.abs(error))
-        path_deg, goal_deg = settings.path_tolerance_deg, settings.goal_tolerance_deg
-        strayed = on_path & (size_deg > path_deg) & (path_deg > 0.0)
-        late = at_goal & (size_deg > goal_deg) & (goal_deg > 0.0)
-        self._away_s = np.where(strayed, self._away_s + dt, 0.0)
-        self._late_s = np.where(late, self._late_s + dt, 0.0)
-        for away_s, patience_s, what, allowed_deg in (
-            (self._away_s, PATIENCE_S, "is off the path", path_deg),
-            (self._late_s, settings.goal_time_s, "is not at the goal", goal_deg),
-        ):
-            worst = int(np.argmax(away_s))
-            if away_s[worst] > patience_s:
-                return (
-                    f"joint_trajectory aborted: {self._joints[worst]} {what} by {size_deg[worst]:.1f} degrees,"
-                    f" {allowed_deg:.1f} are allowed; its joints hold their measured angle"
-                )
-        return ""

@@ -22,9 +22,9 @@ from hand_control.frame_checks import (
     STUCK_HIGH,
     STUCK_LOW,
     PressureWatch,
-    ToleranceWatch,
     implausible,
 )
+from hand_control.tolerance_watch import ToleranceWatch
 from hand_model.arrays import Array, Flags
 from hand_model.description import load_hand
 from hand_model.kernel.rows import ROW
