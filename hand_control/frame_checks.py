@@ -6,6 +6,7 @@ Pressures that differ from what the set-points ask for:
     above the limit by more than OVER, for OVER_S                vent, latched
     a step that no valve gives and that stays, STEP_S            vent, latched: a sensor that is exchanged or at another
                                                                  scale, a tube that is off
+    steeper than the valve gives in the first rise, STEEP_S      vent, latched: a sensor at another scale
     above what the model of the valve expects, NOT_FOLLOWING_S   vent, latched: the joint cannot be released otherwise
     below it                                                     no set-point rises; after SHORT_S a warning, the
                                                                  integrator of the joint stops, and no set-point is
@@ -50,7 +51,7 @@ NOT_FOLLOWING_S, NOT_FOLLOWING_PA_S = 0.5, 5.0e3
 BAND_PA = 2.0e4
 BAND = 0.1
 """A pressure follows within BAND_PA plus BAND times the expected pressure."""
-FOLLOWING, OVER_PRESSURE, STEPPED, STUCK_HIGH, STUCK_LOW = range(5)
+FOLLOWING, OVER_PRESSURE, STEPPED, STEEP_RISE, STUCK_HIGH, STUCK_LOW = range(6)
 """Verdicts of `PressureWatch`, the most urgent first after FOLLOWING."""
 STEP_PA, STEP_LAGS, STEP_S, DRIVE_S = 2.0e4, 2.0, 0.008, 0.02
 LEAST_STEP_PA, NOISES, NOISE_S, STEP_SHARE = 4.0e3, 8.0, 1.0, 0.25
@@ -77,12 +78,20 @@ GAP_S = 0.1
 """After a longer time between two frames the board may have vented: the expectation starts again."""
 UNCERTAIN = 1.5
 """Share of the pressure by displaced liquid that may be wrong: volume and leverage 30 % off, twice the lag."""
+STEEP, STEEP_PA, STEEP_S, LEAST_RISE_PA, FIRST_PA, MEAN_S = 1.45, 2.0e3, 0.03, 5.0e3, 5.0e4, 0.3
+"""A pressure is at another scale where, in the first rise after arming, up to FIRST_PA, it rises above its mean by
+STEEP times what the valve gives, STEEP_PA and what motion displaces, for STEEP_S: twice the lag makes it slower only,
+and an offset is in the mean. Means are over MEAN_S, and a rise is at least LEAST_RISE_PA."""
+SHALLOW, SHALLOW_PA, LEAST_SHALLOW_PA = 0.7, 3.0e3, 1.5e4
+"""A pressure is too low, too, below the share SHALLOW of an expectation of LEAST_SHALLOW_PA and more, by SHALLOW_PA
+and what motion displaces."""
 SPEED_FILTER_S = 0.02
 SLOWER = 2.0
 """A valve may lag behind by this factor more than described."""
 EXPECTED, _OVER, _HIGH, _LOW, _ANGLE, _SPEED, WIDER, DRIVEN, _PRESSURE, _HELD_BACK, _SLOW = range(11)
 _OFF, _STEP, _STEP_AGE, _BEFORE, _HIGH_PA_S, _LOW_PA_S, _BELIEVED, _USUAL, _BEHIND, _DRIVE, SHORT = range(11, 22)
 _CHANGE, _TURNED, _LAST_TURN, _NOISE, _CALM, _LOWER, _HIGHER = range(22, 29)
+_MEAN, _MEAN_EXPECTED, _MEAN_SLOW, _DOUBLE_S, _RISEN = range(29, 34)
 """Rows of the state of `watch_pressures`. _SLOW: the expectation of a valve that lags by SLOWER times the time. _OFF:
 difference to the expectation; _BEFORE: before the _STEP that is watched; _USUAL: its mean over USUAL_S. _BELIEVED:
 set-point before the pressure was too low. _BEHIND: whether the set-point is still to return to what is asked.
@@ -90,8 +99,9 @@ _DRIVE: largest change between two frames that the valve gives, of the last DRIV
 low for what is asked, or the set-point is still to return, so that an integrator would run away. _CHANGE, _LAST_TURN:
 of _OFF and of the angle in the last frame; _TURNED: by how much the latter has changed; _NOISE: mean second difference
 of _OFF; _CALM: time without a gap. _LOWER, _HIGHER: how much lower and higher displaced fluid may make the pressure;
-WIDER: the larger one."""
-_ROWS, ROWS = 29, 46
+WIDER: the larger one. _MEAN, _MEAN_EXPECTED, _MEAN_SLOW: means of the pressure and of both expectations over MEAN_S;
+_DOUBLE_S: for how long the pressure has risen too steeply; _RISEN: whether the first rise is over."""
+_ROWS, ROWS = 34, 51
 """Rows of the state, and with the constants of the valves."""
 (
     _TAU, _VENT, _FILL, _A2, _A3, _LIQUID, _GROWTH, _EXPONENT, _VOLUME, _GAS_GROWTH, _GAS_GAIN, _GAS_PER_RAD, _SUPPLY,
@@ -210,6 +220,23 @@ def _bend(s, i, change, turned, dt):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def _is_steep(s, i, p, dt):  # type: ignore[no-untyped-def]
+    """Whether the pressure p [Pa] of joint i has risen so much more than the valve gives that its scale is wrong."""
+    share = dt / (dt + MEAN_S)
+    rise, expected, slow = p - s[_MEAN, i], s[EXPECTED, i] - s[_MEAN_EXPECTED, i], s[_SLOW, i] - s[_MEAN_SLOW, i]
+    s[_MEAN, i] += share * rise
+    s[_MEAN_EXPECTED, i] += share * expected
+    s[_MEAN_SLOW, i] += share * slow
+    if s[_RISEN, i] > 0.0:
+        return False
+    given = max(expected, slow)
+    steep = given > LEAST_RISE_PA and rise > STEEP * given + STEEP_PA + s[_HIGHER, i]
+    s[_DOUBLE_S, i] = s[_DOUBLE_S, i] + dt if steep else 0.0
+    s[_RISEN, i] = 1.0 if s[EXPECTED, i] > FIRST_PA and not steep else 0.0
+    return s[_DOUBLE_S, i] > STEEP_S
+
+
+@inlined
 def _steps(s, v, i, asked, p, turned, dt):  # type: ignore[no-untyped-def]
     """Whether the pressure p [Pa] of joint i has stepped as no valve does, and has stayed there.
 
@@ -261,10 +288,12 @@ def watch_pressures(table, command, pressure, position, dt):  # type: ignore[no-
         least = min(s[EXPECTED, i], s[_SLOW, i])
         low, high = least - below, max(s[EXPECTED, i], s[_SLOW, i]) + above
         low = min(low + max(BAND_PA - USUAL_PA + s[_USUAL, i], 0.0), least - USUAL_PA)
+        if least > LEAST_SHALLOW_PA:
+            low = max(low, SHALLOW * least - s[_LOWER, i] - SHALLOW_PA)
         s[_OVER, i] = s[_OVER, i] + dt if pressure[i] > (1.0 + OVER) * valve[_LIMIT, i] else 0.0
         _lasts(s, i, _HIGH, _HIGH_PA_S, pressure[i] - high, dt)
         _lasts(s, i, _LOW, _LOW_PA_S, low - pressure[i], dt)
-        stepped = _steps(s, valve, i, asked, pressure[i], turned, dt)
+        stepped, steep = _steps(s, valve, i, asked, pressure[i], turned, dt), _is_steep(s, i, pressure[i], dt)
         if s[_LOW, i] == 0.0:
             s[_USUAL, i] += min(dt / USUAL_S, 1.0) * (s[_OFF, i] - s[_USUAL, i])
         s[_PRESSURE, i] = pressure[i]
@@ -273,6 +302,8 @@ def watch_pressures(table, command, pressure, position, dt):  # type: ignore[no-
             found = OVER_PRESSURE
         elif stepped:
             found = STEPPED
+        elif steep:
+            found = STEEP_RISE
         elif s[_HIGH, i] > NOT_FOLLOWING_S or s[_HIGH_PA_S, i] > NOT_FOLLOWING_PA_S:
             found = OVER_PRESSURE if s[_OVER, i] > 0.0 else STUCK_HIGH
         elif _is_short(s, i):
@@ -335,7 +366,7 @@ class PressureWatch:
     def start(self, pressure: Array, position: Array | None = None) -> None:
         """Expect the measured pressure (n,) [Pa] of joints that stand still at position (n,) [rad]."""
         self._state[:] = 0.0
-        self._state[[EXPECTED, DRIVEN, _SLOW, _PRESSURE]] = pressure
+        self._state[[EXPECTED, DRIVEN, _SLOW, _PRESSURE, _MEAN, _MEAN_EXPECTED, _MEAN_SLOW]] = pressure
         self._state[_BELIEVED] = np.maximum(pressure, 0.0)
         self._state[_DRIVE] = self._limit_pa
         self._state[_NOISE] = STEP_PA / NOISES
@@ -358,7 +389,7 @@ class PressureWatch:
 
     def _skip(self, pressure: Array, position: Array | None) -> None:
         """Expect the measured state after a gap; how long a pressure has been off is kept."""
-        self._state[[EXPECTED, DRIVEN, _SLOW, _PRESSURE]] = pressure
+        self._state[[EXPECTED, DRIVEN, _SLOW, _PRESSURE, _MEAN, _MEAN_EXPECTED, _MEAN_SLOW]] = pressure
         self._state[[_SPEED, _OFF, _STEP, _CALM]] = 0.0
         self._state[_DRIVE] = self._limit_pa
         self._state[_ANGLE] = self._still if position is None else position
