@@ -57,9 +57,10 @@ from hand_model.compile_cache import without_arrays
 from hand_model.description import Hand
 from hand_model.statics import torque
 
-FROZEN_FRAMES, HELD_FRAMES, FROZEN_RAD_PER_S = 14, 3, 0.05
+FROZEN_FRAMES, HELD_FRAMES, FROZEN_RAD_PER_S, FAST_NOISES = 14, 3, 0.05, 3.0
 """Bit-identical angles of a joint that moved at this speed. A channel repeats at most one in ten readings by chance at
-any rate, so that many in a row are seen less often than once in a million hours."""
+any rate, so that many in a row are seen less often than once in a million hours. No set-point rises from the third on,
+and from the first on of a joint that moves by FAST_NOISES times its mean second difference in a frame: none repeats."""
 STOP_NM, BEYOND_RAD, BEYOND_S = 0.2, math.radians(1.5), 0.01
 """A joint is beyond its lower stop by more than this torque presses it and this angle, or by twice that beyond the
 upper one, for longer than a glitch."""
@@ -107,7 +108,8 @@ def _channel(s, c, i, phi, dt):  # type: ignore[no-untyped-def]
     s[row.SPEED, i] += dt / (dt + SPEED_S) * ((phi - s[row.LAST, i]) / dt - s[row.SPEED, i])
     s[row.LAST, i] = phi
     s[row.PAUSE, i] = max(s[row.PAUSE, i] - dt, 0.0)
-    s[row.HOLD, i] = 1.0 if run >= HELD_FRAMES or s[row.PAUSE, i] > 0.0 else 0.0
+    fast = abs(s[row.RUN_SPEED, i]) * dt > FAST_NOISES * s[row.NOISE, i]
+    s[row.HOLD, i] = 1.0 if run >= (1 if fast else HELD_FRAMES) or s[row.PAUSE, i] > 0.0 else 0.0
     if run >= FROZEN_FRAMES:
         return FROZEN
     beyond = phi < c[row.LOW, i] - c[row.PRESSED, i] or phi > c[row.HIGH, i] + 2.0 * c[row.PRESSED, i]
