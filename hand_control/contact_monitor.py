@@ -8,10 +8,38 @@ from dataclasses import dataclass
 import numpy as np
 
 from hand_model.arrays import Array, Flags
+from hand_model.compile_cache import without_arrays
 from hand_model.description import Hand
 
 FORCE_AGE_S = 0.1
 """Readings of the force sensors that are this much older than the frame acted upon, or newer, are not used."""
+
+
+@without_arrays
+def _press(site_joint, force_n, stamp_ns, threshold_n, force, pressed, pressed_ns):  # type: ignore[no-untyped-def]
+    """Take the forces of the sites (sites,) [N] as the largest one of each joint, and whether it is pressed.
+
+    Hysteresis: noise at the threshold must not switch the contact on and off.
+    """
+    for joint in range(len(force)):
+        force[joint] = math.nan
+    for site, joint in enumerate(site_joint):
+        if joint >= 0 and (math.isnan(force[joint]) or force_n[site] > force[joint]):
+            force[joint] = force_n[site]
+    for joint in range(len(force)):
+        now = force[joint] > threshold_n
+        if now and not pressed[joint]:
+            pressed_ns[joint] = stamp_ns
+        pressed[joint] = now or (pressed[joint] and force[joint] > 0.5 * threshold_n)
+
+
+@without_arrays
+def _is_changed(by_model, pressed, contact):  # type: ignore[no-untyped-def]
+    """Whether a joint (n,) touches now, by the model or by its sensor, and did not before, or the reverse."""
+    changed = False
+    for joint in range(len(contact)):
+        changed |= (by_model[joint] != 0.0 or pressed[joint]) != contact[joint]
+    return changed
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +63,7 @@ class ContactMonitor:
         count = len(hand.joints)
         self.contact: Flags = np.zeros(count, dtype=np.bool_)
         self.events: list[Event] = []
-        self._sites = [(k, int(joint)) for k, joint in enumerate(hand.sensors.site_joint) if joint >= 0]
+        self._site_joint = np.array(hand.sensors.site_joint, dtype=np.int64)
         self._force = np.full(count, np.nan)
         self._pressed: Flags = np.zeros(count, dtype=np.bool_)
         self._pressed_ns = np.zeros(count, dtype=np.int64)
@@ -49,25 +77,19 @@ class ContactMonitor:
     def forces(self, stamp_ns: int, force_n: Array, threshold_n: float) -> None:
         """Take readings of the force sites (sites,) [N] in the description's order; NaN where a sensor fails."""
         self._force_ns = stamp_ns
-        self._force[:] = np.nan
-        for site, joint in self._sites:
-            self._force[joint] = np.fmax(self._force[joint], force_n[site])
-        pressed = self._force > threshold_n
-        self._pressed_ns[pressed & ~self._pressed] = stamp_ns
-        # Hysteresis: noise at the threshold must not switch the contact on and off.
-        self._pressed = pressed | (self._pressed & (self._force > 0.5 * threshold_n))
+        _press(self._site_joint, force_n, stamp_ns, threshold_n, self._force, self._pressed, self._pressed_ns)
 
     def update(self, stamp_ns: int, by_model: Array, age_s: Array, torque_nm: Array) -> None:
         """Combine the sources. by_model (n,): 1 where the law reports contact; age_s [s] since its onset; torque_nm."""
         if abs(stamp_ns - self._force_ns) * 1e-9 > FORCE_AGE_S:
             self._pressed[:] = False
             self._force[:] = np.nan
+        if not _is_changed(by_model, self._pressed, self.contact):
+            return
         now = (by_model != 0.0) | self._pressed
-        changed = np.flatnonzero(now != self.contact)
-        for joint in changed:
+        for joint in np.flatnonzero(now != self.contact):
             self.events.append(self._event(int(joint), stamp_ns, by_model, age_s, torque_nm))
-        if len(changed):
-            self.contact = now
+        self.contact = now
 
     def _event(self, joint: int, stamp_ns: int, by_model: Array, age_s: Array, torque_nm: Array) -> Event:
         touching = not self.contact[joint]

@@ -28,7 +28,6 @@ from hand_control.frame_checks import (
     JUMPED,
     NOT_FINITE,
     STUCK_LOW,
-    ToleranceWatch,
     is_suction,
 )
 from hand_control.frame_watch import NOTHING, Findings, FrameWatch
@@ -49,6 +48,7 @@ from hand_control.sensor_lines import angle_jumped, pressure_off
 from hand_control.shaping import Shaper, TorqueLimiter, approach_speed, filling_speed
 from hand_control.step_watch import LONGEST_S
 from hand_control.supervisor import VENT_S, Phase, Supervisor
+from hand_control.tolerance_watch import ToleranceWatch
 from hand_control.tuning import gains
 from hand_control.unmeasured import Unmeasured
 from hand_control.vent_watch import VentWatch
@@ -113,6 +113,7 @@ class Controller:
         self._references = References(hand)
         self._law = law_of(hand, settings)
         self._gap = Gap(self._law)
+        self._period_s = 1.0 / hand.rate_hz
         self._settling = False
         self._inertia = hand.row("dynamics.inertia_kg_m2") + hand.row("dynamics.coupling_inertia_kg_m2")
         keys = ("a0_nm", "a1_nm_per_rad", "a2_nm_per_pa", "a3_nm_per_pa_rad")
@@ -156,6 +157,7 @@ class Controller:
             if self._torque_mode:
                 self._torque.start(self._law.out[OUT.torque])
         self._max_jump_rad = math.radians(settings.max_jump_deg)
+        self._tolerant = self._tolerance_watch.configure(settings)
         self._law.change(gains(self.hand, settings))
 
     def enable(self, on: bool, patient: bool = False) -> None:
@@ -351,7 +353,7 @@ class Controller:
             return None  # stale or from another clock: the supervisor does not count it
         if self._stamp_ns is not None and -1.0 < dt <= 0.0:
             return None  # repeated or out of order
-        if is_suction(self._liquid, position, pressure, dt):
+        if self._liquid and is_suction(position, pressure, dt):
             return None
         self._stamp_ns = times.stamp_ns
         if self.held and self.safety.phase is Phase.ACTIVE:
@@ -362,14 +364,22 @@ class Controller:
         # Where the clock was restarted, it is unknown how long ago the last frame was. A hold is a gap.
         elapsed_s = dt + self._unwatched_s if dt >= 0.0 else math.inf
         self._unwatched_s = 0.0
-        self._settling = self._gap.before(elapsed_s, 1.0 / self.hand.rate_hz, position, pressure)
+        self._settling = self._gap.before(elapsed_s, self._period_s, position, pressure)
         fresh = self.safety.frame(times.host_ns)
-        if self.safety.phase is not Phase.VENTED:
-            self._check_measurement((position, velocity, pressure), times.host_ns, elapsed_s)
-        self.safety.check(times.host_ns, self.settings.command_timeout_s)
+        measured = position, velocity, pressure
+        if self.safety.phase is Phase.ACTIVE:
+            self._starved = ""
+            found = self._watch.check(measured, self._law.watched, self._max_jump_rad, elapsed_s)
+            if found is not NOTHING:
+                self._react(found, measured, times.host_ns)
+        elif self.safety.phase is Phase.ARMING:
+            self._first_measurement(measured, times.host_ns, elapsed_s)
+        timeout_s = self.settings.command_timeout_s
+        if timeout_s > 0.0 or self.safety.phase is Phase.ARMING:  # nothing else is too old: a frame has just come
+            self.safety.check(times.host_ns, timeout_s)
         if self.safety.phase is not Phase.ACTIVE:
             return self._vented(times.stamp_ns, position, pressure, step_s)
-        if self.safety.command_held(times.host_ns, self.settings.command_timeout_s):
+        if timeout_s > 0.0 and self.safety.command_held(times.host_ns, timeout_s):
             self.stop_grasp("no command for too long")
             self.goals.end("no command for too long")
             self._references.hold(self._shaper.r, ~self._none)
@@ -390,19 +400,13 @@ class Controller:
                 self.safety.trip(fault)
         return before is Phase.ACTIVE and self.safety.phase is Phase.VENTED
 
-    def _check_measurement(self, measured: tuple[Array, Array, Array], host_ns: int, elapsed_s: float) -> None:
-        """Trip on an implausible measurement, elapsed_s [s] after the last one; arm on the first plausible one."""
-        if self.safety.phase is Phase.ARMING:
-            verdict, worst = self._watch.plausible(*measured, self._max_jump_rad, elapsed_s)
-            if verdict != NOT_FINITE:
-                self._arm(*measured, host_ns)
-            else:
-                self.safety.lacks = self._unmeasured.line(worst, measured)
-            return
-        found = self._watch.check(measured, self._law.watched, self._max_jump_rad, elapsed_s)
-        self._starved = ""
-        if found is not NOTHING:
-            self._react(found, measured, host_ns)
+    def _first_measurement(self, measured: tuple[Array, Array, Array], host_ns: int, elapsed_s: float) -> None:
+        """Arm on the first plausible measurement, elapsed_s [s] after the last one."""
+        verdict, worst = self._watch.plausible(*measured, self._max_jump_rad, elapsed_s)
+        if verdict != NOT_FINITE:
+            self._arm(*measured, host_ns)
+        else:
+            self.safety.lacks = self._unmeasured.line(worst, measured)
 
     def _react(self, found: Findings, measured: tuple[Array, Array, Array], host_ns: int) -> None:
         """Trip on what a frame shows, or warn of a pressure that is too low."""
@@ -499,7 +503,8 @@ class Controller:
         self._sent = self._law.set_points()
         self._contact_monitor.update(times.stamp_ns, out[OUT.contact], out[OUT.contact_age], out[OUT.contact_torque])
         error = self._shaper.r - position
-        self._check_tolerance(error, position, dt, times.host_ns)
+        if self._tolerant:
+            self._check_tolerance(error, position, dt, times.host_ns)
         return Tick(
             stamp_ns=times.stamp_ns,
             reference=self._shaper.r,

@@ -1,4 +1,4 @@
-"""What the controller checks of every frame: plausible values, pressures that follow, trajectories within tolerance.
+"""What the controller checks of every frame: plausible values, and pressures that follow.
 
 Pressures that differ from what the set-points ask for:
 
@@ -6,6 +6,7 @@ Pressures that differ from what the set-points ask for:
     above the limit by more than OVER, for OVER_S                vent, latched
     a step that no valve gives and that stays, STEP_S            vent, latched: a sensor that is exchanged or at another
                                                                  scale, a tube that is off
+    steeper than the valve gives in the first rise, STEEP_S      vent, latched: a sensor at another scale
     above what the model of the valve expects, NOT_FOLLOWING_S   vent, latched: the joint cannot be released otherwise
     below it                                                     no set-point rises; after SHORT_S a warning, the
                                                                  integrator of the joint stops, and no set-point is
@@ -32,14 +33,12 @@ import math
 
 import numpy as np
 
-from hand_control.declared import Settings
-from hand_model.arrays import Array, Flags
+from hand_control.declared import inlined
+from hand_model.arrays import Array
 from hand_model.compile_cache import without_arrays
 from hand_model.description import Hand
 from hand_model.effects.effect import ANGLE, SPEED
-from hand_model.effects.gas_compression import prepare as per_supply
 from hand_model.effects.gas_compression import pressure_source as gas_rate
-from hand_model.effects.hydraulic import prepare as per_volume
 from hand_model.effects.hydraulic import pressure_source as liquid_rate
 from hand_model.kernel.step import valve_pressure
 
@@ -52,7 +51,7 @@ NOT_FOLLOWING_S, NOT_FOLLOWING_PA_S = 0.5, 5.0e3
 BAND_PA = 2.0e4
 BAND = 0.1
 """A pressure follows within BAND_PA plus BAND times the expected pressure."""
-FOLLOWING, OVER_PRESSURE, STEPPED, STUCK_HIGH, STUCK_LOW = range(5)
+FOLLOWING, OVER_PRESSURE, STEPPED, STEEP_RISE, STUCK_HIGH, STUCK_LOW = range(6)
 """Verdicts of `PressureWatch`, the most urgent first after FOLLOWING."""
 STEP_PA, STEP_LAGS, STEP_S, DRIVE_S = 2.0e4, 2.0, 0.008, 0.02
 LEAST_STEP_PA, NOISES, NOISE_S, STEP_SHARE = 4.0e3, 8.0, 1.0, 0.25
@@ -71,8 +70,6 @@ RETURN_PA_PER_S = 1.0e6
 """How fast a set-point rises after a pressure was too low, until it is held back no longer."""
 SHORT_S, TRUSTED, TRUSTED_PA = 0.1, 2.0, 3e4
 """A pressure that has been too low for SHORT_S justifies set-points up to TRUSTED times itself and TRUSTED_PA."""
-PATIENCE_S = 0.1
-"""Time for which a joint may leave its path: one noisy sample or a push of its partner aborts nothing."""
 FASTEST_RAD_PER_S = 70.0
 """Speed that no joint exceeds, also when an obstacle lets it go: an angle may change by so much in a gap."""
 JUMP_S = 0.0075
@@ -81,12 +78,20 @@ GAP_S = 0.1
 """After a longer time between two frames the board may have vented: the expectation starts again."""
 UNCERTAIN = 1.5
 """Share of the pressure by displaced liquid that may be wrong: volume and leverage 30 % off, twice the lag."""
+STEEP, STEEP_PA, STEEP_S, LEAST_RISE_PA, FIRST_PA, MEAN_S = 1.45, 2.0e3, 0.03, 5.0e3, 5.0e4, 0.3
+"""A pressure is at another scale where, in the first rise after arming, up to FIRST_PA, it rises above its mean by
+STEEP times what the valve gives, STEEP_PA and what motion displaces, for STEEP_S: twice the lag makes it slower only,
+and an offset is in the mean. Means are over MEAN_S, and a rise is at least LEAST_RISE_PA."""
+SHALLOW, SHALLOW_PA, LEAST_SHALLOW_PA = 0.7, 3.0e3, 1.5e4
+"""A pressure is too low, too, below the share SHALLOW of an expectation of LEAST_SHALLOW_PA and more, by SHALLOW_PA
+and what motion displaces."""
 SPEED_FILTER_S = 0.02
 SLOWER = 2.0
 """A valve may lag behind by this factor more than described."""
 EXPECTED, _OVER, _HIGH, _LOW, _ANGLE, _SPEED, WIDER, DRIVEN, _PRESSURE, _HELD_BACK, _SLOW = range(11)
 _OFF, _STEP, _STEP_AGE, _BEFORE, _HIGH_PA_S, _LOW_PA_S, _BELIEVED, _USUAL, _BEHIND, _DRIVE, SHORT = range(11, 22)
 _CHANGE, _TURNED, _LAST_TURN, _NOISE, _CALM, _LOWER, _HIGHER = range(22, 29)
+_MEAN, _MEAN_EXPECTED, _MEAN_SLOW, _DOUBLE_S, _RISEN = range(29, 34)
 """Rows of the state of `watch_pressures`. _SLOW: the expectation of a valve that lags by SLOWER times the time. _OFF:
 difference to the expectation; _BEFORE: before the _STEP that is watched; _USUAL: its mean over USUAL_S. _BELIEVED:
 set-point before the pressure was too low. _BEHIND: whether the set-point is still to return to what is asked.
@@ -94,13 +99,14 @@ _DRIVE: largest change between two frames that the valve gives, of the last DRIV
 low for what is asked, or the set-point is still to return, so that an integrator would run away. _CHANGE, _LAST_TURN:
 of _OFF and of the angle in the last frame; _TURNED: by how much the latter has changed; _NOISE: mean second difference
 of _OFF; _CALM: time without a gap. _LOWER, _HIGHER: how much lower and higher displaced fluid may make the pressure;
-WIDER: the larger one."""
-_ROWS, ROWS = 29, 43
+WIDER: the larger one. _MEAN, _MEAN_EXPECTED, _MEAN_SLOW: means of the pressure and of both expectations over MEAN_S;
+_DOUBLE_S: for how long the pressure has risen too steeply; _RISEN: whether the first rise is over."""
+_ROWS, ROWS = 34, 51
 """Rows of the state, and with the constants of the valves."""
 (
     _TAU, _VENT, _FILL, _A2, _A3, _LIQUID, _GROWTH, _EXPONENT, _VOLUME, _GAS_GROWTH, _GAS_GAIN, _GAS_PER_RAD, _SUPPLY,
-    _LIMIT,
-) = range(14)  # fmt: skip
+    _LIMIT, _PER_TAU, _PER_VOLUME, _PER_SUPPLY,
+) = range(17)  # fmt: skip
 _FLUID = (
     "statics.a2_nm_per_pa",
     "statics.a3_nm_per_pa_rad",
@@ -118,12 +124,12 @@ SUCTION_S = 0.05
 """A shove may pull a liquid below what a pressure sensor reads, but no longer than this: then it is a broken sensor."""
 
 
-def is_suction(liquid: bool, position: Array, pressure: Array, elapsed_s: float) -> bool:
+def is_suction(position: Array, pressure: Array, elapsed_s: float) -> bool:
     """Whether a frame is to count as missing: position (n,) [rad] is measured, some pressure (n,) [Pa] is not.
 
     elapsed_s: [s] since the last frame that counted.  Only where the hand is filled with a liquid, and for SUCTION_S.
     """
-    return liquid and 0.0 < elapsed_s <= SUCTION_S and bool(np.isfinite(position).all() > np.isfinite(pressure).all())
+    return 0.0 < elapsed_s <= SUCTION_S and bool(np.isfinite(position).all() > np.isfinite(pressure).all())
 
 
 @without_arrays
@@ -148,34 +154,34 @@ def implausible(position, velocity, pressure, last_position, max_jump):  # type:
     return (JUMPED if largest > max_jump else FINE), worst
 
 
-@without_arrays
+@inlined
 def _displaced(v, i, p, angle, speed):  # type: ignore[no-untyped-def]
     """Pressure rate [Pa/s] of joint i by displaced fluid, and how much lower and higher it may be [Pa/s]; Eq. 7."""
     around = (0.0, 0.0, 0.0, 0.0, angle, speed, 0.0)
     a2, a3, growth = v[_A2, i], v[_A3, i], v[_GROWTH, i]
-    full = liquid_rate((1.0, growth, a2, a3, per_volume((1.0, growth), 0.0)[0]), p, around)
+    full = liquid_rate((1.0, growth, a2, a3, v[_PER_VOLUME, i]), p, around)
     law = (v[_EXPONENT, i], v[_VOLUME, i], v[_GAS_GROWTH, i], v[_GAS_GAIN, i], v[_GAS_PER_RAD, i])
-    chamber = (*law, a2, a3, v[_SUPPLY, i])
-    gas = gas_rate((*chamber, per_supply(chamber, 0.0)[0]), p, around)
+    gas = gas_rate((*law, a2, a3, v[_SUPPLY, i], v[_PER_SUPPLY, i]), p, around)
     if v[_LIQUID, i] > 0.0:
         return full * v[_LIQUID, i] + gas, UNCERTAIN * abs(full), UNCERTAIN * abs(full)
     return gas, max(-full, gas, 0.0), max(full, -gas, 0.0)
 
 
-@without_arrays
+@inlined
 def _expect(s, v, i, u, angle, dt):  # type: ignore[no-untyped-def]
     """Advance the expected pressure of joint i by dt [s]; returns how far its band is below and above it [Pa]."""
-    tau = v[_TAU, i]
+    tau, per_tau = v[_TAU, i], v[_PER_TAU, i]
     rate, lower, higher = 0.0, 0.0, 0.0
     if dt > 0.0:
         share = dt / (dt + SPEED_FILTER_S)
         s[_SPEED, i] += share * ((angle - s[_ANGLE, i]) / dt - s[_SPEED, i])
         s[_ANGLE, i] = angle
         rate, lower, higher = _displaced(v, i, s[EXPECTED, i], angle, s[_SPEED, i])
-    s[EXPECTED, i] = max(valve_pressure(s[EXPECTED, i], u, tau, v[_VENT, i], v[_FILL, i], dt) + rate * dt, 0.0)
-    slow = valve_pressure(s[_SLOW, i], u, SLOWER * tau, v[_VENT, i], v[_FILL, i], dt)
+    s[EXPECTED, i] = max(valve_pressure(s[EXPECTED, i], u, per_tau, v[_VENT, i], v[_FILL, i], dt) + rate * dt, 0.0)
+    slow = valve_pressure(s[_SLOW, i], u, per_tau / SLOWER, v[_VENT, i], v[_FILL, i], dt)
     s[_SLOW, i] = max(slow + rate * dt, 0.0)
-    s[DRIVEN, i] = valve_pressure(s[DRIVEN, i], u, tau, v[_VENT, i], v[_FILL, i], dt)
+    if v[_LIQUID, i] > 0.0:
+        s[DRIVEN, i] = valve_pressure(s[DRIVEN, i], u, per_tau, v[_VENT, i], v[_FILL, i], dt)
     share, band = dt / (dt + tau), BAND_PA + BAND * s[EXPECTED, i]
     s[_LOWER, i] += share * (lower * tau - s[_LOWER, i])
     s[_HIGHER, i] += share * (higher * tau - s[_HIGHER, i])
@@ -183,7 +189,7 @@ def _expect(s, v, i, u, angle, dt):  # type: ignore[no-untyped-def]
     return band + s[_LOWER, i], band + s[_HIGHER, i]
 
 
-@without_arrays
+@inlined
 def _lasts(s, i, time, integral, excess, dt):  # type: ignore[no-untyped-def]
     """For how long [s] and by how much in all [Pa s] the pressure of joint i is outside its band, by excess [Pa]."""
     if excess > 0.0:
@@ -193,13 +199,13 @@ def _lasts(s, i, time, integral, excess, dt):  # type: ignore[no-untyped-def]
         s[time, i] = s[integral, i] = 0.0
 
 
-@without_arrays
+@inlined
 def _is_short(s, i):  # type: ignore[no-untyped-def]
     """Whether the pressure of joint i has been too low for long enough to be reported."""
     return s[_LOW, i] > SHORT_S or s[_LOW_PA_S, i] > SHORT_S * BAND_PA
 
 
-@without_arrays
+@inlined
 def _bend(s, i, change, turned, dt):  # type: ignore[no-untyped-def]
     """How far [Pa] the difference to the expectation has changed, and otherwise than in the frame before.
 
@@ -213,7 +219,24 @@ def _bend(s, i, change, turned, dt):  # type: ignore[no-untyped-def]
     return min(bend, abs(change))
 
 
-@without_arrays
+@inlined
+def _is_steep(s, i, p, dt):  # type: ignore[no-untyped-def]
+    """Whether the pressure p [Pa] of joint i has risen so much more than the valve gives that its scale is wrong."""
+    share = dt / (dt + MEAN_S)
+    rise, expected, slow = p - s[_MEAN, i], s[EXPECTED, i] - s[_MEAN_EXPECTED, i], s[_SLOW, i] - s[_MEAN_SLOW, i]
+    s[_MEAN, i] += share * rise
+    s[_MEAN_EXPECTED, i] += share * expected
+    s[_MEAN_SLOW, i] += share * slow
+    if s[_RISEN, i] > 0.0:
+        return False
+    given = max(expected, slow)
+    steep = given > LEAST_RISE_PA and rise > STEEP * given + STEEP_PA + s[_HIGHER, i]
+    s[_DOUBLE_S, i] = s[_DOUBLE_S, i] + dt if steep else 0.0
+    s[_RISEN, i] = 1.0 if s[EXPECTED, i] > FIRST_PA and not steep else 0.0
+    return s[_DOUBLE_S, i] > STEEP_S
+
+
+@inlined
 def _steps(s, v, i, asked, p, turned, dt):  # type: ignore[no-untyped-def]
     """Whether the pressure p [Pa] of joint i has stepped as no valve does, and has stayed there.
 
@@ -227,14 +250,14 @@ def _steps(s, v, i, asked, p, turned, dt):  # type: ignore[no-untyped-def]
         if (off - s[_BEFORE, i]) / s[_STEP, i] < 0.5:
             s[_STEP, i] = 0.0
         return s[_STEP, i] != 0.0 and s[_STEP_AGE, i] > STEP_S
-    drive = abs(asked - s[_PRESSURE, i]) * min(dt / v[_TAU, i], 1.0)
+    drive = abs(asked - s[_PRESSURE, i]) * min(dt * v[_PER_TAU, i], 1.0)
     s[_DRIVE, i] = max(drive, s[_DRIVE, i] * DRIVE_S / (dt + DRIVE_S))
     if dt > 0.0 and _is_step(s, v, i, off - before, bend, turned, p, dt):
         s[_STEP, i], s[_STEP_AGE, i], s[_BEFORE, i] = off - before, 0.0, before
     return False
 
 
-@without_arrays
+@inlined
 def _is_step(s, v, i, change, bend, turned, p, dt):  # type: ignore[no-untyped-def]
     """Whether neither valve nor motion explains the change, or the smaller bend [Pa], of the pressure p [Pa]."""
     given = STEP_LAGS * s[_DRIVE, i]
@@ -265,10 +288,12 @@ def watch_pressures(table, command, pressure, position, dt):  # type: ignore[no-
         least = min(s[EXPECTED, i], s[_SLOW, i])
         low, high = least - below, max(s[EXPECTED, i], s[_SLOW, i]) + above
         low = min(low + max(BAND_PA - USUAL_PA + s[_USUAL, i], 0.0), least - USUAL_PA)
+        if least > LEAST_SHALLOW_PA:
+            low = max(low, SHALLOW * least - s[_LOWER, i] - SHALLOW_PA)
         s[_OVER, i] = s[_OVER, i] + dt if pressure[i] > (1.0 + OVER) * valve[_LIMIT, i] else 0.0
         _lasts(s, i, _HIGH, _HIGH_PA_S, pressure[i] - high, dt)
         _lasts(s, i, _LOW, _LOW_PA_S, low - pressure[i], dt)
-        stepped = _steps(s, valve, i, asked, pressure[i], turned, dt)
+        stepped, steep = _steps(s, valve, i, asked, pressure[i], turned, dt), _is_steep(s, i, pressure[i], dt)
         if s[_LOW, i] == 0.0:
             s[_USUAL, i] += min(dt / USUAL_S, 1.0) * (s[_OFF, i] - s[_USUAL, i])
         s[_PRESSURE, i] = pressure[i]
@@ -277,6 +302,8 @@ def watch_pressures(table, command, pressure, position, dt):  # type: ignore[no-
             found = OVER_PRESSURE
         elif stepped:
             found = STEPPED
+        elif steep:
+            found = STEEP_RISE
         elif s[_HIGH, i] > NOT_FOLLOWING_S or s[_HIGH_PA_S, i] > NOT_FOLLOWING_PA_S:
             found = OVER_PRESSURE if s[_OVER, i] > 0.0 else STUCK_HIGH
         elif _is_short(s, i):
@@ -313,10 +340,11 @@ def cap_pressures(s, command, dt):  # type: ignore[no-untyped-def]
 class PressureWatch:
     """Compares the pressures of one hand with its set-points, frame by frame.
 
-    expected: pressure of set-points and motion now, (n,) [Pa].  driven: what the set-points alone give, (n,) [Pa].
-    wider: by how much expected may be wrong by the motion, (n,) [Pa]. Each check overwrites them.  short: (n,) 1 where
-    a pressure is too low for what is asked, or its set-point is still to return; `hold` overwrites it.  high_s: (n,)
-    how long a pressure has been too high.  gap_s: longest time between frames [s] after which nothing starts again.
+    expected: pressure of set-points and motion now, (n,) [Pa].  driven: what the set-points alone give, (n,) [Pa],
+    of a hand filled with a liquid.  wider: by how much expected may be wrong by the motion, (n,) [Pa]. Each check
+    overwrites them.  short: (n,) 1 where a pressure is too low for what is asked, or its set-point is still to return;
+    `hold` overwrites it.  high_s: (n,) how long a pressure has been too high.  gap_s: longest time between frames [s]
+    after which nothing starts again.
     """
 
     def __init__(self, hand: Hand, memory: Array | None = None) -> None:
@@ -324,7 +352,8 @@ class PressureWatch:
         lag = hand.row("valve.time_constant_s") + hand.row("valve.dead_time_s")
         valve = [lag, hand.row("valve.vent_rate_pa_per_s"), hand.row("valve.fill_rate_pa_per_s")]
         self._table = np.zeros((ROWS, len(hand.joints))) if memory is None else memory
-        self._table[_ROWS:] = [*valve, *(hand.row(key) for key in _FLUID), hand.limits.max_pressure_pa]
+        inverse = [1.0 / row for row in (lag, hand.row("hydraulic.volume_m3_per_pa"), hand.row("supply.pressure_pa"))]
+        self._table[_ROWS:] = [*valve, *(hand.row(key) for key in _FLUID), hand.limits.max_pressure_pa, *inverse]
         self._state, self._limit_pa = self._table[:_ROWS], self._table[_ROWS + _LIMIT]
         self.gap_s = GAP_S
         self.expected: Array = self._state[EXPECTED]
@@ -337,7 +366,7 @@ class PressureWatch:
     def start(self, pressure: Array, position: Array | None = None) -> None:
         """Expect the measured pressure (n,) [Pa] of joints that stand still at position (n,) [rad]."""
         self._state[:] = 0.0
-        self._state[[EXPECTED, DRIVEN, _SLOW, _PRESSURE]] = pressure
+        self._state[[EXPECTED, DRIVEN, _SLOW, _PRESSURE, _MEAN, _MEAN_EXPECTED, _MEAN_SLOW]] = pressure
         self._state[_BELIEVED] = np.maximum(pressure, 0.0)
         self._state[_DRIVE] = self._limit_pa
         self._state[_NOISE] = STEP_PA / NOISES
@@ -360,43 +389,7 @@ class PressureWatch:
 
     def _skip(self, pressure: Array, position: Array | None) -> None:
         """Expect the measured state after a gap; how long a pressure has been off is kept."""
-        self._state[[EXPECTED, DRIVEN, _SLOW, _PRESSURE]] = pressure
+        self._state[[EXPECTED, DRIVEN, _SLOW, _PRESSURE, _MEAN, _MEAN_EXPECTED, _MEAN_SLOW]] = pressure
         self._state[[_SPEED, _OFF, _STEP, _CALM]] = 0.0
         self._state[_DRIVE] = self._limit_pa
         self._state[_ANGLE] = self._still if position is None else position
-
-
-class ToleranceWatch:
-    """Measures for how long each joint has been outside the tolerance of its trajectory."""
-
-    def __init__(self, hand: Hand) -> None:
-        """Begin within the tolerances."""
-        self._joints = hand.joints
-        self._away_s = np.zeros(len(hand.joints))
-        self._late_s = np.zeros(len(hand.joints))
-
-    def check(self, error: Array, on_path: Flags, at_goal: Flags, settings: Settings, dt: float) -> str:
-        """One line with the reason to abort, or an empty text.
-
-        error: (n,) [rad].  on_path, at_goal: (n,), joints within a trajectory and past its end.  dt: [s].
-        """
-        if not (on_path.any() or at_goal.any()):
-            self._away_s[:] = self._late_s[:] = 0.0
-            return ""
-        size_deg = np.degrees(np.abs(error))
-        path_deg, goal_deg = settings.path_tolerance_deg, settings.goal_tolerance_deg
-        strayed = on_path & (size_deg > path_deg) & (path_deg > 0.0)
-        late = at_goal & (size_deg > goal_deg) & (goal_deg > 0.0)
-        self._away_s = np.where(strayed, self._away_s + dt, 0.0)
-        self._late_s = np.where(late, self._late_s + dt, 0.0)
-        for away_s, patience_s, what, allowed_deg in (
-            (self._away_s, PATIENCE_S, "is off the path", path_deg),
-            (self._late_s, settings.goal_time_s, "is not at the goal", goal_deg),
-        ):
-            worst = int(np.argmax(away_s))
-            if away_s[worst] > patience_s:
-                return (
-                    f"joint_trajectory aborted: {self._joints[worst]} {what} by {size_deg[worst]:.1f} degrees,"
-                    f" {allowed_deg:.1f} are allowed; its joints hold their measured angle"
-                )
-        return ""

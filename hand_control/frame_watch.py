@@ -7,10 +7,12 @@ without a gap calls once for all three, and once for all limits of the set-point
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
+from hand_control.declared import inlined
 from hand_control.frame_checks import (
     DRIVEN,
     EXPECTED,
@@ -49,15 +51,26 @@ NOTHING = Findings(FINE, 0, FOLLOWING, 0, None)
 """Of a frame that passes."""
 
 
+@inlined
+def _note(found, verdicts):  # type: ignore[no-untyped-def]
+    """Set the verdicts of a frame that does not pass; False."""
+    for k in range(len(verdicts)):
+        found[k] = verdicts[k]
+    return False
+
+
 @without_arrays
 def _frame(  # type: ignore[no-untyped-def]
-    memory, spacing, links, liquid, position, velocity, pressure, command, jump, dt
+    found, memory, spacing, links, liquid, position, velocity, pressure, command, jump, dt
 ):
-    """Whether a frame passes; then the verdicts: implausible, its joint, pressure, its joint, sensor, joint, other."""
+    """Whether a frame passes; else found is set: implausible, its joint, pressure, its joint, sensor, joint, other.
+
+    A call that returns eight numbers to Python costs more than a test.
+    """
     last, pressures, sensors = memory[0], memory[1:_SENSORS], memory[_SENSORS:]
     verdict, worst = implausible(position, velocity, pressure, last, allowed_jump(jump, dt))
     if verdict != FINE:
-        return False, verdict, worst, FOLLOWING, 0, UNSUSPICIOUS, 0, -1
+        return _note(found, (verdict, worst, FOLLOWING, 0, UNSUSPICIOUS, 0, -1))
     for i in range(len(position)):
         last[i] = position[i]
     high_low, joint = watch_pressures(pressures, command, pressure, position, dt)
@@ -65,8 +78,9 @@ def _frame(  # type: ignore[no-untyped-def]
     wrong, one, other = check_sensors(
         sensors, spacing, links, liquid, position, pressure, pressures[EXPECTED], pressures[WIDER], drive, dt
     )
-    passes = high_low == FOLLOWING and wrong == UNSUSPICIOUS
-    return passes, verdict, worst, high_low, joint, wrong, one, other
+    if high_low == FOLLOWING and wrong == UNSUSPICIOUS:
+        return True
+    return _note(found, (verdict, worst, high_low, joint, wrong, one, other))
 
 
 @without_arrays
@@ -91,8 +105,10 @@ class FrameWatch:
         self.last_position: Array = self._memory[0]
         self.last_position.fill(math.nan)
         self.limits = False
+        self._found = np.zeros(7, dtype=np.int64)
         self._longest_s = min(self.sensors.gap_s, self.pressures.gap_s)
-        self._arrays = (self._memory, *self.sensors.arrays[1:])
+        self._judge = partial(_frame, self._found, self._memory, *self.sensors.arrays[1:])
+        self._limit = partial(_hold, self._memory, self.sensors.arrays[1])
 
     def start(self, position: Array, velocity: Array, pressure: Array) -> None:
         """Begin without evidence at position (n,) [rad], velocity (n,) [rad/s] and pressure (n,) [Pa]."""
@@ -118,10 +134,9 @@ class FrameWatch:
         if not 0.0 < elapsed_s <= self._longest_s:
             return self._after_gap(measured, command, max_jump_rad, elapsed_s)
         self.sensors.elapsed_s = elapsed_s
-        found = _frame(*self._arrays, *measured, command, max_jump_rad, elapsed_s)
-        if found[0]:
+        if self._judge(*measured, command, max_jump_rad, elapsed_s):
             return NOTHING
-        _, verdict, worst, high_low, joint, *contradiction = found
+        verdict, worst, high_low, joint, *contradiction = self._found.tolist()
         return Findings(verdict, worst, high_low, joint, self.sensors.contradiction(*contradiction))
 
     def _after_gap(
@@ -140,4 +155,4 @@ class FrameWatch:
 
     def hold(self, command: Array) -> None:
         """Limit set-points (n,) [Pa] in place to what the pressures justify, and the sensors that are believed."""
-        self.limits = _hold(*self._arrays[:2], command, self.sensors.elapsed_s)
+        self.limits = self._limit(command, self.sensors.elapsed_s)

@@ -35,7 +35,7 @@ class Gap:
 
         period_s: of the frames [s]; position (n,) [rad], pressure (n,) [Pa]: of this frame.
         """
-        if elapsed_s > max(GAP_S, 3.0 * period_s):
+        if elapsed_s > GAP_S and elapsed_s > 3.0 * period_s:
             self._restart(elapsed_s, position, pressure)
             self._left_s = SETTLED * float(np.max(self._law.gains[G.observer_filter]))
         elif self._left_s > 0.0:

@@ -366,6 +366,7 @@ class Law:
         self.state = np.zeros((len(STATE), g.shape[1]))
         self.inputs = np.zeros((len(INPUTS), g.shape[1]))
         self.out = np.zeros((len(OUTPUTS), g.shape[1]))
+        self._wanted: Array = self.out[OUT.pressure]
         self.reset_map()
 
     def release(self) -> None:
@@ -378,14 +379,12 @@ class Law:
 
     def set_points(self) -> Array:
         """Set-points (n,) [Pa] of the valves for the wanted pressures in the outputs; of the plain law the same."""
-        wanted: Array = self.out[OUT.pressure]
-        return wanted
+        return self._wanted
 
     @property
     def watched(self) -> Array:
         """Set-points (n,) [Pa] from which the watch of the pressures expects them; of the plain law those sent."""
-        wanted: Array = self.out[OUT.pressure]
-        return wanted
+        return self._wanted
 
     def reset_map(self) -> None:
         """Return every joint to the map of the description."""

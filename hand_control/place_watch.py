@@ -25,6 +25,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from hand_control.declared import inlined
 from hand_model.arrays import Array
 from hand_model.compile_cache import without_arrays
 
@@ -62,13 +63,13 @@ ROWS = 23
 _FREE, _ANSWERS, _STAYS, _WAITS = range(4)
 
 
-@without_arrays
+@inlined
 def _is_like(u, w):  # type: ignore[no-untyped-def]
     """Whether a measured motion u is the one asked for, w [rad]."""
     return abs(w) > LEAST_RAD and ALIKE[0] < u / w < ALIKE[1]
 
 
-@without_arrays
+@inlined
 def _careful(s, i, w, u, dt):  # type: ignore[no-untyped-def]
     """End the care with joint i when it has moved as its pressure asks."""
     s[_MOVED_S, i] = s[_MOVED_S, i] + dt if _is_like(u, w) else 0.0
@@ -95,7 +96,7 @@ def _which(u_i, u_k, w_i, w_k):  # type: ignore[no-untyped-def]
     return 1.0 if evidence > CLEAR else -1.0 if evidence < -CLEAR else 0.0
 
 
-@without_arrays
+@inlined
 def _lasts(now, sign, dt):  # type: ignore[no-untyped-def]
     """For how long [s] a sign has been seen without a break, with that sign."""
     return max(now, 0.0) + dt if sign > 0.0 else min(now, 0.0) - dt if sign < 0.0 else 0.0
@@ -159,14 +160,14 @@ def _watch(s, pair, other, w, u, position, model, dt):  # type: ignore[no-untype
     return False
 
 
-@without_arrays
+@inlined
 def _since(s, pair, other, w, u):  # type: ignore[no-untyped-def]
     """Motions of a pair since its angles have met: asked for, w_i and w_k, and measured, u_i and u_k [rad]."""
     old = s[_OLD:, pair]
     return w[pair] - old[0], w[other] - old[1], u[pair] - old[2], u[other] - old[3]
 
 
-@without_arrays
+@inlined
 def _meet(s, pair, other, w, u, position, dt):  # type: ignore[no-untyped-def]
     """Begin again with a pair whose angles meet: there an exchange makes no step."""
     for row in range(_OLD, ROWS):
@@ -179,7 +180,7 @@ def _meet(s, pair, other, w, u, position, dt):  # type: ignore[no-untyped-def]
         s[_OLD + 2, pair], s[_OLD + 3, pair] = u[pair], u[other]
 
 
-@without_arrays
+@inlined
 def open_again(s, after):  # type: ignore[no-untyped-def]
     """Watch every pair on, and let every set-point rise slowly: frames come too rarely to see an exchange in motion."""
     for pair in range(len(after)):
@@ -188,7 +189,7 @@ def open_again(s, after):  # type: ignore[no-untyped-def]
             s[_OPEN, pair] = 1.0
 
 
-@without_arrays
+@inlined
 def check_places(s, after, w, u, position, model, dt):  # type: ignore[no-untyped-def]
     """The first joint of an exchanged pair, or NONE, dt [s] after the last call; updates the state s in place.
 

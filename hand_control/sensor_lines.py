@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_control.frame_checks import OVER_PRESSURE, STEPPED, STUCK_HIGH, STUCK_LOW
+from hand_control.frame_checks import OVER_PRESSURE, STEEP_RISE, STEPPED, STUCK_HIGH, STUCK_LOW
 from hand_control.step_watch import (
     ACTIVE,
     ANGLES_SWAPPED,
@@ -48,6 +48,8 @@ def pressure_off(verdict: int, joint: str, channel: int, pressure_pa: float, lim
         " pressure regulator, the valve and the sensor",
         STEPPED: f"{its} jumped to {bar}, which no valve gives; check the sensor and its cable, whether it is exchanged"
         " with another, and the tube",
+        STEEP_RISE: f"{its} rises to {bar}, far more than the valve gives; check the scale of the sensor, its channel"
+        " and the valve",
         STUCK_HIGH: f"{its} stays at {bar}, the valve does not follow; check the valve, its exhaust and the sensor",
         STUCK_LOW: f"{its} is only {bar}, the valve does not follow; check for a leak, the supply and a closed valve",
     }[verdict]

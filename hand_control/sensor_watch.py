@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_control import sensor_rows as row
+from hand_control.declared import inlined
 from hand_control.place_watch import ALIKE, ENOUGH_S, NONE, RECENT_S, PlaceWatch, check_places, hold_places, open_again
 from hand_control.place_watch import ROWS as PLACE_ROWS
 from hand_control.sensor_lines import Contradiction, describe
@@ -56,9 +57,10 @@ from hand_model.compile_cache import without_arrays
 from hand_model.description import Hand
 from hand_model.statics import torque
 
-FROZEN_FRAMES, HELD_FRAMES, FROZEN_RAD_PER_S = 14, 3, 0.05
+FROZEN_FRAMES, HELD_FRAMES, FROZEN_RAD_PER_S, FAST_NOISES = 14, 3, 0.05, 3.0
 """Bit-identical angles of a joint that moved at this speed. A channel repeats at most one in ten readings by chance at
-any rate, so that many in a row are seen less often than once in a million hours."""
+any rate, so that many in a row are seen less often than once in a million hours. No set-point rises from the third on,
+and from the first on of a joint that moves by FAST_NOISES times its mean second difference in a frame: none repeats."""
 STOP_NM, BEYOND_RAD, BEYOND_S = 0.2, math.radians(1.5), 0.01
 """A joint is beyond its lower stop by more than this torque presses it and this angle, or by twice that beyond the
 upper one, for longer than a glitch."""
@@ -95,7 +97,7 @@ _KEYS = (
 )
 
 
-@without_arrays
+@inlined
 def _channel(s, c, i, phi, dt):  # type: ignore[no-untyped-def]
     """Verdict on bit-identical angles and on the end stops."""
     if phi != s[row.LAST, i]:
@@ -106,7 +108,8 @@ def _channel(s, c, i, phi, dt):  # type: ignore[no-untyped-def]
     s[row.SPEED, i] += dt / (dt + SPEED_S) * ((phi - s[row.LAST, i]) / dt - s[row.SPEED, i])
     s[row.LAST, i] = phi
     s[row.PAUSE, i] = max(s[row.PAUSE, i] - dt, 0.0)
-    s[row.HOLD, i] = 1.0 if run >= HELD_FRAMES or s[row.PAUSE, i] > 0.0 else 0.0
+    fast = abs(s[row.RUN_SPEED, i]) * dt > FAST_NOISES * s[row.NOISE, i]
+    s[row.HOLD, i] = 1.0 if run >= (1 if fast else HELD_FRAMES) or s[row.PAUSE, i] > 0.0 else 0.0
     if run >= FROZEN_FRAMES:
         return FROZEN
     beyond = phi < c[row.LOW, i] - c[row.PRESSED, i] or phi > c[row.HIGH, i] + 2.0 * c[row.PRESSED, i]
@@ -114,7 +117,7 @@ def _channel(s, c, i, phi, dt):  # type: ignore[no-untyped-def]
     return BEYOND if s[row.OUT_S, i] > max(BEYOND_S, 1.5 * dt) else FINE
 
 
-@without_arrays
+@inlined
 def _outside(s, c, i, phi, p):  # type: ignore[no-untyped-def]
     """Outside torque on joint i at angle phi [rad] and pressure p [Pa], and by how much it may be wrong [N m]."""
     a1, a2, a3, d, v = c[row.A1, i], c[row.A2, i], c[row.A3, i], c[row.D, i], s[row.SPEED, i]
@@ -122,7 +125,7 @@ def _outside(s, c, i, phi, p):  # type: ignore[no-untyped-def]
     return d * v - torque(p, phi, 0.0, c[row.A0, i], a1, a2, a3, 0.0), WRONG * terms
 
 
-@without_arrays
+@inlined
 def _is_active(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
     """Whether joint i has moved for long enough with an outside torque beyond the largest one.
 
@@ -130,7 +133,10 @@ def _is_active(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
     """
     v = s[row.SPEED, i]
     s[row.P_SLOW, i] += dt / (dt + SLOW_S) * (p - s[row.P_SLOW, i])
-    moves = abs(v) > ACTIVE_RAD_PER_S
+    if abs(v) <= ACTIVE_RAD_PER_S:
+        s[row.ACTIVE_S, i] = 0.0
+        return False
+    moves = True
     for known in (p, s[row.DRIVE, i]):  # both ends of the time since the last frame
         outside, wrong = _outside(s, c, i, phi, known)
         given_back = outside < 0.0 and p < s[row.P_SLOW, i]
@@ -139,7 +145,7 @@ def _is_active(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
     return s[row.ACTIVE_S, i] > max(ACTIVE_S, 2.5 * dt)
 
 
-@without_arrays
+@inlined
 def _first_motion(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
     """Advance the motion that the pressure asks of joint i, and what is known of its sign; whether it is wrong."""
     at, p = s[row.MODEL, i], 0.5 * (p + s[row.DRIVE, i]) if dt > MOMENTUM_S else p
@@ -161,7 +167,7 @@ def _first_motion(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
     return s[row.SIGN_S, i] > ENOUGH_S
 
 
-@without_arrays
+@inlined
 def _pressures(s, i, k, expected, wider, pressure, dt):  # type: ignore[no-untyped-def]
     """Whether the pressures of joints i and k are those that the set-points of the other one give."""
     share, least, surely = dt / (dt + PRESSURE_S), 2.0 * LEAST_PA**2, 2.0 * (LEAST_PA + max(wider[i], wider[k])) ** 2
@@ -225,7 +231,7 @@ def check_sensors(table, spacing, links, liquid, position, pressure, expected, w
     return verdict, joint, other
 
 
-@without_arrays
+@inlined
 def _wait(spacing, dt):  # type: ignore[no-untyped-def]
     """Count the time without a complete check, and the mean time between frames, dt [s] after the last one."""
     spacing[5] += dt

@@ -26,6 +26,7 @@ from __future__ import annotations
 import math
 
 from hand_control import sensor_rows as row
+from hand_control.declared import inlined
 from hand_model.compile_cache import without_arrays
 from hand_model.statics import torque
 
@@ -58,7 +59,7 @@ FINE, JUMPED, SIGN, ANGLES_SWAPPED, PRESSURES_SWAPPED, FROZEN, BEYOND, ACTIVE, U
 """Verdicts."""
 
 
-@without_arrays
+@inlined
 def sample(s, spacing, position, now, dt):  # type: ignore[no-untyped-def]
     """Shift the samples of all joints (dt [s] after the last): speed, prediction, deviation and travel of each.
 
@@ -84,7 +85,7 @@ def sample(s, spacing, position, now, dt):  # type: ignore[no-untyped-def]
     return bc, (cx + dt if longest <= LONGEST_S else 0.0), MOMENTUM_S < longest <= LONGEST_S
 
 
-@without_arrays
+@inlined
 def _least(s, i):  # type: ignore[no-untyped-def]
     return max(NOISES * s[row.NOISE, i], LEAST_RAD)
 
@@ -129,7 +130,7 @@ def _misses(s, i, speed, age, share):  # type: ignore[no-untyped-def]
     return abs(s[row.TRAVEL, i] - speed * age) > slack
 
 
-@without_arrays
+@inlined
 def _turn(s, i, age):  # type: ignore[no-untyped-def]
     """By how much [rad] joint i has left its speed: at the break, or for age [s] since."""
     return max(abs(s[row.DEV, i]), abs(s[row.TRAVEL, i] - s[row.V, i] * age))
@@ -225,7 +226,7 @@ def _exchanged(s, c, partner, i, k, dt, age, rare):  # type: ignore[no-untyped-d
     return not _misses(s, i, s[row.V, k], age, slack) and not _misses(s, k, s[row.V, i], age, slack)
 
 
-@without_arrays
+@inlined
 def steps(s, c, partner, dt, age, rare):  # type: ignore[no-untyped-def]
     """Verdict, joint and other joint of the step test."""
     n = s.shape[1]

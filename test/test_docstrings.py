@@ -58,7 +58,7 @@ class Function:
     @property
     def is_compiled(self) -> bool:
         return any(
-            re.search(r"\b(njit|inline|compiled|without_arrays|_equation)\b", ast.unparse(each))
+            re.search(r"\b(njit|inlined?|compiled|without_arrays|_equation)\b", ast.unparse(each))
             for each in self.node.decorator_list
         )
 

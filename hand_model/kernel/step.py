@@ -124,12 +124,11 @@ def exponential_mean(first, second):  # type: ignore[no-untyped-def]
 
 
 @inline
-def valve_pressure(p, u, tau, vent, fill, h):  # type: ignore[no-untyped-def]
+def valve_pressure(p, u, per_tau, vent, fill, h):  # type: ignore[no-untyped-def]
     """Pressure [Pa] after h [s] of the plain valve at p under the set-point u [Pa]: what a controller expects.
 
-    tau: time constant [s].  vent, fill: limits of the rate [Pa/s].
+    per_tau: 1 / time constant [1/s].  vent, fill: limits of the rate [Pa/s].
     """
-    per_tau = 1.0 / tau
     first = limited_rate(u - p, per_tau, vent, fill)
     return p + h * exponential_mean(first, limited_rate(u - p - h * first, per_tau, vent, fill))
 

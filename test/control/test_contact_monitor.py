@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import secrets
 from pathlib import Path
 
 import numpy as np
@@ -151,3 +152,26 @@ def test_every_site_of_a_joint_counts_with_its_largest_force() -> None:
         if joint >= 0:
             wanted[int(joint)] = max(wanted.get(int(joint), 0.0), float(values[site]))
     assert events == wanted
+
+
+def test_the_readings_of_many_frames_are_those_of_the_plain_equations() -> None:
+    """Fails when the compiled loop over sites and joints gives another contact or onset than arrays as a whole."""
+    seed = secrets.randbits(32)
+    print(f"seed {seed}")
+    rng = np.random.default_rng(seed)
+    monitor, pressed = ContactMonitor(HAND), np.zeros(COUNT, dtype=np.bool_)
+    onset = np.zeros(COUNT, dtype=np.int64)
+    for number in range(1, 400):
+        values = np.where(rng.random(len(SITES)) < 0.1, math.nan, rng.uniform(0.0, 1.0, len(SITES)))
+        force = np.full(COUNT, math.nan)
+        for site, joint in enumerate(HAND.sensors.site_joint):
+            force[joint] = np.fmax(force[joint], values[site]) if joint >= 0 else force[joint]
+        above = force > 0.5
+        onset[above & ~pressed] = number * MS
+        pressed = above | (pressed & (force > 0.25))
+        monitor.forces(number * MS, values, 0.5)
+        before = monitor.contact.copy()
+        events = updated(monitor, number)
+        np.testing.assert_array_equal(monitor.contact, pressed)
+        assert [event.joint for event in events] == np.flatnonzero(before != pressed).tolist()
+        assert all(event.onset_ns == onset[event.joint] for event in events if event.touching)

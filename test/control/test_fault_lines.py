@@ -33,7 +33,7 @@ def unmeasured() -> list[str]:
 
 
 def pressures() -> list[str]:
-    verdicts = (frame_checks.OVER_PRESSURE, frame_checks.STEPPED, frame_checks.STUCK_HIGH, frame_checks.STUCK_LOW)
+    verdicts = range(frame_checks.FOLLOWING + 1, frame_checks.STUCK_LOW + 1)
     return [pressure_off(verdict, HAND.joints[4], 15, 7.0e5, 6.0e5) for verdict in verdicts]
 
 

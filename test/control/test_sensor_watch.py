@@ -14,7 +14,7 @@ from hand_control.step_watch import ACTIVE, ANGLES_SWAPPED, JUMPED, SIGN
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from validation.faults.operation import World
-from validation.faults.sensors import CONFIG, Case, Outcome, study
+from validation.faults.sensors import CONFIG, EXCESS_PA, Case, Outcome, study
 
 HAND = load_hand(CONFIG / "hand.yaml")
 
@@ -44,6 +44,14 @@ def test_a_fault_in_motion_is_found(error: float, name: str, part: str) -> None:
     assert outcome.detected_s <= 0.3
     assert outcome.error_deg <= 10.0
     assert part in outcome.line
+
+
+@pytest.mark.parametrize("name", ["angle frozen", "converter stuck"])
+def test_no_set_point_rises_on_a_reading_that_repeats_in_fast_motion(name: str) -> None:
+    """Fails when set-points rise further on readings of a fast joint that are equal to the last bit."""
+    outcome = found(0.1, "step", 4, name, False, 340)
+    assert outcome.detected_s is not None
+    assert outcome.excess_pa <= EXCESS_PA
 
 
 def test_pressures_that_are_exchanged_where_they_are_alike_are_found() -> None:

@@ -257,11 +257,11 @@ def test_pressure_follows_the_set_point_in_force() -> None:
 def test_the_expected_pressure_is_that_of_the_plain_valve() -> None:
     """Broken by another lag or another limit in what the controller expects of a valve."""
     tau, vent, fill = 0.06, 8e5, 1e6
-    assert steps.valve_pressure(1e5, 1.2e5, tau, vent, fill, 5e-3) == pytest.approx(
+    assert steps.valve_pressure(1e5, 1.2e5, 1.0 / tau, vent, fill, 5e-3) == pytest.approx(
         relaxed(1e5, 1.2e5, 5e-3, tau), rel=1e-7
     )
-    assert steps.valve_pressure(1e5, 5e5, tau, vent, fill, 5e-3) == pytest.approx(1.05e5, rel=1e-12)
-    assert steps.valve_pressure(5e5, 1e5, tau, vent, fill, 5e-3) == pytest.approx(4.96e5, rel=1e-12)
+    assert steps.valve_pressure(1e5, 5e5, 1.0 / tau, vent, fill, 5e-3) == pytest.approx(1.05e5, rel=1e-12)
+    assert steps.valve_pressure(5e5, 1e5, 1.0 / tau, vent, fill, 5e-3) == pytest.approx(4.96e5, rel=1e-12)
 
 
 def test_a_split_step_is_exact() -> None:

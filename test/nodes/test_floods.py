@@ -152,3 +152,34 @@ def test_a_flood_of_stops_leaves_the_nodes_at_work(stack: Stack, client: Client)
     client.until(lambda: len(client.joints) > received + 100)
     assert max(client.valves[-1].pressure) == 0.0
     assert resident_kb(driver.pid) - before_kb < GROWTH_KB
+
+
+CALL = """
+import sys, time
+import rclpy
+from rcl_interfaces.srv import SetParameters
+rclpy.init()
+node = rclpy.create_node("flood", namespace="hand")
+client = node.create_client(SetParameters, sys.argv[1] + "/set_parameters")
+assert client.wait_for_service(30.0)
+end, calls = time.monotonic() + float(sys.argv[2]), []
+while time.monotonic() < end:
+    calls = [call for call in calls if not call.done()]
+    if len(calls) < 100:
+        calls.append(client.call_async(SetParameters.Request()))
+    rclpy.spin_once(node, timeout_sec=0.0)
+"""
+
+
+def test_a_flood_of_service_calls_leaves_the_driver_at_work(stack: Stack, client: Client) -> None:
+    """Fails when calls of set_parameters without a pause cost the driver more than 5 % of its periods, or memory."""
+    driver = stack.node("simulation")
+    client.until(lambda: len(client.joints) > 100, 60.0)
+    before_kb = resident_kb(driver.pid)
+    flooding = subprocess.Popen([sys.executable, "-c", CALL, "/hand/simulation", "3.0"])
+    stack.running.append(flooding)
+    client.joints.clear()
+    client.until(lambda: flooding.poll() is not None, 60.0)
+    assert flooding.returncode == 0
+    assert missed_share(client.joints) <= MOST_MISSED
+    assert resident_kb(driver.pid) - before_kb < GROWTH_KB
