@@ -242,14 +242,16 @@ def _wait(spacing, dt):  # type: ignore[no-untyped-def]
 def hold_sensors(table, spacing, command, dt):  # type: ignore[no-untyped-def]
     """Limit the set-points of suspected joints in place to the last ones from before; whether one is lower now.
 
+    Where the sensors are not checked, no set-point rises: one that fell does not return to where it was.
+
     table, spacing: the first of SensorWatch.arrays.  command: (joints,) [Pa].  dt: [s] since the last frame.
     """
-    s, limits = table[: row.ROWS], False
+    s, limits, unchecked = table[: row.ROWS], False, spacing[5] > WARN_S
     for i in range(len(command)):
-        if s[row.HOLD, i] > 0.0 or spacing[5] > WARN_S:
+        if s[row.HOLD, i] > 0.0 or unchecked:
             limits |= command[i] > s[row.BELIEVED_PA, i]
             command[i] = min(command[i], s[row.BELIEVED_PA, i])
-        else:
+        if unchecked or s[row.HOLD, i] <= 0.0:
             s[row.BELIEVED_PA, i] = command[i]
     return hold_places(table[row.PLACES :], command, s[row.P_LAST], dt) or limits
 
