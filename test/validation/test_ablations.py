@@ -70,7 +70,7 @@ def test_every_plant_gets_its_share() -> None:
     assert sum(counts.values()) == 600 and list(counts)[: len(COUNT)] == list(COUNT)
     assert list(counts)[len(COUNT) :] == list(DEVELOPMENT) and set(counts) == set(WORDS)
     assert min(shares_of(20).values()) == LEAST_CASES
-    assert shares_of(40, ["trial", "mujoco"]) == {"mujoco": 20, "trial": 20}
+    assert shares_of(40, ["trial", "development"]) == {"development": 20, "trial": 20}
 
 
 def test_bad_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
