@@ -234,6 +234,9 @@ def _lacks(described: MachineDescription, longest_s: float) -> frozenset[str]:
     has |= {"two_clocks"} if "input_sensor" in has else set()
     has |= {"fluid"} if not has.isdisjoint(FLUID) else {"drive"} if "input" in described.columns else set()
     has |= {"one_axis"}
+    has |= set() if any("added_inertia" in own for own in described.recordings.values()) else {"one_load"}
+    has |= {"inexact_stiffness"} if described.tolerances.get("stiffness") != 0.0 else set()
+    has |= {"inexact_gain"} if described.controller or described.tolerances.get("gain") != 0.0 else set()
     return frozenset(NEEDS) - has
 
 

@@ -100,6 +100,9 @@ NEEDS: dict[str, str] = {
     "one_axis": "a machine of one axis other than a hand",
     "drive": "a drive without a fluid, whose input is a command",
     "motor": "an electric motor or a gear",
+    "one_load": "recordings with one load",
+    "inexact_stiffness": "a stiffness that is not known exactly",
+    "inexact_gain": "a gain that is not known exactly, or a controller",
 }
 """What an effect may need of a machine. A hand has all of it but OTHER_MACHINES."""
 OTHER_MACHINES = frozenset(("one_axis", "drive", "motor"))
@@ -145,7 +148,8 @@ class Effect:
     """One entry of the catalogue.
 
     name: that of its file, and the group of its parameters.  place: one of PLACES.
-    parameters: its own, whose order is that of their rows.  reads: keys of the plain plant that its equations use.
+    parameters: its own, whose order is that of their rows.  reads: keys of the plain plant, or of other effects, that
+    its equations use.
     prepared: names of the constants that the hook `prepare` returns.
     memory: names, or names with what each starts at (STARTS); 0 where nothing is given.
     law_memory: names of memory that only law coefficients multiply; loops without laws leave it out.
@@ -234,9 +238,6 @@ class Effect:
                     f"effect {self.name}: neutral value of '{parameter.key}' is {parameter.neutral};"
                     f" the allowed range is {allowed}"
                 )
-        for key in self.reads:
-            if key not in PLANT_ROW:
-                raise self._error("reads", key, PLANT_ROW)
         for memory, start in self.starts.items():
             if start not in STARTS:
                 raise self._error(f"start of memory '{memory}'", str(start), map(str, STARTS))
@@ -296,7 +297,11 @@ def hook_arguments(hook: str, remembers: bool) -> tuple[str, ...]:
 
 
 def assemble(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """The catalogue of effects. Raises ValueError for a name or a parameter key that is used twice."""
+    """The catalogue of effects.
+
+    Raises ValueError for a name or a parameter key that is used twice, and for a key that an effect reads and no
+    parameter has.
+    """
     catalogue = tuple(effects)
     names = [effect.name for effect in catalogue]
     keys = [parameter.key for effect in catalogue for parameter in effect.parameters]
@@ -304,4 +309,8 @@ def assemble(effects: Iterable[Effect]) -> tuple[Effect, ...]:
         twice = sorted({value for value in values if values.count(value) > 1})
         if twice:
             raise ValueError(f"the catalogue of effects has the {what} '{twice[0]}' more than once")
+    for effect in catalogue:
+        for key in effect.reads:
+            if key not in (*PLANT_ROW, *keys):
+                raise ValueError(f"effect {effect.name}: reads is '{key}', which is no parameter")
     return catalogue
