@@ -62,6 +62,7 @@ def joint_problem(
         hand.lever_arm_m(index),
         driven=signals[0].driven,
         floor=np.asarray(floor),
+        machine=signals[0].machine,
     )
 
 
