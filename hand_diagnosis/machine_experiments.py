@@ -15,11 +15,11 @@ from hand_identification.joint_problem import FORCE, STAGES, JointProblem, Segme
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array
 from hand_model.effects.effect import SPEED
-from hand_model.kernel.layout import OMEGA, PHI
+from hand_model.kernel.layout import OMEGA, PHI, P
 from hand_model.kernel.open_loop import surroundings_of
 from hand_model.quantities import Wording
 
-ANGLE = STAGES.index("angle")
+ANGLE, PRESSURE = STAGES.index("angle"), STAGES.index("pressure")
 DRIVEN_BY_INPUT = (*("staircase", "slow_triangle", "steps", "multisine", "chirp", "hold", "free_decay", "reversals"),)
 MOVED_BY_RIG = ("slow_triangle", "reversals", "multisine", "chirp")
 """Motions without jumps, which a rig can impose."""
@@ -37,11 +37,15 @@ HOW = {
     "stops": "move the {axis} to both ends of its travel",
 }
 """What is done on the machine, by experiment. low, high, middle: numbers with their unit."""
+CLOSED = ("hold",)
+FILL = "fill the volume to {high}, close the valve and wait until most of the pressure is lost; then from half of it"
 RELEASE = "hold the {axis} at {high}, release it and wait until it rests; then from {low}"
 
 
 def performable(problem: JointProblem) -> tuple[str, ...]:
     """Names of the experiments that the machine of the problem can perform and that can be simulated."""
+    if _is_still(problem):
+        return CLOSED
     if problem.driven:
         return MOVED_BY_RIG
     return DRIVEN_BY_INPUT if np.ptp(_driving(problem)) > 0.0 else RELEASED
@@ -49,6 +53,9 @@ def performable(problem: JointProblem) -> tuple[str, ...]:
 
 def how(problem: JointProblem, name: str, wording: Wording) -> str:
     """What to do on the machine for an experiment, a sentence without its full stop, in the machine's units."""
+    if _is_still(problem):
+        (factor, unit), high = wording.signal_units[0], max(float(each.pressure_pa.max()) for each in problem.segments)
+        return FILL.format(high=f"{factor * high:.3g} {unit}")
     released = not problem.driven and np.ptp(_driving(problem)) == 0.0
     stage = ANGLE if problem.driven or released else 0
     (factor, unit), signal = wording.signal_units[stage], wording.signals[stage]
@@ -65,7 +72,7 @@ def separation(problem: JointProblem, first: MapFit, second: MapFit, name: str) 
     """Difference [sigma] of two fitted models on an experiment; 0 where one leaves the recorded range by far."""
     segment = _performed(problem, name)
     one, other = (_predicted(problem, fit, segment) for fit in (first, second))
-    if not problem.driven:
+    if not problem.driven and not _is_still(problem):
         angles = np.concatenate([each.angle_rad for each in problem.segments])
         spare = SETTINGS.experiment_overshoot * float(np.ptp(angles))
         beyond = max(float(np.abs(each - np.median(angles)).max()) for each in (one, other))
@@ -98,6 +105,8 @@ def _performed(problem: JointProblem, name: str) -> Segment:
     motion = (angle, np.zeros_like(angle), np.zeros_like(angle))
     start = first.start.copy()
     start[OMEGA] = 0.0
+    if _is_still(problem):
+        start[P] = high
     if problem.driven:
         motion = _motion(problem, name)
         driving = np.full_like(time_s, float(np.median(_driving(problem))))
@@ -137,12 +146,22 @@ def _predicted(problem: JointProblem, fit: MapFit, segment: Segment) -> Array:
     """The predicted signal (T,) of the machine: its force [N] where the motion is imposed, else its angle [rad]."""
     columns, _ = problem.columns(fit.free, fit.z[None])
     alone = replace(problem, segments=[segment])
-    return np.asarray(alone.predict(columns, alone.starts(1))[0][0, FORCE if problem.driven else ANGLE])
+    return np.asarray(alone.predict(columns, alone.starts(1))[0][0, _stage(problem)])
 
 
 def _sigma(problem: JointProblem, difference: Array, period_s: float) -> float:
-    floor = problem.floor[FORCE if problem.driven else ANGLE]
+    floor = problem.floor[_stage(problem)]
     return float(np.sqrt(np.sum((difference / floor) ** 2) * period_s / problem.correlation_s))
+
+
+def _stage(problem: JointProblem) -> int:
+    """The signal that is predicted."""
+    return FORCE if problem.driven else PRESSURE if _is_still(problem) else ANGLE
+
+
+def _is_still(problem: JointProblem) -> bool:
+    """Whether only a pressure was measured."""
+    return not any(each.use[ANGLE].any() or each.use[FORCE].any() for each in problem.segments)
 
 
 def _driving(problem: JointProblem) -> Array:

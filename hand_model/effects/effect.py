@@ -105,6 +105,10 @@ NEEDS: dict[str, str] = {
     "inexact_gain": "a gain that is not known exactly, or a controller",
 }
 """What an effect may need of a machine. A hand has all of it but OTHER_MACHINES."""
+MOTION = "motion"
+"""What all effects need but those of AT_REST: a machine may lack it."""
+AT_REST = frozenset(("supply", "valve", "fluid", "pressure_sensor", "timing"))
+"""Places whose effects act on the pressure of a volume that does not move."""
 OTHER_MACHINES = frozenset(("one_axis", "drive", "motor"))
 HOOKS: dict[str, tuple[str, ...]] = {
     "prepare": ("h",),

@@ -102,6 +102,9 @@ def test_exact_numbers_and_loads_withhold_effects(tmp_path: Path) -> None:
     keys = {key: value for key, value in SLIDE.items() if key != "gain"} | {"controller": {"stiffness": 3.0}}
     (tmp_path / "servo.yaml").write_text(json.dumps(keys | {"columns": COLUMNS}), encoding="utf-8")
     assert "drive_gain" in offered(load_machine(tmp_path / "servo.yaml", [tmp_path / "run.npz"]).model)
+    with np.load(tmp_path / "run.npz") as run:
+        np.savez(tmp_path / "run.npz", **{**run, "u": 0.0 * run["u"]})  # released, by no drive
+    assert "drive_gain" not in offered(load_machine(tmp_path / "servo.yaml", [tmp_path / "run.npz"]).model)
 
 
 def test_a_hand_has_every_effect() -> None:
