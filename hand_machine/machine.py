@@ -63,7 +63,7 @@ CLOSED = {
     "dynamics.inertia_kg_m2": 1e-3,
     "dynamics.viscous_friction_nm_s_per_rad": 0.01,
 }
-"""Parameters (SI) of a volume whose valve is closed, beside an axis at rest that no pressure moves."""
+"""Parameters (SI) of a volume whose valve is closed, with an axis at rest that no pressure moves."""
 
 
 @dataclass(frozen=True, slots=True)
