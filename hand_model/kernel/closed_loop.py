@@ -5,7 +5,8 @@
 A block is LANES = 16 joints wide, so that the compiler fills vector registers with the coupled pairs of lanes l and
 l + 8; joints without a partner take what is left. Within a step every joint is advanced from the same instant: pairs
 are solved together, and what a joint meets of others otherwise is predicted: the neighbour's angle in the middle of
-the step by its speed, the inflow of the whole hand by a trial of the step. Blocks are independent and run in parallel.
+the step by its speed, the inflow of the whole hand by a trial of the step (inflow.py). Blocks are independent and run
+in parallel.
 """
 
 from __future__ import annotations
@@ -24,28 +25,29 @@ from hand_model.compile_cache import carray, njit, prange
 from hand_model.effects.effect import Effect
 from hand_model.kernel.compiled import specialise, stack_doubles
 from hand_model.kernel.hooks import Hooks, active_effects, compose, equations_key, has_laws
+from hand_model.kernel.inflow import flows as inflow_stages
 from hand_model.kernel.inline import FAST, inline
 from hand_model.kernel.lanes import HALF, LANES, idle_parameters, map_hands, neighbour_lanes
 from hand_model.kernel.layout import (
     ACCELERATION,
     ACTUATOR,
     CREEP,
+    FILLING,
     INFLOW_OF_HAND,
     MEAN_CREEP,
     NEIGHBOUR_ANGLE,
     OMEGA,
     PHI,
     RISE,
+    SPEED_AFTER,
     WORK,
     P,
     X,
     prepare_rows,
 )
 from hand_model.kernel.rows import ROW, STARTS, STATES, STEP_S
-from hand_model.kernel.step import Steps, assemble, deliver, steps_per_sample
+from hand_model.kernel.step import assemble, deliver, steps_per_sample
 
-INFLOW_ROUNDS = 2
-"""Times that the inflow of the hand is computed from the pressures that itself changes; one leaves 0.08 degrees."""
 HISTORY = 128
 """Set-points kept for the dead time, one a sample."""
 PARALLEL_STEPS = 1000
@@ -67,8 +69,10 @@ draws = meets_others = prepares = remembers = reads_pressure = reads_angle = Fal
 hook_prepare: Any = None
 hook_pressure_reading: Any = None
 hook_angle_reading: Any = None
+changes: Any = None
 flows: Any = None
 split_flows: Any = None
+note: Any = None
 fluids: Any = None
 split_fluids: Any = None
 motions: Any = None
@@ -98,6 +102,7 @@ def _loop(key: str) -> Callable[..., Any]:
                 split = deliver(w, i, history[(newest - 1) % HISTORY, i], history[newest % HISTORY, i], lag, steps)
                 if split >= 0:
                     first_split, last_split = min(first_split, split), max(last_split, split)
+            first_change, last_change = changes(w, steps) if draws else (steps, -1)
             for n in range(steps):
                 if meets_others:
                     for i in range(LANES):
@@ -108,8 +113,10 @@ def _loop(key: str) -> Callable[..., Any]:
                     split_fluids(w, n, clock, h)
                 else:
                     if draws:
-                        flows(w, n, clock, h)
+                        flows(w, n, clock, h, first_change <= n <= last_change)
                     fluids(w, n, clock, h)
+                if draws:
+                    note(w, first_change <= n <= last_change, h)
                 motions(w, clock, h)
                 if remembers:
                     memories(w, h)
@@ -125,40 +132,11 @@ def _loop(key: str) -> Callable[..., Any]:
     return advance_block
 
 
-def _flows(steps: Steps, around: Any) -> dict[str, Any]:
-    """The inflow of the whole hand in a step, by trial: pressures are not kept, and no memory changes."""
-    inflow, split_inflow = steps.inflow, steps.split_inflow
-
-    @inline
-    def add_up(w):  # type: ignore[no-untyped-def]
-        whole = 0.0
-        for i in range(LANES):
-            whole += w[INFLOW_OF_HAND, i]
-        for i in range(LANES):
-            w[INFLOW_OF_HAND, i] = whole
-
-    @inline
-    def flows(w, n, clock, h):  # type: ignore[no-untyped-def]
-        for _ in range(INFLOW_ROUNDS):
-            for i in range(LANES):
-                w[INFLOW_OF_HAND, i] = inflow(w, i, n, around(w, i, clock, h), h)
-            add_up(w)
-
-    @inline
-    def split_flows(w, n, clock, h):  # type: ignore[no-untyped-def]
-        for _ in range(INFLOW_ROUNDS):
-            for i in range(LANES):
-                w[INFLOW_OF_HAND, i] = split_inflow(w, i, n, around(w, i, clock, h), h)
-            add_up(w)
-
-    return {"flows": flows, "split_flows": split_flows}
-
-
-def _stages(hooks: Hooks, meets_others: bool) -> dict[str, Any]:
+def _stages(hooks: Hooks, meets_others: bool, draws: bool) -> dict[str, Any]:
     """The stages of one step: the fluid of a lane, the motion of a pair of lanes, what follows from a lane's motion."""
     steps = assemble(hooks)
     pressure, split_pressure, creep = steps.pressure, steps.split_pressure, steps.creep
-    pair, move, remember = steps.pair, steps.move, steps.remember
+    pair, slide, stick, move, remember = steps.pair, steps.slide, steps.stick, steps.move, steps.remember
     hook_actuator, lags = hooks.actuator_pressure, hooks.uses("actuator_pressure")
     keeps_rise = steps.uses_rise
 
@@ -172,6 +150,8 @@ def _stages(hooks: Hooks, meets_others: bool) -> dict[str, Any]:
 
     @inline
     def keep(w, i, after, mean, h, per_h):  # type: ignore[no-untyped-def]
+        if draws:
+            w[FILLING, i] = max(after - w[X + P, i], 0.0) * per_h
         if keeps_rise:
             w[RISE, i] = (after - w[X + P, i]) * per_h
         w[X + P, i] = after
@@ -195,6 +175,20 @@ def _stages(hooks: Hooks, meets_others: bool) -> dict[str, Any]:
             keep(w, i, after, mean, h, per_h)
 
     @inline
+    def rubbing_motions(w, clock, h):  # type: ignore[no-untyped-def]
+        per_h = 1.0 / h
+        others = 0
+        for i in range(HALF):
+            j = i + HALF
+            _, _, goes_on = slide(w, i, j, around(w, i, clock, h), around(w, j, clock, h), h)
+            others += 0 if goes_on else 1
+        if others > 0:  # to solve the stop of a joint takes as much time as all of its torques
+            for i in range(HALF):
+                stick(w, i, i + HALF)
+        for i in range(LANES):
+            move(w, i, w[SPEED_AFTER, i], h, per_h)
+
+    @inline
     def motions(w, clock, h):  # type: ignore[no-untyped-def]
         per_h = 1.0 / h
         for i in range(HALF):
@@ -208,8 +202,9 @@ def _stages(hooks: Hooks, meets_others: bool) -> dict[str, Any]:
         for i in range(LANES):
             remember(w, i, h)
 
-    stages = {"fluids": fluids, "split_fluids": split_fluids, "motions": motions, "memories": memories}
-    return stages | _flows(steps, around)
+    stages = {"fluids": fluids, "split_fluids": split_fluids, "memories": memories}
+    stages["motions"] = rubbing_motions if steps.rubs else motions
+    return stages | inflow_stages(steps, around)
 
 
 _BLOCK = "(f8[:,::1], i8[::1], f8[:,::1], i8, f8[:,::1], f8, i8, f8, f8[:,:,::1])"
@@ -244,12 +239,12 @@ def loops(effects: tuple[Effect, ...], laws: bool = False) -> Loops:
     laws: whether they read the coefficients of learned laws.
     """
     hooks = compose(effects, laws)
-    meets_others = any(effect.meets_others for effect in effects)
+    meets_others, draws = any(effect.meets_others for effect in effects), any(effect.draws for effect in effects)
     key = equations_key("closed with laws" if laws else "closed", *(effect.name for effect in effects))
     names = {
-        **_stages(hooks, meets_others),
+        **_stages(hooks, meets_others, draws),
         "meets_others": meets_others,
-        "draws": any(effect.draws for effect in effects),
+        "draws": draws,
         "prepares": hooks.uses("prepare"),
         "remembers": hooks.uses("moved") or hooks.uses("angle_sensor"),
         "reads_pressure": hooks.uses("pressure_reading"),

@@ -15,6 +15,8 @@ _WIDE = '"prefer-vector-width"="512"'
 """Attribute of a function for LLVM, which uses half of the widest vectors of some processors by default."""
 # LLVM would unroll a loop over 8 or 16 lanes before it looks for vectors, and then find none.
 binding.set_option("hand_model", "--unroll-full-max-count=3")
+# It would also repeat the body of a short loop over lanes twice before that, and then gather every other lane.
+binding.set_option("hand_model", "--unroll-max-count=1")
 # Equations are long chains of operations that depend on each other. Two vectors at a time, where a loop has two, let
 # a processor work on one of them while the other one waits.
 binding.set_option("hand_model", "--force-vector-interleave=2")

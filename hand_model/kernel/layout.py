@@ -23,7 +23,12 @@ INPUT, INFLOW_OF_HAND, NEIGHBOUR_ANGLE = range(WORK_ROWS + 8, WORK_ROWS + 11)
 """Measured input pressure [Pa]; what a joint meets of others: inflow of the hand [Pa/s], a neighbour's angle [rad]."""
 OVERRUN = WORK_ROWS + 11
 """Part of the sum of the speeds at both ends of a step that a joint does not go because friction stops it [rad/s]."""
-PER_TAU, PER_STOP, PER_CONTACT, PER_12_INERTIA, EXTENSION, RECOVERY = range(WORK_ROWS + 12, WORK_ROWS + 18)
+FILLING, OF_HAND = range(WORK_ROWS + 12, WORK_ROWS + 14)
+"""Rate of filling of a joint in a step or in its trial [Pa/s]; numbers of the whole hand, one a lane, see inflow.py."""
+SPEED_AFTER, FREE_AFTER, STEP_MASS, RUB = range(WORK_ROWS + 14, WORK_ROWS + 18)
+"""Of a pair with dry friction: speed after the step, and without friction [rad/s]; diagonal of the matrix of the step
+[kg m^2]; largest impulse of friction [N m s]."""
+PER_TAU, PER_STOP, PER_CONTACT, PER_12_INERTIA, EXTENSION, RECOVERY = range(WORK_ROWS + 18, WORK_ROWS + 24)
 """Prepared constants of the plain plant: reciprocals [1/s, 1/rad, 1/(kg m^2)] and rates of creep [1/s],
 see `prepare_rows`."""
 WORK = RECOVERY + 1

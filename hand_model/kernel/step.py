@@ -10,8 +10,7 @@ Creep: each zone is linear, and prepared rates integrate it exactly at constant 
 Motion: the implicit midpoint rule, linearised about a predicted midpoint, so that any stiffness and damping is
 stable. The damping of stops is fitted to its exponential decay, J z / (1 - exp(-z)) = J (1 + z/2 + z^2/12 ...), so that
 a hard stop does not reverse the speed. Coupled phalanges are solved together by their mass matrix. Dry friction is an
-impulse that stops a joint or slows it (Moreau, Unilateral contact and dry friction in finite freedom dynamics, 1988);
-two joints with friction that share inertia are solved exactly by their four cases.
+impulse that stops a joint or slows it (dry_friction.py).
 
 The set-point passes the dead time unchanged. Within a sample it changes once at most. A step that the change falls
 into is split for the valve, so that a dead time need not be a whole number of steps.
@@ -23,6 +22,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from hand_model.kernel.dry_friction import along, goes_on_pair, rub_pair, soft, standstill
 from hand_model.kernel.hooks import Hooks
 from hand_model.kernel.inline import inline
 from hand_model.kernel.layout import (
@@ -32,6 +32,7 @@ from hand_model.kernel.layout import (
     ARRIVAL,
     BEFORE,
     CREEP,
+    FREE_AFTER,
     MEAN_CREEP,
     OMEGA,
     OVERRUN,
@@ -39,6 +40,9 @@ from hand_model.kernel.layout import (
     PHI,
     PHI_BEFORE,
     RISE,
+    RUB,
+    SPEED_AFTER,
+    STEP_MASS,
     P,
     X,
 )
@@ -66,8 +70,12 @@ class Steps(NamedTuple):
     creep: Callable[..., Any]
     single: Callable[..., Any]
     pair: Callable[..., Any]
+    slide: Callable[..., Any]
+    stick: Callable[..., Any]
     move: Callable[..., Any]
     remember: Callable[..., Any]
+    rubs: bool
+    """Whether joints have dry friction."""
     uses_rise: bool
     """Whether the pressure reads its rate in the step before, which the loop then keeps."""
 
@@ -84,11 +92,11 @@ def deliver(w, i, before, after, lag_samples, steps):  # type: ignore[no-untyped
     """Note which set-points reach the valve of lane i within a sample, and at which step the second one does.
 
     before, after: set-points [Pa] that were in force floor(lag) + 1 and floor(lag) samples ago. Returns the step that
-    the change falls into, or -1 where it falls between two steps, up to 1e-9 of a step.
+    the change falls into, or -1 where it falls between two steps, up to 1e-9 of a step, or where nothing changes.
     """
     at = (lag_samples - whole_below(lag_samples)) * steps
     nearest = whole_below(at + 0.5)
-    between = abs(at - nearest) < 1e-9
+    between = abs(at - nearest) < 1e-9 or before == after
     w[BEFORE, i], w[AFTER, i], w[ARRIVAL, i] = before, after, nearest if between else at
     return -1 if between else int(at)
 
@@ -124,95 +132,6 @@ def valve_pressure(p, u, tau, vent, fill, h):  # type: ignore[no-untyped-def]
     per_tau = 1.0 / tau
     first = limited_rate(u - p, per_tau, vent, fill)
     return p + h * exponential_mean(first, limited_rate(u - p - h * first, per_tau, vent, fill))
-
-
-@inline
-def _soft(x, threshold):  # type: ignore[no-untyped-def]
-    """x moved towards 0 by the threshold, and 0 within it."""
-    return x - min(max(x, -threshold), threshold)
-
-
-@inline
-def _standstill(before, braked):  # type: ignore[no-untyped-def]
-    """Share of a step after which a joint stands still for the first time, and 0 where it does not stop.
-
-    braked: speed after the step if friction acted against the speed `before` it all the time [rad/s].
-    """
-    stops = before * braked < 0.0
-    return before / (before - braked if stops else 1.0) if stops else 0.0
-
-
-@inline
-def _along(x, direction):  # type: ignore[no-untyped-def]
-    """x in a direction."""
-    return x if direction > 0.0 else -x
-
-
-@inline
-def _braked(a_0, b_0, y_a, y_b, masses, rub_a, rub_b):  # type: ignore[no-untyped-def]
-    """Speeds of a pair [rad/s] after a step in which none stops that moves; one that rests holds where it can."""
-    m_a, m_b, m_ab, per_a, per_b, per = masses
-    alone_a, alone_b = (y_a - _along(rub_a, a_0)) * per_a, (y_b - _along(rub_b, b_0)) * per_b
-    pull_a, pull_b = y_a - m_ab * alone_b, y_b - m_ab * alone_a
-    a_rests, b_rests = a_0 == 0.0, b_0 == 0.0
-    left_a = y_a - _along(rub_a, pull_a if a_rests else a_0)
-    left_b = y_b - _along(rub_b, pull_b if b_rests else b_0)
-    both_a, both_b = (m_b * left_a - m_ab * left_b) * per, (m_a * left_b - m_ab * left_a) * per
-    a_holds, b_holds = a_rests and abs(pull_a) <= rub_a, b_rests and abs(pull_b) <= rub_b
-    braked_a = 0.0 if a_holds else (alone_a if b_holds else both_a)
-    return braked_a, 0.0 if b_holds else (alone_b if a_holds else both_b)
-
-
-@inline
-def _slowed(y_a, y_b, masses, rub_a, rub_b):  # type: ignore[no-untyped-def]
-    """Speeds of a pair [rad/s] after an impulse: each sticks where friction can hold it, else all of that acts."""
-    m_a, m_b, m_ab, per_a, per_b, per = masses
-    alone_b = _soft(y_b, rub_b) * per_b
-    push = y_a - m_ab * alone_b
-    left_a = y_a - _along(rub_a, push)
-    alone_a = left_a * per_a
-    pull = y_b - m_ab * alone_a
-    left_b = y_b - _along(rub_b, pull)
-    both_a, both_b = (m_b * left_a - m_ab * left_b) * per, (m_a * left_b - m_ab * left_a) * per
-    b_sticks = abs(pull) <= rub_b
-    a_sticks = abs(push) <= rub_a
-    slow_a = 0.0 if a_sticks else (alone_a if b_sticks else both_a)
-    return slow_a, alone_b if a_sticks else (0.0 if b_sticks else both_b)
-
-
-@inline
-def rub_pair(a_0, b_0, a, b, m_a, m_b, m_ab, rub_a, rub_b):  # type: ignore[no-untyped-def]
-    """Speeds of two coupled joints [rad/s] after a step with dry friction, and what the sums of the speeds at both ends
-    of the step have too much for the way of each (OVERRUN).
-
-    a_0, b_0: speeds before the step.  a, b: speeds after it without friction.  m_a, m_b, m_ab: the symmetric matrix of
-    the step [kg m^2].  rub_a, rub_b: largest impulses of friction [N m s]. Until the first joint stands still, friction
-    acts against the speeds before the step. From then on, what is left of the impulses acts, and the other joint may
-    stand still as well. In the end, a joint sticks where an impulse within the bounds stops it, else the whole impulse
-    acts against its motion; the four cases are solved exactly.
-    """
-    masses = m_a, m_b, m_ab, 1.0 / m_a, 1.0 / m_b, 1.0 / (m_a * m_b - m_ab * m_ab)
-    y_a, y_b = m_a * a + m_ab * b, m_ab * a + m_b * b
-    braked_a, braked_b = _braked(a_0, b_0, y_a, y_b, masses, rub_a, rub_b)
-    share_a, share_b = _standstill(a_0, braked_a), _standstill(b_0, braked_b)
-    a_first = share_a > 0.0 and (share_b == 0.0 or share_a <= share_b)
-    b_first = share_b > 0.0 and not a_first
-    first = share_a if a_first else share_b
-    mid_a = 0.0 if a_first else a_0 + first * (braked_a - a_0)
-    mid_b = 0.0 if b_first else b_0 + first * (braked_b - b_0)
-    left, change_a, change_b = 1.0 - first, mid_a - a_0 - first * (a - a_0), mid_b - b_0 - first * (b - b_0)
-    y_a, y_b = y_a + (m_a * change_a + m_ab * change_b), y_b + (m_ab * change_a + m_b * change_b)
-    rub_a, rub_b = left * rub_a, left * rub_b
-    braked_a, braked_b = _braked(mid_a, mid_b, y_a, y_b, masses, rub_a, rub_b)
-    share_a = _standstill(mid_a, braked_a) if b_first else 0.0
-    share_b = _standstill(mid_b, braked_b) if a_first else 0.0
-    slow_a, slow_b = _slowed(
-        y_a - share_a * _along(rub_a, mid_a), y_b - share_b * _along(rub_b, mid_b), masses,
-        rub_a - share_a * rub_a, rub_b - share_b * rub_b,
-    )  # fmt: skip
-    stop_a, stop_b = first + left * share_a, first + left * share_b
-    over_a = left * a_0 - mid_a * (stop_a if share_a > 0.0 else 1.0) + stop_a * slow_a
-    return slow_a, slow_b, over_a, left * b_0 - mid_b * (stop_b if share_b > 0.0 else 1.0) + stop_b * slow_b
 
 
 def assemble(hooks: Hooks) -> Steps:
@@ -313,15 +232,17 @@ def assemble(hooks: Hooks) -> Steps:
         if not rubs:
             return free
         most = rub / mass
-        braked = free - _along(most, omega)
-        share = _standstill(omega, braked)
-        slow = _soft(free - share * _along(most, omega), most - share * most)
+        braked = free - along(most, omega)
+        share = standstill(omega, braked)
+        slow = soft(free - share * along(most, omega), most - share * most)
         w[OVERRUN, i] = share * (slow - braked) if rub > 0.0 else 0.0
         return slow if rub > 0.0 else free
 
     @inline
-    def pair(w, i, j, e_i, e_j, h):  # type: ignore[no-untyped-def]
-        """Speeds of the coupled lanes i and j after h [s]."""
+    def slide(w, i, j, e_i, e_j, h):  # type: ignore[no-untyped-def]
+        """Speeds of the coupled lanes i and j after h [s] while neither stops nor starts, and whether that holds. With
+        friction, it leaves in rows what `stick` needs.
+        """
         push_i, m_i, rub_i, omega_i = _pushed(w, i, e_i, h)
         push_j, m_j, rub_j, omega_j = _pushed(w, j, e_j, h)
         m_ij = w[_JC, i]
@@ -329,11 +250,31 @@ def assemble(hooks: Hooks) -> Steps:
         a = omega_i + (m_j * push_i - m_ij * push_j) * per
         b = omega_j + (m_i * push_j - m_ij * push_i) * per
         if not rubs:
-            return a, b
-        slow_a, slow_b, over_a, over_b = rub_pair(omega_i, omega_j, a, b, m_i, m_j, m_ij, rub_i, rub_j)
-        rubbing = rub_i + rub_j > 0.0
-        w[OVERRUN, i], w[OVERRUN, j] = over_a if rubbing else 0.0, over_b if rubbing else 0.0
-        return slow_a if rubbing else a, slow_b if rubbing else b
+            return a, b, True
+        w[FREE_AFTER, i], w[STEP_MASS, i], w[RUB, i], w[OVERRUN, i] = a, m_i, rub_i, 0.0
+        w[FREE_AFTER, j], w[STEP_MASS, j], w[RUB, j], w[OVERRUN, j] = b, m_j, rub_j, 0.0
+        a, b, goes_on = goes_on_pair(omega_i, omega_j, a, b, m_i, m_j, m_ij, rub_i, rub_j)
+        w[SPEED_AFTER, i], w[SPEED_AFTER, j] = a, b
+        return a, b, goes_on
+
+    @inline
+    def stick(w, i, j):  # type: ignore[no-untyped-def]
+        """What `slide` left, and where a joint of the pair stops or starts, the speeds after the step instead."""
+        omega_i, omega_j, rub_i, rub_j = w[X + OMEGA, i], w[X + OMEGA, j], w[RUB, i], w[RUB, j]
+        free_a, free_b, m_i, m_j = w[FREE_AFTER, i], w[FREE_AFTER, j], w[STEP_MASS, i], w[STEP_MASS, j]
+        a, b, goes_on = goes_on_pair(omega_i, omega_j, free_a, free_b, m_i, m_j, w[_JC, i], rub_i, rub_j)
+        slow_a, slow_b, over_a, over_b = rub_pair(omega_i, omega_j, free_a, free_b, m_i, m_j, w[_JC, i], rub_i, rub_j)
+        w[OVERRUN, i], w[OVERRUN, j] = 0.0 if goes_on else over_a, 0.0 if goes_on else over_b
+        w[SPEED_AFTER, i], w[SPEED_AFTER, j] = a if goes_on else slow_a, b if goes_on else slow_b
+
+    @inline
+    def pair(w, i, j, e_i, e_j, h):  # type: ignore[no-untyped-def]
+        """Speeds of the coupled lanes i and j after h [s]."""
+        a, b, goes_on = slide(w, i, j, e_i, e_j, h)
+        if rubs and not goes_on:
+            stick(w, i, j)
+            return w[SPEED_AFTER, i], w[SPEED_AFTER, j]
+        return a, b
 
     @inline
     def move(w, i, after, h, per_h):  # type: ignore[no-untyped-def]
@@ -355,4 +296,18 @@ def assemble(hooks: Hooks) -> Steps:
             hook_sensor(w, i, w[X + PHI, i], h)
 
     uses_rise = fed or replaced or hooks.uses("flow_limit")
-    return Steps(pressure, split_pressure, inflow, split_inflow, creep, single, pair, move, remember, uses_rise)
+    return Steps(
+        pressure,
+        split_pressure,
+        inflow,
+        split_inflow,
+        creep,
+        single,
+        pair,
+        slide,
+        stick,
+        move,
+        remember,
+        rubs,
+        uses_rise,
+    )

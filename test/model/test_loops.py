@@ -5,15 +5,18 @@ Few enough steps to run without compilation, so that a mutation run can use thes
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hand_model.arrays import Array
+from hand_model.compile_cache import njit
 from hand_model.description import Hand, load_hand
 from hand_model.effects import CATALOGUE, EFFECTS
 from hand_model.effects.effect import ACCELERATION, ANGLE, EXOGENOUS, NEIGHBOUR, PARTNER, SPEED, TIME, Effect
+from hand_model.kernel import closed_loop
 from hand_model.kernel.closed_loop import HISTORY, ClosedLoop
 from hand_model.kernel.hooks import active_effects, compose, equations_key, has_laws
 from hand_model.kernel.lanes import HALF, LANES, idle_parameters, map_hands, neighbour_lanes
@@ -185,3 +188,16 @@ def test_a_set_of_effects_is_refused_out_of_order() -> None:
     assert has_laws(varied({law.key: law.neutral_si + 1.0}).T)
     assert equations_key("open", "leak") != equations_key("open") and CREEP == STATES - 1
     assert {TIME, NEIGHBOUR, PARTNER, ANGLE, SPEED, ACCELERATION} < set(range(EXOGENOUS))
+
+
+def test_lanes_are_read_side_by_side(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when the compiler unrolls a loop over lanes before it looks for vectors: it then gathers every other lane,
+    and one lag of a sensor takes as much time as the whole plant.
+    """
+    monkeypatch.setattr(closed_loop, "njit", lambda **options: njit(**(options | {"cache": False})))
+    block = closed_loop.loops.__wrapped__((EFFECTS["angle_lag"],)).block
+    if not hasattr(block, "inspect_llvm"):
+        pytest.skip("nothing is compiled")
+    code = block.inspect_llvm(block.signatures[0])
+    assert re.search(r"<\d+ x double>", code)
+    assert "masked.scatter" not in code
