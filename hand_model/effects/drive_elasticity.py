@@ -12,10 +12,12 @@ from hand_model.kernel.plant_rows import DEGREE, Parameter
 
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
-    """Angular frequency of the load [rad/s], its damping rate [1/s], half the gap [rad], half the step [s], inertia."""
-    ratio, frequency, damping, gap, _, inertia = q
+    """Stiffness [1/s^2] and damping [1/s] per inertia of the load, half the gap [rad], half the step [s], 1 over that,
+    and the inertia of the load.
+    """
+    share, frequency, damping, gap, _, inertia = q
     rate = 2.0 * math.pi * frequency
-    return rate, 2.0 * damping * rate, 0.5 * gap, 0.5 * h, ratio * inertia
+    return rate * rate, 2.0 * damping * rate, 0.5 * gap, 0.5 * h, 2.0 / h, inertia * share / (1.0 - share)
 
 
 @inline
@@ -33,25 +35,46 @@ def _wound(q, first, last):  # type: ignore[no-untyped-def]
 
 
 @inline
-def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
-    """Mean torque of the spring on the drive in a step, put back to its start by the motion of the drive alone."""
-    rate, damping, half_h, inertia = q[6], q[7], q[9], q[10]
+def _middle(q, m, before, driving):  # type: ignore[no-untyped-def]
+    """Speed of the load in the middle of a step [rad/s], by the implicit midpoint rule, and the share of the inertia,
+    times the share of the step in contact, that follows the drive in it.
+
+    before: angle of the drive at the start of the step [rad].  driving: its mean speed [rad/s].
+    """
+    stiffness, damping, half_h = q[6], q[7], q[9]
     load, speed = m
-    ahead = load - phi
-    wound, touches = _wound(q, ahead, ahead + 2.0 * half_h * (speed - omega))
-    back = wound + touches * half_h * omega
-    return inertia * (rate * rate * back + damping * touches * (speed - omega)), inertia * rate * rate * touches
+    ahead = load - before
+    wound, touches = _wound(q, ahead, ahead + 2.0 * half_h * (speed - driving))
+    pull = damping * touches * (driving - speed) - stiffness * wound
+    less = 1.0 / (1.0 + half_h * touches * (damping + half_h * stiffness))
+    return speed + half_h * pull * less, touches * less
+
+
+@inline
+def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
+    """What changes the speed of the load in a step acts back on the drive; it is put back to the start of the step by
+    the motion of the drive alone.
+    """
+    stiffness, half_h, per_half_h, inertia = q[6], q[9], q[10], q[11]
+    middle, follows = _middle(q, m, phi, omega)
+    slope = inertia * stiffness * follows
+    return inertia * (m[1] - middle) * per_half_h + slope * half_h * omega, slope
+
+
+@inline
+def torque_damping(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
+    """The damper of the spring, less what the load follows within the step."""
+    _, follows = _middle(q, m, phi, omega)
+    return q[11] * q[7] * follows
 
 
 @inline
 def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
-    """The load follows the motion of the drive, by the implicit midpoint rule."""
-    rate, damping, half_h = q[6], q[7], q[9]
+    """The load follows the motion of the drive."""
+    half_h, per_half_h = q[9], q[10]
     load, speed = m
-    wound, touches = _wound(q, load - before, load + h * speed - after)
-    pull = damping * touches * (after - before) / h - rate * rate * (wound - half_h * speed * touches)
-    middle = (speed + half_h * pull) / (1.0 + half_h * touches * (damping + half_h * rate * rate))
-    return load + h * middle, 2.0 * middle - speed
+    middle, _ = _middle(q, m, before, 0.5 * (after - before) * per_half_h)
+    return load + 2.0 * half_h * middle, 2.0 * middle - speed
 
 
 @inline
@@ -62,8 +85,8 @@ def angle_reading(q, m, phi):  # type: ignore[no-untyped-def]
 
 
 _BEGINNINGS = tuple(
-    (Times(1.0 / (1.0 + ratio)), ratio, frequency, damping, 0.0, side)
-    for ratio, frequency, damping in ((1.0, 3.0, 0.05), (1.0, 7.0, 0.05), (0.4, 12.0, 0.05), (1.5, 20.0, 0.05))
+    (Times(1.0 - share), share, frequency, 0.05, 0.0, side)
+    for share, frequency in ((0.5, 3.0), (0.5, 7.0), (0.3, 12.0), (0.6, 20.0))
     for side in (0.0, 1.0)
 )
 EFFECT = Effect(
@@ -71,7 +94,7 @@ EFFECT = Effect(
     place="joint",
     needs=("drive", "motor", "one_load"),
     parameters=(
-        Parameter("drive_elasticity.ratio", 0.0, 50.0, "inertia behind the spring over that before it", 1.0, 0.0, 1.0),
+        Parameter("drive_elasticity.share", 0.0, 0.98, "of the whole inertia that is behind the spring", 1.0, 0.0, 0.5),
         Parameter("drive_elasticity.frequency_hz", 0.3, 150.0, "of the load while the drive is held", 1.0, 10.0),
         Parameter("drive_elasticity.damping", 0.0, 1.0, "damping ratio of the same", 1.0, 0.05),
         Parameter("drive_elasticity.gap_deg", 0.0, 30.0, "play of the spring", DEGREE, 0.0, 0.5),
@@ -80,12 +103,18 @@ EFFECT = Effect(
         ),
     ),
     reads=("dynamics.inertia_kg_m2",),
-    prepared=("rate", "damping_rate", "half_gap", "half_step", "load_inertia"),
+    prepared=("stiffness", "damping_rate", "half_gap", "half_step", "per_half_step", "load_inertia"),
     memory={"load": "angle", "speed": 0.0},
-    hooks={"prepare": prepare, "torque": torque, "moved": moved, "angle_reading": angle_reading},
+    hooks={
+        "prepare": prepare,
+        "torque": torque,
+        "torque_damping": torque_damping,
+        "moved": moved,
+        "angle_reading": angle_reading,
+    },
     keys=(
         "dynamics.inertia_kg_m2",
-        "drive_elasticity.ratio",
+        "drive_elasticity.share",
         "drive_elasticity.frequency_hz",
         "drive_elasticity.damping",
         "drive_elasticity.gap_deg",
@@ -98,8 +127,8 @@ EFFECT = Effect(
         "drive_elasticity.damping",
         "drive_elasticity.gap_deg",
     ),
-    says="a spring with a play of {gap_deg} couples {ratio} of the inertia before it, {inertia_kg_m2}, at"
-    " {frequency_hz} (damping ratio {damping}); the sensor sees {at_load} of its deflection",
+    says="a spring with a play of {gap_deg} couples a load, {share} of the whole inertia, to a drive of {inertia_kg_m2}"
+    " at {frequency_hz} (damping ratio {damping}); the sensor sees {at_load} of its deflection",
     experiments=("multisine", "chirp"),
     doc="An elastic gear, shaft or belt, with or without play: drive and load swing against each other.",
     source="Spong, J. Dyn. Sys. Meas. Control 109(4), 1987, elastic joints; Nordin and Gutman, Automatica 38(10), 2002",

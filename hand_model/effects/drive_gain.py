@@ -29,7 +29,7 @@ EFFECT = Effect(
     ),
     hooks={"torque": torque},
     keys=("drive_gain.error",),
-    probes=((0.2,), (-0.2,), (0.6,), (-0.5,), (2.0,)),
+    probes=((0.2,), (-0.2,), (0.6,), (-0.5,), (1.5,)),
     says="the drive gives {error} (relative) more {torque} than its gain states",
     experiments=("staircase", "steps"),
     doc="The gain of the drive or of its controller is another one than stated, as of a scale that its maker hides.",

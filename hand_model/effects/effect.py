@@ -19,6 +19,7 @@ Equations are pure functions of scalars. They know neither rows nor lanes; kerne
     pressure_true         q, reading                             p [Pa]; the inverse of pressure_reading
     actuator_pressure     q, [m,] p, h                           p at the actuator [Pa]; with memory (p, m)
     torque                q, [m,] phi, omega, p, creep_angle, e  torque added [N m], -d torque / d phi [N m/rad]
+    torque_damping        the same                               damping that is part of that torque [N m s/rad]
     damping               q, omega                               damping added [N m s/rad]
     dry                   q, [m,] omega, p                       magnitude of dry friction added [N m]
     moved                 q, m, before, after, h                 m after a motion between two angles [rad]
@@ -120,6 +121,7 @@ HOOKS: dict[str, tuple[str, ...]] = {
     "pressure_true": ("reading",),
     "actuator_pressure": ("p", "h"),
     "torque": ("phi", "omega", "p", "creep_angle", "e"),
+    "torque_damping": ("phi", "omega", "p", "creep_angle", "e"),
     "damping": ("omega",),
     "dry": ("omega", "p"),
     "moved": ("before", "after", "h"),

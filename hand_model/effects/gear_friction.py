@@ -50,8 +50,8 @@ def dry(q, m, omega, p):  # type: ignore[no-untyped-def]
 
 @inline
 def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
-    """The angle, at which the load acts."""
-    return (after,)
+    """The angle expected in the middle of the next step, at which the load acts: friction of second order."""
+    return (after + 0.5 * (after - before),)
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
@@ -86,7 +86,7 @@ EFFECT = Effect(
         "drive_saturation.stiffness_nm_per_rad",
         "drive_saturation.damping_nm_s_per_rad",
     ),
-    memory={"angle": "angle"},
+    memory={"middle": "angle"},
     hooks={"dry": dry, "moved": moved},
     keys=("gear_friction.per_drive", "gear_friction.per_load"),
     probes=((0.1, 0.0), (0.0, 0.1), (0.1, 0.1), (0.3, 0.3)),

@@ -23,7 +23,7 @@ EFFECT = Effect(
     ),
     hooks={"torque": torque},
     keys=("spring.stiffness_nm_per_rad",),
-    probes=((0.02,), (-0.02,), (0.2,), (-0.2,)),
+    probes=((0.02,), (-0.02,), (0.2,), (-0.04,)),
     says="a spring of {stiffness_nm_per_rad} acts in addition (negative: away from 0)",
     experiments=("staircase", "slow_triangle"),
     doc="A spring of either sign that the model lacks: of a cable, a seal, a magnet or an unstable balance.",

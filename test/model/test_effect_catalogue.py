@@ -83,7 +83,7 @@ def test_neutral_hooks_are_identities_in_compiled_code(chosen: tuple[Effect, ...
         composed.force_sensor(w, LANE, s["force"], H)
         got = {hook: getattr(composed, hook)(w, LANE, *(s[name] for name in HOOKS[hook])) for hook in _RETURNING}
         assert got["torque"] == (0.0, 0.0)
-        assert got["pressure_source"] == got["damping"] == got["dry"] == 0.0
+        assert got["pressure_source"] == got["torque_damping"] == got["damping"] == got["dry"] == 0.0
         for hook, signal in _RETURNING.items():
             if signal and hook != "angle_reading":
                 assert got[hook] == s[signal], hook
@@ -100,6 +100,7 @@ _RETURNING = {
     "pressure_true": "reading",
     "actuator_pressure": "p",
     "torque": "",
+    "torque_damping": "",
     "damping": "",
     "dry": "",
     "angle_reading": "phi",

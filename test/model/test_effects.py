@@ -67,6 +67,8 @@ PLAIN = {
 A1, A2, A3 = -0.05, 4e-7, -1e-7
 REST = (0.0,) * EXOGENOUS
 PERIOD_S = 0.005
+ADDED = ("pressure_source", "torque", "torque_damping", "damping", "dry")
+"""Hooks whose results are added to a rate, a torque or a damping; the others pass a signal on."""
 
 
 def call(name: str, hook: str, *arguments: Any) -> Any:
@@ -113,6 +115,16 @@ def assert_stiffness(name: str, q: tuple[float, ...], m: tuple[float, ...] | Non
         step = 1e-5
         slope = (torque(name, q, phi + step, m, **other)[0] - torque(name, q, phi - step, m, **other)[0]) / (2 * step)
         assert torque(name, q, phi, m, **other)[1] == approx(-slope, rel=1e-5, abs=1e-9)
+
+
+def assert_damping(name: str, q: tuple[float, ...], m: tuple[float, ...] | None = None, **other: Any) -> None:
+    """The damping is minus the slope of the torque over the speed."""
+    values, state = {"p": 0.0, "creep_angle": 0.0, "e": REST} | other, () if m is None else (m,)
+    omega = values.pop("omega")
+    for phi in (-0.4, 0.0, 1.2):
+        below, above = (torque(name, q, phi, m, omega=omega + step, **values)[0] for step in (-1e-5, 1e-5))
+        found = call(name, "torque_damping", q, *state, phi, omega, values["p"], values["creep_angle"], values["e"])
+        assert found == approx(-(above - below) / 2e-5, rel=1e-5, abs=1e-9)
 
 
 def work(force: Array, way: Array) -> float:
@@ -752,6 +764,7 @@ def drive_saturation(_: Any) -> None:
         for p in (4e5, -4e5):
             asked = A2 * p
             assert asked + torque("drive_saturation", q, 0.0, omega=omega, p=p)[0] == approx(np.clip(asked, low, high))
+            assert_damping("drive_saturation", q, omega=omega, p=p)
 
 
 def drive_gain(_: Any) -> None:
@@ -790,6 +803,7 @@ def gear_friction(_: Any) -> None:
         assert level(omega, **both, at_rest=0.8, stribeck_rad_per_s=0.1) == approx(expected, rel=1e-4)
     assert (load < 0.0, level(-1.0, **both, back=0.5)) == (True, approx(1.5 * sliding))
     assert level(1.0, **both, back=0.5) == approx(sliding)
+    assert call(name, "moved", numbers(name), (0.0,), 0.3, 0.4, H) == (approx(0.45),)
     assert level(1.0, **both, growth=0.4) == approx(sliding * (1.0 + 0.4 * (drive + abs(load)) / 0.5), rel=1e-5)
 
 
@@ -804,7 +818,7 @@ def spring(_: Any) -> None:
 def swinging(gap: float, at_load: float, h: float) -> tuple[Array, Array, Array]:
     """Readings, and angles of drive and load, of a drive that moves along a chirp, by the equations of the effect."""
     q = numbers(
-        "drive_elasticity", h, ratio=1.5, frequency_hz=6.0, damping=0.1, gap_deg=gap, at_load=at_load
+        "drive_elasticity", h, share=0.6, frequency_hz=6.0, damping=0.1, gap_deg=gap, at_load=at_load
     )  # fmt: skip
     time = np.arange(0.0, 1.0, h)
     drive = 0.3 * np.sin(2.0 * np.pi * (2.0 + 4.0 * time) * time)
@@ -834,14 +848,19 @@ def drive_elasticity(_: Any) -> None:
 
         exact = solve_ivp(rates, (0.0, 1.0), [0.0, 0.0], "LSODA", h * np.arange(len(load)), max_step=1e-3, rtol=1e-8).y
         np.testing.assert_allclose(load, exact[0], atol=2e-3 * np.ptp(exact[0]))
-    q, inertia = numbers("drive_elasticity", ratio=1.5, frequency_hz=6.0, damping=0.0), 1.5 * 4e-4
+    q, inertia = numbers("drive_elasticity", 1e-6, share=0.6, frequency_hz=6.0, damping=0.0), 1.5 * 4e-4
     m = (0.1, 0.0)
     assert torque("drive_elasticity", q, 0.06, m)[0] == approx(inertia * rate**2 * 0.04)
     assert_stiffness("drive_elasticity", q, m)
-    q = numbers("drive_elasticity", ratio=1.5, frequency_hz=6.0, damping=0.2, gap_deg=0.02)
+    q = numbers("drive_elasticity", share=0.6, frequency_hz=6.0, damping=0.2, gap_deg=0.02)
     assert torque("drive_elasticity", q, 0.095, m) == (0.0, 0.0)
     speed = call("drive_elasticity", "moved", q, (0.1, 0.0), 0.0, 0.0, H)[1]
     assert speed / H == approx(-(rate**2) * 0.09, rel=0.03)
+    for m, phi, omega in (((0.1, 0.3), 0.02, 1.7), ((0.1, 0.3), 0.095, -4.0)):
+        assert_damping("drive_elasticity", q, m, omega=omega)
+        back, stiffness = torque("drive_elasticity", q, phi, m, omega=omega)
+        speed = call("drive_elasticity", "moved", q, m, phi, phi + H * omega, H)[1]
+        assert (back - stiffness * 0.5 * H * omega) * H == approx(-inertia * (speed - m[1]), rel=1e-9, abs=1e-15)
 
 
 def drive_lag(_: Any) -> None:
@@ -903,7 +922,7 @@ def outputs(effect: Effect, q: tuple[float, ...], seed: int, steps: int = 60) ->
             if effect.memory and hook in ("set_point", "actuator_pressure"):
                 out, m = out
             first = hook_arguments(hook, False)[1]
-            absent = 0.0 if hook in ("pressure_source", "torque", "damping", "dry") else signals[first]
+            absent = 0.0 if hook in ADDED else signals[first]
             result[hook].append(np.ravel(out) - absent)
     return {hook: np.array(values) for hook, values in result.items() if values}
 
