@@ -119,8 +119,8 @@ def assert_stiffness(name: str, q: tuple[float, ...], m: tuple[float, ...] | Non
 
 def assert_damping(name: str, q: tuple[float, ...], m: tuple[float, ...] | None = None, **other: Any) -> None:
     """The damping is minus the slope of the torque over the speed."""
-    values, state = {"p": 0.0, "creep_angle": 0.0, "e": REST} | other, () if m is None else (m,)
-    omega = values.pop("omega")
+    values: dict[str, Any] = {"p": 0.0, "creep_angle": 0.0, "e": REST} | other
+    omega, state = values.pop("omega"), () if m is None else (m,)
     for phi in (-0.4, 0.0, 1.2):
         below, above = (torque(name, q, phi, m, omega=omega + step, **values)[0] for step in (-1e-5, 1e-5))
         found = call(name, "torque_damping", q, *state, phi, omega, values["p"], values["creep_angle"], values["e"])
