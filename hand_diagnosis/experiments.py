@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from hand_diagnosis import machine_experiments
 from hand_diagnosis.diagnosis import Diagnosis
 from hand_diagnosis.judgement import Finding
 from hand_diagnosis.search import Hypothesis
@@ -29,8 +30,8 @@ SIMULATED = tuple(name for name in EXPERIMENTS if name not in BY_HAND)
 def tie_separations(diagnosis: Diagnosis) -> list[dict[str, str] | None]:
     """For each finding the experiment that separates it from what it ties with; None for a finding without a tie.
 
-    Keys: why, a sentence; name and command of the experiment, which are missing where no experiment of the catalogue
-    separates them (or, the command, where none drives the machine).
+    Keys: why, a sentence; name of the experiment and its command, or, on another machine than a hand, `how`, what to do
+    there. Both are missing where no experiment of the catalogue separates them.
     """
     return [_tie_separation(diagnosis, finding) if finding.tied_with else None for finding in diagnosis.findings]
 
@@ -41,14 +42,16 @@ def _tie_separation(diagnosis: Diagnosis, finding: Finding) -> dict[str, str]:
     if not fitted:
         return {"why": "the effects were not fitted to the same data, so that their difference cannot be simulated"}
     problem, own, rivals = fitted[-1]
-    sigmas = {name: [separation_sigma(problem, own.fit, rival.fit, name) for rival in rivals] for name in SIMULATED}
-    recorded = [_sigma(problem, own.fit, rival.fit, _recorded(problem)) for rival in rivals]
+    sigmas = {
+        name: [separation_sigma(problem, own.fit, rival.fit, name) for rival in rivals] for name in _simulated(problem)
+    }
+    recorded = [_recorded_sigma(problem, own.fit, rival.fit) for rival in rivals]
     needed = {
         name: [recordings_needed(s, r) for s, r in zip(each, recorded, strict=True)] for name, each in sigmas.items()
     }
     best = max(sigmas, key=lambda name: (sum(map(bool, needed[name])), min(sigmas[name])))
     if not any(needed[best]):
-        return _not_simulated(diagnosis, finding, (own, *rivals), max(map(max, sigmas.values())))
+        return _not_simulated(diagnosis, finding, (problem, (own, *rivals)), max(map(max, sigmas.values())))
     names = [rival.effect.name for rival, count in zip(rivals, needed[best], strict=True) if count]
     least = min(sigma for sigma, count in zip(sigmas[best], needed[best], strict=True) if count)
     where = finding.joint or diagnosis.wording.whole
@@ -61,7 +64,7 @@ def _tie_separation(diagnosis: Diagnosis, finding: Finding) -> dict[str, str]:
     left = [rival.effect.name for rival, count in zip(rivals, needed[best], strict=True) if not count]
     if left:
         why += f"; no experiment of the catalogue separates it from {' and '.join(left)} as well"
-    return _experiment(best, why, finding.joint, diagnosis.wording)
+    return _experiment(best, why, finding.joint, diagnosis.wording, problem)
 
 
 def recordings_needed(sigma: float, recorded_sigma: float) -> int:
@@ -78,20 +81,21 @@ def recordings_needed(sigma: float, recorded_sigma: float) -> int:
 
 
 def _not_simulated(
-    diagnosis: Diagnosis, finding: Finding, hypotheses: Sequence[Hypothesis], sigma: float
+    diagnosis: Diagnosis, finding: Finding, fitted: tuple[JointProblem, Sequence[Hypothesis]], sigma: float
 ) -> dict[str, str]:
     """An experiment of the catalogue that is arranged by hand, best one that shows a single effect; else why none."""
+    problem, hypotheses = fitted
     differ = f"in simulation of every other experiment they differ by at most {sigma:.2g} sigma"
     every = [(name, each.effect.name) for each in hypotheses for name in each.effect.experiments]
     shown_by = Counter(name for name, _ in every)
     arranged = [(name, effect) for name, effect in every if name not in SIMULATED]
     if not diagnosis.wording.excitable:
-        arranged = [(name, effect) for name, effect in arranged if name not in BY_HAND]
+        arranged = [(name, effect) for name, effect in arranged if name in machine_experiments.HOW]
     if not arranged:
         return {"why": "no experiment of the catalogue separates them better than this recording: " + differ}
     name, effect = min(arranged, key=lambda pair: shown_by[pair[0]])
     why = f"shows {effect} and is arranged by hand, so that it cannot be simulated; {differ}"
-    return _experiment(name, why, finding.joint, diagnosis.wording)
+    return _experiment(name, why, finding.joint, diagnosis.wording, problem)
 
 
 def _fitted_together(
@@ -125,31 +129,42 @@ def next_experiment(
         if tie is not None and tie.get("name") in SIMULATED:
             return dict(tie)
         rival, share, _ = finding.alternatives[0]
+        fitted = _fitted_together(diagnosis, finding, [rival])
         simulated = simulated_experiment(diagnosis, finding, rival)
         if simulated is None:
             continue
         name, sigma = simulated
         why = f"separates {finding.effect} ({finding.probability:.0%}) from {rival} ({share:.0%})"
         why += f" on {finding.joint or diagnosis.wording.whole}; in simulation the two differ by {sigma:.0f} sigma"
-        return _experiment(name, why, finding.joint, diagnosis.wording)
+        return _experiment(name, why, finding.joint, diagnosis.wording, fitted[0][0])
     for left in diagnosis.remainder:
         joint = next(each for each in diagnosis.joints if each.joint == left.joint)
         name = _most_different(joint.search.problem)
         why = f"shows whether the remainder of {left.joint} appears in a motion unlike the recorded one"
-        return _experiment(name, why, left.joint, diagnosis.wording)
+        return _experiment(name, why, left.joint, diagnosis.wording, joint.search.problem)
     return None
 
 
 def _most_different(problem: JointProblem) -> str:
     """The experiment whose set-points have least in common with the recorded ones, by their spectra."""
-    recorded = _spectrum(np.concatenate([segment.set_point_pa for segment in problem.segments]), problem)
+    followed = [each.angle_rad if problem.driven else each.set_point_pa for each in problem.segments]
+    recorded = _spectrum(np.concatenate(followed), problem)
+    alike = {name: float(recorded @ _spectrum(_course(problem, name), problem)) for name in _simulated(problem)}
+    return min(alike, key=lambda name: alike[name])
+
+
+def _course(problem: JointProblem, name: str) -> Array:
+    """Levels (T,) of an experiment, in any unit."""
+    if problem.machine:
+        return machine_experiments.course(problem, name)
     period = problem.segments[0].period_s
     time_s = np.asarray(np.arange(round(SETTINGS.experiment_s / period)) * period, dtype=np.float64)
-    alike = {
-        name: float(recorded @ _spectrum(EXPERIMENTS[name](time_s, np.random.default_rng(0)), problem))
-        for name in SIMULATED
-    }
-    return min(alike, key=lambda name: alike[name])
+    return EXPERIMENTS[name](time_s, np.random.default_rng(0))
+
+
+def _simulated(problem: JointProblem) -> tuple[str, ...]:
+    """Names of the experiments that can be simulated and performed."""
+    return machine_experiments.performable(problem) if problem.machine else SIMULATED
 
 
 def _spectrum(set_points: Array, problem: JointProblem) -> Array:
@@ -161,8 +176,10 @@ def _spectrum(set_points: Array, problem: JointProblem) -> Array:
     return amplitudes / max(float(np.linalg.norm(amplitudes)), 1e-300)
 
 
-def _experiment(name: str, why: str, joint: str | None, wording: Wording) -> dict[str, str]:
-    """With the command that records it on the running hand, if `hand excite` has it; none drives another machine."""
+def _experiment(name: str, why: str, joint: str | None, wording: Wording, problem: JointProblem) -> dict[str, str]:
+    """With the command that records it on the running hand, if `hand excite` has it; on another machine, what to do."""
+    if problem.machine:
+        return {"name": name, "why": why, "how": machine_experiments.how(problem, name, wording)}
     joints = f"--joints {joint} " if joint else ""
     command = (
         {"command": f"hand excite {name} {joints}--live --out {name}.mcap"}
@@ -187,10 +204,17 @@ def best_experiment(problem: JointProblem, first: Hypothesis, second: Hypothesis
     None where no experiment separates them clearly better, by SETTINGS.min_separation_gain, than the recorded
     set-points do in the same simulation: to record the same motion again would add nothing new.
     """
-    sigmas = {name: separation_sigma(problem, first.fit, second.fit, name) for name in SIMULATED}
+    sigmas = {name: separation_sigma(problem, first.fit, second.fit, name) for name in _simulated(problem)}
     name = max(sigmas, key=lambda key: sigmas[key])
-    recorded = _sigma(problem, first.fit, second.fit, _recorded(problem))
+    recorded = _recorded_sigma(problem, first.fit, second.fit)
     return (name, sigmas[name]) if sigmas[name] > SETTINGS.min_separation_gain * recorded else None
+
+
+def _recorded_sigma(problem: JointProblem, first: MapFit, second: MapFit) -> float:
+    """Difference [sigma] of two fitted models on what was recorded."""
+    if problem.machine:
+        return machine_experiments.recorded_separation(problem, first, second)
+    return _sigma(problem, first, second, _recorded(problem))
 
 
 def _recorded(problem: JointProblem) -> Array:
@@ -202,6 +226,8 @@ def _recorded(problem: JointProblem) -> Array:
 
 def separation_sigma(problem: JointProblem, first: MapFit, second: MapFit, name: str) -> float:
     """Difference [sigma] of two fitted models on an experiment; the practical noise is correlated over a while."""
+    if problem.machine:
+        return machine_experiments.separation(problem, first, second, name)
     period = problem.segments[0].period_s
     time_s = np.asarray(np.arange(round(SETTINGS.experiment_s / period)) * period, dtype=np.float64)
     top = max(float(problem.segments[0].pressure_pa.max()), SETTINGS.min_experiment_pressure_pa)

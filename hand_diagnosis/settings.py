@@ -268,6 +268,12 @@ class Settings(LawSettings):
         "Good models need a larger tolerance by hand.", "Changed numbers pass as tolerance.")
     experiment_s: float = setting(
         40.0, "s", "Length of a simulated experiment.", CHOICE, "Creep is not excited.", "Slower.")
+    experiment_smoothing_s: float = setting(
+        0.4, "s", "Length over which corners of a simulated motion of a rig are rounded.", CHOICE,
+        "Accelerations that no rig gives.", "Reversals are lost.")
+    experiment_overshoot: float = setting(
+        1.0, "recorded travels", "Travel beyond the recorded one up to which a simulated experiment counts.", CHOICE,
+        "Experiments that move a little further are not proposed.", "Those that drive an axis away are.")
     min_experiment_pressure_pa: float = setting(
         5e4, "Pa", "Least amplitude of a simulated experiment.", CHOICE,
         "Weak experiments are simulated.", "Stronger than some recordings.")

@@ -62,6 +62,7 @@ def joint_problem(
         hand.lever_arm_m(index),
         driven=signals[0].driven,
         floor=np.asarray(floor),
+        machine=signals[0].machine,
     )
 
 
@@ -168,7 +169,7 @@ def _use(signals: Signals, j: int, force: Array) -> Flags:
     known = signals.known[:, j] & settled
     use = np.zeros((OUTPUTS, signals.samples), dtype=bool)
     use[0] = known & bool(signals.has_set_point[j]) & bool(signals.has_pressure[j])
-    use[1] = known & bool(signals.has_pressure[j])
+    use[1] = known & bool(signals.has_pressure[j]) & (not signals.still)
     if signals.driven:
         # Derivatives at the end of a recording are extrapolated by the last whole window.
         whole = np.arange(signals.samples) < signals.samples - half_window(signals.period_s, signals.derivative_s)

@@ -75,7 +75,7 @@ class JointProblem:
     switched: rows that have their nominal values while Segment.acts is False; the plant changes there and moves on.
     holds_out: whether there are validation blocks; without, every block is fitted.
     spared: first sample and the one behind the last of the test data of the only recording; None: the usual ones.
-    correlation_s: distance of samples that count as independent.
+    correlation_s: distance of samples that count as independent.  machine: whether it is another one than a hand.
     """
 
     joint: str
@@ -90,6 +90,7 @@ class JointProblem:
     holds_out: bool = True
     spared: tuple[int, int] | None = None
     correlation_s: float = FITS.correlation_s
+    machine: bool = False
 
     @property
     def claimable(self) -> Array:

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_machine.description import SENT, Column, MachineDescription
+from hand_machine.column_description import SENT, Column
+from hand_machine.description import MachineDescription
 from hand_machine.settings import MACHINE
 from hand_machine.time_unit import check_time_unit
 from hand_model.arrays import Array, Flags

@@ -5,11 +5,11 @@ Positive input drives towards positive position; a measured force is what the ax
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from hand_machine.column_description import LARGEST, Column, columns_of, pressure_columns
 from hand_machine.wording import units_of
 from hand_model.kernel.rows import JOINT_PARAMETERS
 from hand_model.yaml_loader import DescriptionError, load_yaml
@@ -19,20 +19,17 @@ KEYS = (
     *("schema", "name", "motion", "imposed", "gain", "stiffness", "damping", "inertia", "weight", "has", "columns"),
     *("controller", "recordings", "reference_temperature", "derivative_window", "effects", "sizes"),
 )
-COLUMNS = ("time", "input", "position", "force")
 PARTS = (
     *("supply", "valve", "chamber", "soft_material", "magnetic_sensor", "input_sensor", "force_sensing_resistor"),
     "motor",
 )
 """What the key `has` may state (NEEDS of hand_model/effects/effect.py); the rest follows from the other keys."""
+STILL = "none"
+MOTIONS = ("linear", "rotary", STILL)
+OF_VOLUME = ("schema", "name", "motion", "has", "columns", "effects", "sizes")
+"""Keys of a closed volume."""
 NUMBERS = ("gain", "stiffness", "damping", "inertia")
 """Numbers that a fit may change, each within its own tolerance unless it is exact; the weight only within its own."""
-PRESSURES = ("gauge", "absolute")
-HEADER, SENT = "header", "sent"
-"""What columns.time may name where the columns are numbers of messages: times of headers, or of sending."""
-COLUMN, OF_INPUT = ("column", "scale", "offset"), ("pressure", "delay", "limits")
-"""Keys of a column, and those that only the input has."""
-MAX_DELAY_S = 10.0
 CONTROLLER = ("stiffness", "damping")
 CONTROLLED = ("position", "speed")
 """What the input of a controller commands."""
@@ -47,35 +44,12 @@ COLDEST_C, HOTTEST_C, ROOM_C = -100.0, 500.0, 20.0
 MAX_SUPPLY_RATIO = 1e3
 EFFECT = ("value", "std", "unit")
 SIZES = ("force", "position", "input")
-LARGEST, SMALLEST_GAIN = 1e12, 1e-12
-"""Bounds of every number of the file, in SI."""
+SMALLEST_GAIN = 1e-12
+"""Least gain, in SI."""
 TIME_CONSTANT_S = (1e-5, 100.0)
 DERIVATIVE_WINDOW_S = (1e-4, 10.0)
 SMALLEST_TOLERANCE = 1e-6
 """Least relative tolerance; a number that is known better is exact."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
-    """A column of the recordings and the factor that turns it into SI. scale_given: whether the file states it.
-
-    pressure: of PRESSURES, whether a pressure is gauge or absolute; "" where the file does not say so.
-    offset: added after the scale [SI].  delay_s: time from a command to its action.  low, high: limits of the input.
-    """
-
-    name: str
-    scale: float
-    scale_given: bool = True
-    pressure: str = ""
-    offset: float = 0.0
-    delay_s: float = 0.0
-    low: float = -math.inf
-    high: float = math.inf
-
-    @property
-    def is_of_messages(self) -> bool:
-        """Whether it is a number of the messages of a topic, and not a column of a table."""
-        return self.name.startswith("/")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,6 +68,7 @@ class MachineDescription:
     sizes: force, position and input [SI] to which the fit that found them was scaled; None: as the recordings ask.
     controller: stiffness and damping of a controller, which the numbers above contain; empty without one.
     of_speed: whether it follows a command of the speed and not of the position.
+    still: the machine is a closed volume without motion; its `position` is the pressure [Pa].
     derivative_window_s: over which an imposed motion is differentiated; None: as the recordings ask.
     """
 
@@ -117,6 +92,7 @@ class MachineDescription:
     derivative_window_s: float | None = None
     controller: Mapping[str, float] = field(default_factory=dict)
     of_speed: bool = False
+    still: bool = False
 
     @property
     def per_integral(self) -> float:
@@ -159,7 +135,10 @@ def load_description(path: Path) -> MachineDescription:
     """Read a machine's file. Raises DescriptionError, one line with file, key, value and allowed range."""
     top = read_yaml(path, KEYS)
     top.integer("schema", 1, 1)
-    linear = top.choice("motion", ["linear", "rotary"]) == "linear"
+    motion = top.choice("motion", list(MOTIONS))
+    if motion == STILL:
+        return _volume(top, path)
+    linear = motion == "linear"
     imposed = bool(top.raw("imposed", "true or false", False))
     controller = _controller(top, imposed=imposed)
     least = {"gain": (SMALLEST_GAIN, 1.0 if imposed or controller else None)}
@@ -173,7 +152,7 @@ def load_description(path: Path) -> MachineDescription:
         imposed=imposed,
         **{key: value for key, (value, _) in read.items()},
         has=_parts(top, linear=linear),
-        columns=_columns(top, imposed),
+        columns=columns_of(top, imposed),
         tolerances={key: tolerance for key, (_, tolerance) in read.items() if tolerance is not None},
         effects=_effects(top, linear=linear),
         recordings=_recordings(top, linear=linear),
@@ -181,8 +160,36 @@ def load_description(path: Path) -> MachineDescription:
         derivative_window_s=_derivative_window_s(top),
         controller=controller,
         of_speed=_of_speed(top),
+        still=False,
         per_kelvin={key: _per_kelvin(top, key) for key in WARM if _has_per_kelvin(top, key)},
         reference_c=top.number("reference_temperature", COLDEST_C, HOTTEST_C, ROOM_C),
+    )
+
+
+def _volume(top: Section, path: Path) -> MachineDescription:
+    """A closed volume, whose pressure is all that is measured. Raises DescriptionError for numbers of a motion."""
+    for key in KEYS:
+        if key in top and key not in OF_VOLUME:
+            raise top.error(key, f"has no meaning with motion: {STILL}")
+    return MachineDescription(
+        path=path,
+        name=top.name("name"),
+        linear=True,
+        imposed=False,
+        gain=1.0,
+        stiffness=0.0,
+        damping=0.0,
+        inertia=0.0,
+        weight=0.0,
+        has=_parts(top, linear=True) | {"chamber"},
+        columns=pressure_columns(top),
+        tolerances={},
+        effects=_effects(top, linear=True),
+        recordings={},
+        sizes=_sizes(top),
+        per_kelvin={},
+        reference_c=ROOM_C,
+        still=True,
     )
 
 
@@ -333,57 +340,3 @@ def _parts(top: Section, *, linear: bool) -> frozenset[str]:
     if linear and "magnetic_sensor" in given:
         raise top.error("has", "contains magnetic_sensor, which only an axis with motion: rotary can have")
     return frozenset(given)
-
-
-def _columns(top: Section, imposed: bool) -> dict[str, Column]:
-    """The columns that the recordings must have: no force where the input moves the axis; the input may be absent."""
-    section = top.section("columns", COLUMNS)
-    wanted = [name for name in COLUMNS if name != "force" or imposed]
-    if imposed and "input" not in section:
-        wanted.remove("input")
-    columns = {}
-    for name in wanted:
-        if name == "time" and name not in section and _names_topic(section):
-            continue  # messages have times of their own
-        columns[name] = _column(section.section(name, COLUMN + (OF_INPUT if name == "input" else ())))
-    _check_sources(section, columns)
-    return columns
-
-
-def _names_topic(section: Section) -> bool:
-    return str(section.section("position", COLUMN).raw("column", "the name of a column")).startswith("/")
-
-
-def _check_sources(section: Section, columns: Mapping[str, Column]) -> None:
-    """Refuse columns of a table together with numbers of messages, and times that are neither."""
-    of_messages = columns["position"].is_of_messages
-    for name, column in columns.items():
-        if name == "time":
-            continue
-        if column.is_of_messages != of_messages:
-            raise section.error(
-                name,
-                f"is {column.name!r} and position is {columns['position'].name!r}; either all of them begin with / and"
-                " name numbers of messages, or none does",
-            )
-    if of_messages and "time" in columns and columns["time"].name not in (HEADER, SENT):
-        raise section.error(
-            "time", f"is {columns['time'].name!r}; for messages it must be {HEADER} or {SENT}, or be left out"
-        )
-
-
-def _column(part: Section) -> Column:
-    own = part.raw("column", "the name of a column")
-    low, high = part.numbers("limits", 2, [-LARGEST, LARGEST])
-    if low >= high:
-        raise part.error("limits", f"is [{low:g}, {high:g}]; the first number must be below the second")
-    return Column(
-        name=str(own),
-        scale=part.number("scale", -LARGEST, LARGEST, 1.0),
-        scale_given="scale" in part,
-        pressure=part.choice("pressure", list(PRESSURES)) if "pressure" in part else "",
-        offset=part.number("offset", -LARGEST, LARGEST, 0.0),
-        delay_s=part.number("delay", 0.0, MAX_DELAY_S, 0.0),
-        low=low,
-        high=high,
-    )

@@ -20,10 +20,10 @@ from hand_machine.found_model import PARAMETER, WEIGHT, put_effects
 from hand_machine.plausible import check_loads, check_plausible
 from hand_machine.reading import Readings, read_machine
 from hand_machine.settings import MACHINE
-from hand_machine.wording import AXIS, wording_of
+from hand_machine.wording import AXIS, VOLUME, wording_of, wording_of_volume
 from hand_model.arrays import Array
 from hand_model.effects import EFFECTS
-from hand_model.effects.effect import NEEDS
+from hand_model.effects.effect import MOTION, NEEDS
 from hand_model.kernel.rows import DEGREE, JOINT_PARAMETERS, ROW
 from hand_model.quantities import UnitMap, Wording
 from hand_recording.signals import Signals, on_calendar
@@ -54,6 +54,16 @@ WITHOUT_PART = {
 }
 """Parameters (SI) of a joint that have no part in a machine: a valve that is not diagnosed, stops out of reach. Laws
 over the input are bent up to the supply, which is the largest input."""
+
+
+CLOSED = {
+    "valve.fill_rate_pa_per_s": 0.0,
+    "valve.vent_rate_pa_per_s": 0.0,
+    "statics.a1_nm_per_rad": -1.0,
+    "dynamics.inertia_kg_m2": 1e-3,
+    "dynamics.viscous_friction_nm_s_per_rad": 0.01,
+}
+"""Parameters (SI) of a volume whose valve is closed, with an axis at rest that no pressure moves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +116,8 @@ def load_machine(path: Path, recordings: Sequence[Path], *, to_fit: bool = False
     """
     described = load_description(path)
     tables = [read_machine(described, recording) for recording in recordings]
+    if described.still:
+        return _volume(described, recordings, tables)
     for recording, table in zip(recordings, tables, strict=True):
         check_plausible(described.with_load_of(recording), recording, table)
     check_loads(described, recordings, tables)
@@ -123,9 +135,53 @@ def load_machine(path: Path, recordings: Sequence[Path], *, to_fit: bool = False
     signals = tuple(_signals(recording, table, described, scales, to_fit=to_fit) for recording, table in named)
     longest = max(float(np.ptp(table.time_s)) for table in tables)
     model = _model(described, scales, longest, wording.units)
+    if not any(np.ptp(table.signals["input"]) > 0.0 for table in tables):
+        model = replace(model, lacks=model.lacks | {"drive"})
     if not _is_between_stops(signals):
         model = _without_stops(described, model)
     return Machine(described, model, signals, wording)
+
+
+def _volume(described: MachineDescription, recordings: Sequence[Path], tables: Sequence[Readings]) -> Machine:
+    """A closed volume: a valve without flow, from the first pressure of each recording on, and no motion."""
+    wording = wording_of_volume()
+    parameters = np.array([(p.neutral or 0.0) * p.scale for p in JOINT_PARAMETERS])
+    for key, value in (WITHOUT_PART | CLOSED).items():
+        parameters[ROW[key]] = value
+    put_effects(described, wording.units, parameters)
+    longest = max(float(np.ptp(table.time_s)) for table in tables)
+    model = AxisModel(
+        path=described.path,
+        name=described.name,
+        joints=(VOLUME,),
+        parameters=parameters[:, None],
+        partner=np.array([-1]),
+        lacks=_lacks(described, longest) | {MOTION},
+        tolerances={key: 0.0 for key in CLOSED if key != PARAMETER["inertia"]},
+    )
+    signals = tuple(_pressures(path, table) for path, table in zip(recordings, tables, strict=True))
+    return Machine(described, model, signals, wording)
+
+
+def _pressures(recording: Path, table: Readings) -> Signals:
+    """The signals of a closed volume."""
+    still, yes = np.zeros((len(table.time_s), 1)), np.ones(1, dtype=bool)
+    return Signals(
+        name=recording.name,
+        joints=(VOLUME,),
+        period_s=table.period_s,
+        set_point_pa=still,
+        pressure_pa=table.signals["position"][:, None],
+        angle_rad=still,
+        force_n=np.full_like(still, np.nan),
+        known=table.known[:, None],
+        has_set_point=yes,
+        has_pressure=yes,
+        notes=table.notes,
+        machine=True,
+        still=True,
+        start_s=on_calendar(float(table.time_s[0])),
+    )
 
 
 def _is_between_stops(signals: Sequence[Signals]) -> bool:
@@ -234,6 +290,9 @@ def _lacks(described: MachineDescription, longest_s: float) -> frozenset[str]:
     has |= {"two_clocks"} if "input_sensor" in has else set()
     has |= {"fluid"} if not has.isdisjoint(FLUID) else {"drive"} if "input" in described.columns else set()
     has |= {"one_axis"}
+    has |= set() if any("added_inertia" in own for own in described.recordings.values()) else {"one_load"}
+    has |= {"inexact_stiffness"} if described.tolerances.get("stiffness") != 0.0 else set()
+    has |= {"inexact_gain"} if described.controller or described.tolerances.get("gain") != 0.0 else set()
     return frozenset(NEEDS) - has
 
 

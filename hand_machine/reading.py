@@ -48,13 +48,14 @@ def read_machine(described: MachineDescription, path: Path) -> Readings:
     notes += _gap_notes(columns["position"].time_s)
     signals, known = {"input": np.zeros(len(grid))}, np.ones(len(grid), dtype=bool)
     for name, column in columns.items():
-        good, lines = _without_faults(path, name, column.time_s, column.values)
+        shown = "pressure" if described.still else name
+        good, lines = _without_faults(path, shown, column.time_s, column.values)
         late = np.maximum(grid - described.columns[name].delay_s, grid[0])
         if column.held:
             signals[name] = _in_force(late, column.time_s[good], column.values[good])
             notes += lines
             continue
-        good, held, more = _without_repeats(name, column.values, good)
+        good, held, more = _without_repeats(shown, column.values, good)
         at, longest_s = _snapped(late, column.time_s[good]), held * _max_gap_s(column.time_s)
         signals[name], read = bridge(interpolate(at, column.time_s[good], column.values[good], longest_s))
         notes += lines + more

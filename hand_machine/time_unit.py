@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hand_machine.description import Column
+from hand_machine.column_description import Column
 from hand_model.arrays import Array
 from hand_recording.recording_files import RecordingError
 

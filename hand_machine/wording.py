@@ -6,7 +6,7 @@ import math
 
 from hand_model.quantities import UnitMap, Wording
 
-AXIS = "axis"
+AXIS, VOLUME = "axis", "volume"
 INPUT = "input"
 """The unit of the input is that of the file's column times its scale; reports call it by this name."""
 
@@ -38,6 +38,16 @@ def wording_of(linear: bool, *, per_torque: float, per_angle: float, per_input: 
         positive="moving forward",
         negative="moving back",
         words={"angle": position, "pressure": INPUT, "torque": force, "flexion": "forward motion", "joint": AXIS},
+    )
+
+
+def wording_of_volume() -> Wording:
+    """The wording of a closed volume, whose pressure is in Pa."""
+    return Wording(
+        axis=VOLUME,
+        whole="the machine",
+        excitable=False,
+        words={"angle": "position", "pressure": "pressure", "torque": "force", "flexion": "motion", "joint": VOLUME},
     )
 
 

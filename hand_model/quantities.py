@@ -22,7 +22,7 @@ class Dimension(NamedTuple):
     time: int = 0
 
 
-SHOWN_ANGLE, INERTIA, FORCE, HOUR = "deg", "kg_m2", "n", "per_h"
+SHOWN_ANGLE, INERTIA, FORCE, HOUR, HERTZ = "deg", "kg_m2", "n", "per_h", "hz"
 """Endings of keys whose unit is not composed of the base units."""
 ENDINGS: dict[str, Dimension] = {
     "nm_per_pa_rad2": Dimension(1, -2, -1),
@@ -105,6 +105,7 @@ class UnitMap:
             INERTIA: (self.suffixes[4], self.per_torque / self.per_angle, self.inertia),
             FORCE: (FORCE, 1.0, "N"),
             HOUR: (HOUR, 1.0, "1/h"),
+            HERTZ: (HERTZ, 1.0, "Hz"),
         }
 
     def _composed(self, dimension: Dimension) -> tuple[str, float, str]:

@@ -42,6 +42,7 @@ class Signals:
     force_n: NaN where there is no sensor.  known: False where a reading was bridged.  has_*: (J,) whether the signal
     was recorded at all.  notes: findings of the data check.  dropped: share of frames that are missing, 0 ... 1.
     driven: the motion was imposed from outside, and force_n is the machine's reaction.
+    still: nothing moves, and the pressure is all that is measured.
     machine: the signals are those of another machine than a hand, to which the ranges of a hand do not apply.
     pressure_late_s: time from the reading of the angles of a sample to that of its pressures, by their stamps.
     between_pa: (parts (T - 1) + 1, J) set-points in force, `parts` evenly over each sample; None where they change at
@@ -67,6 +68,7 @@ class Signals:
     dropped: float = 0.0
     driven: bool = False
     machine: bool = False
+    still: bool = False
     pressure_late_s: float = 0.0
     between_pa: Array | None = None
     jitter_s: float = 0.0

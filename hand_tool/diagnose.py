@@ -310,6 +310,8 @@ def summary_lines(content: dict[str, Any], out: Path, *, ask: bool) -> list[str]
     proposed += [finding["tie"] for finding in content["findings"] if finding["tie"] not in (None, following)]
     for each in proposed[:PROPOSED]:
         last.append(f"record next: {each['name']} - {each['why']}" if "name" in each else f"tie: {each['why']}")
+        if "how" in each:
+            last.append(f"  {each['how']}")
         if ask and "command" in each:
             last.append(f"  {each['command']}")
     if content["not_judged"]:

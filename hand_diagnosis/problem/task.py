@@ -30,7 +30,7 @@ from hand_identification.map_fit import MapFit, correlation_s, map_fit
 from hand_identification.settings import FITS
 from hand_model.arrays import Array
 from hand_model.effects import CATALOGUE, EFFECTS
-from hand_model.effects.effect import INFLOW, NEIGHBOUR, OTHER_MACHINES, PARTNER, Effect
+from hand_model.effects.effect import AT_REST, INFLOW, MOTION, NEIGHBOUR, OTHER_MACHINES, PARTNER, Effect
 from hand_model.joint_model import JointModel
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_recording.signals import Signals, derivatives
@@ -51,6 +51,8 @@ def effects_without(names: Sequence[str], model: JointModel) -> list[Effect]:
 
 def _is_possible(effect: Effect, model: JointModel) -> bool:
     """Whether a machine has what an effect needs, and the effect changes no number that is exact."""
+    if MOTION in model.lacks and effect.place not in AT_REST:
+        return False
     exact = {key for key, tolerance in model.tolerances.items() if tolerance == 0.0}
     return model.lacks.isdisjoint(effect.needs) and exact.isdisjoint(effect.keys)
 
@@ -83,6 +85,8 @@ def _is_excited(recording: Signals, joint: str) -> bool:
     if joint not in recording.joints:
         return False
     column = recording.joints.index(joint)
+    if recording.still:
+        return True
     travel = np.ptp(recording.angle_rad[:, column])
     pressed = np.ptp(recording.pressure_pa[:, column]) > SETTINGS.min_excited_pressure_pa or recording.driven
     return bool(

@@ -19,6 +19,7 @@ Equations are pure functions of scalars. They know neither rows nor lanes; kerne
     pressure_true         q, reading                             p [Pa]; the inverse of pressure_reading
     actuator_pressure     q, [m,] p, h                           p at the actuator [Pa]; with memory (p, m)
     torque                q, [m,] phi, omega, p, creep_angle, e  torque added [N m], -d torque / d phi [N m/rad]
+    torque_damping        the same                               damping that is part of that torque [N m s/rad]
     damping               q, omega                               damping added [N m s/rad]
     dry                   q, [m,] omega, p                       magnitude of dry friction added [N m]
     moved                 q, m, before, after, h                 m after a motion between two angles [rad]
@@ -100,8 +101,15 @@ NEEDS: dict[str, str] = {
     "one_axis": "a machine of one axis other than a hand",
     "drive": "a drive without a fluid, whose input is a command",
     "motor": "an electric motor or a gear",
+    "one_load": "recordings with one load",
+    "inexact_stiffness": "a stiffness that is not known exactly",
+    "inexact_gain": "a gain that is not known exactly, or a controller",
 }
 """What an effect may need of a machine. A hand has all of it but OTHER_MACHINES."""
+MOTION = "motion"
+"""What all effects need but those of AT_REST: a machine may lack it."""
+AT_REST = frozenset(("supply", "valve", "fluid", "pressure_sensor", "timing"))
+"""Places whose effects act on the pressure of a volume that does not move."""
 OTHER_MACHINES = frozenset(("one_axis", "drive", "motor"))
 HOOKS: dict[str, tuple[str, ...]] = {
     "prepare": ("h",),
@@ -113,6 +121,7 @@ HOOKS: dict[str, tuple[str, ...]] = {
     "pressure_true": ("reading",),
     "actuator_pressure": ("p", "h"),
     "torque": ("phi", "omega", "p", "creep_angle", "e"),
+    "torque_damping": ("phi", "omega", "p", "creep_angle", "e"),
     "damping": ("omega",),
     "dry": ("omega", "p"),
     "moved": ("before", "after", "h"),
@@ -145,7 +154,8 @@ class Effect:
     """One entry of the catalogue.
 
     name: that of its file, and the group of its parameters.  place: one of PLACES.
-    parameters: its own, whose order is that of their rows.  reads: keys of the plain plant that its equations use.
+    parameters: its own, whose order is that of their rows.  reads: keys of the plain plant, or of other effects, that
+    its equations use.
     prepared: names of the constants that the hook `prepare` returns.
     memory: names, or names with what each starts at (STARTS); 0 where nothing is given.
     law_memory: names of memory that only law coefficients multiply; loops without laws leave it out.
@@ -234,9 +244,6 @@ class Effect:
                     f"effect {self.name}: neutral value of '{parameter.key}' is {parameter.neutral};"
                     f" the allowed range is {allowed}"
                 )
-        for key in self.reads:
-            if key not in PLANT_ROW:
-                raise self._error("reads", key, PLANT_ROW)
         for memory, start in self.starts.items():
             if start not in STARTS:
                 raise self._error(f"start of memory '{memory}'", str(start), map(str, STARTS))
@@ -296,7 +303,11 @@ def hook_arguments(hook: str, remembers: bool) -> tuple[str, ...]:
 
 
 def assemble(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """The catalogue of effects. Raises ValueError for a name or a parameter key that is used twice."""
+    """The catalogue of effects.
+
+    Raises ValueError for a name or a parameter key that is used twice, and for a key that an effect reads and no
+    parameter has.
+    """
     catalogue = tuple(effects)
     names = [effect.name for effect in catalogue]
     keys = [parameter.key for effect in catalogue for parameter in effect.parameters]
@@ -304,4 +315,8 @@ def assemble(effects: Iterable[Effect]) -> tuple[Effect, ...]:
         twice = sorted({value for value in values if values.count(value) > 1})
         if twice:
             raise ValueError(f"the catalogue of effects has the {what} '{twice[0]}' more than once")
+    for effect in catalogue:
+        for key in effect.reads:
+            if key not in (*PLANT_ROW, *keys):
+                raise ValueError(f"effect {effect.name}: reads is '{key}', which is no parameter")
     return catalogue

@@ -118,6 +118,18 @@ def direction(omega):  # type: ignore[no-untyped-def]
 
 
 @inline
+def drive_torque(phi, omega, p, numbers):  # type: ignore[no-untyped-def]
+    """Torque [N m] that a drive is asked for at the input p [Pa], and its slope over the angle [N m/rad].
+
+    numbers: scale of the drive [-], its torque per input and the change of that with the angle [N m/Pa, N m/(Pa rad)],
+    stiffness [N m/rad] and damping [N m s/rad] of a controller, 0 where the input is a torque.
+    """
+    scale, per_pa, per_pa_rad, stiffness, damper = numbers
+    asked = scale * ((per_pa + per_pa_rad * phi) * p - stiffness * phi - damper * omega)
+    return asked, scale * (per_pa_rad * p - stiffness)
+
+
+@inline
 def loop_growth(z, toward, sharp):  # type: ignore[no-untyped-def]
     """Growth of a loop state z (-1 ... 1) per motion over its scale, dz/dx = scale^-1 loop_growth.
 

@@ -58,6 +58,8 @@ class Hooks(NamedTuple):
     """(w, i, p, h) -> p [Pa]; changes memory."""
     torque: Any
     """(w, i, phi, omega, p, creep_angle, e) -> torque [N m], stiffness [N m/rad]."""
+    torque_damping: Any
+    """(w, i, phi, omega, p, creep_angle, e) -> damping [N m s/rad] that is part of the torque."""
     damping: Any
     """(w, i, omega) -> damping [N m s/rad]."""
     dry: Any
@@ -96,6 +98,7 @@ _SIGNAL = {
 _DERIVED = {"valve_replaced": "valve", "set_point_trial": "set_point"}
 """Composed functions that are no hooks of an effect, and the hook that they follow from."""
 _SENSORS = {"angle_sensor": "angle_reading", "force_sensor": "force_reading"}
+_SUMS = ("pressure_source", "torque", "torque_damping", "damping", "dry")
 _REMEMBERS = ("set_point", "actuator_pressure", "valve")
 """Hooks that return a value and, where the effect has memory, the new memory."""
 
@@ -210,7 +213,7 @@ def _valve_bodies(writer: _Writer, effects: tuple[Effect, ...]) -> tuple[list[st
 
 def _bodies(writer: _Writer, effects: tuple[Effect, ...]) -> dict[str, list[str]]:
     bodies = {hook: _signal_body(writer, hook, effects) for hook in _SIGNAL}
-    bodies |= {hook: _sum_body(writer, hook, effects) for hook in ("pressure_source", "torque", "damping", "dry")}
+    bodies |= {hook: _sum_body(writer, hook, effects) for hook in _SUMS}
     bodies |= {hook: _sensor_body(writer, hook, effects) for hook in _SENSORS}
     bodies["set_point_trial"] = _signal_body(writer, "set_point", effects, keeps=False)
     bodies["moved"] = _memory_body(writer, "moved", effects)
@@ -272,7 +275,7 @@ def _never(w, i):  # type: ignore[no-untyped-def]
 
 
 _UNUSED = {"torque": _two_zeros, "valve_replaced": _never}
-_UNUSED |= dict.fromkeys(("pressure_source", "damping", "dry"), _zero)
+_UNUSED |= dict.fromkeys(("pressure_source", "torque_damping", "damping", "dry"), _zero)
 _UNUSED |= dict.fromkeys(("prepare", "moved", "angle_sensor", "force_sensor"), _nothing)
 
 

@@ -102,6 +102,7 @@ def terms(hooks: Hooks) -> Terms:
     """The equations with the hooks of a set of effects (hooks.compose)."""
     hook_error, hook_limit, hook_torque, hook_damping = hooks.valve_error, hooks.flow_limit, hooks.torque, hooks.damping
     bends, chokes, pushes, damps = (hooks.uses(hook) for hook in ("valve_error", "flow_limit", "torque", "damping"))
+    hook_slows, slows = hooks.torque_damping, hooks.uses("torque_damping")
 
     @inline
     def valve_limits(w, i, p, u, middle):  # type: ignore[no-untyped-def]
@@ -140,6 +141,10 @@ def terms(hooks: Hooks) -> Terms:
             added, added_stiffness = hook_torque(w, i, phi, speed, p, creep * w[_PHI_MAX, i], e)
             total += added - added_stiffness * (ahead - phi)
             stiffness += added_stiffness
+        if slows:  # that torque is of the predicted speed, and damping acts from the speed at the start
+            slowing = hook_slows(w, i, phi, speed, p, creep * w[_PHI_MAX, i], e)
+            total += slowing * (speed - omega)
+            viscous += slowing
         return total, max(stiffness, 0.0), viscous, stop_damping
 
     @inline

@@ -9,7 +9,7 @@ supply_droop valve_lag valve_delay valve_deadband valve_flow_limit valve_hystere
 hysteresis stiffening ageing thermal_drift coulomb_friction viscous_friction backlash end_stop gravity added_inertia
 joint_coupling contact constant_load angle_offset angle_gain hall_misalignment angle_lag pressure_offset pressure_gain
 fsr_drift fsr_hysteresis fsr_gain clock_offset dropped_frames unnamed_pressure unnamed_torque
-directional_friction cogging drive_saturation drive_lag command_delay
+directional_friction cogging drive_saturation drive_lag command_delay gear_friction spring drive_gain drive_elasticity
 """
 
 

@@ -25,6 +25,7 @@ INERTIA, DAMPING, STIFFNESS = 0.02, 0.3, 4.0
 TRIED = {
     *("coulomb_friction", "viscous_friction", "directional_friction", "constant_load", "stiffening", "gravity"),
     *("drive_lag", "drive_saturation", "command_delay", "cogging", "added_inertia"),
+    *("gear_friction", "spring", "drive_gain", "drive_elasticity"),
 }
 OTHERS = [effect.name for effect in CATALOGUE if effect.name not in TRIED]
 NOISE_RAD = 2e-4
@@ -52,6 +53,7 @@ PLANTS: dict[str, Drive] = {
     "command_delay": lambda now, before, x, v: (before, 0.0),
     "drive_lag": lambda now, before, x, v: (now, 0.0),
     "drive_saturation": lambda now, before, x, v: (min(max(now, -1.1), 1.1), 0.0),
+    "speed": lambda now, before, x, v: (min(max(now, -1.6 - 0.45 * min(v, 0.0)), 1.6 - 0.45 * max(v, 0.0)), 0.0),
     "position": lambda now, before, x, v: (min(max(30.0 * (0.4 * now - x) - v, -4.0), 4.0), 0.0),
     "cogging": lambda now, before, x, v: (now, 0.15 * float(np.sin(2.0 * np.pi * x / np.radians(6.0) + 0.7))),
     "directional_friction": friction,
@@ -93,6 +95,7 @@ def diagnosed(axis: Machine) -> Diagnosis:
         ("command_delay", "command_delay", {"dead_time_s": (0.03, 0.001)}),
         ("drive_lag", "drive_lag", {"time_constant_s": (0.06, 0.003)}),
         ("drive_saturation", "drive_saturation", {"limit_nm": (1.1, 0.02)}),
+        ("speed", "drive_saturation", {"limit_nm": (1.6, 0.05), "fall_nm_s_per_rad": (0.45, 0.04)}),
         ("position", "drive_saturation", {"limit_nm": (4.0, 0.15)}),
         (
             "cogging",

@@ -78,7 +78,7 @@ def test_each_need_offers_its_effects(tmp_path: Path) -> None:
         found = offered(model(tmp_path, 30.0, motion="rotary", has=[part]))
         assert found >= {effect.name for effect in CATALOGUE if effect.keys and effect.needs == (part,)}, part
     fluid = {"tube_lag", "leak"}
-    drive = {"drive_lag", "drive_saturation", "command_delay"}
+    drive = {"drive_lag", "drive_saturation", "command_delay", "drive_gain"}
     assert offered(model(tmp_path, 30.0)) & (fluid | drive) == drive
     assert offered(model(tmp_path, 30.0, has=["chamber"])) & (fluid | drive) == fluid
     assert "clock_offset" in offered(model(tmp_path, 30.0, has=["input_sensor"]))
@@ -89,12 +89,30 @@ def test_each_need_offers_its_effects(tmp_path: Path) -> None:
     assert offered(everything) == {effect.name for effect in CATALOGUE if effect.keys}
 
 
+def test_exact_numbers_and_loads_withhold_effects(tmp_path: Path) -> None:
+    """Fails when an exact gain or stiffness may change, or a shaft is elastic with loads on an unknown side."""
+    exact = {"value": 2.0, "exact": True}
+    names = {"spring", "drive_gain", "drive_elasticity", "gear_friction"}
+    assert offered(model(tmp_path, 30.0, has=["motor"])) >= names
+    assert names - offered(model(tmp_path, 30.0, has=["motor"], stiffness=exact)) == {"spring"}
+    assert names - offered(model(tmp_path, 30.0, has=["motor"], gain=exact)) == {"drive_gain"}
+    loads = {"run.npz": {"added_inertia": 0.1}}
+    assert names - offered(model(tmp_path, 30.0, has=["motor"], recordings=loads)) == {"drive_elasticity"}
+    assert names & offered(model(tmp_path, 30.0)) == {"spring", "drive_gain"}
+    keys = {key: value for key, value in SLIDE.items() if key != "gain"} | {"controller": {"stiffness": 3.0}}
+    (tmp_path / "servo.yaml").write_text(json.dumps(keys | {"columns": COLUMNS}), encoding="utf-8")
+    assert "drive_gain" in offered(load_machine(tmp_path / "servo.yaml", [tmp_path / "run.npz"]).model)
+    with np.load(tmp_path / "run.npz") as run:
+        np.savez(tmp_path / "run.npz", **{**run, "u": 0.0 * run["u"]})  # released, by no drive
+    assert "drive_gain" not in offered(load_machine(tmp_path / "servo.yaml", [tmp_path / "run.npz"]).model)
+
+
 def test_a_hand_has_every_effect() -> None:
     """Fails when an effect of the hand is no longer offered, one of other machines is, or nothing can state a need."""
     hand = load_hand(default_model())
     own = {name for name, e in EFFECTS.items() if e.keys and OTHER_MACHINES.isdisjoint(e.needs)}
     assert {effect.name for effect in effects_without([], hand)} == own
-    assert len(own) == len([e for e in CATALOGUE if e.keys]) - 5
+    assert len(own) == len([e for e in CATALOGUE if e.keys]) - 9
     assert effects_not_offered(hand) == []
     assert {need for effect in CATALOGUE for need in effect.needs} == set(NEEDS)
 

@@ -83,7 +83,7 @@ def test_neutral_hooks_are_identities_in_compiled_code(chosen: tuple[Effect, ...
         composed.force_sensor(w, LANE, s["force"], H)
         got = {hook: getattr(composed, hook)(w, LANE, *(s[name] for name in HOOKS[hook])) for hook in _RETURNING}
         assert got["torque"] == (0.0, 0.0)
-        assert got["pressure_source"] == got["damping"] == got["dry"] == 0.0
+        assert got["pressure_source"] == got["torque_damping"] == got["damping"] == got["dry"] == 0.0
         for hook, signal in _RETURNING.items():
             if signal and hook != "angle_reading":
                 assert got[hook] == s[signal], hook
@@ -100,6 +100,7 @@ _RETURNING = {
     "pressure_true": "reading",
     "actuator_pressure": "p",
     "torque": "",
+    "torque_damping": "",
     "damping": "",
     "dry": "",
     "angle_reading": "phi",
@@ -138,7 +139,9 @@ def test_composed_hooks_bind_the_rows_of_an_effect(name: str, hooks: Hooks) -> N
     for hook in effect.hooks:
         if hook == "prepare":
             continue
-        if hook == "angle_reading" and not effect.memory:  # passes the neutral filters of other effects
+        if (
+            hook == "angle_reading" and "angle_sensor" not in effect.hooks
+        ):  # passes the neutral filters of other effects
             hooks.angle_sensor(w, LANE, s["phi"], H)
         before = w.copy()
         state = tuple(w[memory, LANE].tolist())
@@ -291,7 +294,6 @@ WRONG: tuple[tuple[dict[str, Any], str], ...] = (
     ({"parameters": (Parameter("leak.rate", 0.0, 1.0, "", 1.0, 0.0),)}, "must be in the group 'spring'"),
     ({"parameters": (Parameter("spring.x", 0.0, 1.0, "", 1.0, 2.0),)}, "neutral value of 'spring.x' is 2.0; .* 0 to 1"),
     ({"parameters": (Parameter("spring.x", 0.0, 1.0, ""),)}, "neutral value of 'spring.x' is None"),
-    ({"reads": ("statics.a9",)}, "reads is 'statics.a9'; it must be one of valve.dead_time_s"),
     ({"memory": {"loop": "speed"}}, "start of memory 'loop' is 'speed'; it must be one of 0.0, angle, pressure"),
     ({"keys": ("spring.damping",)}, "key is 'spring.damping'"),
     ({"spread": {"spring.x": 1.0}}, "key of spread is 'spring.x'"),
@@ -327,3 +329,11 @@ def test_a_declaration_is_by_keywords_and_a_name_is_used_once() -> None:
     twice = good().parameters * 2
     with pytest.raises(ValueError, match=r"the parameter 'spring.stiffness_nm_per_rad' more than once"):
         assemble([good(parameters=twice)])
+
+
+def test_an_effect_reads_numbers_of_the_plant_and_of_other_effects_only() -> None:
+    """Fails when a key that no parameter has may be read, or that of another effect may not."""
+    with pytest.raises(ValueError, match=r"effect spring: reads is 'statics.a9', which is no parameter"):
+        assemble([good(reads=("statics.a9",))])
+    other = replace(good(), name="other", parameters=(), hooks={}, keys=(), probes=(), says="nothing")
+    assemble([good(), replace(other, reads=("spring.stiffness_nm_per_rad", "statics.a0_nm"))])

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from numba import config
 from pytest import approx
+from scipy.integrate import solve_ivp
 
 from hand_model.arrays import Array
 from hand_model.effects import CATALOGUE, EFFECTS
@@ -52,11 +53,22 @@ PLAIN = {
     "material.p_min_pa": 5e4,
     "material.b1_per_pa": 1.8e-6,
     "material.extension_time_s": 25.0,
+    "dynamics.inertia_kg_m2": 4e-4,
+    "gravity.sine_nm": 0.06,
+    "gravity.cosine_nm": -0.02,
+    "spring.stiffness_nm_per_rad": 0.03,
+    "constant_load.torque_nm": 0.01,
+    "drive_gain.error": 0.0,
+    "drive_saturation.limit_nm": 1e3,
+    "drive_saturation.stiffness_nm_per_rad": 0.0,
+    "drive_saturation.damping_nm_s_per_rad": 0.0,
 }
-"""Numbers of the plain plant that equations read, SI."""
+"""Numbers of the plain plant and of other effects that equations read, SI."""
 A1, A2, A3 = -0.05, 4e-7, -1e-7
 REST = (0.0,) * EXOGENOUS
 PERIOD_S = 0.005
+ADDED = ("pressure_source", "torque", "torque_damping", "damping", "dry")
+"""Hooks whose results are added to a rate, a torque or a damping; the others pass a signal on."""
 
 
 def call(name: str, hook: str, *arguments: Any) -> Any:
@@ -69,7 +81,7 @@ def numbers(name: str, h: float = H, **values: float) -> tuple[float, ...]:
     """q of an effect: neutral values but for those given in SI by the last part of their key."""
     effect, given = EFFECTS[name], dict(values)
     own = [given.pop(parameter.key.partition(".")[2], parameter.neutral_si) for parameter in effect.parameters]
-    read = [given.pop(key.partition(".")[2], PLAIN[key]) for key in effect.reads]
+    read = [given.pop(key.replace(".", "__"), given.pop(key.partition(".")[2], PLAIN[key])) for key in effect.reads]
     assert not given, given
     constants = call(name, "prepare", (*own, *read), h) if effect.prepared else ()
     assert len(constants) == len(effect.prepared)
@@ -103,6 +115,16 @@ def assert_stiffness(name: str, q: tuple[float, ...], m: tuple[float, ...] | Non
         step = 1e-5
         slope = (torque(name, q, phi + step, m, **other)[0] - torque(name, q, phi - step, m, **other)[0]) / (2 * step)
         assert torque(name, q, phi, m, **other)[1] == approx(-slope, rel=1e-5, abs=1e-9)
+
+
+def assert_damping(name: str, q: tuple[float, ...], m: tuple[float, ...] | None = None, **other: Any) -> None:
+    """The damping is minus the slope of the torque over the speed."""
+    values: dict[str, Any] = {"p": 0.0, "creep_angle": 0.0, "e": REST} | other
+    omega, state = values.pop("omega"), () if m is None else (m,)
+    for phi in (-0.4, 0.0, 1.2):
+        below, above = (torque(name, q, phi, m, omega=omega + step, **values)[0] for step in (-1e-5, 1e-5))
+        found = call(name, "torque_damping", q, *state, phi, omega, values["p"], values["creep_angle"], values["e"])
+        assert found == approx(-(above - below) / 2e-5, rel=1e-5, abs=1e-9)
 
 
 def work(force: Array, way: Array) -> float:
@@ -737,6 +759,108 @@ def drive_saturation(_: Any) -> None:
         assert asked + added == approx(np.clip(asked, -0.1, 0.1), abs=1e-12)
         assert stiffness == approx(0.0 if abs(asked) <= 0.1 else A3 * p - 2.0)
     assert_stiffness("drive_saturation", numbers("drive_saturation", limit_nm=0.01), p=4e5)
+    q = numbers("drive_saturation", limit_nm=0.1, fall_nm_s_per_rad=0.02)
+    for omega, low, high in ((2.0, -0.1, 0.06), (-3.0, -0.04, 0.1), (9.0, -0.1, 0.0)):
+        for p in (4e5, -4e5):
+            asked = A2 * p
+            assert asked + torque("drive_saturation", q, 0.0, omega=omega, p=p)[0] == approx(np.clip(asked, low, high))
+            assert_damping("drive_saturation", q, omega=omega, p=p)
+
+
+def drive_gain(_: Any) -> None:
+    """Broken by another share of what input and controller ask for, or one that is not limited with it."""
+    scale = {"drive_saturation__stiffness_nm_per_rad": 2.0, "drive_saturation__damping_nm_s_per_rad": 0.05}
+    q = numbers("drive_gain", error=0.3, **scale)
+    asked = (A2 + A3 * 0.4) * 2e5 - 2.0 * 0.4 - 0.05 * 3.0
+    assert torque("drive_gain", q, 0.4, omega=3.0, p=2e5)[0] == approx(0.3 * asked)
+    assert_stiffness("drive_gain", q, p=2e5)
+    limited = numbers("drive_saturation", limit_nm=0.1, drive_gain__error=0.3)
+    both = A2 * 3e5 + torque("drive_gain", numbers("drive_gain", error=0.3), 0.0, p=3e5)[0]
+    assert both + torque("drive_saturation", limited, 0.0, p=3e5)[0] == approx(0.1)
+
+
+def gear_friction(_: Any) -> None:
+    """Broken by another share of a torque, one of the wrong side, or a law that is not the Stribeck form it states."""
+    name, phi, p = "gear_friction", 0.4, 2e5
+    drive = (A2 + A3 * phi) * p
+    load = -0.06 * np.sin(phi) + 0.02 * np.cos(phi) + (A1 - 0.03) * phi - 0.01
+
+    def level(omega: float, p: float = p, **given: float) -> Any:
+        return call(name, "dry", numbers(name, **given), (phi,), omega, p)
+
+    assert level(1.0, per_drive=0.2) == approx(0.2 * drive, rel=1e-5)
+    assert level(1.0, p=-p, per_drive=0.2) == approx(0.2 * drive, rel=1e-5)
+    assert level(1.0, per_load=0.3) == approx(0.3 * abs(load), rel=1e-5)
+    assert level(1.0, per_drive=0.2, limit_nm=0.01) == approx(0.2 * 0.01)
+    controlled = {"drive_saturation__stiffness_nm_per_rad": 0.04, "drive_saturation__damping_nm_s_per_rad": 0.005}
+    asked = drive - 0.04 * phi - 0.005 * 1.0
+    assert level(1.0, per_drive=0.2, drive_gain__error=0.5, **controlled) == approx(0.2 * 1.5 * asked, rel=1e-5)
+    assert level(1.0, per_load=0.3, **controlled) == approx(0.3 * abs(load + 0.04 * phi), rel=1e-5)
+    both = {"per_drive": 0.2, "per_load": 0.3}
+    sliding = level(50.0, **both)
+    for omega in (0.0, 0.1, 0.5):
+        expected = sliding * (1.0 + 0.8 / (1.0 + (omega / 0.1) ** 2))
+        assert level(omega, **both, at_rest=0.8, stribeck_rad_per_s=0.1) == approx(expected, rel=1e-4)
+    assert (load < 0.0, level(-1.0, **both, back=0.5)) == (True, approx(1.5 * sliding))
+    assert level(1.0, **both, back=0.5) == approx(sliding)
+    assert call(name, "moved", numbers(name), (0.0,), 0.3, 0.4, H) == (approx(0.45),)
+    assert level(1.0, **both, growth=0.4) == approx(sliding * (1.0 + 0.4 * (drive + abs(load)) / 0.5), rel=1e-5)
+
+
+def spring(_: Any) -> None:
+    """Broken by a torque that is not Hooke's, or by a spring of one sign only."""
+    for stiffness in (0.2, -0.2):
+        q = numbers("spring", stiffness_nm_per_rad=stiffness)
+        assert torque("spring", q, 0.4)[0] == approx(-0.4 * stiffness)
+        assert_stiffness("spring", q)
+
+
+def swinging(gap: float, at_load: float, h: float) -> tuple[Array, Array, Array]:
+    """Readings, and angles of drive and load, of a drive that moves along a chirp, by the equations of the effect."""
+    q = numbers(
+        "drive_elasticity", h, share=0.6, frequency_hz=6.0, damping=0.1, gap_deg=gap, at_load=at_load
+    )  # fmt: skip
+    time = np.arange(0.0, 1.0, h)
+    drive = 0.3 * np.sin(2.0 * np.pi * (2.0 + 4.0 * time) * time)
+    m, loads, readings = memory(EFFECTS["drive_elasticity"], drive[0]), [drive[0]], [drive[0]]
+    for before, after in pairwise(drive):
+        m = call("drive_elasticity", "moved", q, m, before, after, h)
+        loads.append(m[0])
+        readings.append(call("drive_elasticity", "angle_reading", q, m, after))
+    return np.array(readings), drive, np.array(loads)
+
+
+def drive_elasticity(_: Any) -> None:
+    """Broken by another resonance, damping, gap or inertia, or a torque on the drive that is not that on the load."""
+    rate, h = 2.0 * np.pi * 6.0, 2e-4
+    for gap in (0.0, 0.05):
+        readings, drive, load = swinging(gap, 1.0, h)
+        np.testing.assert_allclose(readings, load, rtol=1e-12, atol=1e-15)
+        np.testing.assert_array_equal(swinging(gap, 0.0, h)[0], drive)
+
+        def rates(t: float, y: Array, gap: float = gap) -> list[float]:
+            phase = 2.0 * np.pi * (2.0 + 4.0 * t) * t
+            angle, speed = 0.3 * np.sin(phase), 0.3 * np.cos(phase) * 2.0 * np.pi * (2.0 + 8.0 * t)
+            ahead = y[0] - angle
+            wound = np.sign(ahead) * max(abs(ahead) - 0.5 * gap, 0.0)
+            loss = 2.0 * 0.1 * rate * (y[1] - speed) * (abs(ahead) >= 0.5 * gap)
+            return [y[1], -rate * rate * wound - loss]
+
+        exact = solve_ivp(rates, (0.0, 1.0), [0.0, 0.0], "LSODA", h * np.arange(len(load)), max_step=1e-3, rtol=1e-8).y
+        np.testing.assert_allclose(load, exact[0], atol=2e-3 * np.ptp(exact[0]))
+    q, inertia = numbers("drive_elasticity", 1e-6, share=0.6, frequency_hz=6.0, damping=0.0), 1.5 * 4e-4
+    m = (0.1, 0.0)
+    assert torque("drive_elasticity", q, 0.06, m)[0] == approx(inertia * rate**2 * 0.04)
+    assert_stiffness("drive_elasticity", q, m)
+    q = numbers("drive_elasticity", share=0.6, frequency_hz=6.0, damping=0.2, gap_deg=0.02)
+    assert torque("drive_elasticity", q, 0.095, m) == (0.0, 0.0)
+    speed = call("drive_elasticity", "moved", q, (0.1, 0.0), 0.0, 0.0, H)[1]
+    assert speed / H == approx(-(rate**2) * 0.09, rel=0.03)
+    for m, phi, omega in (((0.1, 0.3), 0.02, 1.7), ((0.1, 0.3), 0.095, -4.0)):
+        assert_damping("drive_elasticity", q, m, omega=omega)
+        back, stiffness = torque("drive_elasticity", q, phi, m, omega=omega)
+        speed = call("drive_elasticity", "moved", q, m, phi, phi + H * omega, H)[1]
+        assert (back - stiffness * 0.5 * H * omega) * H == approx(-inertia * (speed - m[1]), rel=1e-9, abs=1e-15)
 
 
 def drive_lag(_: Any) -> None:
@@ -798,7 +922,7 @@ def outputs(effect: Effect, q: tuple[float, ...], seed: int, steps: int = 60) ->
             if effect.memory and hook in ("set_point", "actuator_pressure"):
                 out, m = out
             first = hook_arguments(hook, False)[1]
-            absent = 0.0 if hook in ("pressure_source", "torque", "damping", "dry") else signals[first]
+            absent = 0.0 if hook in ADDED else signals[first]
             result[hook].append(np.ravel(out) - absent)
     return {hook: np.array(values) for hook, values in result.items() if values}
 

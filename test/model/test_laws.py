@@ -48,8 +48,16 @@ PLAIN = {
     "material.p_min_pa": 5e4,
     "material.b1_per_pa": 1.8e-6,
     "material.extension_time_s": 25.0,
+    "gravity.sine_nm": 0.06,
+    "gravity.cosine_nm": -0.02,
+    "spring.stiffness_nm_per_rad": 0.0,
+    "constant_load.torque_nm": 0.0,
+    "drive_gain.error": 0.0,
+    "drive_saturation.limit_nm": 1e3,
+    "drive_saturation.stiffness_nm_per_rad": 0.0,
+    "drive_saturation.damping_nm_s_per_rad": 0.0,
 }
-"""Numbers of the plain plant that equations read, SI."""
+"""Numbers of the plain plant and of other effects that equations read, SI."""
 LEARNED = [effect for effect in CATALOGUE if effect.coefficients]
 REST = (0.0,) * EXOGENOUS
 DRAWS = 40
@@ -114,7 +122,7 @@ def test_every_effect_of_the_catalogue_states_its_class() -> None:
         assert f"| `{effect.name}` | {effect.constitution.acts_on} |" in table
         own = [own.key for own in law_parameters(effect)]
         assert set(own) <= set(effect.coefficients)
-    assert len(LEARNED) == 21
+    assert len(LEARNED) == 22
 
 
 @pytest.mark.parametrize(
@@ -285,6 +293,21 @@ def test_friction_falls_with_the_speed_and_rises_with_the_pressure() -> None:
         fall = 0.01 + 0.003 / (1.0 + 64.0) + q[8] * 0.75  # textbook part and the slowest fall, by hand
         assert level[0, 0] == approx(0.013 + sum(q[5:9]))
         assert curve(q, speed, 0.0) == approx(fall)
+
+
+def test_friction_under_load_falls_with_the_speed_and_rises_with_the_torques() -> None:
+    """Fails when friction under load is negative, rises with the speed, or falls while a torque grows."""
+    effect = EFFECTS["gear_friction"]
+    curve = effect.constitution.curve  # type: ignore[union-attr]
+    assert curve is not None
+    pressures = np.linspace(0.0, SUPPLY_PA, 12)
+    for q in drawn("gear_friction", 3, per_drive=0.1, per_load=0.2):
+        opposed, driven = (np.array([curve(q, x, y) for x in np.linspace(0.01, 6.0, 40)]) for y in (0.0, 1.0))
+        assert min(opposed.min(), driven.min()) > 0.0
+        assert max(np.diff(opposed).max(), np.diff(driven).max()) <= 1e-15
+        assert driven == approx(opposed * (1.0 + q[4]))
+        for omega in (-2.0, 2.0):
+            assert np.diff([call(effect, "dry", q, (0.4,), omega, p) for p in pressures]).min() >= 0.0
 
 
 def test_viscous_friction_rises_with_the_speed() -> None:

@@ -53,6 +53,14 @@ def test_names_end_in_their_unit() -> None:
         ".bend",
         ".skew",
         ".small",
+        ".per_drive",
+        ".per_load",
+        ".at_rest",
+        ".back",
+        ".growth",
+        ".damping",
+        "_hz",
+        ".at_load",
     )
     units += ("_per_rad",)
     for parameter in JOINT_PARAMETERS:

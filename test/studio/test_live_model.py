@@ -206,7 +206,11 @@ def test_every_effect_is_offered_or_left_out_for_its_reason() -> None:
     left = {name: reason_of(effect) for name, effect in EFFECTS.items() if name not in CHOICES}
     assert left == {
         **dict.fromkeys(
-            ("cogging", "command_delay", "directional_friction", "drive_lag", "drive_saturation"), MACHINES
+            (
+                *("cogging", "command_delay", "directional_friction", "drive_elasticity", "drive_gain", "drive_lag"),
+                *("drive_saturation", "gear_friction", "spring"),
+            ),
+            MACHINES,
         ),
         **dict.fromkeys(("hydraulic", "switching_valve"), KINDS),
         **dict.fromkeys(("unnamed_pressure", "unnamed_torque"), CURVES),

@@ -79,9 +79,9 @@ def test_a_new_effect_works_as_written(tree: Path) -> None:
         (["class"], "name is 'class'; allowed are lower case letters"),
         (["leak"], "name is 'leak'; the catalogue has this effect already"),
         (["numbers"], "name is 'numbers'; numbers.py or a function of this name in test_effects.py is there already"),
-        (["spring", "--place", "motor"], "--place is 'motor'; it must be one of supply, valve"),
-        (["spring", "--after", "nothing"], "--after is 'nothing'; it must be one of supply_droop"),
-        (["spring", "--tree", "/"], "--tree must be the source tree"),
+        (["tendon", "--place", "motor"], "--place is 'motor'; it must be one of supply, valve"),
+        (["tendon", "--after", "nothing"], "--after is 'nothing'; it must be one of supply_droop"),
+        (["tendon", "--tree", "/"], "--tree must be the source tree"),
     ],
 )
 def test_bad_input_is_one_line_and_writes_nothing(tree: Path, arguments: list[str], message: str) -> None:
@@ -100,5 +100,5 @@ def test_a_test_file_without_the_mark_is_refused(tree: Path) -> None:
     """Fails when the stub of the check is lost without a word."""
     (tree / "test" / "model" / "test_effects.py").write_text("", encoding="utf-8")
     with pytest.raises(ValueError, match="above which the check would stand"):
-        write_effect(tree, "spring", "joint")
-    assert not (tree / "hand_model" / "effects" / "spring.py").exists()
+        write_effect(tree, "tendon", "joint")
+    assert not (tree / "hand_model" / "effects" / "tendon.py").exists()
