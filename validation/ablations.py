@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from hand_diagnosis.api import diagnose, read_recording
-from hand_diagnosis.problem.evidence import log_likelihood
+from hand_diagnosis.problem import log_likelihood
 from hand_diagnosis.search import search_joint
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import JointProblem
