@@ -28,6 +28,8 @@ from validation.trial.score import LABELS, scores_of
 TOOL = [sys.executable, "-m", "hand_tool", "trial"]
 COUNT, DEVELOPMENT = {"held_back": 0.4, "mujoco": 0.15, "progpy": 0.05}, {"development": 0.2, "trial": 0.2}
 """Plants whose scores count, and those that were looked at: shares of the recordings."""
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it."""
 LEAST_CASES = 5
 """Recordings of a plant; `hand trial make` takes no fewer."""
 CASES = (5, 100_000)
@@ -133,7 +135,7 @@ def write_page(path: Path, proof: Mapping[str, Any], made: Mapping[str, str]) ->
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; exit code 0 done, 1 a trial failed, 2 bad usage or bad input."""
+    """Run the command line; exit code 0 done, 1 a trial failed, 2 bad usage or bad input, 130 interrupted."""
     parser = argparse.ArgumentParser(
         prog="python -m validation.proof",
         description="Blind trials of the diagnosis against every plant; scores into proof.json and proof.html.",
@@ -161,6 +163,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         made = provenance("make proof")
         (out / "proof.json").write_text(json.dumps({**made, "proof": proof}, indent=1) + "\n", encoding="utf-8")
         write_page(out / "proof.html", proof, made)
+    except KeyboardInterrupt:
+        done = ", ".join(plant for plant in WORDS if (out / plant / "scores.json").is_file()) or "no plant"
+        print(
+            f"python -m validation.proof: interrupted; scored so far: {done}; proof.json is not written",
+            file=sys.stderr,
+        )
+        return INTERRUPTED
     except RuntimeError as fault:
         print(f"python -m validation.proof: {fault}", file=sys.stderr)
         return 1

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from validation import proof
 from validation.ablations import SHOWN, SWITCHES, WHOLE, main, row_of, without
 from validation.proof import COUNT, DEVELOPMENT, LEAST_CASES, WORDS, shares_of, together
 from validation.proof import main as prove
@@ -83,3 +84,20 @@ def test_bad_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert prove(["--out", str(tmp_path)]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 5 and "--cases is 4" in lines[2] and "is not an empty folder" in lines[4]
+
+
+def test_an_interruption_says_what_is_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Fails when Ctrl-C ends in a traceback, or the line names a plant whose trial was not scored."""
+
+    def interrupted(plant: str, folder: Path, count: int, options: list[str]) -> None:
+        if plant != "held_back":
+            raise KeyboardInterrupt
+        folder.mkdir()
+        (folder / "scores.json").write_text("{}", encoding="utf-8")
+
+    monkeypatch.setattr(proof, "run_plant", interrupted)
+    assert prove(["--out", str(tmp_path / "proof")]) == proof.INTERRUPTED
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert "scored so far: held_back;" in last and "proof.json is not written" in last
