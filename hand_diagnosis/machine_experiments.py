@@ -20,7 +20,7 @@ from hand_model.kernel.open_loop import surroundings_of
 from hand_model.quantities import Wording
 
 ANGLE, PRESSURE = STAGES.index("angle"), STAGES.index("pressure")
-DRIVEN_BY_INPUT = (*("staircase", "slow_triangle", "steps", "multisine", "chirp", "hold", "free_decay", "reversals"),)
+DRIVEN_BY_INPUT = ("staircase", "slow_triangle", "steps", "multisine", "chirp", "hold", "free_decay", "reversals")
 MOVED_BY_RIG = ("slow_triangle", "reversals", "multisine", "chirp")
 """Motions without jumps, which a rig can impose."""
 RELEASED = ("free_decay",)
@@ -95,11 +95,16 @@ def course(problem: JointProblem, name: str) -> Array:
     return segment.angle_rad if problem.driven else segment.driving_pa
 
 
+def _levels(period_s: float, name: str) -> tuple[Array, Array]:
+    """Times (T,) [s] of an experiment, and its levels (T,) from 0 to 1."""
+    time_s = np.asarray(np.arange(round(SETTINGS.experiment_s / period_s)) * period_s, dtype=np.float64)
+    return time_s, np.clip(EXPERIMENTS[name](time_s, np.random.default_rng(0)), 0.0, 1.0)
+
+
 def _performed(problem: JointProblem, name: str) -> Segment:
     """The first recording with the signals of an experiment in place of its own."""
     first = problem.segments[0]
-    time_s = np.asarray(np.arange(round(SETTINGS.experiment_s / first.period_s)) * first.period_s, dtype=np.float64)
-    level = np.clip(EXPERIMENTS[name](time_s, np.random.default_rng(0)), 0.0, 1.0)
+    time_s, level = _levels(first.period_s, name)
     low, high = _range(problem, released=False)
     driving, angle = low + (high - low) * level, np.full_like(time_s, first.angle_rad[0])
     motion = (angle, np.zeros_like(angle), np.zeros_like(angle))
@@ -128,8 +133,7 @@ def _performed(problem: JointProblem, name: str) -> Segment:
 def _motion(problem: JointProblem, name: str) -> tuple[Array, Array, Array]:
     """Position [rad], speed and acceleration (T,) each of an imposed motion, smooth and no faster than recorded."""
     first = problem.segments[0]
-    time_s = np.asarray(np.arange(round(SETTINGS.experiment_s / first.period_s)) * first.period_s, dtype=np.float64)
-    level = np.clip(EXPERIMENTS[name](time_s, np.random.default_rng(0)), 0.0, 1.0)
+    _, level = _levels(first.period_s, name)
     half = max(1, round(SETTINGS.experiment_smoothing_s / first.period_s / 2.0))
     window = np.hanning(2 * half + 3)[1:-1]
     level = np.convolve(np.pad(level, half, mode="edge"), window / window.sum(), mode="valid")

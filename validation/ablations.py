@@ -31,7 +31,7 @@ from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit
 from validation.results import provenance
 from validation.trial.grade import Grade, grade
-from validation.trial.run import read_plan
+from validation.trial.run import TOLERANCE, read_plan, recording_of
 from validation.trial.score import scores_of
 from validation.trial.seal import unseal
 from validation.trial.workers import end_with_parent
@@ -39,8 +39,6 @@ from validation.trial.workers import end_with_parent
 COMMAND = "python -m validation.ablations FOLDER"
 WHOLE, TEXTBOOK = "nothing (all parts)", "learned laws (textbook forms only)"
 _SEARCH = "hand_diagnosis.search.joint_search"
-TOLERANCE = 0.05
-"""Relative standard deviation of the nominal numbers where a case states none, as `hand trial run` has it [-]."""
 Changes = tuple[tuple[str, str, Any], ...]
 """Modules, their attributes, and what stands there instead."""
 SHOWN = (
@@ -100,7 +98,7 @@ def without(part: str) -> Iterator[None]:
 def diagnosed(folder: str, planned: Mapping[str, Any], part: str) -> tuple[dict[str, Any], float]:
     """The content of report.json of a case of plan.json without a part, and the CPU time [s] of its diagnosis."""
     model = Path(folder) / planned["model"]
-    recording = read_recording(Path(folder) / "recordings" / f"case_{planned['number']:04d}.mcap", model)
+    recording = read_recording(recording_of(Path(folder), planned["model"], planned["number"]), model)
     left_out = [planned["without"]] if planned["without"] else []
     begun = time.process_time()
     with without(part):
@@ -121,7 +119,7 @@ def ablate(
     """Scores and CPU time [s] a recording, by part. Raises ValueError for a wrong key or a broken seal or plan."""
     cases = {case["number"]: case for case in unseal(folder, key)[0]["cases"]}
     plan, found = read_plan(folder), dict[str, dict[str, Any]]()
-    for part in parts:
+    for part in parts:  # each with new processes, so that every row pays for loading the compiled loops
         with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=end_with_parent) as pool:
             answers = list(pool.map(diagnosed, [str(folder)] * len(plan), plan, [part] * len(plan)))
         grades = [grade(cases[planned["number"]], answer) for planned, (answer, _) in zip(plan, answers, strict=True)]

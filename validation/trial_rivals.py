@@ -33,12 +33,10 @@ from validation.machines.rivals import RIVALS, Rig, error
 from validation.results import provenance
 from validation.trial.calibration import log_score
 from validation.trial.grade import FLOORS, grade
-from validation.trial.run import read_plan
+from validation.trial.run import TOLERANCE, read_plan
 from validation.trial.seal import unseal
 
 PRESSURE, ANGLE = 0, 1
-TOLERANCE = 0.05
-"""Relative standard deviation of the nominal numbers where a case states none, as `hand trial run` has it [-]."""
 TREES, SEED = 400, 0
 NOTHING = "nothing"
 COMMAND = "python -m validation.trial_rivals FOLDER --train FOLDER"

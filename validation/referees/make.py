@@ -101,8 +101,13 @@ def make(
         (case, [next(turns) for _ in range(3)], int(rng.integers(len(kinds))), str(model), str(out)) for case in cases
     ]
     made = all_made(make_case, work, jobs, progress)
-    (out / "plan.json").write_text(json.dumps(plan_of(made), indent=1), encoding="utf-8")
-    return seal({"seed": seed, "tool": tool, "cases": [asdict(case) for case in made]}, out, key)
+    return planned_and_sealed(made, seed, tool, out, key)
+
+
+def planned_and_sealed(cases: Sequence[Case], seed: int, tool: dict[str, Any] | None, out: Path, key: bytes) -> str:
+    """Write plan.json and the sealed truth of recorded cases into a folder; returns the commitment."""
+    (out / "plan.json").write_text(json.dumps(plan_of(cases), indent=1), encoding="utf-8")
+    return seal({"seed": seed, "tool": tool, "cases": [asdict(case) for case in cases]}, out, key)
 
 
 def kinds_in_order(shares: dict[str, float], count: int, rng: Rng) -> list[str]:

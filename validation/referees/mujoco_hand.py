@@ -15,7 +15,6 @@ Source: Todorov, Erez, Tassa 2012; MuJoCo's documentation, "Computation".
 
 from __future__ import annotations
 
-import json
 import math
 import subprocess
 import sys
@@ -28,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from validation.referees.conditions import Conditions, draw
-from validation.referees.make import COMMAND_FRAMES, USUAL, Case, kinds_in_order, plan_of, write_recording
+from validation.referees.make import COMMAND_FRAMES, USUAL, Case, kinds_in_order, planned_and_sealed, write_recording
 from validation.referees.plant import FRAME_S
 from validation.referees.shapes import Rng
 from validation.trial.arrays import Array
@@ -36,7 +35,6 @@ from validation.trial.make import all_made
 from validation.trial.motions import EXPERIMENTS, set_points
 from validation.trial.nominal import UNCERTAIN, Nominal
 from validation.trial.plant import ROW
-from validation.trial.seal import seal
 
 STEP_S = 0.0005
 KINDS = {"single": 0.6, "null": 0.2, "several": 0.2}
@@ -412,5 +410,4 @@ def make(
         for k, kind in enumerate(kinds_in_order(KINDS, count, rng))
     ]
     made = all_made(make_case, [(case, str(model), str(out)) for case in cases], jobs, progress)
-    (out / "plan.json").write_text(json.dumps(plan_of(made), indent=1), encoding="utf-8")
-    return seal({"seed": seed, "tool": tool, "cases": [asdict(case) for case in made]}, out, key)
+    return planned_and_sealed(made, seed, tool, out, key)

@@ -10,7 +10,6 @@ Source: Daigle and Goebel, Int. J. Prognostics and Health Management 2(2), 2011;
 
 from __future__ import annotations
 
-import json
 import warnings
 from collections.abc import Callable
 from dataclasses import asdict
@@ -20,11 +19,10 @@ from typing import Any
 import numpy as np
 
 from validation.referees.conditions import Conditions
-from validation.referees.make import Case, kinds_in_order, plan_of
+from validation.referees.make import Case, kinds_in_order, planned_and_sealed
 from validation.referees.shapes import Rng
 from validation.trial.arrays import Array
 from validation.trial.make import all_made
-from validation.trial.seal import seal
 
 KINDS = {"single": 0.75, "null": 0.25}
 STEP_S, FRAME_STEPS = 0.00025, 40
@@ -146,5 +144,4 @@ def make(
         for k, kind in enumerate(kinds_in_order(KINDS, count, rng))
     ]
     made = all_made(make_case, [(case, str(out)) for case in cases], jobs, progress)
-    (out / "plan.json").write_text(json.dumps(plan_of(made), indent=1), encoding="utf-8")
-    return seal({"seed": seed, "tool": tool, "cases": [asdict(case) for case in made]}, out, key)
+    return planned_and_sealed(made, seed, tool, out, key)
