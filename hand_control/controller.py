@@ -374,12 +374,10 @@ class Controller:
                 self._react(found, measured, times.host_ns)
         elif self.safety.phase is Phase.ARMING:
             self._first_measurement(measured, times.host_ns, elapsed_s)
-        timeout_s = self.settings.command_timeout_s
-        if timeout_s > 0.0 or self.safety.phase is Phase.ARMING:  # nothing else is too old: a frame has just come
-            self.safety.check(times.host_ns, timeout_s)
+        self.safety.check(times.host_ns, self.settings.command_timeout_s)
         if self.safety.phase is not Phase.ACTIVE:
             return self._vented(times.stamp_ns, position, pressure, step_s)
-        if timeout_s > 0.0 and self.safety.command_held(times.host_ns, timeout_s):
+        if self.safety.command_held(times.host_ns, self.settings.command_timeout_s):
             self.stop_grasp("no command for too long")
             self.goals.end("no command for too long")
             self._references.hold(self._shaper.r, ~self._none)
