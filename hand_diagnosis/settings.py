@@ -78,6 +78,15 @@ class Settings(LawSettings):
         0.5, "-", "Share of the diagnosed joints that must show an effect of the whole hand.", CHOICE,
         "An effect of few joints is put on the hand.", "Not possible above 1.")
 
+    max_causes: int = setting(
+        2, "-", "Most causes of the whole hand.", CHOICE, "Several together are missed.", "Slower.")
+    cause_starts: int = setting(
+        3, "-", "Probes of a cause of the whole hand from which all joints are fitted at once.", CHOICE,
+        "A cause may be missed.", "Slower.")
+    cause_iterations: tuple[int, int] = setting(
+        (4, 15), "-", "Iterations of these fits: from each start, and of the best ones.", CHOICE,
+        "Fits may end early.", "Slower.")
+
     # Test data
     test_share: float = setting(
         0.2, "-", "Last part of each recording that is test data.", CHOICE,

@@ -71,11 +71,16 @@ class FreeParameter:
         value = min(max(value, self.low), self.high)
         if self.log:
             return math.log(max(value, 1e-300) / self.centre) / self.scale
-        return (value - self.centre) / self.scale
+        return (value - self.centre) / self.scale if value != self.centre else 0.0
 
     def deviation(self, value: float, of_coordinate: float) -> float:
         """Standard deviation of the value [SI] where that of the coordinate is `of_coordinate` (to first order)."""
         return (abs(value) if self.log else 1.0) * self.scale * of_coordinate
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether only one value is allowed."""
+        return self.low == self.high
 
     @property
     def key(self) -> str:
@@ -83,6 +88,11 @@ class FreeParameter:
         if self.row >= START_CREEP:
             return "start.creep" if self.row == START_CREEP else "start.speed"
         return JOINT_PARAMETERS[self.row].key
+
+
+def fixed(parameter: FreeParameter, value: float, error: float = 0.0) -> FreeParameter:
+    """The parameter at a value [SI] that a fit keeps; error: its standard deviation [SI], which the report states."""
+    return FreeParameter(parameter.row, value, error, False, value, value)
 
 
 def nominal_free_parameters(

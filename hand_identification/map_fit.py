@@ -57,7 +57,7 @@ class MapFit:
         return {
             parameter.key: parameter.deviation(float(columns[parameter.row]), float(deviation))
             for parameter, deviation in zip(self.free, deviations, strict=True)
-            if parameter.row < START_CREEP
+            if parameter.row < START_CREEP and not parameter.is_fixed
         }
 
 
@@ -75,11 +75,11 @@ def map_fit(
     difference: step of the finite differences, in prior standard deviations; a wide one sees past the small steps that
     sticking and stops make in the cost.
     """
-    bounds = _bounds(free)
-    here = _usable(problem, free, np.clip(start, *bounds))
+    bounds = bounds_of(free)
+    here = usable_point(problem, free, np.clip(start, *bounds))
     for done in range(1, iterations + 1):
-        sensitivity = _slopes(problem, free, here, bounds[1], difference)
-        normal, slope = _normal_equations(problem, here.residuals, sensitivity)
+        sensitivity = residual_slopes(problem, free, here, bounds[1], difference)
+        normal, slope = normal_equations(problem, here.residuals, sensitivity)
         if done == iterations:
             break
         trials = _trial_steps(here.z, normal, slope, bounds)
@@ -87,7 +87,7 @@ def map_fit(
         best = int(np.argmin(costs))
         if not costs[best] < here.cost - max(tolerance, FITS.relative_tolerance * here.cost):
             break
-        here = _Point(trials[best], float(costs[best]), squares[best], [r[best].copy() for r in residuals])
+        here = Point(trials[best], float(costs[best]), squares[best], [r[best].copy() for r in residuals])
     return MapFit(
         free=tuple(free),
         z=here.z,
@@ -100,8 +100,14 @@ def map_fit(
     )
 
 
+def point_at(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> Point:
+    """The point of coordinates (free,)."""
+    costs, squares, residuals = _simulated(problem, free, z[None])
+    return Point(z, float(costs[0]), squares[0], [r[0] for r in residuals])
+
+
 @dataclass(frozen=True, slots=True)
-class _Point:
+class Point:
     """Coordinates z (free,), their cost, squares (OUTPUTS, blocks) and residuals (OUTPUTS, T) by segment."""
 
     z: Array
@@ -110,13 +116,13 @@ class _Point:
     residuals: list[Array]
 
 
-def _usable(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> _Point:
+def usable_point(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> Point:
     """The start, or the farthest tried point towards it from the prior's mode whose simulation is finite."""
     for share in FITS.fallback_shares:
-        costs, squares, residuals = _simulated(problem, free, (share * z)[None])
-        if np.isfinite(costs[0]):
+        point = point_at(problem, free, share * z)
+        if np.isfinite(point.cost):
             break
-    return _Point(share * z, float(costs[0]), squares[0], [r[0] for r in residuals])
+    return point
 
 
 def multi_start(
@@ -132,7 +138,8 @@ def multi_start(
     return min(ended, key=lambda fit: fit.cost)
 
 
-def _bounds(free: Sequence[FreeParameter]) -> tuple[Array, Array]:
+def bounds_of(free: Sequence[FreeParameter]) -> tuple[Array, Array]:
+    """Least and largest coordinates (free,) each."""
     most = FITS.max_coordinate
     low = np.array([max(p.coordinate(p.low), -most) if _reachable(p, p.low) else -most for p in free])
     high = np.array([min(p.coordinate(p.high), most) for p in free])
@@ -143,8 +150,8 @@ def _reachable(parameter: FreeParameter, value: float) -> bool:
     return not parameter.log or value > 0.0
 
 
-def _slopes(
-    problem: JointProblem, free: Sequence[FreeParameter], here: _Point, high: Array, difference: float
+def residual_slopes(
+    problem: JointProblem, free: Sequence[FreeParameter], here: Point, high: Array, difference: float
 ) -> list[Array]:
     """Slopes of the residuals (free, OUTPUTS, T) by segment, from forward differences."""
     steps = np.where(here.z + difference > high, -difference, difference)
@@ -155,9 +162,13 @@ def _slopes(
     return sensitivity
 
 
-def _normal_equations(
+def normal_equations(
     problem: JointProblem, residuals: Sequence[Array], sensitivity: Sequence[Array]
 ) -> tuple[Array, Array]:
+    """J' W J (free, free) and J' W r (free,) of the training data, without priors.
+
+    residuals: (OUTPUTS, T) by segment.  sensitivity: their slopes (free, OUTPUTS, T) by segment.
+    """
     train = (~problem.validation).astype(float)
     count = len(sensitivity[0])
     normal, slope = np.zeros((count, count)), np.zeros(count)
@@ -178,11 +189,11 @@ def _trial_steps(z: Array, normal: Array, slope: Array, bounds: tuple[Array, Arr
     trials = []
     for damping, longest in FITS.trials:
         low, high = np.maximum(bounds[0] - z, -longest), np.minimum(bounds[1] - z, longest)
-        trials.append(z + _bounded_step(hessian + damping * scale, gradient, low, high))
+        trials.append(z + bounded_step(hessian + damping * scale, gradient, low, high))
     return np.array(trials)
 
 
-def _bounded_step(hessian: Array, gradient: Array, low: Array, high: Array) -> Array:
+def bounded_step(hessian: Array, gradient: Array, low: Array, high: Array) -> Array:
     """The step (free,) to the minimum of the quadratic model within a box; few coordinates are at its sides.
 
     Coordinates that would leave the box stay at its side until the slope there points back into it (active set method,

@@ -62,11 +62,12 @@ def _as_given(_: Any, done: Sequence[Any]) -> list[Any]:
 
 
 SWITCHES: Mapping[str, Changes] = {
-    TEXTBOOK: (("hand_diagnosis.diagnosis", "search_joint", _textbook),),
+    TEXTBOOK: (("hand_diagnosis.diagnosis.joint", "search_joint", _textbook),),
     "further effects on a joint": ((_SEARCH, "SETTINGS", replace(SETTINGS, max_effects=1)),),
     "fits over the whole hand and its pairs": (
-        ("hand_diagnosis.diagnosis", "_without_unshared", _as_given),
-        ("hand_diagnosis.diagnosis", "_beside_models", _as_given),
+        ("hand_diagnosis.diagnosis.hand", "without_unshared", _as_given),
+        ("hand_diagnosis.diagnosis.hand", "beside_models", _as_given),
+        ("hand_diagnosis.diagnosis.hand", "with_causes", _as_given),
     ),
     "Occam's factor (likelihood only)": (
         (_SEARCH, "log_evidence", _likelihood),
@@ -76,7 +77,7 @@ SWITCHES: Mapping[str, Changes] = {
         (_SEARCH, "separated_below_floor", lambda _, __, hypotheses, ___: list(hypotheses)),
     ),
     "starts elsewhere": ((_SEARCH, "restarted", lambda _, __, rough, ___, ____: rough),),
-    "onsets": (("hand_diagnosis.diagnosis", "search_with_onset", lambda *_: None),),
+    "onsets": (("hand_diagnosis.diagnosis.joint", "search_with_onset", lambda *_: None),),
 }
 """The parts that are switched off, one a row."""
 

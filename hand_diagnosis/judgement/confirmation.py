@@ -59,8 +59,7 @@ def confirm_laws(whole: JointProblem, search: JointSearch, *, free_axis: bool) -
     whole: the problem with its test data.  free_axis: see splits.evaluate_test.
     A law that is learned over a time or a travel may not hold beyond the fitted data.
     """
-    learned = [hypothesis for hypothesis in search.accepted if hypothesis.freed]
-    if not learned:
+    if not any(hypothesis.freed and not hypothesis.given for hypothesis in search.accepted):
         return
     textbook = search.with_textbook_laws()
     test = evaluate_test(whole, [textbook.final, search.final], free_axis=free_axis)

@@ -84,16 +84,17 @@ def search_with_onset(
         or len(problem.segments[0].angle_rad) * problem.segments[0].period_s < SETTINGS.min_onset_recording_s
     ):
         return None
-    nominal = {parameter.row for parameter in search.nominal.free}  # these vary within their tolerance at all times
+    # These vary within their tolerance at all times, or are those of the whole hand.
+    nominal = {parameter.row for parameter in search.base.free}
     others = {ROW[key] for effect in effects for key in effect.keys} - nominal
-    rows = sorted({*others, *(ROW[key] for key in search.effect_keys)})
+    rows = sorted({*others, *search.own_rows} - nominal)
     best: tuple[float, JointSearch, Onset] | None = None
     for candidate in _candidates(search, results):
         switched = with_onset(problem, candidate, rows)
         found = again(_without_change(switched, candidate), False)
-        if not found.accepted:  # what shows for a short time only is not seen without the samples around the change
+        if not found.own_rows:  # what shows for a short time only is not seen without the samples around the change
             found = again(switched, False)
-        if not found.accepted:
+        if not found.own_rows:
             continue
         found, onset, evidence = _refined(problem, found, candidate, rows)
         if best is None or evidence > best[0]:
@@ -124,7 +125,7 @@ def _with_laws(
     """The best search with an onset, again at the time that was found and with learned laws, if that is better."""
     _, _, onset = best
     learned = again(with_onset(problem, onset, rows), True)
-    if not learned.accepted:
+    if not learned.own_rows:
         return best
     learned, moved, evidence = _refined(problem, learned, onset, rows)
     return max((best, (evidence, learned, moved)), key=lambda each: each[0])
@@ -148,7 +149,7 @@ def _refined(
     problem: JointProblem, found: JointSearch, onset: Onset, rows: Sequence[int]
 ) -> tuple[JointSearch, Onset, float]:
     """The search at the best time of the onset, that time, and the log evidence, summed over all times."""
-    own = sorted({ROW[key] for key in found.effect_keys})
+    own = found.own_rows
     # Its pressure may have been shaped during the search.
     shaped = zip(found.problem.segments, problem.segments, strict=True)
     problem = replace(problem, segments=[replace(each, use=whole.use, acts=None) for each, whole in shaped])
@@ -217,8 +218,8 @@ def _independent(problem: JointProblem) -> Array:
 def _candidates(search: JointSearch, results: Sequence[StageResult]) -> list[Onset]:
     """Times at which effects may begin or end, at most one of each kind and origin."""
     problem, found = search.problem, []
-    if search.accepted:
-        on, off = _both(problem, search.final, sorted({ROW[key] for key in search.effect_keys}))
+    if search.own_rows:
+        on, off = _both(problem, search.final, search.own_rows)
         counts = np.maximum(
             problem.segments[0].use.sum(axis=1) * problem.segments[0].period_s / problem.correlation_s, 1.0
         )

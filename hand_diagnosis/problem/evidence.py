@@ -16,6 +16,7 @@ import numpy as np
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit
+from hand_identification.shared_fit import SharedFit
 from hand_model.arrays import Array, Flags
 from hand_recording.signals import white_noise
 
@@ -38,17 +39,57 @@ def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[Sequence
     """
     if not np.isfinite(fit.normal).all():
         return -np.inf
+    precision = np.eye(len(fit.z)) + _shrink(problem, fit) * fit.normal
+    whole = _fitted_likelihood(problem, fit) + _laplace(fit.z, precision)
+    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+    return whole + sum(_mean_over_subsets(fit.z, covariance, group) for group in optional)
+
+
+def shared_log_evidence(
+    problems: Sequence[JointProblem],
+    found: SharedFit,
+    optional: Sequence[Sequence[Sequence[int]]],
+    optional_shared: Sequence[Sequence[int]] = (),
+) -> float:
+    """Log evidence [nats] of joints that share coordinates, as `log_evidence`: each prior and factor counts once.
+
+    optional: of each joint, indices of its private free parameters.  optional_shared: indices of the shared ones.
+    """
+    count = len(found.shared)
+    if not all(np.isfinite(fit.normal).all() for fit in found.fits):
+        return -np.inf
+    total, shrink = 0.0, []
+    for problem, fit, groups in zip(problems, found.fits, optional, strict=True):
+        shrink.append(_shrink(problem, fit))
+        private = len(fit.z) - count
+        precision = np.eye(private) + shrink[-1] * fit.normal[:private, :private]
+        total += _fitted_likelihood(problem, fit) + _laplace(fit.z[:private], precision)
+        covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+        total += sum(_mean_over_subsets(fit.z[:private], covariance, group) for group in groups)
+    precision = found.precision(shrink)
+    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+    total += _laplace(found.z, precision)
+    return total + sum(_mean_over_subsets(found.z, covariance, group) for group in optional_shared)
+
+
+def _shrink(problem: JointProblem, fit: MapFit) -> float:
+    """Factor of the curvature of a fit: far above the floor the noise is larger than its weight says."""
     train = ~problem.validation
     counts = np.maximum(problem.effective_counts(train), 1.0)
     chi2 = (problem.block_weights * fit.squares)[:, train].sum(axis=1)
-    # Far above the floor the noise is larger than its weight says; the curvature shrinks by the same ratio.
-    shrink = float((counts.sum()) / (counts.sum() + chi2.sum()))
-    precision = np.eye(len(fit.z)) + shrink * fit.normal
+    return float((counts.sum()) / (counts.sum() + chi2.sum()))
+
+
+def _fitted_likelihood(problem: JointProblem, fit: MapFit) -> float:
+    """Log likelihood of training and validation blocks: p(all) = p(train) p(val | train)."""
+    train = ~problem.validation
+    return log_likelihood(problem, fit.squares, train) + log_likelihood(problem, fit.squares, ~train)
+
+
+def _laplace(z: Array, precision: Array) -> float:
+    """Log of prior density over posterior density at the best point z (k,), whose precision is (k, k)."""
     _, logdet = np.linalg.slogdet(precision)
-    likelihood = log_likelihood(problem, fit.squares, train) + log_likelihood(problem, fit.squares, ~train)
-    whole = likelihood - 0.5 * float(fit.z @ fit.z) - 0.5 * float(logdet)
-    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
-    return whole + sum(_mean_over_subsets(fit.z, covariance, group) for group in optional)
+    return -0.5 * float(z @ z) - 0.5 * float(logdet)
 
 
 def _mean_over_subsets(z: Array, covariance: Array, optional: Sequence[int]) -> float:

@@ -1,5 +1,6 @@
 """Which effects, with which laws, explain a joint: hypotheses, their evidence, learned laws, the search."""
 
+from hand_diagnosis.search.causes import Cause, whole_hand_cause, with_cause
 from hand_diagnosis.search.completion import (
     ELSEWHERE,
     at_floor,
@@ -8,14 +9,16 @@ from hand_diagnosis.search.completion import (
     standard_errors,
     with_validation,
 )
+from hand_diagnosis.search.found import JointSearch, fit_without
 from hand_diagnosis.search.hypotheses import Hypothesis, Isolability, Probes, amounts, isolability, probes_at
-from hand_diagnosis.search.joint_search import JointSearch, fit_without, rough_evidence, search_joint
+from hand_diagnosis.search.joint_search import rough_evidence, search_joint
 from hand_diagnosis.search.law_curves import LawCurve, describe, in_words
 from hand_diagnosis.search.laws import LearnedLaw, learn_law, posterior_covariance, training_evidence
 from hand_diagnosis.search.turns import period_of_torque
 
 __all__ = [
     "ELSEWHERE",
+    "Cause",
     "Hypothesis",
     "Isolability",
     "JointSearch",
@@ -38,5 +41,7 @@ __all__ = [
     "search_joint",
     "standard_errors",
     "training_evidence",
+    "whole_hand_cause",
+    "with_cause",
     "with_validation",
 ]

@@ -68,7 +68,8 @@ def learned_below_floor(
     for k, hypothesis in enumerate(done):
         final = done[-1].fit
         correlated = residual_is_correlated(problem, final, SETTINGS.min_correlated_ratio)
-        if set(hypothesis.effect.coefficients) <= {parameter.key for parameter in final.free} or not correlated:
+        learned = set(hypothesis.effect.coefficients) <= {parameter.key for parameter in final.free}
+        if learned or not correlated or hypothesis.given:
             continue
         sharp = weighted_by_noise(problem, final)
         # Evidence and covariance of both laws must come from the same weights.
@@ -154,21 +155,19 @@ def completed(problem: JointProblem, accepted: Sequence[Hypothesis], rng: np.ran
     """
     fit = accepted[-1].fit
     have = {p.row for p in fit.free}
+    ours = [hypothesis for hypothesis in accepted if not hypothesis.given]
     added = [
-        p
-        for hypothesis in accepted
-        for p in law_free_parameters(hypothesis.effect, problem.nominal)
-        if p.row not in have
+        p for hypothesis in ours for p in law_free_parameters(hypothesis.effect, problem.nominal) if p.row not in have
     ]
-    own = {key for h in accepted for key in (*h.keys, *h.effect.coefficients)}
+    own = {key for h in ours for key in (*h.keys, *h.effect.coefficients)}
     stage = _stage_left(problem, fit)
-    if stage is None or not any(h.effect.coefficients for h in accepted):
+    if stage is None or not any(h.effect.coefficients for h in ours):
         return list(accepted)
     sharp = weighted_by_noise(problem, fit)
     free = [*fit.free, *added]
     fits = [_fitted(sharp, free, start) for start in _starts(fit, free, own, rng)]
     best = min(fits, key=lambda each: _validation_score(problem, each))
-    laws = {ROW[key] for h in accepted for key in h.effect.coefficients if key not in h.effect.keys}
+    laws = {ROW[key] for h in ours for key in h.effect.coefficients if key not in h.effect.keys}
     fewer = thinned(sharp, best, laws)
     scores = [_validation_score(problem, each) for each in (best, fewer)]
     if scores[1] <= (1.0 + SETTINGS.min_relative_improvement) * scores[0]:
@@ -240,6 +239,9 @@ def _with_fit(problem: JointProblem, accepted: Sequence[Hypothesis], fit: MapFit
     have = {p.key for p in fit.free}
     done = []
     for hypothesis in accepted:
+        if hypothesis.given:
+            done.append(hypothesis)
+            continue
         freed = tuple(
             key for key in hypothesis.effect.coefficients if key in have and key not in hypothesis.effect.keys
         )

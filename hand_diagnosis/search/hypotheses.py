@@ -55,7 +55,8 @@ class Hypothesis:
 
     stage: that gains most.  fall: 95 % interval of the relative fall of its validation mean square.
     freed: coefficients of the effect's law that the fit has; none for the textbook form.  textbook: the fit of the
-    textbook form where the law is learned.
+    textbook form where the law is learned.  given: its free parameters where it is a cause of the whole hand, whose
+    numbers other joints have set as well; no joint removes it.
     """
 
     effect: Effect
@@ -65,6 +66,7 @@ class Hypothesis:
     fall: tuple[float, float]
     freed: tuple[str, ...] = ()
     textbook: MapFit | None = None
+    given: tuple[FreeParameter, ...] = ()
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -73,7 +75,7 @@ class Hypothesis:
 
     def free_parameters(self, nominal: Array) -> list[FreeParameter]:
         """Free parameters of the effect and of its learned law around the nominal numbers (rows,), SI."""
-        return _with_law(self.effect, self.freed, nominal)
+        return list(self.given) or _with_law(self.effect, self.freed, nominal)
 
 
 def _with_law(effect: Effect, freed: Sequence[str], nominal: Array) -> list[FreeParameter]:
@@ -157,8 +159,27 @@ def _relief(fit: MapFit, effect: Effect) -> float:
     return float(sum(z * z for parameter, z in zip(fit.free, fit.z, strict=True) if parameter.row in rows))
 
 
+def promised_shares(problem: JointProblem, fit: MapFit, effect: Effect) -> tuple[Array, Array]:
+    """Of every probe of an effect around a fit with sensitivities, its own square and the product with the residual,
+    both without what the free parameters explain, (probes,) each.
+    """
+    tried = probes_at(problem, fit, [effect])
+    parts = [
+        _products(problem, fit, changed) for _, changed in tried.changed_residuals(problem, SETTINGS.probes_at_once)
+    ]
+    own, toward = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+    return own, toward
+
+
 def _gains(problem: JointProblem, fit: MapFit, changed: Sequence[Array]) -> tuple[Array, Array]:
     """Fall of the cost by each probe and the share of it that brings most, (probes,) each."""
+    own, toward = _products(problem, fit, changed)
+    share = np.clip(toward / own, 0.0, SETTINGS.max_probe_share)
+    return share * (2.0 * toward - share * own), share
+
+
+def _products(problem: JointProblem, fit: MapFit, changed: Sequence[Array]) -> tuple[Array, Array]:
+    """Squares of the probes and their products with the residual, without what the free parameters explain."""
     train = (~problem.validation).astype(float)
     count, free = len(changed[0]), len(fit.z)
     ss, sr = np.zeros(count), np.zeros(count)
@@ -176,9 +197,7 @@ def _gains(problem: JointProblem, fit: MapFit, changed: Sequence[Array]) -> tupl
         slope += j @ r
     prior = np.linalg.inv(fit.normal + np.eye(free))
     own = np.maximum(ss - np.einsum("pm,mn,pn->p", cross, prior, cross), 1e-9 * ss + 1e-12)
-    toward = -(sr - cross @ prior @ (slope + fit.z))
-    share = np.clip(toward / own, 0.0, SETTINGS.max_probe_share)
-    return share * (2.0 * toward - share * own), share
+    return own, -(sr - cross @ prior @ (slope + fit.z))
 
 
 def promising(
@@ -238,7 +257,8 @@ def with_other_fit(
     problem: JointProblem, current: MapFit, before: Hypothesis, fit: MapFit, rng: np.random.Generator
 ) -> Hypothesis:
     """A hypothesis with another fit of the same parameters, compared with the current one again."""
-    return replace(judged(problem, current, before.effect, fit, rng), freed=before.freed, textbook=before.textbook)
+    made = judged(problem, current, before.effect, fit, rng)
+    return replace(made, freed=before.freed, textbook=before.textbook, given=before.given)
 
 
 def judged(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, rng: np.random.Generator) -> Hypothesis:
@@ -264,7 +284,7 @@ def amounts(fit: MapFit) -> list[list[int]]:
     found: dict[str, list[int]] = {}
     for k, parameter in enumerate(fit.free):
         name = parameter.key.partition(".")[0]
-        own = len(PLANT_PARAMETERS) <= parameter.row < START_CREEP and not parameter.log
+        own = len(PLANT_PARAMETERS) <= parameter.row < START_CREEP and not (parameter.log or parameter.is_fixed)
         if own and parameter.key not in (*EFFECTS[name].shape, *EFFECTS[name].coefficients):
             found.setdefault(name, []).append(k)
     return list(found.values())

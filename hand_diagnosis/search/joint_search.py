@@ -8,7 +8,7 @@ effects are removed by backward elimination. All effects are treated alike. The 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from hand_diagnosis.search.completion import (
     restarted,
     separated_below_floor,
 )
+from hand_diagnosis.search.found import JointSearch, NotClaimable, fit_without
 from hand_diagnosis.search.hypotheses import (
     Hypothesis,
     amounts,
@@ -33,7 +34,7 @@ from hand_diagnosis.search.laws import begin_law, learn_law, training_evidence, 
 from hand_diagnosis.search.turns import with_periods
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import shape_driving
-from hand_identification.free_parameters import FreeParameter, merged
+from hand_identification.free_parameters import FreeParameter
 from hand_identification.joint_problem import STAGES, JointProblem
 from hand_identification.map_fit import MapFit, map_fit, residual_is_correlated
 from hand_model.arrays import Array
@@ -46,78 +47,8 @@ Errors = Callable[[JointProblem, Array], Array]
 """RMS errors (OUTPUTS,) from squares (OUTPUTS, blocks)."""
 
 
-@dataclass(frozen=True, slots=True)
-class NotClaimable:
-    """An improvement that the validation data confirm and that is too small to be claimed, SI; below: than what."""
-
-    effect: Effect
-    stage: int
-    taken: float
-    floor: float
-    below: str
-
-
-@dataclass(slots=True)
-class JointSearch:
-    """What was found on a joint. rounds: the hypotheses of each round, the most evident first.
-
-    evidences: log evidence of the model at the beginning of each round.  laws: whether laws are learned.
-    """
-
-    problem: JointProblem
-    nominal: MapFit
-    nominal_evidence: float
-    laws: bool = True
-    accepted: list[Hypothesis] = field(default_factory=list)
-    rounds: list[list[Hypothesis]] = field(default_factory=list)
-    evidences: list[float] = field(default_factory=list)
-    not_claimable: list[NotClaimable] = field(default_factory=list)
-
-    @property
-    def final(self) -> MapFit:
-        """The fit of the best model."""
-        return self.accepted[-1].fit if self.accepted else self.nominal
-
-    @property
-    def effect_keys(self) -> frozenset[str]:
-        """Parameters of the effects found; every other one that moved is a nominal number."""
-        return frozenset(key for hypothesis in self.accepted for key in hypothesis.keys)
-
-    def with_effects_off(self, *names: str) -> MapFit:
-        """The best model with effects switched off (all, where none is named); its residuals show where they act.
-
-        The nominal model, fitted without the effects, has spread their local error over everything.
-        """
-        off = [found for found in self.accepted if not names or found.effect.name in names]
-        if not off:
-            return self.final
-        columns, starts = self.problem.columns(self.final.free, self.final.z[None])
-        rows = [ROW[key] for found in off for key in found.keys]
-        columns[:, rows] = self.problem.nominal[rows]
-        residuals = self.problem.residuals(columns, starts)
-        squares = self.problem.block_squares(residuals)[0]
-        return replace(self.final, squares=squares, residuals=tuple(r[0] for r in residuals), sensitivity=())
-
-    def with_textbook_laws(self) -> JointSearch:
-        """The same effects with the textbook forms of their laws, fitted again; what the search went through stays."""
-        laws = {ROW[key] for hypothesis in self.accepted for key in hypothesis.freed}
-        start = {p.row: z for p, z in zip(self.final.free, self.final.z, strict=True) if p.row not in laws}
-        free = [p for p in self.final.free if p.row in start]
-        for hypothesis in self.accepted:
-            if hypothesis.textbook is not None:
-                start |= {p.row: z for p, z in zip(hypothesis.textbook.free, hypothesis.textbook.z, strict=True)}
-        at = np.array([start[p.row] for p in free])
-        fit = refit_below_floor(self.problem, map_fit(self.problem, free, at, SETTINGS.law_iterations[1]))
-        accepted = [replace(hypothesis, freed=(), textbook=None) for hypothesis in self.accepted]
-        accepted[-1] = replace(accepted[-1], fit=fit)
-        return replace(self, accepted=accepted)
-
-    def forget_sensitivities(self) -> None:
-        """Drop the large sensitivities; residuals are still needed for figures."""
-        self.nominal = replace(self.nominal, sensitivity=())
-        if self.accepted:
-            last = self.accepted[-1]
-            self.accepted[-1] = replace(last, fit=replace(last.fit, sensitivity=()))
+Beginning = Callable[[JointSearch, MapFit, np.random.Generator], Hypothesis]
+"""Adds a round to a search and returns the effect that it chose, around the model so far."""
 
 
 def search_joint(
@@ -128,17 +59,20 @@ def search_joint(
     start: Array,
     *,
     laws: bool = True,
+    begin: Sequence[Beginning] = (),
 ) -> JointSearch:
     """Explain one joint by the effects given.
 
     base: free parameters of its nominal numbers.  start: (base,) coordinates [-] at which their fit begins.
     laws: whether laws are learned; without, only textbook forms are fitted, which is several times as fast.
+    begin: for each cause of the whole hand, in turn, what makes it an effect of the joint (causes.with_cause).
     """
     nominal = _driven_by_own_valve(problem, map_fit(problem, base, start, SETTINGS.nominal_iterations))
     problem = with_periods(problem, nominal, effects)
     found = JointSearch(problem, nominal, log_evidence(problem, nominal), laws=laws)
-    current, evidence = nominal, found.nominal_evidence
-    left = list(effects)
+    current, evidence = _begun(found, begin, rng)
+    given = {hypothesis.effect.name for hypothesis in found.accepted}
+    left = [effect for effect in effects if effect.name not in given]
     for _ in range(SETTINGS.max_effects):
         best = _best_of_round(found, current, evidence, left, rng)
         if best is None:
@@ -153,6 +87,18 @@ def search_joint(
     found.rounds = [[replace(h, fit=h.fit.without_arrays()) for h in hypotheses] for hypotheses in found.rounds]
     found.accepted[:-1] = [replace(h, fit=h.fit.without_arrays()) for h in found.accepted[:-1]]
     return found
+
+
+def _begun(found: JointSearch, begin: Sequence[Beginning], rng: np.random.Generator) -> tuple[MapFit, float]:
+    """The model with the causes of the whole hand, and its log evidence."""
+    current, evidence = found.nominal, found.nominal_evidence
+    for each in begin:
+        found.accepted.append(each(found, current, rng))
+        current, evidence = found.final, found.accepted[-1].log_evidence
+        if STAGES[found.accepted[-1].stage] == "pressure":
+            current, evidence = _driven_anew(found, current)
+        found.begun = current.without_arrays()
+    return current, evidence
 
 
 def rough_evidence(
@@ -354,29 +300,19 @@ def _from_other_starts(
 
 
 def _eliminate_backward(found: JointSearch) -> None:
-    """Remove redundant effects, the least needed first."""
+    """Remove redundant effects, the least needed first; a cause of the whole hand stays."""
     while len(found.accepted) > 1:
-        trials = [fit_without(found, index) for index in range(len(found.accepted) - 1)]
-        index = max(range(len(trials)), key=lambda k: trials[k][0])
+        own = [index for index, each in enumerate(found.accepted[:-1]) if not each.given]
+        trials = {index: fit_without(found, index) for index in own}
+        if not trials:
+            return
+        index = max(trials, key=lambda k: trials[k][0])
         evidence, fit = trials[index]
         if evidence < found.accepted[-1].log_evidence - SETTINGS.min_log_evidence / 2.0:
             return
         kept = [hypothesis for k, hypothesis in enumerate(found.accepted) if k != index]
         kept[-1] = replace(kept[-1], fit=fit, log_evidence=evidence)
         found.accepted = kept
-
-
-def fit_without(found: JointSearch, *left_out: int) -> tuple[float, MapFit]:
-    """Log evidence [nats] and fit of the best model without some of its effects, by their places among the accepted."""
-    free = list(found.nominal.free)
-    for k, hypothesis in enumerate(found.accepted):
-        if k not in left_out:
-            free = merged(free, hypothesis.free_parameters(found.problem.nominal))
-    final = found.final
-    start = {parameter.row: z for parameter, z in zip(final.free, final.z, strict=True)}
-    at = np.array([start.get(parameter.row, 0.0) for parameter in free])
-    fit = map_fit(found.problem, free, at, SETTINGS.nominal_iterations)
-    return log_evidence(found.problem, fit, amounts(fit)), fit
 
 
 def _refit_below_floor(found: JointSearch, rng: np.random.Generator) -> None:

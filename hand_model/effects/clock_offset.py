@@ -30,6 +30,10 @@ EFFECT = Effect(
     shape=("clock_offset.share",),
     says="the time stamps of the {pressure} are {offset_s} late against those of the {angle}, and {share} of"
     " that against those of the set-points",
+    shared=(
+        "clock_offset.offset_s",
+        "clock_offset.share",
+    ),
     experiments=("steps", "multisine"),
     doc="A constant difference between the clocks of two topics, the same at every joint.",
     source="definition",

@@ -172,6 +172,7 @@ class Effect:
     says: a sentence in whose braces stand the last parts of keys, which a report replaces by number and unit, or WORDS.
     experiments: excitations that show it, the best first.  doc: what it is.  source: where the equations come from.
     everywhere: whether one cause acts on the whole hand and not on one joint.
+    shared: keys, and coefficients of its law, whose values are those of the whole hand; others differ by joint.
     meets_others: whether its equations use NEIGHBOUR or INFLOW of e.  draws: whether they use INFLOW.
     constitution: the class of the effect, apart from its law; every entry of the catalogue has one.
     needs: what a machine must have for the effect to exist there, keys of NEEDS.
@@ -198,6 +199,7 @@ class Effect:
     shape: tuple[str, ...] = ()
     experiments: tuple[str, ...] = ()
     everywhere: bool = False
+    shared: tuple[str, ...] = ()
     meets_others: bool = False
     draws: bool = False
     constitution: Constitution | None = None
@@ -257,6 +259,7 @@ class Effect:
             if key not in known:
                 raise self._error("key", key, sorted(known))
         own = {"spread": self.spread, "expected": self.expected, "absent": self.absent, "shape": self.shape}
+        own |= {"shared": self.shared}
         for what, keys in own.items():
             for key in keys:
                 if key not in (*self.keys, *self.coefficients):

@@ -61,6 +61,11 @@ EFFECT = Effect(
     probes=((0.01, 0.0), (-0.01, 0.0), (0.0, 0.01), (0.0, -0.01)),
     spread={"gravity.period_s": 0.7},
     says="gravity acts with {sine_nm} times the sine and {cosine_nm} times the cosine of the {angle}",
+    shared=(
+        "gravity.turning_rad_per_s",
+        *(each.key for each in _SWAY),
+        "gravity.period_s",
+    ),
     experiments=("staircase", "second_attitude"),
     doc="Weight of the phalanx at a fixed attitude of the hand.",
     source="rigid pendulum",

@@ -82,6 +82,16 @@ EFFECT = Effect(
     shape=("supply_droop.time_constant_s",),
     says="the supply pressure is {deficit_pa} too low at rest and falls by {resistance_s} times the total"
     " rate of filling",
+    shared=(
+        "supply_droop.deficit_pa",
+        "supply_droop.resistance_s",
+        "supply_droop.time_constant_s",
+        "supply_droop.share",
+        "supply_droop.ratio",
+        "supply_droop.turbulent",
+        "supply_droop.recovery_ratio",
+        "supply_droop.limited",
+    ),
     experiments=("steps", "staircase"),
     doc="Supply pressure falls with the flow drawn; no set-point above it is reached.",
     source="resistance and capacity of a supply line, Beater, Pneumatic Drives, 2007",

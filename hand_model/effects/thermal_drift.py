@@ -84,6 +84,7 @@ EFFECT = Effect(
     shape=("thermal_drift.time_constant_s",),
     says="warming shifts the {torque} at rest by {torque_nm} and reduces the stiffness by {softening}"
     " (relative), with a time constant of {time_constant_s}",
+    shared=("thermal_drift.time_constant_s",),
     experiments=("hold", "staircase"),
     doc="First-order warming that shifts the static map.",
     source="lumped thermal model of one capacity, or by the law of two",

@@ -171,11 +171,11 @@ def test_bounds_hold_and_the_others_move_on() -> None:
 def test_coordinates_stay_within_eight_deviations() -> None:
     """Broken by a search without a limit, or one whose start is not brought into it; a value 0 has no logarithm."""
     from_zero = FreeParameter(1, 1.0, 0.5, True, 0.0, 1e9)
-    low, high = module._bounds((OFFSET, from_zero, FreeParameter(2, 0.0, 0.5, False, -1.0, 2.0)))
+    low, high = module.bounds_of((OFFSET, from_zero, FreeParameter(2, 0.0, 0.5, False, -1.0, 2.0)))
     np.testing.assert_allclose(low, [-8.0, -8.0, -2.0])
     np.testing.assert_allclose(high, [8.0, 8.0, 4.0])
     small = FreeParameter(1, 1.0, 0.5, True, 0.5, 1e9)
-    assert module._bounds((small,))[0][0] == pytest.approx(np.log(0.5) / 0.5, rel=1e-12)
+    assert module.bounds_of((small,))[0][0] == pytest.approx(np.log(0.5) / 0.5, rel=1e-12)
     curve = problem(decay, (0.3, 1.6, 2.2))
     map_fit(joint(curve), FREE, np.array([50.0, -50.0, 50.0]), 1)
     np.testing.assert_array_equal(curve.calls[0], [[8.0, -8.0, np.log(50.0) / 0.5]])
@@ -248,12 +248,12 @@ def test_a_bounded_step_is_the_minimum_within_the_bounds() -> None:
         root = rng.normal(size=(3, 3))
         hessian, gradient = root @ root.T + 0.3 * np.eye(3), 3.0 * rng.normal(size=3)
         low, high = -rng.uniform(0.05, 1.5, 3), rng.uniform(0.05, 1.5, 3)
-        step = module._bounded_step(hessian, gradient, low, high)
+        step = module.bounded_step(hessian, gradient, low, high)
         assert np.all((step >= low) & (step <= high))
         inside = (step > low) & (step < high)
         slope = hessian @ step + gradient
         np.testing.assert_allclose(slope[inside], 0.0, atol=1e-9)
-    one = module._bounded_step(np.array([[2.0]]), np.array([8.0]), np.array([-1.0]), np.array([1.0]))
+    one = module.bounded_step(np.array([[2.0]]), np.array([8.0]), np.array([-1.0]), np.array([1.0]))
     np.testing.assert_array_equal(one, [-1.0])
 
 

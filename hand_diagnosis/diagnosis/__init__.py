@@ -1,0 +1,6 @@
+"""The diagnosis of a hand or machine: every joint, what several joints show together, findings and verdict."""
+
+from hand_diagnosis.diagnosis.hand import Diagnosis, diagnose
+from hand_diagnosis.diagnosis.joint import JointDiagnosis
+
+__all__ = ["Diagnosis", "JointDiagnosis", "diagnose"]
