@@ -84,7 +84,7 @@ class Settings(LawSettings):
         3, "-", "Probes of a cause of the whole hand from which all joints are fitted at once.", CHOICE,
         "A cause may be missed.", "Slower.")
     cause_iterations: tuple[int, int] = setting(
-        (4, 15), "-", "Iterations of these fits: from each start, and of the best ones.", CHOICE,
+        (4, 30), "-", "Iterations of these fits: from each start, and of the best ones.", CHOICE,
         "Fits may end early.", "Slower.")
 
     # Test data

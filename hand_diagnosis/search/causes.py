@@ -8,7 +8,7 @@ each joint alone, and where at least two joints show it: one number for all cost
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,14 +36,13 @@ from hand_model.kernel.rows import ROW
 class Cause:
     """An effect with numbers that were fitted to all joints at once.
 
-    shared: parameters of the hand at their values, with their standard errors as scales.  freed: coefficients of its
-    law among them.  starts: for each joint, coordinates [-] by row at which its own fit begins.  log_evidence: of all
-    joints with it.  without: the same joint by joint.  rivals: other effects in its place, with their evidence.
+    shared: parameters of the hand at their values, with their standard errors as scales.  starts: for each joint,
+    coordinates [-] by row at which its own fit begins.  log_evidence: of all joints with it.  without: that of what was
+    found joint by joint.  rivals: other effects in its place, with their evidence.
     """
 
     effect: Effect
     shared: tuple[FreeParameter, ...]
-    freed: tuple[str, ...]
     starts: Mapping[str, Mapping[int, float]]
     log_evidence: float
     without: float
@@ -54,10 +53,10 @@ class Cause:
         """Log evidence [nats] over what was found joint by joint."""
         return self.log_evidence - self.without
 
-    def parameters(self, nominal: Array) -> list[FreeParameter]:
+    def parameters(self, joint: str, nominal: Array) -> list[FreeParameter]:
         """Free parameters of the effect on a joint with these nominal numbers (rows,): shared ones are fixed."""
-        own = [p for p in effect_free_parameters(self.effect, nominal) if p.key not in self.effect.shared]
-        return [*own, *self.shared]
+        law = [key for key in self.effect.coefficients if ROW[key] in self.starts[joint]]
+        return [*_parameters(self.effect, nominal, law)[0], *self.shared]
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,12 +102,13 @@ def whole_hand_cause(
 def with_cause(cause: Cause, found: JointSearch, current: MapFit, rng: np.random.Generator) -> Hypothesis:
     """The cause as an effect of a joint whose search begins; adds the round in which it was chosen to the search."""
     problem = found.problem
-    given = cause.parameters(problem.nominal)
+    given = cause.parameters(problem.joint, problem.nominal)
     free = merged(current.free, given)
     known = {p.row: float(z) for p, z in zip(current.free, current.z, strict=True)}
-    known.update(cause.starts.get(problem.joint, {}))
+    known.update(cause.starts[problem.joint])
     fit = map_fit(problem, free, np.array([known.get(p.row, 0.0) for p in free]), SETTINGS.nominal_iterations)
-    added = replace(judged(problem, current, cause.effect, fit, rng), freed=cause.freed, given=tuple(given))
+    freed = tuple(p.key for p in given if p.key in cause.effect.coefficients)
+    added = replace(judged(problem, current, cause.effect, fit, rng), freed=freed, given=tuple(given))
     own = replace(added, log_evidence=cause.log_evidence, fit=fit.without_arrays())
     rivals = [replace(own, effect=effect, log_evidence=evidence, freed=()) for effect, evidence in cause.rivals]
     found.rounds.append(sorted([own, *rivals], key=lambda hypothesis: -hypothesis.log_evidence))
@@ -165,12 +165,13 @@ def _side(search: JointSearch, effect: Effect) -> _Side:
     return _Side(search, plain, found, map_fit(problem, free, start, SETTINGS.nominal_iterations))
 
 
-def _parameters(effect: Effect, nominal: Array, law: bool) -> tuple[list[FreeParameter], list[FreeParameter]]:
-    """Private and shared free parameters of an effect around nominal numbers (rows,); law: with those of its law."""
+def _parameters(
+    effect: Effect, nominal: Array, law: Collection[str] = ()
+) -> tuple[list[FreeParameter], list[FreeParameter]]:
+    """Private and shared free parameters of an effect around nominal numbers (rows,). law: its free coefficients."""
     own = effect_free_parameters(effect, nominal)
-    if law:
-        have = {parameter.row for parameter in own}
-        own += [p for p in law_free_parameters(effect, nominal) if p.row not in have and p.key in effect.shared]
+    have = {parameter.row for parameter in own}
+    own += [p for p in law_free_parameters(effect, nominal) if p.row not in have and p.key in law]
     return [p for p in own if p.key not in effect.shared], [p for p in own if p.key in effect.shared]
 
 
@@ -179,10 +180,11 @@ def _parts(sides: Sequence[_Side], plan: Sequence[MapFit], effect: Effect, coars
     parts = []
     for side, fit in zip(sides, plan, strict=True):
         problem = side.search.problem
-        private, _ = _parameters(effect, problem.nominal, False)
+        private, _ = _parameters(effect, problem.nominal, _freed(side, effect))
         free = merged(fit.free, private)
-        known = {p.row: float(z) for p, z in zip(side.found.free, side.found.z, strict=True)}
-        known |= {p.row: float(z) for p, z in zip(fit.free, fit.z, strict=True)}
+        # Numbers that were fitted beside the effect are the better start where the joint has it already.
+        order = (fit, side.found) if side.others is not side.found else (side.found, fit)
+        known = {p.row: float(z) for each in order for p, z in zip(each.free, each.z, strict=True)}
         start = np.array([known.get(parameter.row, 0.0) for parameter in free])
         parts.append(Part(replace(problem, step_s=SETTINGS.passes[0].step_s) if coarse else problem, free, start))
     return parts
@@ -191,7 +193,7 @@ def _parts(sides: Sequence[_Side], plan: Sequence[MapFit], effect: Effect, coars
 def _best_start(sides: Sequence[_Side], effect: Effect) -> tuple[list[FreeParameter], Array] | None:
     """The shared parameters and the coordinates from which all joints together get cheapest in a few steps."""
     nominal = sides[0].search.problem.nominal
-    law = any(key in effect.coefficients for side in sides for key in _freed(side, effect))
+    law = {key for side in sides for key in _freed(side, effect) if key in effect.shared}
     _, shared = _parameters(effect, nominal, law)
     starts = _probed(sides, effect, shared) if _of_the_hand(effect) else []
     for side in sides:
@@ -208,6 +210,7 @@ def _best_start(sides: Sequence[_Side], effect: Effect) -> tuple[list[FreeParame
 
 
 def _freed(side: _Side, effect: Effect) -> tuple[str, ...]:
+    """Coefficients of the effect's law that were freed on a joint."""
     return next((h.freed for h in side.search.accepted if h.effect is effect), ())
 
 
@@ -240,7 +243,11 @@ def _fitted(
 ) -> tuple[float, SharedFit]:
     """Log evidence and fit of all joints by a plan, from shared coordinates (shared,)."""
     found = shared_fit(_parts(sides, plan, effect, coarse=True), shared, start, SETTINGS.cause_iterations[1])
-    found = shared_fit(_parts(sides, plan, effect, coarse=False), shared, found.z, SETTINGS.cause_iterations[1])
+    near = [
+        replace(part, free=fit.free, start=fit.z)
+        for part, fit in zip(_parts(sides, plan, effect, coarse=False), found.fits, strict=True)
+    ]
+    found = shared_fit(near, shared, found.z, SETTINGS.cause_iterations[1])
     problems = [side.search.problem for side in sides]
     count = len(shared)
     groups = [amounts(replace(fit, free=fit.free[: len(fit.free) - count])) for fit in found.fits]
@@ -256,7 +263,8 @@ def _with_law(
     rng: np.random.Generator,
 ) -> tuple[float, SharedFit]:
     """The fit with the coefficients of the law that are those of the hand, where that has clearly more evidence."""
-    _, shared = _parameters(effect, sides[0].search.problem.nominal, True)
+    law = [key for key in effect.coefficients if key in effect.shared]
+    _, shared = _parameters(effect, sides[0].search.problem.nominal, law)
     evidence, found = best
     if len(shared) == len(found.shared):
         return best
@@ -264,8 +272,8 @@ def _with_law(
     at = np.array([known.get(parameter.row, 0.0) for parameter in shared])
     new = np.array([parameter.row not in known for parameter in shared])
     tried = [_fitted(sides, plan, effect, shared, start) for start in (at, at + new * rng.standard_normal(len(at)))]
-    law = max(tried, key=lambda pair: pair[0])
-    return law if law[0] > evidence + SETTINGS.min_log_evidence else best
+    lawful = max(tried, key=lambda pair: pair[0])
+    return lawful if lawful[0] > evidence + SETTINGS.min_log_evidence else best
 
 
 def _given(found: SharedFit) -> list[FreeParameter]:
@@ -275,7 +283,7 @@ def _given(found: SharedFit) -> list[FreeParameter]:
 def _beside(side: _Side, effect: Effect, fit: MapFit, found: SharedFit) -> MapFit:
     """A model of a joint fitted again with the shared numbers as they were found."""
     problem = side.search.problem
-    private, _ = _parameters(effect, problem.nominal, False)
+    private, _ = _parameters(effect, problem.nominal, _freed(side, effect))
     free = merged(merged(fit.free, private), _given(found))
     known = {p.row: float(z) for p, z in zip(fit.free, fit.z, strict=True)}
     start = np.array([known.get(parameter.row, 0.0) for parameter in free])
@@ -309,10 +317,7 @@ def _as_cause(sides: Sequence[_Side], effect: Effect, found: SharedFit, evidence
         side.search.problem.joint: {p.row: float(z) for p, z in zip(fit.free[:-count], fit.z[:-count], strict=True)}
         for side, fit in zip(sides, found.fits, strict=True)
     }
-    freed = tuple(p.key for p in found.shared if p.key in effect.coefficients and p.key not in effect.keys)
-    return Cause(
-        effect=effect, shared=tuple(shared), freed=freed, starts=starts, log_evidence=evidence, without=without
-    )
+    return Cause(effect=effect, shared=tuple(shared), starts=starts, log_evidence=evidence, without=without)
 
 
 def _rounded(value: float, step: float) -> float:

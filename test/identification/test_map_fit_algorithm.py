@@ -14,9 +14,11 @@ import pytest
 from scipy.optimize import least_squares, lsq_linear
 
 from hand_identification import map_fit as module
-from hand_identification.free_parameters import START_CREEP, FreeParameter
+from hand_identification.free_parameters import START_CREEP, FreeParameter, fixed
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import costs_at, map_fit, multi_start
+from hand_identification.shared_fit import Part as SharedPart
+from hand_identification.shared_fit import shared_fit
 from hand_model.arrays import Array, Flags
 
 OUTPUTS, SAMPLES, BLOCKS = 3, 60, 6
@@ -326,3 +328,57 @@ def test_what_a_fit_reports_of_its_parameters() -> None:
     assert bare.residuals == bare.sensitivity == ()
     assert bare.cost == found.cost
     np.testing.assert_array_equal(bare.normal, found.normal)
+
+
+def two_curves() -> list[Any]:
+    """Decays of one rate and other offsets and sizes."""
+    return [problem(decay, (0.3, 1.6, 2.2), seed=5), problem(decay, (-0.4, 0.7, 2.2), seed=6)]
+
+
+def parts_of(curves: Sequence[Any]) -> list[SharedPart]:
+    return [SharedPart(joint(curve), FREE[:2], np.zeros(2)) for curve in curves]
+
+
+def test_a_shared_fit_is_that_of_scipy_to_all_data() -> None:
+    """Broken by a wrong Schur complement, or a prior of the shared coordinate that counts once for each joint."""
+    curves = two_curves()
+    found = shared_fit(parts_of(curves), FREE[2:], np.zeros(1), 30, 1e-9)
+
+    def stacked(z: Array) -> Array:
+        own = (z[[0, 1, 4]], z[[2, 3, 4]])
+        rows = [curve.weighted(FREE, each)[: -len(each)] for curve, each in zip(curves, own, strict=True)]
+        return np.concatenate([*rows, z])
+
+    expected = least_squares(stacked, np.zeros(5), xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    np.testing.assert_allclose(np.r_[found.fits[0].z[:2], found.fits[1].z[:2], found.z], expected.x, atol=2e-3)
+    assert found.cost == pytest.approx(2.0 * expected.cost, rel=1e-5)
+    covariance = np.linalg.inv(expected.jac.T @ expected.jac)
+    assert float(np.linalg.inv(found.precision())[0, 0]) == pytest.approx(covariance[4, 4], rel=0.02)
+    halved = sum(0.5 * (1.0 / np.linalg.inv(fit.normal + np.diag([2.0, 2.0, 0.0]))[2, 2]) for fit in found.fits)
+    assert float(found.precision([0.5, 0.5])[0, 0]) == pytest.approx(1.0 + halved, rel=1e-6)
+
+
+def test_a_shared_fit_of_one_joint_is_its_fit() -> None:
+    """Broken by other steps, bounds or an end than those of the fit of one joint."""
+    curve = two_curves()[0]
+    alone = map_fit(joint(curve), FREE, np.zeros(3), 30, 1e-9)
+    found = shared_fit(parts_of([curve]), FREE[2:], np.zeros(1), 30, 1e-9)
+    np.testing.assert_allclose(np.r_[found.fits[0].z[:2], found.z], alone.z, atol=1e-6)
+    assert found.cost == pytest.approx(alone.cost, rel=1e-9)
+
+
+def test_a_shared_coordinate_stays_within_its_bounds() -> None:
+    """Broken by a bound that is not kept, or private coordinates that do not follow it."""
+    bounded = FreeParameter(RATE.row, 1.0, 0.5, True, 0.01, 1.5)
+    found = shared_fit(parts_of(two_curves()), [bounded], np.zeros(1), 30, 1e-9)
+    assert float(bounded.value(found.z)[0]) == pytest.approx(1.5)
+    for curve, fit in zip(two_curves(), found.fits, strict=True):
+        alone = map_fit(joint(curve), FREE[:2] + (fixed(bounded, 1.5),), np.zeros(3), 30, 1e-9)
+        np.testing.assert_allclose(fit.z[:2], alone.z[:2], atol=2e-3)
+
+
+def test_a_shared_fit_stops_where_little_is_gained() -> None:
+    """Broken by a limit of iterations or a tolerance that is not kept."""
+    curves = two_curves()
+    assert shared_fit(parts_of(curves), FREE[2:], np.zeros(1), 2, 1e-9).fits[0].iterations == 2
+    assert shared_fit(parts_of(curves), FREE[2:], np.zeros(1), 30, 1e12).fits[0].iterations == 1
