@@ -175,7 +175,7 @@ def _finding(result: JointResult, index: int) -> Finding:
     law = law_curve(result.reported, result.reported.accepted[index], wording)
     explains = _explained_by(result, index)
     return Finding(
-        joint=None if effect.everywhere or effect.place == "supply" else result.joint,
+        joint=None if _of_the_hand(effect) else result.joint,
         place=effect.place,
         effect=effect.name,
         probability=probability,
@@ -191,6 +191,11 @@ def _finding(result: JointResult, index: int) -> Finding:
         law=law,
         onset=result.onset,
     )
+
+
+def _of_the_hand(effect: Effect) -> bool:
+    """Whether one cause of this kind acts on the whole hand."""
+    return effect.everywhere or effect.place == "supply"
 
 
 def law_curve(search: JointSearch, accepted: Hypothesis, wording: Wording) -> LawCurve | None:
@@ -244,12 +249,15 @@ def _statement(
     stage = accepted.stage
     signal, (factor, unit) = result.wording.signals[stage], result.wording.signal_units[stage]
     names = " or ".join([accepted.effect.name, *tied])
-    text = f"{result.joint}: {says}."
+    where, explained = result.joint, "It explains"
+    if accepted.given and _of_the_hand(accepted.effect):
+        where, explained = result.wording.whole, f"Its numbers fit all joints at once. On {result.joint}, it explains"
+    text = f"{where}: {says}."
     if tied:
-        text = f"{result.joint}: these data do not separate {names}. If it is {accepted.effect.name}, {says}."
+        text = f"{where}: these data do not separate {names}. If it is {accepted.effect.name}, {says}."
     if law is not None and law.form == "learned":
         text += f" Its law departs from the textbook form: {law.statement}."
-    text += f" It explains {explains:.0%} of the mismatch of the {signal}. {errors_text(result, stage)}"
+    text += f" {explained} {explains:.0%} of the mismatch of the {signal}. {errors_text(result, stage)}"
     text += f" The noise floor is {factor * result.result(stage).noise:.3g} {unit}."
     if result.onset is not None:
         text += f" {result.onset.statement}"
