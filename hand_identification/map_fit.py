@@ -101,7 +101,7 @@ def map_fit(
 
 
 def point_at(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> Point:
-    """The point of coordinates (free,)."""
+    """The point of coordinates z (free,) [-]."""
     costs, squares, residuals = _simulated(problem, free, z[None])
     return Point(z, float(costs[0]), squares[0], [r[0] for r in residuals])
 
@@ -117,7 +117,7 @@ class Point:
 
 
 def usable_point(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> Point:
-    """The start, or the farthest tried point towards it from the prior's mode whose simulation is finite."""
+    """The start z (free,) [-], or the farthest tried point towards it from the mode of the prior that can be simulated."""
     for share in FITS.fallback_shares:
         point = point_at(problem, free, share * z)
         if np.isfinite(point.cost):
@@ -139,7 +139,7 @@ def multi_start(
 
 
 def bounds_of(free: Sequence[FreeParameter]) -> tuple[Array, Array]:
-    """Least and largest coordinates (free,) each."""
+    """Least and largest coordinates (free,) [-] each."""
     most = FITS.max_coordinate
     low = np.array([max(p.coordinate(p.low), -most) if _reachable(p, p.low) else -most for p in free])
     high = np.array([min(p.coordinate(p.high), most) for p in free])
@@ -153,7 +153,10 @@ def _reachable(parameter: FreeParameter, value: float) -> bool:
 def residual_slopes(
     problem: JointProblem, free: Sequence[FreeParameter], here: Point, high: Array, difference: float
 ) -> list[Array]:
-    """Slopes of the residuals (free, OUTPUTS, T) by segment, from forward differences."""
+    """Slopes of the residuals (free, OUTPUTS, T) by segment [SI per coordinate], from forward differences.
+
+    high: largest coordinates (free,) [-].  difference: step of the coordinates [-].
+    """
     steps = np.where(here.z + difference > high, -difference, difference)
     sensitivity = problem.residuals(*problem.columns(free, here.z[None] + np.diag(steps)))
     for slopes, residual in zip(sensitivity, here.residuals, strict=True):
@@ -167,7 +170,7 @@ def normal_equations(
 ) -> tuple[Array, Array]:
     """J' W J (free, free) and J' W r (free,) of the training data, without priors.
 
-    residuals: (OUTPUTS, T) by segment.  sensitivity: their slopes (free, OUTPUTS, T) by segment.
+    Both [-].  residuals: (OUTPUTS, T) by segment, SI.  sensitivity: their slopes (free, OUTPUTS, T) by segment, SI.
     """
     train = (~problem.validation).astype(float)
     count = len(sensitivity[0])
@@ -194,8 +197,9 @@ def _trial_steps(z: Array, normal: Array, slope: Array, bounds: tuple[Array, Arr
 
 
 def bounded_step(hessian: Array, gradient: Array, low: Array, high: Array) -> Array:
-    """The step (free,) to the minimum of the quadratic model within a box; few coordinates are at its sides.
+    """The step (free,) [-] to the minimum of the quadratic model within a box; few coordinates are at its sides.
 
+    hessian: (free, free) [-].  gradient, low, high: (free,) [-].
     Coordinates that would leave the box stay at its side until the slope there points back into it (active set method,
     Nocedal and Wright 2006, Sec. 16.5).
     """

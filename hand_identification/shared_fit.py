@@ -52,7 +52,7 @@ class SharedFit:
     cost: float
 
     def precision(self, shrink: Sequence[float] = ()) -> Array:
-        """Precision of the shared coordinates (shared, shared) with the prior, the private ones integrated out.
+        """Precision of the shared coordinates (shared, shared) [-] with the prior, the private ones integrated out.
 
         shrink: factor of the curvature of each joint; none: 1.
         """

@@ -66,7 +66,7 @@ SWITCHES: Mapping[str, Changes] = {
     "further effects on a joint": ((_SEARCH, "SETTINGS", replace(SETTINGS, max_effects=1)),),
     "fits over the whole hand and its pairs": (
         ("hand_diagnosis.diagnosis.hand", "without_unshared", _as_given),
-        ("hand_diagnosis.diagnosis.hand", "beside_models", _as_given),
+        ("hand_diagnosis.diagnosis.hand", "next_to_models", _as_given),
         ("hand_diagnosis.diagnosis.hand", "with_causes", _as_given),
     ),
     "Occam's factor (likelihood only)": (

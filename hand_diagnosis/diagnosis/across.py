@@ -26,7 +26,7 @@ from hand_model.arrays import Array
 from hand_model.effects.effect import PARTNER
 
 
-def beside_models(task: Task, done: Sequence[JointDiagnosis]) -> list[JointDiagnosis]:
+def next_to_models(task: Task, done: Sequence[JointDiagnosis]) -> list[JointDiagnosis]:
     """Joints of pairs in which one differs, diagnosed again where the partner's model explains more than its sensor."""
     at = {result.joint: result for result in done}
     renewed = list(done)
@@ -95,7 +95,7 @@ def with_causes(task: Task, done: list[JointDiagnosis]) -> list[JointDiagnosis]:
 
 
 def _again_with(task: Task, result: JointDiagnosis, number: int, cause: Cause) -> JointDiagnosis:
-    """A joint diagnosed again with a further cause, beside the same model of its partner."""
+    """A joint diagnosed again with a further cause, next to the same model of its partner."""
     whole = result.whole
     partner = () if whole is None else [segment.exogenous[:, PARTNER].copy() for segment in whole.segments]
     causes = (*result.causes, cause)

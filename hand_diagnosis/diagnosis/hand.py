@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hand_diagnosis.diagnosis.across import beside_models, with_causes, without_unshared
+from hand_diagnosis.diagnosis.across import next_to_models, with_causes, without_unshared
 from hand_diagnosis.diagnosis.joint import JointDiagnosis, diagnose_joint
 from hand_diagnosis.judgement import (
     Finding,
@@ -121,7 +121,7 @@ def diagnose(
         except Exception as error:  # the other joints are diagnosed whatever this one contains
             failed[joint] = f"its diagnosis failed: {_reason(error)}"
         progress(joint)
-    done = without_unshared(task, beside_models(task, done))
+    done = without_unshared(task, next_to_models(task, done))
     try:
         done = with_causes(task, done)
     except Exception as error:  # what was found joint by joint is reported whatever becomes of causes of all joints

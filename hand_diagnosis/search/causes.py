@@ -3,7 +3,8 @@
 An effect says which of its parameters are those of the hand (Effect.shared): all of a supply or of two clocks, the
 attitude of the hand of a weight. These are fitted to all joints at once. Whether a joint needs other effects as well is
 decided with the cause in place. The cause counts where its log evidence exceeds the sum of what was found on
-each joint alone, and where at least two joints show it: one number for all costs one factor of Occam, not one a joint.
+each joint alone, and where at least two joints show it: one number for all costs one factor of Occam and not one
+per joint.
 """
 
 from __future__ import annotations
@@ -182,7 +183,7 @@ def _parts(sides: Sequence[_Side], plan: Sequence[MapFit], effect: Effect, coars
         problem = side.search.problem
         private, _ = _parameters(effect, problem.nominal, _freed(side, effect))
         free = merged(fit.free, private)
-        # Numbers that were fitted beside the effect are the better start where the joint has it already.
+        # Numbers that were fitted together with the effect are the better start where the joint has it already.
         order = (fit, side.found) if side.others is not side.found else (side.found, fit)
         known = {p.row: float(z) for each in order for p, z in zip(each.free, each.z, strict=True)}
         start = np.array([known.get(parameter.row, 0.0) for parameter in free])
@@ -280,7 +281,7 @@ def _given(found: SharedFit) -> list[FreeParameter]:
     return [fixed(p, float(p.value(np.array([z]))[0])) for p, z in zip(found.shared, found.z, strict=True)]
 
 
-def _beside(side: _Side, effect: Effect, fit: MapFit, found: SharedFit) -> MapFit:
+def _with_numbers_of(side: _Side, effect: Effect, fit: MapFit, found: SharedFit) -> MapFit:
     """A model of a joint fitted again with the shared numbers as they were found."""
     problem = side.search.problem
     private, _ = _parameters(effect, problem.nominal, _freed(side, effect))
@@ -292,14 +293,14 @@ def _beside(side: _Side, effect: Effect, fit: MapFit, found: SharedFit) -> MapFi
 
 def _needed(side: _Side, effect: Effect, found: SharedFit) -> MapFit:
     """The model of a joint with the most evidence once the shared numbers are as they were found."""
-    fits = [_beside(side, effect, choice, found) for choice in side.choices]
+    fits = [_with_numbers_of(side, effect, choice, found) for choice in side.choices]
     evidence = [log_evidence(side.search.problem, fit, amounts(fit)) for fit in fits]
     return side.choices[int(np.argmax(evidence))]
 
 
 def _shows(side: _Side, effect: Effect, found: SharedFit) -> bool:
     """Whether the plain model of a joint has clearly more evidence with the cause than without."""
-    problem, fit = side.search.problem, _beside(side, effect, side.plain, found)
+    problem, fit = side.search.problem, _with_numbers_of(side, effect, side.plain, found)
     gain = log_evidence(problem, fit, amounts(fit)) - log_evidence(problem, side.plain)
     return gain > SETTINGS.min_log_evidence
 
