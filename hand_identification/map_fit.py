@@ -117,7 +117,7 @@ class Point:
 
 
 def usable_point(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> Point:
-    """The start z (free,) [-], or the farthest tried point towards it from the mode of the prior that can be simulated."""
+    """The start z (free,) [-], or the farthest point towards it from the mode of the prior that can be simulated."""
     for share in FITS.fallback_shares:
         point = point_at(problem, free, share * z)
         if np.isfinite(point.cost):

@@ -373,7 +373,7 @@ def test_a_shared_coordinate_stays_within_its_bounds() -> None:
     found = shared_fit(parts_of(two_curves()), [bounded], np.zeros(1), 30, 1e-9)
     assert float(bounded.value(found.z)[0]) == pytest.approx(1.5)
     for curve, fit in zip(two_curves(), found.fits, strict=True):
-        alone = map_fit(joint(curve), FREE[:2] + (fixed(bounded, 1.5),), np.zeros(3), 30, 1e-9)
+        alone = map_fit(joint(curve), (*FREE[:2], fixed(bounded, 1.5)), np.zeros(3), 30, 1e-9)
         np.testing.assert_allclose(fit.z[:2], alone.z[:2], atol=2e-3)
 
 
