@@ -180,6 +180,25 @@ def _meet(s, pair, other, w, u, position, dt):  # type: ignore[no-untyped-def]
         s[_OLD + 2, pair], s[_OLD + 3, pair] = u[pair], u[other]
 
 
+@without_arrays
+def doubt(s, after, i, k, w, u):  # type: ignore[no-untyped-def]
+    """Begin again with joints i and k, whose speeds crossed: careful as after arming, watched where they are a pair.
+
+    w, u: as in `check_places`; those of i and k become 0 in place.
+    """
+    for joint in (i, k):
+        s[_CAREFUL, joint], s[_MOVED_S, joint] = 1.0, 0.0
+        w[joint] = u[joint] = 0.0
+    for pair in range(len(after)):
+        other = after[pair]
+        if pair in (i, k):
+            s[_OLD, pair] = s[_OLD + 2, pair] = 0.0
+        if other in (i, k):
+            s[_OLD + 1, pair] = s[_OLD + 3, pair] = 0.0
+        if pair in (i, k) and other in (i, k):
+            s[_OPEN, pair], s[_SUSPECT_S, pair], s[_MISSED, pair] = 1.0, 0.0, 0.0
+
+
 @inlined
 def open_again(s, after):  # type: ignore[no-untyped-def]
     """Watch every pair on, and let every set-point rise slowly: frames come too rarely to see an exchange in motion."""

@@ -31,19 +31,31 @@ from numpy.typing import NDArray
 
 from hand_control import sensor_rows as row
 from hand_control.declared import inlined
-from hand_control.place_watch import ALIKE, ENOUGH_S, NONE, RECENT_S, PlaceWatch, check_places, hold_places, open_again
+from hand_control.place_watch import (
+    ALIKE,
+    ENOUGH_S,
+    NONE,
+    RECENT_S,
+    PlaceWatch,
+    check_places,
+    doubt,
+    hold_places,
+    open_again,
+)
 from hand_control.place_watch import ROWS as PLACE_ROWS
 from hand_control.sensor_lines import Contradiction, describe
 from hand_control.step_watch import (
     ACTIVE,
     ANGLES_SWAPPED,
     BEYOND,
+    DOUBTFUL,
     FINE,
     FROZEN,
     LEAST_RAD,
     LONGEST_S,
     MAX_OUTSIDE_NM,
     MOMENTUM_S,
+    PAUSE_S,
     PRESSURES_SWAPPED,
     SIGN,
     SPACING_S,
@@ -226,6 +238,10 @@ def check_sensors(table, spacing, links, liquid, position, pressure, expected, w
         if age > 0.0:
             spacing[5] = 0.0
             verdict, joint, other = steps(s, c, partner, before, age, rare)
+            if verdict == DOUBTFUL:
+                s[row.PAUSE, joint] = s[row.PAUSE, other] = PAUSE_S
+                doubt(places, after, joint, other, s[row.W], s[row.U])
+                verdict, joint, other = FINE, 0, -1
     if verdict == FINE and spacing[5] > UNCHECKED_S:
         return UNCHECKED, 0, -1
     return verdict, joint, other
@@ -319,22 +335,8 @@ class SensorWatch:
         s = self._state
         s[[row.Z, row.A, row.B, row.C, row.X, row.LAST, row.FROM]] = position
         s[[row.P_LAST, row.P_SLOW, row.P_B, row.P_C, row.P_X, row.P_E, row.DRIVE]] = pressure
-        s[
-            [
-                row.RUN,
-                row.RUN_SPEED,
-                row.SPEED,
-                row.OUT_S,
-                row.ACTIVE_S,
-                row.W,
-                row.U,
-                row.SIGN_S,
-                row.PE,
-                row.PX,
-                row.PSWAP_S,
-                row.EXACT_S,
-            ]
-        ] = 0.0
+        zero = [row.RUN, row.RUN_SPEED, row.SPEED, row.OUT_S, row.ACTIVE_S, row.W, row.U, row.SIGN_S, row.PE, row.PX]
+        s[[*zero, row.PSWAP_S, row.EXACT_S]] = 0.0
         self._spacing[:5] = (math.inf, math.inf, math.inf, math.inf, 0.0)
 
     def check(
