@@ -264,6 +264,12 @@ def hold_places(s, command, pressure, dt):  # type: ignore[no-untyped-def]
     return limits
 
 
+def following(channel: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The joint whose channel follows that of each joint, -1 where there is none; (joints,)."""
+    of = {int(c): j for j, c in enumerate(channel)}
+    return np.array([of.get(int(c) + 1, -1) for c in channel], dtype=np.int64)
+
+
 class PlaceWatch:
     """Compares the motions of neighbouring channels after arming.
 

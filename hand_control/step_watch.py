@@ -72,17 +72,19 @@ def sample(s, spacing, position, now, dt):  # type: ignore[no-untyped-def]
     and whether the samples are too far apart for a momentum.
     """
     za, ab, bc, cx = spacing[0], spacing[1], spacing[2], spacing[3]
+    per_za, per_ab, per_cx = 1.0 / za, 1.0 / ab, 1.0 / cx
+    share = dt / (dt + NOISE_S)
     for i in range(len(position)):
         a, b, c, e = s[row.A, i], s[row.B, i], s[row.C, i], position[i]
-        s[row.V, i] = (b - a) / ab
-        s[row.JERK, i] = abs(s[row.V, i] - (a - s[row.Z, i]) / za) * bc
+        s[row.V, i] = (b - a) * per_ab
+        s[row.JERK, i] = abs(s[row.V, i] - (a - s[row.Z, i]) * per_za) * bc
         s[row.PRED, i] = b + s[row.V, i] * bc
         s[row.DEV, i], s[row.TRAVEL, i] = c - s[row.PRED, i], e - c
-        before = (s[row.X, i] - c) / cx
+        before = (s[row.X, i] - c) * per_cx
         surprise = abs(e - s[row.X, i] - before * dt)
         if surprise > _least(s, i) + STEP_RAD + (1.0 + SLACK) * abs(before) * dt:
             s[row.PAUSE, i], s[row.HOLD, i] = PAUSE_S, 1.0
-        s[row.NOISE, i] += dt / (dt + NOISE_S) * (min(surprise, STEP_RAD) - s[row.NOISE, i])
+        s[row.NOISE, i] += share * (min(surprise, STEP_RAD) - s[row.NOISE, i])
         s[row.Z, i], s[row.A, i], s[row.B, i], s[row.C, i], s[row.X, i] = a, b, c, s[row.X, i], e
         s[row.P_B, i], s[row.P_C, i], s[row.P_X, i], s[row.P_E, i] = s[row.P_C, i], s[row.P_X, i], s[row.P_E, i], now[i]
     spacing[0], spacing[1], spacing[2], spacing[3] = ab, bc, cx, dt
