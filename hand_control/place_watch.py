@@ -181,7 +181,7 @@ def _meet(s, pair, other, w, u, position, dt):  # type: ignore[no-untyped-def]
 
 
 @without_arrays
-def doubt(s, after, i, k, w, u):  # type: ignore[no-untyped-def]
+def begin_again(s, after, i, k, w, u):  # type: ignore[no-untyped-def]
     """Begin again with joints i and k, whose speeds crossed: careful as after arming, watched where they are a pair.
 
     w, u: as in `check_places`; those of i and k become 0 in place.

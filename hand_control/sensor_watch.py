@@ -36,8 +36,8 @@ from hand_control.place_watch import (
     NONE,
     RECENT_S,
     PlaceWatch,
+    begin_again,
     check_places,
-    doubt,
     following,
     hold_places,
     open_again,
@@ -48,7 +48,6 @@ from hand_control.step_watch import (
     ACTIVE,
     ANGLES_SWAPPED,
     BEYOND,
-    DOUBTFUL,
     FINE,
     FROZEN,
     LEAST_RAD,
@@ -60,6 +59,7 @@ from hand_control.step_watch import (
     SIGN,
     SPACING_S,
     UNCHECKED,
+    UNDECIDED,
     WRONG,
     sample,
     steps,
@@ -240,9 +240,9 @@ def check_sensors(table, spacing, links, liquid, position, pressure, expected, w
         if age > 0.0:
             spacing[5] = 0.0
             verdict, joint, other = steps(s, c, partner, before, age, rare)
-            if verdict == DOUBTFUL:
+            if verdict == UNDECIDED:
                 s[row.PAUSE, joint] = s[row.PAUSE, other] = PAUSE_S
-                doubt(places, after, joint, other, s[row.W], s[row.U])
+                begin_again(places, after, joint, other, s[row.W], s[row.U])
                 verdict, joint, other = FINE, 0, -1
     if verdict == FINE and spacing[5] > UNCHECKED_S:
         return UNCHECKED, 0, -1

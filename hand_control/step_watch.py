@@ -15,7 +15,7 @@ and comes back with at most RESTITUTION of it. A sensor that steps goes on as if
 
 Angles that cross make no step, and new set-points of two joints may exchange their speeds there, too. An exchange is
 believed where no pressure, with a model that is WRONG, and no obstacle gives the new speed of at least one of them.
-Where both may have got theirs so, the pair is DOUBTFUL: its set-points rise slowly until both joints have moved as
+Where both may have got theirs so, the pair is UNDECIDED: its set-points rise slowly until both joints have moved as
 their pressures ask, and the place watch compares them.
 
 Where samples are further apart than MOMENTUM_S, up to LONGEST_S, a joint has lost its momentum between two of them:
@@ -60,8 +60,8 @@ SMOOTH = 8.0
 """Least size of a turn, in changes of speed before it, that no constant acceleration explains; one gives five."""
 PAUSE_S = 0.02
 """Set-points do not rise for this time after a break."""
-FINE, JUMPED, SIGN, ANGLES_SWAPPED, PRESSURES_SWAPPED, FROZEN, BEYOND, ACTIVE, UNCHECKED, DOUBTFUL = range(10)
-"""Verdicts; DOUBTFUL: of the step test alone, no fault."""
+FINE, JUMPED, SIGN, ANGLES_SWAPPED, PRESSURES_SWAPPED, FROZEN, BEYOND, ACTIVE, UNCHECKED, UNDECIDED = range(10)
+"""Verdicts; UNDECIDED: of the step test alone, no fault."""
 
 
 @inlined
@@ -279,4 +279,4 @@ def steps(s, c, partner, dt, age, rare):  # type: ignore[no-untyped-def]
         verdict = _stepped(s, c, partner, i, dt, age, rare)
         if verdict != FINE:
             return verdict, i, -1
-    return (DOUBTFUL if two >= 0 else FINE), one, two
+    return (UNDECIDED if two >= 0 else FINE), one, two
