@@ -1,4 +1,7 @@
-"""Commands as they arrive: bounded in bytes, entries and rate, then decoded. No ROS; times are arguments."""
+"""Commands as they arrive: bounded in bytes, entries and rate, then decoded. No ROS; times are arguments.
+
+Messages of force sensors share the bound of their rate.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,8 @@ TRAJECTORIES_HZ = 20.0
 GOALS_HZ = 20.0
 """Goals of each action a second that are answered after a check."""
 BURST = 20
+FORCES_HZ = 2000.0
+"""Messages of force sensors a second that are read: those of a board of 1 kHz, and as many again."""
 
 
 class CommandInputs:
@@ -21,6 +26,7 @@ class CommandInputs:
         self._budgets = {
             "joint_commands": Budget(),
             "joint_trajectory": Budget(TRAJECTORIES_HZ, BURST),
+            "contact_forces": Budget(FORCES_HZ),
             **{name: Budget(GOALS_HZ, BURST) for name in ("grasp", "follow_joint_trajectory", "gripper_cmd")},
         }
 

@@ -27,8 +27,8 @@ from hand_control.frame_checks import (
 )
 from hand_control.frame_checks import ROWS as PRESSURE_ROWS
 from hand_control.sensor_lines import Contradiction
+from hand_control.sensor_watch import ELAPSED, SensorWatch, check_sensors, hold_sensors
 from hand_control.sensor_watch import ROWS as SENSOR_ROWS
-from hand_control.sensor_watch import SensorWatch, check_sensors, hold_sensors
 from hand_control.step_watch import FINE as UNSUSPICIOUS
 from hand_model.arrays import Array
 from hand_model.compile_cache import without_arrays
@@ -67,6 +67,7 @@ def _frame(  # type: ignore[no-untyped-def]
 
     A call that returns eight numbers to Python costs more than a test.
     """
+    spacing[ELAPSED] = dt
     last, pressures, sensors = memory[0], memory[1:_SENSORS], memory[_SENSORS:]
     verdict, worst = implausible(position, velocity, pressure, last, allowed_jump(jump, dt))
     if verdict != FINE:
@@ -84,10 +85,10 @@ def _frame(  # type: ignore[no-untyped-def]
 
 
 @without_arrays
-def _hold(memory, spacing, command, dt):  # type: ignore[no-untyped-def]
+def _hold(memory, spacing, command):  # type: ignore[no-untyped-def]
     """Limit the set-points in place; whether a suspected sensor has lowered one."""
-    cap_pressures(memory[1:_SENSORS], command, dt)
-    return hold_sensors(memory[_SENSORS:], spacing, command, dt)
+    cap_pressures(memory[1:_SENSORS], command, spacing[ELAPSED])
+    return hold_sensors(memory[_SENSORS:], spacing, command)
 
 
 class FrameWatch:
@@ -133,8 +134,8 @@ class FrameWatch:
         """
         if not 0.0 < elapsed_s <= self._longest_s:
             return self._after_gap(measured, command, max_jump_rad, elapsed_s)
-        self.sensors.elapsed_s = elapsed_s
-        if self._judge(*measured, command, max_jump_rad, elapsed_s):
+        position, velocity, pressure = measured
+        if self._judge(position, velocity, pressure, command, max_jump_rad, elapsed_s):
             return NOTHING
         verdict, worst, high_low, joint, *contradiction = self._found.tolist()
         return Findings(verdict, worst, high_low, joint, self.sensors.contradiction(*contradiction))
@@ -155,4 +156,4 @@ class FrameWatch:
 
     def hold(self, command: Array) -> None:
         """Limit set-points (n,) [Pa] in place to what the pressures justify, and the sensors that are believed."""
-        self.limits = self._limit(command, self.sensors.elapsed_s)
+        self.limits = self._limit(command)

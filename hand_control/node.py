@@ -42,7 +42,6 @@ from hand_ros.node import (
     QUEUED_QOS,
     RARELY_S,
     RELIABLE_SENSOR_QOS,
-    SENSOR_QOS,
     STATE_QOS,
     HandNode,
     default_config,
@@ -106,9 +105,9 @@ class ControllerNode(HandNode):
         self._command_publisher = self.sole_publisher(ValveCommand, "valve_command", COMMAND_QOS)
         self._state_publisher = self.create_publisher(ControllerState, "controller_state", RELIABLE_SENSOR_QOS)
         subscriptions = (
-            self.sole_source(JointPressures, "pressures", self._on_pressures, SENSOR_QOS, self._on_publishers),
+            self.sole_source(JointPressures, "pressures", self._on_pressures, STATE_QOS, self._on_publishers),
             self.sole_source(JointState, "joint_states", self._on_joint_states, STATE_QOS, self._on_publishers),
-            self.create_subscription(ContactForces, "contact_forces", self._on_forces, SENSOR_QOS, raw=True),
+            self.create_subscription(ContactForces, "contact_forces", self._on_forces, STATE_QOS, raw=True),
             self.create_subscription(JointState, "joint_commands", self._on_raw_command, QUEUED_QOS, raw=True),
             self.create_subscription(
                 JointTrajectory, "joint_trajectory", self._on_raw_trajectory, QUEUED_QOS, raw=True
@@ -263,6 +262,8 @@ class ControllerNode(HandNode):
         )
 
     def _on_forces(self, raw: bytes) -> None:
+        if not self._commands_in.take("contact_forces", time.monotonic()):
+            return
         try:
             stamp_ns, (force,) = self._forces_in.read(raw)
         except ValueError as error:

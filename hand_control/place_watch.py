@@ -180,6 +180,25 @@ def _meet(s, pair, other, w, u, position, dt):  # type: ignore[no-untyped-def]
         s[_OLD + 2, pair], s[_OLD + 3, pair] = u[pair], u[other]
 
 
+@without_arrays
+def begin_again(s, after, i, k, w, u):  # type: ignore[no-untyped-def]
+    """Begin again with joints i and k, whose speeds crossed: careful as after arming, watched where they are a pair.
+
+    w, u: as in `check_places`; those of i and k become 0 in place.
+    """
+    for joint in (i, k):
+        s[_CAREFUL, joint], s[_MOVED_S, joint] = 1.0, 0.0
+        w[joint] = u[joint] = 0.0
+    for pair in range(len(after)):
+        other = after[pair]
+        if pair in (i, k):
+            s[_OLD, pair] = s[_OLD + 2, pair] = 0.0
+        if other in (i, k):
+            s[_OLD + 1, pair] = s[_OLD + 3, pair] = 0.0
+        if pair in (i, k) and other in (i, k):
+            s[_OPEN, pair], s[_SUSPECT_S, pair], s[_MISSED, pair] = 1.0, 0.0, 0.0
+
+
 @inlined
 def open_again(s, after):  # type: ignore[no-untyped-def]
     """Watch every pair on, and let every set-point rise slowly: frames come too rarely to see an exchange in motion."""
@@ -243,6 +262,12 @@ def hold_places(s, command, pressure, dt):  # type: ignore[no-untyped-def]
             s[_BEFORE_PA, i] = command[i]
         limits |= command[i] < asked
     return limits
+
+
+def following(channel: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The joint whose channel follows that of each joint, -1 where there is none; (joints,)."""
+    of = {int(c): j for j, c in enumerate(channel)}
+    return np.array([of.get(int(c) + 1, -1) for c in channel], dtype=np.int64)
 
 
 class PlaceWatch:

@@ -27,11 +27,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hand_control import sensor_rows as row
 from hand_control.declared import inlined
-from hand_control.place_watch import ALIKE, ENOUGH_S, NONE, RECENT_S, PlaceWatch, check_places, hold_places, open_again
+from hand_control.place_watch import (
+    ALIKE,
+    ENOUGH_S,
+    NONE,
+    RECENT_S,
+    PlaceWatch,
+    begin_again,
+    check_places,
+    following,
+    hold_places,
+    open_again,
+)
 from hand_control.place_watch import ROWS as PLACE_ROWS
 from hand_control.sensor_lines import Contradiction, describe
 from hand_control.step_watch import (
@@ -44,10 +54,12 @@ from hand_control.step_watch import (
     LONGEST_S,
     MAX_OUTSIDE_NM,
     MOMENTUM_S,
+    PAUSE_S,
     PRESSURES_SWAPPED,
     SIGN,
     SPACING_S,
     UNCHECKED,
+    UNDECIDED,
     WRONG,
     sample,
     steps,
@@ -84,6 +96,8 @@ and these exceed LEAST_PA and what motion displaces; or, for EXACT_S, below EXAC
 What motion displaces is not for so long just what the set-points of both joints differ by, in opposite directions."""
 ROWS = row.PLACES + PLACE_ROWS
 """Of the whole table."""
+ELAPSED = 7
+"""Of the spacing: time between the last two frames [s], after those between samples, and those of `_wait`."""
 _KEYS = (
     "statics.a0_nm",
     "statics.a1_nm_per_rad",
@@ -151,7 +165,7 @@ def _first_motion(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
     at, p = s[row.MODEL, i], 0.5 * (p + s[row.DRIVE, i]) if dt > MOMENTUM_S else p
     balance = torque(p, at, 0.0, c[row.A0, i], c[row.A1, i], c[row.A2, i], c[row.A3, i], 0.0) - s[row.BIAS, i]
     stiff = max(-c[row.A1, i] - c[row.A3, i] * p, 0.0)
-    now = at + balance / c[row.D, i] * dt / (1.0 + stiff / c[row.D, i] * dt)
+    now = at + balance * dt / (c[row.D, i] + stiff * dt)
     s[row.MODEL, i] = min(max(now, c[row.LOW, i]), c[row.HIGH, i])
     kept = 1.0 - dt / (dt + RECENT_S)
     s[row.W, i] = kept * (s[row.W, i] + s[row.MODEL, i] - at)
@@ -226,6 +240,10 @@ def check_sensors(table, spacing, links, liquid, position, pressure, expected, w
         if age > 0.0:
             spacing[5] = 0.0
             verdict, joint, other = steps(s, c, partner, before, age, rare)
+            if verdict == UNDECIDED:
+                s[row.PAUSE, joint] = s[row.PAUSE, other] = PAUSE_S
+                begin_again(places, after, joint, other, s[row.W], s[row.U])
+                verdict, joint, other = FINE, 0, -1
     if verdict == FINE and spacing[5] > UNCHECKED_S:
         return UNCHECKED, 0, -1
     return verdict, joint, other
@@ -239,12 +257,12 @@ def _wait(spacing, dt):  # type: ignore[no-untyped-def]
 
 
 @without_arrays
-def hold_sensors(table, spacing, command, dt):  # type: ignore[no-untyped-def]
+def hold_sensors(table, spacing, command):  # type: ignore[no-untyped-def]
     """Limit the set-points of suspected joints in place to the last ones from before; whether one is lower now.
 
     Where the sensors are not checked, no set-point rises: one that fell does not return to where it was.
 
-    table, spacing: the first of SensorWatch.arrays.  command: (joints,) [Pa].  dt: [s] since the last frame.
+    table, spacing: the first of SensorWatch.arrays.  command: (joints,) [Pa].
     """
     s, limits, unchecked = table[: row.ROWS], False, spacing[5] > WARN_S
     for i in range(len(command)):
@@ -253,14 +271,13 @@ def hold_sensors(table, spacing, command, dt):  # type: ignore[no-untyped-def]
             command[i] = min(command[i], s[row.BELIEVED_PA, i])
         if unchecked or s[row.HOLD, i] <= 0.0:
             s[row.BELIEVED_PA, i] = command[i]
-    return hold_places(table[row.PLACES :], command, s[row.P_LAST], dt) or limits
+    return hold_places(table[row.PLACES :], command, s[row.P_LAST], spacing[ELAPSED]) or limits
 
 
 class SensorWatch:
     """Compares angles and pressures of one hand with its motion, frame by frame.
 
-    arrays: the first arguments of `check_sensors`.  gap_s: longest time between frames
-    [s] after which the tests go on.  elapsed_s: between the last two frames.
+    arrays: the first arguments of `check_sensors`.  gap_s: longest time between frames [s] after which the tests go on.
     """
 
     def __init__(self, hand: Hand, memory: Array | None = None) -> None:
@@ -274,14 +291,14 @@ class SensorWatch:
         self._state, self._constants = table[: row.ROWS], table[row.ROWS : row.PLACES]
         self._constants[:] = constants
         self._channels = (sensors.angle_channel, sensors.pressure_channel)
-        self._places = PlaceWatch(_next(sensors.angle_channel), table[row.PLACES :])
-        self._spacing = np.zeros(7)
+        self._places = PlaceWatch(following(sensors.angle_channel), table[row.PLACES :])
+        self._spacing = np.zeros(ELAPSED + 1)
         self._period_s = 1.0 / hand.rate_hz
         self._liquid = bool(hand.row("hydraulic.share").max() > 0.0)
-        links = np.array([hand.partner, _next(sensors.pressure_channel), self._places.after], dtype=np.int64)
+        links = np.array([hand.partner, following(sensors.pressure_channel), self._places.after], dtype=np.int64)
         self.arrays = (table, self._spacing, links, self._liquid)
         self._none = np.zeros(len(hand.joints))
-        self.gap_s, self.elapsed_s = LONGEST_S, 0.0
+        self.gap_s = LONGEST_S
 
     def start(self, position: Array, velocity: Array, pressure: Array) -> None:
         """Begin without evidence at position (n,) [rad], velocity (n,) [rad/s] and pressure (n,) [Pa].
@@ -291,7 +308,7 @@ class SensorWatch:
         s, c = self._state, self._constants
         s[:] = 0.0
         self._restart(position, pressure)
-        self._spacing[5:] = 0.0, self._period_s
+        self._spacing[5:ELAPSED] = 0.0, self._period_s
 
         def balance(angle: Array) -> Array:
             nm: Array = np.asarray(torque(pressure, angle, 0.0, c[row.A0], c[row.A1], c[row.A2], c[row.A3], 0.0))
@@ -319,22 +336,8 @@ class SensorWatch:
         s = self._state
         s[[row.Z, row.A, row.B, row.C, row.X, row.LAST, row.FROM]] = position
         s[[row.P_LAST, row.P_SLOW, row.P_B, row.P_C, row.P_X, row.P_E, row.DRIVE]] = pressure
-        s[
-            [
-                row.RUN,
-                row.RUN_SPEED,
-                row.SPEED,
-                row.OUT_S,
-                row.ACTIVE_S,
-                row.W,
-                row.U,
-                row.SIGN_S,
-                row.PE,
-                row.PX,
-                row.PSWAP_S,
-                row.EXACT_S,
-            ]
-        ] = 0.0
+        zero = [row.RUN, row.RUN_SPEED, row.SPEED, row.OUT_S, row.ACTIVE_S, row.W, row.U, row.SIGN_S, row.PE, row.PX]
+        s[[*zero, row.PSWAP_S, row.EXACT_S]] = 0.0
         self._spacing[:5] = (math.inf, math.inf, math.inf, math.inf, 0.0)
 
     def check(
@@ -354,13 +357,13 @@ class SensorWatch:
         """
         drive = driven if self._liquid else pressure
         if elapsed_s <= 0.0 or elapsed_s > self.gap_s:
-            self.elapsed_s = 0.0 if elapsed_s <= 0.0 else 3.0 * self._period_s
+            self._spacing[ELAPSED] = 0.0 if elapsed_s <= 0.0 else 3.0 * self._period_s
             if elapsed_s > 0.0:
                 self._restart(position, drive)
                 self._places.restart()
                 _wait(self._spacing, min(elapsed_s, GAP_COUNTS_S))
             return self.contradiction(UNCHECKED, 0, -1) if self._spacing[5] > UNCHECKED_S else None
-        self.elapsed_s = elapsed_s
+        self._spacing[ELAPSED] = elapsed_s
         wide = self._none if wider is None else wider
         found = check_sensors(*self.arrays, position, pressure, expected, wide, drive, elapsed_s)
         return self.contradiction(*found)
@@ -374,7 +377,7 @@ class SensorWatch:
 
         Returns whether one is lower now.
         """
-        return bool(hold_sensors(*self.arrays[:2], command, self.elapsed_s))
+        return bool(hold_sensors(*self.arrays[:2], command))
 
     @property
     def unchecked(self) -> str:
@@ -392,9 +395,3 @@ class SensorWatch:
     def line(self, found: Contradiction) -> str:
         """What was found: joints, channels, evidence and what to check."""
         return describe(found, self._joints, self._channels, f"{UNCHECKED_S:g} s: {self.unchecked}")
-
-
-def _next(channel: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The joint whose channel follows that of each joint, -1 where there is none; (joints,)."""
-    of = {int(c): j for j, c in enumerate(channel)}
-    return np.array([of.get(int(c) + 1, -1) for c in channel], dtype=np.int64)

@@ -13,6 +13,11 @@ and comes back with at most RESTITUTION of it. A sensor that steps goes on as if
     displaced                         further than MAX_OUTSIDE_NM, an obstacle     below half of DEV
                                       that lets go and the neighbour can move it
 
+Angles that cross make no step, and new set-points of two joints may exchange their speeds there, too. An exchange is
+believed where no pressure, with a model that is WRONG, and no obstacle gives the new speed of at least one of them.
+Where both may have got theirs so, the pair is UNDECIDED: its set-points rise slowly until both joints have moved as
+their pressures ask, and the place watch compares them.
+
 Where samples are further apart than MOMENTUM_S, up to LONGEST_S, a joint has lost its momentum between two of them:
 then only a deviation counts that neither the pressure nor an obstacle gives, for an exchange of both joints.
 Turns of a joint whose neighbour also turns (they share inertia), that was not in smooth motion before, or that a
@@ -55,8 +60,8 @@ SMOOTH = 8.0
 """Least size of a turn, in changes of speed before it, that no constant acceleration explains; one gives five."""
 PAUSE_S = 0.02
 """Set-points do not rise for this time after a break."""
-FINE, JUMPED, SIGN, ANGLES_SWAPPED, PRESSURES_SWAPPED, FROZEN, BEYOND, ACTIVE, UNCHECKED = range(9)
-"""Verdicts."""
+FINE, JUMPED, SIGN, ANGLES_SWAPPED, PRESSURES_SWAPPED, FROZEN, BEYOND, ACTIVE, UNCHECKED, UNDECIDED = range(10)
+"""Verdicts; UNDECIDED: of the step test alone, no fault."""
 
 
 @inlined
@@ -67,17 +72,19 @@ def sample(s, spacing, position, now, dt):  # type: ignore[no-untyped-def]
     and whether the samples are too far apart for a momentum.
     """
     za, ab, bc, cx = spacing[0], spacing[1], spacing[2], spacing[3]
+    per_za, per_ab, per_cx = 1.0 / za, 1.0 / ab, 1.0 / cx
+    share = dt / (dt + NOISE_S)
     for i in range(len(position)):
         a, b, c, e = s[row.A, i], s[row.B, i], s[row.C, i], position[i]
-        s[row.V, i] = (b - a) / ab
-        s[row.JERK, i] = abs(s[row.V, i] - (a - s[row.Z, i]) / za) * bc
+        s[row.V, i] = (b - a) * per_ab
+        s[row.JERK, i] = abs(s[row.V, i] - (a - s[row.Z, i]) * per_za) * bc
         s[row.PRED, i] = b + s[row.V, i] * bc
         s[row.DEV, i], s[row.TRAVEL, i] = c - s[row.PRED, i], e - c
-        before = (s[row.X, i] - c) / cx
+        before = (s[row.X, i] - c) * per_cx
         surprise = abs(e - s[row.X, i] - before * dt)
         if surprise > _least(s, i) + STEP_RAD + (1.0 + SLACK) * abs(before) * dt:
             s[row.PAUSE, i], s[row.HOLD, i] = PAUSE_S, 1.0
-        s[row.NOISE, i] += dt / (dt + NOISE_S) * (min(surprise, STEP_RAD) - s[row.NOISE, i])
+        s[row.NOISE, i] += share * (min(surprise, STEP_RAD) - s[row.NOISE, i])
         s[row.Z, i], s[row.A, i], s[row.B, i], s[row.C, i], s[row.X, i] = a, b, c, s[row.X, i], e
         s[row.P_B, i], s[row.P_C, i], s[row.P_X, i], s[row.P_E, i] = s[row.P_C, i], s[row.P_X, i], s[row.P_E, i], now[i]
     spacing[0], spacing[1], spacing[2], spacing[3] = ab, bc, cx, dt
@@ -188,6 +195,36 @@ def _is_hit(s, c, i, k):  # type: ignore[no-untyped-def]
 
 
 @without_arrays
+def _driven(s, c, partner, i, k, dt, age):  # type: ignore[no-untyped-def]
+    """Lowest and highest mean change of speed [rad/s] of joint i over age [s], from dt [s] after the sample before.
+
+    By what its pressure has changed since then (Eqs. 6, 8), and by a neighbour of common inertia, where it is not k.
+    """
+    lag, low, high = c[row.J, i] / c[row.D, i], 0.0, 0.0
+    for p in (s[row.P_C, i], s[row.P_X, i]):
+        low, high = min(low, p - s[row.P_B, i]), max(high, p - s[row.P_B, i])
+    effect = 1.0 - lag / age * (math.exp(-dt / lag) - math.exp(-(dt + age) / lag))
+    lever = max(c[row.A2, i] + c[row.A3, i] * s[row.PRED, i], 0.0)
+    gain = (1.0 + WRONG) / (1.0 - WRONG) * lever / c[row.D, i] * effect
+    other, moved = partner[i], 0.0
+    if other >= 0 and other != k:
+        moved = (1.0 + WRONG) * c[row.JC, i] / c[row.J, i] * abs(s[row.TRAVEL, other] / age - s[row.V, other])
+    return gain * low - moved, gain * high + moved
+
+
+@without_arrays
+def _is_own(s, c, partner, i, k, dt, age):  # type: ignore[no-untyped-def]
+    """Whether joint i may have taken the speed of joint k by its own pressure, or by an obstacle that it has met."""
+    change, dev, own, least = s[row.V, k] - s[row.V, i], s[row.DEV, i], abs(s[row.V, i]), _least(s, i)
+    slack = EXCHANGED * abs(change)
+    low, high = _driven(s, c, partner, i, k, dt, age)
+    if low - slack <= change <= high + slack and low * dt - least <= dev <= high * dt + least:
+        return True
+    along = s[row.V, k] if s[row.V, i] > 0.0 else -s[row.V, k]
+    return -RESTITUTION * own - slack < along < own - slack and abs(dev) < (1.0 + RESTITUTION) * own * dt + least
+
+
+@without_arrays
 def _crossed(s, i, k, least, dt, age):  # type: ignore[no-untyped-def]
     """Whether joints i and k have exchanged their speeds where their angles cross."""
     apart = abs(s[row.V, i] - s[row.V, k])
@@ -229,15 +266,17 @@ def _exchanged(s, c, partner, i, k, dt, age, rare):  # type: ignore[no-untyped-d
 @inlined
 def steps(s, c, partner, dt, age, rare):  # type: ignore[no-untyped-def]
     """Verdict, joint and other joint of the step test."""
-    n = s.shape[1]
+    n, one, two = s.shape[1], 0, -1
     for i in range(n):
         if _turn(s, i, age) < _least(s, i):
             continue
         for k in range(i + 1, n):
             if _exchanged(s, c, partner, i, k, dt, age, rare):
-                return ANGLES_SWAPPED, i, k
+                if not (_is_own(s, c, partner, i, k, dt, age) and _is_own(s, c, partner, k, i, dt, age)):
+                    return ANGLES_SWAPPED, i, k
+                one, two = i, k
     for i in range(n):
         verdict = _stepped(s, c, partner, i, dt, age, rare)
         if verdict != FINE:
             return verdict, i, -1
-    return FINE, 0, -1
+    return (UNDECIDED if two >= 0 else FINE), one, two

@@ -27,6 +27,7 @@ from hand_messages.health import DATA_LATE, Health, Level
 WARN_S = 0.020
 FREEZE_S = 0.050
 VENT_S = 0.100
+_FREEZE_NS, _VENT_NS = round(FREEZE_S * 1e9), round(VENT_S * 1e9)
 ARMING_S = 2.0
 """Longest time from `enable`, or from the first frame after the start, to a complete measurement."""
 
@@ -96,7 +97,7 @@ class Supervisor:
     def frame(self, now_ns: int) -> bool:
         """Count a usable frame. Returns whether the integrators may run in its tick."""
         before, self.frame_ns = self.frame_ns, now_ns
-        return before is not None and now_ns - before <= FREEZE_S * 1e9
+        return before is not None and now_ns - before <= _FREEZE_NS
 
     def command(self, now_ns: int) -> None:
         """Count an accepted command."""
@@ -104,14 +105,12 @@ class Supervisor:
 
     def check(self, now_ns: int, command_timeout_s: float) -> None:
         """Trip on silence, and give up waiting for a measurement. Call it often, also while nothing arrives."""
-        if self.phase is Phase.ARMING:
-            self._check_arming(now_ns)
         if self.phase is not Phase.ACTIVE:
-            return
-        age_s = self.frame_age_s(now_ns)
-        if age_s > VENT_S:
+            if self.phase is Phase.ARMING:
+                self._check_arming(now_ns)
+        elif self.frame_ns is not None and now_ns - self.frame_ns > _VENT_NS:
             self.trip(f"no usable sensor data for {VENT_S * 1e3:.0f} ms; check the driver and the line to the board")
-        elif self._command_age_s(now_ns) > 2.0 * command_timeout_s > 0.0:
+        elif command_timeout_s > 0.0 and self._command_age_s(now_ns) > 2.0 * command_timeout_s:
             self.trip(f"no command for {2.0 * command_timeout_s:g} s; check the node that sends the commands")
 
     def _check_arming(self, now_ns: int) -> None:
@@ -125,7 +124,7 @@ class Supervisor:
 
     def command_held(self, now_ns: int, command_timeout_s: float) -> bool:
         """Whether the last command is older than the time-out."""
-        return self._command_age_s(now_ns) > command_timeout_s > 0.0
+        return command_timeout_s > 0.0 and self._command_age_s(now_ns) > command_timeout_s
 
     def frame_age_s(self, now_ns: int) -> float:
         """Age [s] of the newest usable frame; 0 before the first."""

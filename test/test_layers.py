@@ -50,6 +50,7 @@ VALIDATION_PROGRAMS = {
     "faults/floods.py",
     "faults/live.py",
     "faults/rogue.py",  # a second publisher, in a process of its own
+    "faults/rogue_calls.py",  # calls without a pause
     "faults/soak.py",
 }
 """Modules of `validation` with a reason of their own to import ROS."""

@@ -132,6 +132,7 @@ def _searched(
         nominal, accepted = with_validation(problem, search.nominal, search.accepted)
         last = replace(search, nominal=nominal, accepted=accepted)
     test, contradicted = tested(whole, search, last, rng, free_axis=free_axis)
+    last = search if contradicted else last
     left_out = leave_one_out(whole, search) if machine and onset is None else None
     fits = (search.nominal, search.final)
     if left_out is not None and left_out.withdrawn:

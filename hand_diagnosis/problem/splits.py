@@ -143,14 +143,18 @@ class ErrorsOnTest:
         total = self.counts.sum(axis=1)
         return np.sqrt(np.where(total > 0, self.squares[fit].sum(axis=1) / np.maximum(total, 1.0), np.nan))
 
-    def clearly_worse(self, first: int, second: int, stage: int, rng: np.random.Generator) -> bool:
-        """Whether the second fit's error is larger than the first one's in nearly all draws of the blocks."""
-        held = np.flatnonzero(self.counts[stage] > 0)
+    def clearly_worse(self, first: int, second: int, floor: Array, rng: np.random.Generator) -> bool:
+        """Whether the second fit's error is larger than the first one's in nearly all draws of the blocks.
+
+        Over all signals together, each in its floor (OUTPUTS,) [SI]: a little more of one does not outweigh much less
+        of another.
+        """
+        held = np.flatnonzero(self.counts.sum(axis=0) > 0)
         if len(held) < SETTINGS.min_test_blocks:
             return False
+        rises = np.nansum((self.squares[second] - self.squares[first]) / floor[:, None] ** 2, axis=0)
         drawn = rng.choice(held, size=(SETTINGS.bootstrap_draws, len(held)))
-        rise = (self.squares[second][stage] - self.squares[first][stage])[drawn].sum(axis=1)
-        return bool(np.quantile(rise, SETTINGS.bootstrap_tail) > 0.0)
+        return bool(np.quantile(rises[drawn].sum(axis=1), SETTINGS.bootstrap_tail) > 0.0)
 
 
 def evaluate_test(whole: JointProblem, fits: Sequence[MapFit], *, free_axis: bool) -> ErrorsOnTest | None:

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hand_diagnosis import diagnosis, read_recording
-from hand_diagnosis.diagnosis import diagnose
-from hand_diagnosis.problem import Task, evaluate_test, exchanged, fit_part, spans_of_test, spared_last
+from hand_diagnosis import read_recording
+from hand_diagnosis.diagnosis import diagnose, joint
+from hand_diagnosis.problem import ErrorsOnTest, Task, evaluate_test, exchanged, fit_part, spans_of_test, spared_last
 from hand_diagnosis.report import document
 from hand_diagnosis.search import search_joint
 from hand_identification.map_fit import map_fit
@@ -143,12 +143,25 @@ def test_a_joint_that_fails_does_not_cost_the_report(
             raise ValueError("no sense in it")
         return search(problem, *rest, **laws)
 
-    monkeypatch.setattr(diagnosis, "search_joint", failing)
+    monkeypatch.setattr(joint, "search_joint", failing)
     joints = [JOINT, "thumb_opposition"]
     result = diagnose([signals], hand, tolerance=0.05, seed=0, joints=joints, sensor_curve=False)
     assert [joint.joint for joint in result.joints] == ["thumb_opposition"]
     content = document(result, ["run"], "hand.yaml")
     assert content["not_judged"] == [{"joint": JOINT, "reason": "its diagnosis failed: no sense in it"}]
+
+
+def test_a_little_more_of_one_signal_outweighs_no_large_gain_of_another() -> None:
+    """Fails when an effect is withdrawn for a rise of the angle far below its repeatability, or not for a large one."""
+    floor, counts = np.array([300.0, 1e-3, 0.05]), np.full((3, 4), 100.0)
+    before = np.array([[2000.0**2, 0.0, 0.0, 0.0], [7.2e-4**2] * 4, [np.nan] * 4]) * counts
+    after = np.array([[300.0**2, 0.0, 0.0, 0.0], [7.9e-4**2] * 4, [np.nan] * 4]) * counts
+    harmful = np.array([[2000.0**2, 0.0, 0.0, 0.0], [7.9e-3**2] * 4, [np.nan] * 4]) * counts
+    rng = np.random.default_rng(3)
+    assert not ErrorsOnTest((before, after), counts).clearly_worse(0, 1, floor, rng)
+    assert ErrorsOnTest((before, harmful), counts).clearly_worse(0, 1, floor, rng)
+    few = ErrorsOnTest((before[:, :2], harmful[:, :2]), counts[:, :2])
+    assert not few.clearly_worse(0, 1, floor, rng)  # too few blocks to say so
 
 
 def test_the_report_names_its_splits(hand: Hand) -> None:

@@ -7,12 +7,12 @@ import struct
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from hand_msgs.msg import ValveCommand
+from hand_msgs.msg import JointPressures, ValveCommand
 from sensor_msgs.msg import JointState
 
 from hand_ros.node import LIVE_QOS, STOPS_HZ, HandNode
@@ -23,11 +23,12 @@ if TYPE_CHECKING:
 PUBLISH = """
 import sys, time
 import rclpy
-from hand_msgs.msg import ValveCommand
+from hand_msgs.msg import ContactForces, ValveCommand
 from std_msgs.msg import Empty
 rclpy.init()
 node = rclpy.create_node("flood", namespace="hand")
-publisher = node.create_publisher({"valve_command": ValveCommand, "emergency_stop": Empty}[sys.argv[5]], sys.argv[5], 1)
+kinds = {"valve_command": ValveCommand, "emergency_stop": Empty, "contact_forces": ContactForces}
+publisher = node.create_publisher(kinds[sys.argv[5]], sys.argv[5], 1)
 raw, rate_hz, count = bytes.fromhex(sys.argv[1]) * int(sys.argv[2]), float(sys.argv[3]), int(sys.argv[4])
 raw = b"\\0\\1\\0\\0" + raw[4:]
 while publisher.get_subscription_count() < int(sys.argv[6]):
@@ -50,7 +51,7 @@ def resident_kb(process: int) -> int:
     return int(next(line for line in lines if line.startswith("VmRSS")).split()[1])
 
 
-def missed_share(states: list[JointState]) -> float:
+def missed_share(states: Sequence[JointState | JointPressures | ValveCommand]) -> float:
     """Share of the periods between the first and the last state in which none was acquired, 0 to 1."""
     stamps_s = [message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec for message in states]
     assert stamps_s[-1] - stamps_s[0] > 1.0
@@ -183,3 +184,55 @@ def test_a_flood_of_service_calls_leaves_the_driver_at_work(stack: Stack, client
     assert flooding.returncode == 0
     assert missed_share(client.joints) <= MOST_MISSED
     assert resident_kb(driver.pid) - before_kb < GROWTH_KB
+
+
+@pytest.mark.parametrize("name", ["enable", "controller/set_parameters", "follow_joint_trajectory", "grasp"])
+def test_a_flood_of_calls_leaves_driver_and_controller_at_work(stack: Stack, client: Client, name: str) -> None:
+    """Fails when calls of a service or an action without a pause cost either loop more than 5 %, or memory."""
+    nodes = [stack.node("simulation"), stack.node("controller")]
+    client.controlling()
+    before_kb = [resident_kb(node.pid) for node in nodes]
+    flooding = stack.module("validation.faults.rogue_calls", name, "--seconds", "3")
+    client.until(lambda: "begun" in stack.log("rogue_calls"), 60.0)
+    client.joints.clear()
+    client.valves.clear()
+    client.until(lambda: flooding.poll() is not None, 60.0)
+    assert flooding.returncode == 0, stack.log("rogue_calls")
+    assert int(stack.log("rogue_calls").split()[-1]) > 500
+    assert missed_share(client.joints) <= MOST_MISSED
+    assert missed_share(client.valves) <= MOST_MISSED
+    for node, used_kb in zip(nodes, before_kb, strict=True):
+        assert resident_kb(node.pid) - used_kb < GROWTH_KB
+
+
+def test_a_flood_of_joint_states_leaves_the_driver_at_work(stack: Stack, client: Client) -> None:
+    """Fails when 5,000 joint states a second of another node cost the driver more than 5 %, or memory, or drive."""
+    nodes = [stack.node("simulation"), stack.node("controller")]
+    client.controlling()
+    measured: list[JointPressures] = []
+    client.node.create_subscription(JointPressures, "pressures", measured.append, 50)
+    before_kb = [resident_kb(node.pid) for node in nodes]
+    flooding = stack.module("validation.faults.rogue", "joint_states", "absurd", "--rate", "5000", "--seconds", "3")
+    named = ("simulation", "safety"), ("controller", "safety")  # whichever vents first
+    client.until(lambda: any(client.said(*status, "second publisher") for status in named))
+    client.until(lambda: flooding.poll() is not None, 60.0)
+    assert flooding.returncode == 0, stack.log("rogue")
+    assert missed_share(measured) <= MOST_MISSED
+    assert max(client.valves[-1].pressure) == 0.0
+    for node, used_kb in zip(nodes, before_kb, strict=True):
+        assert resident_kb(node.pid) - used_kb < GROWTH_KB
+
+
+def test_large_messages_of_publishers_that_end_leave_no_memory(stack: Stack, client: Client) -> None:
+    """Fails when the pieces of a message that was not received whole stay in the controller, once per publisher."""
+    stack.node("simulation")
+    controller = stack.node("controller")
+    client.controlling()
+    before_kb = resident_kb(controller.pid)
+    for _ in range(3):
+        flooding = subprocess.Popen(flood_command(NAMES, 1_000_000, 2.0, 8, "contact_forces"))
+        stack.running.append(flooding)
+        client.until(lambda flooding=flooding: flooding.poll() is not None, 60.0)  # type: ignore[misc]
+        assert flooding.returncode == 0
+    client.spin(1.0)
+    assert resident_kb(controller.pid) - before_kb < GROWTH_KB

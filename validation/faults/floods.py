@@ -1,7 +1,9 @@
-"""Floods and second publishers: the driver keeps its rate and its memory, and nobody else commands the hand.
+"""Floods and second publishers: driver and controller keep their rate and memory, and nobody else commands the hand.
 
 A flood is a process that publishes on one topic as fast as 5 kHz, or messages of a million names, or bytes that are no
-message. Rates, CPU and memory are those of the driver and the controller while the hand moves.
+message, or that calls one service or action without a pause. Rates and memory are those of the driver and the
+controller while the hand moves. Where the flood is a second publisher of what the hand does or measures, the hand is
+vented and its frames are not used, so that only the driver is to keep its rate.
 """
 
 from __future__ import annotations
@@ -16,19 +18,22 @@ from validation.faults.live import Nodes, TooLateError, User, rss_mb
 from validation.faults.processes import CONTROLLER, QUIET_PA, Rig, rig
 from validation.faults.result import FaultResult, Size, Tally
 from validation.faults.rogue import FULL_PA
+from validation.faults.rogue_calls import ACTIONS, SERVICES
 
 FAMILY = "floods"
 FLOOD_S = 4.0
 MOST_MISSED = 0.05
-"""Share of the periods that the driver may miss."""
+"""Share of the periods that the driver, and the controller of a hand that is driven on, may miss."""
 MOST_GROWTH_MB = 10.0
 REACTION_S = 1.0
 """A second publisher must be named, and the hand vented, within this time after its first message."""
 RATES_HZ = {"absurd": 5000.0, "malformed": 5000.0, "huge": 2.0}
 COMMANDS = ("valve_command", "joint_commands", "joint_trajectory")
-SENSORS = ("pressures", "contact_forces", "board_state")
+SENSORS = ("joint_states", "pressures", "contact_forces", "board_state")
 SIGNALS = ("heartbeat", "emergency_stop")
 """Topics whose messages have no content, so that none can be huge."""
+DRIVEN_ON = ("joint_commands", "joint_trajectory", "contact_forces", "heartbeat", *SERVICES, *ACTIONS)
+"""What anybody may publish or call: the hand is controlled meanwhile, and each frame is answered."""
 DRIVER = "simulation"
 
 
@@ -45,6 +50,11 @@ def run(size: Size, seed: int) -> list[FaultResult]:
             for kind, rate_hz in RATES_HZ.items():
                 if not (kind == "huge" and topic in SIGNALS):
                     flood(running, tally, topic, kind, rate_hz)
+            found.append(tally.result())
+        for name in (*SERVICES, *ACTIONS):
+            tally = Tally(FAMILY, f"flood of {name}", seed, "MB growth", real_time=True)
+            for _ in range(size.of(1, 2, 4)):
+                flood_of_calls(running, tally, name)
             found.append(tally.result())
     return found
 
@@ -68,38 +78,73 @@ def start_rogue(
     user.until(lambda: "begun" in nodes.log("rogue"), f"the second publisher of {topic} does not begin")
 
 
-def end_rogue(nodes: Nodes) -> None:
-    """End the second publisher, where there is one."""
-    if "rogue" in nodes.running:
-        nodes.end("rogue")
+def end_rogue(nodes: Nodes, name: str = "rogue") -> None:
+    """End the second publisher or caller, where there is one."""
+    if name in nodes.running:
+        nodes.end(name)
 
 
 def flood(running: Rig, tally: Tally, topic: str, kind: str, rate_hz: float) -> None:
-    """One flood: missed periods of the driver and growth of both processes."""
+    """One flood of a topic: missed periods, and growth of both processes."""
     user, nodes = running.user, running.nodes
     name = f"{kind} at {rate_hz:g} Hz"
     try:
         user.drive()
-        before = {process: rss_mb(nodes.running[process]) for process in (DRIVER, CONTROLLER)}
+        before = memory_mb(nodes)
         start_rogue(nodes, user, topic, kind, rate_hz, FLOOD_S)
-        user.stamps_ns.clear()
-        user.spin(FLOOD_S)
-        share = missed(user.stamps_ns, FLOOD_S)
-        end_rogue(nodes)
-        user.spin(1.0)
-        ended = [process for process in before if nodes.running[process].poll() is not None]
-        if ended:
-            tally.case(f"{name}: {', '.join(ended)} ended", False)
-            for process in ended:
-                nodes.restart(process)
-            return
-        growth = max(rss_mb(nodes.running[process]) - used for process, used in before.items())
-        fault = f"{share:.1%} of the periods missed" if share > MOST_MISSED else ""
-        fault += f" {growth:.0f} MB more" if growth > MOST_GROWTH_MB else ""
-        tally.case(f"{name}: {fault}", not fault, None, growth)
+        weigh(running, tally, topic, name, before)
     except TooLateError as error:
         tally.case(f"{name}: {error}", False)
+    finally:
         end_rogue(nodes)
+
+
+def flood_of_calls(running: Rig, tally: Tally, name: str) -> None:
+    """One flood of calls of a service or an action: the same."""
+    user, nodes = running.user, running.nodes
+    try:
+        user.drive()
+        before = memory_mb(nodes)
+        (nodes.folder / "rogue_calls.log").unlink(missing_ok=True)
+        nodes.module("validation.faults.rogue_calls", name, "--seconds", f"{FLOOD_S:g}")
+        user.until(lambda: "begun" in nodes.log("rogue_calls"), f"the calls of {name} do not begin")
+        weigh(running, tally, name, "without a pause", before)
+    except TooLateError as error:
+        tally.case(f"without a pause: {error}", False)
+    finally:
+        end_rogue(nodes, "rogue_calls")
+
+
+def memory_mb(nodes: Nodes) -> dict[str, float]:
+    """Resident memory of driver and controller [MB]."""
+    return {process: rss_mb(nodes.running[process]) for process in (DRIVER, CONTROLLER)}
+
+
+def weigh(running: Rig, tally: Tally, flooded: str, name: str, before: dict[str, float]) -> None:
+    """Count what a flood that has begun costs as a case. before: memory [MB] of both processes before it."""
+    user, nodes = running.user, running.nodes
+    frames = user.pressures_ns if flooded == "joint_states" else user.stamps_ns
+    frames.clear()
+    user.answered_ns.clear()
+    user.spin(FLOOD_S)
+    share = {DRIVER: missed(frames, FLOOD_S)}
+    if flooded in DRIVEN_ON:
+        share[CONTROLLER] = missed(user.answered_ns, FLOOD_S)
+    for rogue in ("rogue", "rogue_calls"):
+        end_rogue(nodes, rogue)
+    user.spin(1.0)
+    ended = [process for process in before if nodes.running[process].poll() is not None]
+    if ended:
+        tally.case(f"{name}: {', '.join(ended)} ended", False)
+        for process in ended:
+            nodes.restart(process)
+        return
+    growth = max(mb - before[process] for process, mb in memory_mb(nodes).items())
+    faults = [
+        f"{100 * lost:.1f} % of the periods of {node} missed" for node, lost in share.items() if lost > MOST_MISSED
+    ]
+    faults += [f"{growth:.0f} MB more"] if growth > MOST_GROWTH_MB else []
+    tally.case(": ".join(filter(None, (name, ", ".join(faults)))), not faults, None, growth)
 
 
 def absurd_commands(running: Rig, topic: str, count: int, seed: int) -> FaultResult:

@@ -28,7 +28,7 @@ from hand_client.repeated_call import RepeatedCall
 from hand_control.inputs import JointInput
 from hand_driver.board import Status
 from hand_messages.layouts import JOINT_PRESSURES, JOINT_STATE, VALVE_COMMAND
-from hand_ros.node import QUEUED_QOS, SENSOR_QOS, STATE_QOS, leave_graph
+from hand_ros.node import QUEUED_QOS, STATE_QOS, leave_graph
 from hand_tool.processes import executable
 from validation.faults.closed_loop import description
 
@@ -139,6 +139,7 @@ class User:
         self.pressure_pa = np.full(len(joints), np.nan)
         self.stamps_ns: list[int] = []
         self.answered_ns: list[int] = []
+        self.pressures_ns: list[int] = []
         self.board: BoardState | None = None
         self.board_at_s = self.frame_at_s = self.command_at_s = -1.0
         self.commanded_pa = 0.0
@@ -146,7 +147,7 @@ class User:
         self.statuses: dict[str, tuple[int, str]] = {}
         create = self.node.create_subscription
         create(JointState, "joint_states", self._on_states, every, raw=True)
-        create(JointPressures, "pressures", self._on_pressures, SENSOR_QOS, raw=True)
+        create(JointPressures, "pressures", self._on_pressures, every, raw=True)
         create(ValveCommand, "valve_command", self._on_valves, every, raw=True)
         create(BoardState, "board_state", self._on_board, STATE_QOS)
         create(DiagnosticArray, "/diagnostics", self._on_diagnostics, QUEUED_QOS)
@@ -162,9 +163,10 @@ class User:
 
     def _on_pressures(self, raw: bytes) -> None:
         try:
-            _, (self.pressure_pa,) = self._pressures.read(raw)
+            stamp_ns, (self.pressure_pa,) = self._pressures.read(raw)
         except ValueError:  # of another publisher
             return
+        self.pressures_ns.append(stamp_ns)
         self.worst_pa = max(self.worst_pa, float(np.nanmax(self.pressure_pa, initial=0.0)))
 
     def _on_valves(self, raw: bytes) -> None:

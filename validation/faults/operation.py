@@ -54,6 +54,7 @@ class World:
         self.smooth: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self.silent = 0
         self.stalled = False
+        self.heard = True
         self.counts = {"frames": 0, "gaps": 0, "stalls": 0, "pushes": 0, "contacts": 0}
         self.loop.controller.enable(True)
         self.loop.step()
@@ -78,7 +79,7 @@ class World:
             self.leaves &= self.obstacle < NO_OBSTACLE_RAD
         if self.silent == 0:
             self._fall_silent(dt)
-        heard = self.silent == 0
+        self.heard = heard = self.silent == 0
         watched = not heard and not self.stalled
         self.silent = max(self.silent - 1, 0)
         self.counts["frames"] += 1
@@ -127,15 +128,18 @@ class World:
         self.counts["contacts"] += int(put.sum())
 
     def _fall_silent(self, dt: float) -> None:
-        draw = self.rng.random()
+        """Begin a gap or a stall now and then; after a frame, or two would make a longer one."""
+        draw, after_a_frame = self.rng.random(), self.heard
         if draw < dt / 5.0:
-            self.stalled = False
-            self.silent = int(self.rng.integers(1, max(int(GAP_S / dt), 2)))  # at 200 Hz, 17 are missing at most
-            self.counts["gaps"] += 1
+            length = int(self.rng.integers(1, max(int(GAP_S / dt), 2)))  # at 200 Hz, 17 are missing at most
+            if after_a_frame:
+                self.silent, self.stalled = length, False
+                self.counts["gaps"] += 1
         elif draw < dt / 5.0 + dt / 30.0:
-            self.stalled = True
-            self.silent = int(self.rng.integers(20, 100))
-            self.counts["stalls"] += 1
+            length = int(self.rng.integers(20, 100))
+            if after_a_frame:
+                self.silent, self.stalled = length, True
+                self.counts["stalls"] += 1
 
 
 def minutes(hand: Hand, hours: float, seed: int) -> Operation:
