@@ -54,7 +54,7 @@ def draw(rng: Rng) -> Conditions:
         lost=half(float(rng.uniform(0.0, 0.05)), 0.0),
         rate_hz=int(half(float(rng.choice([25, 50, 200])), 100.0)),
         noise=half(float(np.exp(rng.uniform(np.log(0.5), np.log(5.0)))), 1.0),
-        duration_s=half(float(rng.choice([15.0, 60.0, 120.0])), 30.0),
+        duration_s=half(float(rng.choice([15.0, 60.0, 120.0, 600.0], p=[0.4, 0.3, 0.25, 0.05])), 30.0),
         joints=int(rng.choice([1, 4, 4, 11])),
         onset=float(rng.uniform(0.35, 0.65)) if rng.random() < 0.12 else 0.0,
     )

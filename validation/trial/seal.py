@@ -39,9 +39,13 @@ def seal(truth: dict[str, Any], out: Path, key: bytes) -> str:
 
 
 def unseal(out: Path, key: bytes) -> tuple[dict[str, Any], str]:
-    """The truth and its commitment. ValueError: a wrong key, or a truth that differs from the commitment."""
+    """The truth and its commitment.
+
+    ValueError: a wrong key, or a truth that differs from the commitment. FileNotFoundError: no trial in the folder.
+    """
+    sealed = (out / SEALED).read_bytes()
     try:
-        plain = Fernet(key).decrypt((out / SEALED).read_bytes())
+        plain = Fernet(key).decrypt(sealed)
     except (InvalidToken, ValueError):
         raise ValueError(f"{out / SEALED}: the key does not open it") from None
     found = hashlib.sha256(plain).hexdigest()
