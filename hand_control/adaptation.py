@@ -119,6 +119,26 @@ def adapt(g, s, i, balance, variance, speed, saturated, dt):  # type: ignore[no-
     return True
 
 
+@compiled
+def learn_at_rest(g, s, i, balance, dt):  # type: ignore[no-untyped-def]
+    """Follow the negative balance [N m] of joint i that stands, beyond the friction of its standard deviation, as a load.
+
+    A joint may rest on an obstacle, whose torque is positive; a negative one is a load that helps the joint, and lowers
+    the torque that the actuator may add. Returns whether the load changed.
+    """
+    excess = balance + g[G.residual_std, i]
+    if excess >= 0.0 or s[S.stood, i] < C.stand_time or s[S.contact, i] != 0.0:
+        return False
+    if s[S.phi_2, i] < g[G.low, i] + C.margin:
+        return False
+    before = s[S.offset, i]
+    s[S.offset, i] = min(before - dt / (dt + C.still_time) * excess, C.most_load)
+    # The estimate is as good as friction lets a joint that stands be observed.
+    least = g[G.residual_std, i] * g[G.residual_std, i]
+    s[S.c00, i] = max(s[S.c00, i], least)
+    return s[S.offset, i] != before
+
+
 @inlined
 def _highest_a3(g, i, high):  # type: ignore[no-untyped-def]
     """Upper bound of the relative change of a3 that keeps leverage over the whole range: a2 + a3 (1+x2) high > 0."""

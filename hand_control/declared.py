@@ -104,6 +104,7 @@ class Settings:
     contact_stiffness_nm_per_rad: float = _number(
         "N m/rad", 30.0, 0.0, 1e5,
         "stiffness of objects: on its first impact the torque stays below the limit of the joint; 0: any speed",
+        row="contact_stiffness",
     )  # fmt: skip
     max_jump_deg: float = _number("deg", 30.0, 1.0, 360.0, "largest plausible change of an angle within 7.5 ms")
     path_tolerance_deg: float = _number(
@@ -339,6 +340,8 @@ CONSTANTS: dict[str, tuple[float, str, str]] = {
         "largest relative change of the torque scale by what the changes of the map have in common",
     ),
     "most_load": (0.1, "N m", "largest load"),
+    "most_impact": (0.5, "", "largest share of a torque limit that is kept back for the impact of the partner"),
+    "still_time": (0.05, "s", "time constant with which the load follows a negative balance of a joint that stands"),
     "load_drift": (1e-3, "N m/s^0.5", "random walk of the load"),
     "pause_time": (0.1, "s", "adaptation pauses so long after contact, saturation or a stop: memory of the filters"),
     "leverage_share": (0.97, "", "adaptation of a3 may take this share of the leverage at the upper limit"),
