@@ -39,7 +39,7 @@ from typing import Any
 import numpy as np
 
 from hand_control.adaptation import adapt, learn_at_rest, map_variance, reset_covariance, reset_map
-from hand_control.contact import contradicted_by_motion, detect, follows
+from hand_control.contact import contradicted_by_motion, detect, follows, partner_impact
 from hand_control.declared import INPUTS, OUT, OUTPUTS, STATE, C, G, S, U, bounded_dt, inlined
 from hand_model.arrays import Array, Flags
 from hand_model.compile_cache import njit
@@ -173,20 +173,6 @@ def _take_over_map(g, s, u, i, before):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _partner_impact(g, s, u, i):  # type: ignore[no-untyped-def]
-    """Torque [N m] that the impact of joint i's partner on an object would add to an object of joint i.
-
-    A partner of inertia J that a spring k stops from the speed v has the acceleration v sqrt(k / J), and the coupling
-    inertia passes it on. A partner that rests or is in contact already has no impact before it.
-    """
-    partner = int(g[G.partner, i])
-    if partner < 0 or s[S.contact, partner] != 0.0 or follows(u[U.speed, i], s[S.speed, i]):
-        return 0.0
-    stiffness_over_inertia = g[G.contact_stiffness, partner] / g[G.inertia, partner]
-    return g[G.coupling, i] * max(u[U.speed, partner], 0.0) * math.sqrt(stiffness_over_inertia)
-
-
-@inlined
 def _send(g, s, i, wanted, ceiling, rests, dt):  # type: ignore[no-untyped-def]
     """Command [Pa] for a wanted pressure: limits, bounded rate, and the dead-band where the joint rests."""
     command = min(max(wanted, 0.0), ceiling)
@@ -292,8 +278,9 @@ def _joint(g, s, u, i, dt, integrate, drive, out):  # type: ignore[no-untyped-de
     balance = _torque_balance(g, s, i, a0, a1, a2, a3, d, filtered_speed)
     variance = _balance_variance(g, s, i, filtered_speed)
     if g[G.detect, i] != 0.0:
-        opens = u[U.speed, i] < 0.0 and follows(u[U.speed, i], s[S.speed, i])
-        detect(g, s, i, balance, variance, opens, dt)
+        moves = follows(u[U.speed, i], s[S.speed, i])
+        opens, lags = moves and u[U.speed, i] < 0.0, u[U.speed, i] > C.moving_speed and not moves
+        detect(g, s, i, balance, variance, opens, lags, dt)
         if contradicted_by_motion(s, i, u[U.speed, i], s[S.speed, i], dt):
             reset_covariance(g, s, i)
     out[OUT.contact, i], out[OUT.contact_age, i] = s[S.contact, i], s[S.age, i]
@@ -317,7 +304,7 @@ def _control(g, s, u, i, a0, a1, a2, a3, d, speed, dt, integrate, out):  # type:
     kp, ki, kd = _pid_gains(g, i, d, k)
     most = u[U.limit, i]
     if g[G.torque_mode, i] == 0.0:
-        most -= min(_partner_impact(g, s, u, i), C.most_impact * most)
+        most -= partner_impact(g, s, u, i)
     most = most / _torque_scale(s, i) - s[S.load, i]
     ceiling = pressure_for_torque(most, phi, s[S.creep, i], a0, a1, a2, a3, g[G.phi_max, i])
     error, wanted = 0.0, ceiling
