@@ -268,6 +268,7 @@ static void take_over_map(int n, int i, const hand_real *g, hand_real *s, const 
     if (!finite_real(difference)) return;
     S(INTEGRAL) = bounded(S(INTEGRAL) + difference, -G(I_MAX), G(I_MAX));
     S(FREE_INTEGRAL) = bounded(S(FREE_INTEGRAL) + difference, -G(I_MAX), G(I_MAX));
+    S(STOOD_INTEGRAL) += difference;
 }
 
 /* Drop what the integral gained in contact, once the reference retreats. */
@@ -277,7 +278,7 @@ static void let_go(int n, int i, hand_real *s, hand_real reference_speed)
     else if (reference_speed < -HAND_C_REST_REFERENCE) S(INTEGRAL) = low_of(S(INTEGRAL), S(FREE_INTEGRAL));
 }
 
-/* Learn the error that friction leaves at rest: that after a slip past the reference. */
+/* Learn the error that friction leaves at rest: that after a slip past the reference. A slip takes from the integral. */
 static void watch_slips(int n, int i, const hand_real *g, hand_real *s, hand_real error, hand_real speed, int rests,
                         hand_real dt)
 {
@@ -288,7 +289,12 @@ static void watch_slips(int n, int i, const hand_real *g, hand_real *s, hand_rea
         return;
     }
     S(STOOD) = size_of(speed) < HAND_C_SLIP_SPEED ? stood + dt : 0;
-    if (S(STOOD) < HAND_C_STAND_TIME) return;
+    if (S(STOOD) < HAND_C_STAND_TIME) {
+        if (stood >= HAND_C_STAND_TIME && speed * error > 0 && S(CONTACT) == 0)
+            S(INTEGRAL) -= HAND_C_GIVEN_BACK * (S(INTEGRAL) - S(STOOD_INTEGRAL));
+        return;
+    }
+    if (stood < HAND_C_STAND_TIME) S(STOOD_INTEGRAL) = S(INTEGRAL);
     if (stood < HAND_C_STAND_TIME && S(STOOD_ERROR) * error < 0) {
         const hand_real left = high_of(R(0.5) * size_of(error - S(STOOD_ERROR)), size_of(error));
         S(KEPT_ERROR) = high_of(S(KEPT_ERROR), low_of(left, HAND_C_MOST_KEPT));
@@ -371,7 +377,7 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
         wanted = G(FEED_FORWARD) != 0 ? feed_forward(n, i, g, s, u, a0, a1, a2, a3, d) : 0;
         wanted += (kp * error + kd * (U(SPEED) - S(SPEED))) / here;
         if (S(TAKE_OVER) != 0) {
-            S(TAKE_OVER) = 0;
+            S(TAKE_OVER) = S(STOOD) = 0;
             S(INTEGRAL) = bounded((S(COMMAND) - wanted) * here, -G(I_MAX), G(I_MAX));
         }
         wanted += S(INTEGRAL) / here;

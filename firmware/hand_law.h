@@ -105,6 +105,7 @@ enum {
     HAND_S_WANTED, /* [Pa] wanted pressure, filtered at rest */
     HAND_S_STOOD, /* [s] time without a slip, at rest */
     HAND_S_STOOD_ERROR, /* [rad] error with which it stood last, at rest */
+    HAND_S_STOOD_INTEGRAL, /* [N m] integral with which it began to stand */
     HAND_S_KEPT_ERROR, /* [rad] error that the integral leaves at rest, after a slip */
     HAND_S_LOAD, /* [N m] torque of the found physics at the measured state, from the caller */
     HAND_S_DRAG, /* [N m] torque of its friction and damping, from the caller */
@@ -149,7 +150,8 @@ enum {
 #define HAND_C_SLIP_SPEED ((hand_real)0.1) /* [rad/s] at rest, a joint that is faster slips, */
 #define HAND_C_STAND_TIME ((hand_real)0.1) /* [s] and stands after so long below that speed */
 #define HAND_C_STUCK_ERROR ((hand_real)0.005) /* [rad] with a larger error, the integral of a joint that stands at rest grows faster, */
-#define HAND_C_STUCK_GAIN ((hand_real)3.0) /* by this factor, so that friction yields soon */
+#define HAND_C_STUCK_GAIN ((hand_real)4.0) /* by this factor, so that friction yields soon */
+#define HAND_C_GIVEN_BACK ((hand_real)0.5) /* share of what the integral gained while the joint stood that it loses once it slips */
 #define HAND_C_MOST_KEPT ((hand_real)0.02) /* [rad] largest error that the integral leaves after a slip past the reference */
 #define HAND_C_MIN_SPEED ((hand_real)0.05) /* [rad/s] a slower joint gives adaptation no information */
 #define HAND_C_GATE ((hand_real)3.0) /* standard deviations beyond which a balance is taken for contact, not for the map */

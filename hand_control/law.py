@@ -170,6 +170,7 @@ def _take_over_map(g, s, u, i, before):  # type: ignore[no-untyped-def]
     if math.isfinite(difference):
         s[S.integral, i] = min(max(s[S.integral, i] + difference, -g[G.i_max, i]), g[G.i_max, i])
         s[S.free_integral, i] = min(max(s[S.free_integral, i] + difference, -g[G.i_max, i]), g[G.i_max, i])
+        s[S.stood_integral, i] += difference
 
 
 @inlined
@@ -216,6 +217,8 @@ def _watch_slips(g, s, i, error, speed, rests, dt):  # type: ignore[no-untyped-d
 
     The integral of a joint that sticks grows until the joint breaks away, slips past its reference, sticks and returns
     in the same way, for ever. A smaller error than such a slip leaves is not worth another one. It is slowly forgotten.
+    Less friction acts on a joint that slips: so that the slip ends near the reference, the integral loses a part of what
+    it gained while the joint stood.
     """
     s[S.kept_error, i] -= s[S.kept_error, i] * dt / (dt + g[G.memory, i])
     if not rests:
@@ -224,7 +227,11 @@ def _watch_slips(g, s, i, error, speed, rests, dt):  # type: ignore[no-untyped-d
     stood = s[S.stood, i]
     s[S.stood, i] = stood + dt if abs(speed) < C.slip_speed else 0.0
     if s[S.stood, i] < C.stand_time:
+        if stood >= C.stand_time and speed * error > 0.0 and s[S.contact, i] == 0.0:
+            s[S.integral, i] -= C.given_back * (s[S.integral, i] - s[S.stood_integral, i])
         return
+    if stood < C.stand_time:
+        s[S.stood_integral, i] = s[S.integral, i]
     if stood < C.stand_time and s[S.stood_error, i] * error < 0.0:
         slip = abs(error - s[S.stood_error, i])
         s[S.kept_error, i] = max(s[S.kept_error, i], min(max(0.5 * slip, abs(error)), C.most_kept))
@@ -315,7 +322,7 @@ def _control(g, s, u, i, a0, a1, a2, a3, d, speed, dt, integrate, out):  # type:
         wanted = _feed_forward(g, s, u, i, a0, a1, a2, a3, d) if g[G.feed_forward, i] != 0.0 else 0.0
         wanted += (kp * error + kd * (u[U.speed, i] - s[S.speed, i])) / here
         if s[S.take_over, i] != 0.0:
-            s[S.take_over, i] = 0.0
+            s[S.take_over, i] = s[S.stood, i] = 0.0
             s[S.integral, i] = min(max((s[S.command, i] - wanted) * here, -g[G.i_max, i]), g[G.i_max, i])
         wanted += s[S.integral, i] / here
     ceiling = min(max(ceiling, 0.0), g[G.p_max, i])

@@ -196,6 +196,25 @@ def test_a_slip_past_the_reference_teaches_which_error_to_keep() -> None:
     assert grown(law, 0.01, 40) > 0.0  # forgotten
 
 
+@pytest.mark.parametrize(("slip", "touches", "given_back"), [(0.002, 0.0, True), (-0.002, 0.0, False), (0.002, 1.0, False)])
+def test_a_slip_takes_a_part_of_what_the_integral_gained(slip: float, touches: float, given_back: bool) -> None:
+    """Fails when a joint that breaks away keeps the torque that friction needed, or loses what it had before."""
+    law = Law(gains_of({"creep_compensation": False, "adaptation": False, "contact_detection": False}))
+    grown(law, 0.015, 22)
+    began = law.state[S.stood_integral, 0]
+    assert 0.0 < began < law.state[S.integral, 0]
+    grown(law, 0.015, 100)
+    law.state[S.contact, 0] = touches
+    change, steps = 0.0, 0
+    while law.state[S.stood, 0] > 0.0:
+        held, steps = law.state[S.integral, 0], steps + 1
+        change = grown(law, 0.015 - steps * slip, 1)
+    usual = 2.0 * 0.03 * DT_S  # growth in a tick, Ki below 2 N m/(rad s), error below 0.03 rad
+    assert 1 < steps < 5 and law.state[S.stood_integral, 0] == began
+    assert change == pytest.approx(-C.given_back * (held - began) if given_back else 0.0, abs=usual)
+    assert usual < 0.2 * C.given_back * (held - began)
+
+
 @pytest.mark.parametrize(("between", "speed"), [(0.0, 0.0), (None, 0.5)])
 def test_an_error_that_changes_without_a_slip_teaches_nothing(between: float | None, speed: float) -> None:
     """Fails when a slow approach, or a motion of the reference, is taken for a slip of friction."""
