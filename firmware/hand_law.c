@@ -400,8 +400,9 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
     OUT(SATURATED) = beyond != 0;
     if (G(ADAPT) != 0 && dt > 0 && integrate) {
         const hand_real before = steady_pressure(n, i, g, s, u);
-        if (adapt(n, i, g, s, balance, variance, speed_2, beyond != 0, dt) || learn_at_rest(n, i, g, s, balance, dt))
-            take_over_map(n, i, g, s, u, before);
+        const int changed = adapt(n, i, g, s, balance, variance, speed_2, beyond != 0, dt)
+                         || learn_at_rest(n, i, g, s, balance, dt);
+        if (changed && beyond == 0) take_over_map(n, i, g, s, u, before);
     }
 }
 

@@ -147,7 +147,7 @@ enum {
 #define HAND_C_REST_SPEED ((hand_real)0.3) /* [rad/s] in torque mode, a joint is at rest while its measured speed is smaller */
 #define HAND_C_REST_ERROR ((hand_real)0.01) /* [rad] at rest, with an error below this, the wanted pressure is filtered */
 #define HAND_C_REST_FILTER ((hand_real)0.05) /* [s] with this time constant */
-#define HAND_C_SLIP_SPEED ((hand_real)0.1) /* [rad/s] at rest, a joint that is faster slips, */
+#define HAND_C_SLIP_SPEED ((hand_real)0.05) /* [rad/s] at rest, a joint that is faster slips, */
 #define HAND_C_STAND_TIME ((hand_real)0.1) /* [s] and stands after so long below that speed */
 #define HAND_C_STUCK_ERROR ((hand_real)0.005) /* [rad] with a larger error, the integral of a joint that stands at rest grows faster, */
 #define HAND_C_STUCK_GAIN ((hand_real)4.0) /* by this factor, so that friction yields soon */

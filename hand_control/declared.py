@@ -324,7 +324,7 @@ CONSTANTS: dict[str, tuple[float, str, str]] = {
     "rest_speed": (0.3, "rad/s", "in torque mode, a joint is at rest while its measured speed is smaller"),
     "rest_error": (0.01, "rad", "at rest, with an error below this, the wanted pressure is filtered"),
     "rest_filter": (0.05, "s", "with this time constant"),
-    "slip_speed": (0.1, "rad/s", "at rest, a joint that is faster slips,"),
+    "slip_speed": (0.05, "rad/s", "at rest, a joint that is faster slips,"),
     "stand_time": (0.1, "s", "and stands after so long below that speed"),
     "stuck_error": (0.005, "rad", "with a larger error, the integral of a joint that stands at rest grows faster,"),
     "stuck_gain": (4.0, "", "by this factor, so that friction yields soon"),

@@ -299,7 +299,8 @@ def _joint(g, s, u, i, dt, integrate, drive, out):  # type: ignore[no-untyped-de
     if g[G.adapt, i] != 0.0 and dt > 0.0 and integrate and math.isfinite(beyond):
         before = _steady_pressure(g, s, u, i)
         changed = adapt(g, s, i, balance, variance, filtered_speed, beyond != 0.0, dt)
-        if changed or learn_at_rest(g, s, i, balance, dt):
+        changed = changed or learn_at_rest(g, s, i, balance, dt)
+        if changed and beyond == 0.0:  # at a limit of the pressure the command does not follow the map
             _take_over_map(g, s, u, i, before)
 
 

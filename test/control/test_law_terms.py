@@ -187,7 +187,7 @@ def test_a_slip_past_the_reference_teaches_which_error_to_keep() -> None:
     law = Law(gains_of({"creep_compensation": False, "adaptation": False, "contact_detection": False}))
     slow, fast = grown(law, 0.01, 10), grown(law, 0.01, 100) / 10.0
     assert fast > 2.0 * slow > 0.0  # it has stood for 0.1 s: friction yields sooner
-    grown(law, -0.016, 40)
+    grown(law, -0.016, 60)
     assert law.state[S.kept_error, 0] == pytest.approx(0.016, rel=0.01)
     assert grown(law, -0.015, 20) == grown(law, 0.015, 20) == 0.0
     assert grown(law, 0.019, 20) > 0.0 > grown(law, -0.019, 20)
@@ -221,7 +221,7 @@ def test_an_error_that_changes_without_a_slip_teaches_nothing(between: float | N
     law = Law(gains_of({"creep_compensation": False, "adaptation": False, "contact_detection": False}))
     grown(law, 0.01, 40)
     if between is not None:  # below the speed of a slip all the way
-        for error in np.linspace(0.01, -0.01, 80):
+        for error in np.linspace(0.01, -0.01, 120):
             grown(law, float(error), 1)
     grown(law, -0.01, 1, speed)
     grown(law, -0.01, 40)
