@@ -6,8 +6,11 @@ one-sided CUSUM,
 
     S' = max(0, S + (z - K)),   alarm at S > h,
 
-with a smaller K where a joint does not follow a reference that flexes it, as at an obstacle; h follows for this K from the wanted rate of false alarms by Siegmund's approximation of the average run length (Siegmund,
-Sequential Analysis, 1985): ARL = (exp(2 K b) - 2 K b - 1) / (2 K^2), b = h + 1.166. The onset is where S last left 0.
+with a smaller K where a joint does not follow a reference that flexes it, as at an obstacle. For this K, h follows from
+the wanted rate of false alarms by Siegmund's approximation of the average run length (Sequential Analysis, 1985):
+ARL = (exp(2 K b) - 2 K b - 1) / (2 K^2), b = h + 1.166. The onset is where S last left 0.
+
+A joint whose partner may still meet an object keeps a part of its torque back for that impact.
 """
 
 from __future__ import annotations
@@ -24,8 +27,8 @@ def detect(g, s, i, balance, variance, opens, lags, dt):  # type: ignore[no-unty
     """One step of joint i: filtered torque balance [N m], its variance [(N m)^2], dt [s].
 
     opens: the joint follows a reference that extends it; then it cannot come upon an obstacle that it bends against.
-    lags: the joint does not follow a reference that flexes it clearly, as at an obstacle. Then a smaller torque suffices
-    for a contact, and no torque of the obstacle becomes a bias.
+    lags: the joint does not follow a reference that flexes it clearly, as at an obstacle. Then a smaller torque
+    suffices for a contact, and no torque of the obstacle becomes a bias.
     """
     # No obstacle causes a negative balance: friction and errors of the map do, which are as large on the other side.
     if balance < 0.0 and s[S.phi_2, i] > g[G.low, i] + C.margin:

@@ -217,8 +217,8 @@ def _watch_slips(g, s, i, error, speed, rests, dt):  # type: ignore[no-untyped-d
 
     The integral of a joint that sticks grows until the joint breaks away, slips past its reference, sticks and returns
     in the same way, for ever. A smaller error than such a slip leaves is not worth another one. It is slowly forgotten.
-    Less friction acts on a joint that slips: so that the slip ends near the reference, the integral loses a part of what
-    it gained while the joint stood.
+    Less friction acts on a joint that slips: so that the slip ends near the reference, the integral loses a part of
+    what it gained while the joint stood.
     """
     s[S.kept_error, i] -= s[S.kept_error, i] * dt / (dt + g[G.memory, i])
     if not rests:

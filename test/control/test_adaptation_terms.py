@@ -292,7 +292,7 @@ def learns_at_rest(joint: Joint) -> bool:
 
 
 def test_the_load_of_a_joint_that_stands_follows_a_negative_balance() -> None:
-    """Fails when a load that helps a resting joint is not learnt up to friction, in its time, or nothing remains sure."""
+    """Fails when a load that helps a resting joint is not learnt, but for friction, or not with its time constant."""
     joint, load = standing(), 0.03
     joint.s[S.c00, 1] = 0.0
     friction = joint.g[G.residual_std, 1]

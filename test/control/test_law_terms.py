@@ -196,7 +196,9 @@ def test_a_slip_past_the_reference_teaches_which_error_to_keep() -> None:
     assert grown(law, 0.01, 40) > 0.0  # forgotten
 
 
-@pytest.mark.parametrize(("slip", "touches", "given_back"), [(0.002, 0.0, True), (-0.002, 0.0, False), (0.002, 1.0, False)])
+@pytest.mark.parametrize(
+    ("slip", "touches", "given_back"), [(0.002, 0.0, True), (-0.002, 0.0, False), (0.002, 1.0, False)]
+)
 def test_a_slip_takes_a_part_of_what_the_integral_gained(slip: float, touches: float, given_back: bool) -> None:
     """Fails when a joint that breaks away keeps the torque that friction needed, or loses what it had before."""
     law = Law(gains_of({"creep_compensation": False, "adaptation": False, "contact_detection": False}))
