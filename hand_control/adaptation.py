@@ -11,8 +11,8 @@ x1 and x2 have in common is, on average, an error of a2: `law._torque_scale` cor
 C.most_scale. The load follows a random walk, which lets it change while the map stays.
 
 A joint is adapted while it moves freely; not at rest, in contact, saturated, or near a limit of its angle. At rest the
-load alone follows a negative balance, which no obstacle causes. Forgetting lets the covariance grow to its initial trace
-and no further, so that a long rest cannot make the estimate jump.
+load alone follows a negative balance, which no obstacle causes. Forgetting lets the covariance grow to its initial
+trace and no further, so that a long rest cannot make the estimate jump.
 """
 
 from __future__ import annotations
