@@ -426,6 +426,7 @@ class Law:
         kept = self.state[S.integral, frozen] if stops else None
         if stops:
             self.state[S.pause, frozen] = C.pause_time
+            self.state[S.stood, frozen] = 0.0
         _tick(self.gains, self.state, inputs, bounded_dt(dt), integrate, drive, self.out)
         if stops:
             self.state[S.integral, frozen] = kept

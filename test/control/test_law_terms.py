@@ -230,6 +230,16 @@ def test_an_error_that_changes_without_a_slip_teaches_nothing(between: float | N
     assert law.state[S.kept_error, 0] == 0.0
 
 
+@pytest.mark.parametrize("frozen", [False, True])
+def test_a_joint_whose_pressure_is_short_learns_no_load_at_rest(frozen: bool) -> None:
+    """Fails when a valve that gives too little pressure is taken for a load that holds the joint where it is."""
+    law = Law(gains_of({"creep_compensation": False, "contact_detection": False}))
+    for _ in range(100):
+        law.tick(at(0.7, 0.7, 0.0), DT_S, frozen=np.array([frozen]))
+    assert (law.state[S.offset, 0] > 0.02) == (not frozen)
+    assert frozen == (law.state[S.offset, 0] == 0.0)
+
+
 def test_a_changed_gain_does_not_move_the_command() -> None:
     """Fails when the integral does not take over the difference after a change of gains."""
     law = Law(gains_of({"deadband_pa": 0.0, "contact_detection": False}))
