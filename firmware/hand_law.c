@@ -117,7 +117,7 @@ static hand_real map_variance(int n, int i, const hand_real *g, const hand_real 
 }
 
 static void detect(int n, int i, const hand_real *g, hand_real *s, hand_real balance, hand_real variance, int opens,
-                   hand_real dt)
+                   int lags, hand_real dt)
 {
     if (balance < 0 && S(PHI_2) > G(LOW) + HAND_C_MARGIN) {
         const hand_real most = HAND_C_MOST_RESIDUAL * G(RESIDUAL_STD);
@@ -126,14 +126,14 @@ static void detect(int n, int i, const hand_real *g, hand_real *s, hand_real bal
     const hand_real z = (balance - S(BIAS)) / root(variance);
     S(AGE) = S(SUM) > 0 || S(CONTACT) != 0 ? S(AGE) + dt : 0;
     const hand_real weight = dt / (2 * G(OBSERVER_FILTER));
-    hand_real gain = (z - HAND_C_ALLOWANCE) * weight;
+    hand_real gain = (z - (lags ? HAND_C_ALLOWANCE : HAND_C_FREE_ALLOWANCE)) * weight;
     if (opens && S(CONTACT) == 0) gain = low_of(gain, 0);
     S(SUM) = bounded(S(SUM) + gain, 0, 2 * G(THRESHOLD));
     if (S(CONTACT) == 0) {
         if (S(SUM) > G(THRESHOLD)) {
             S(CONTACT) = 1;
             S(RELEASED) = 0;
-        } else if (S(SUM) < R(0.5) * G(THRESHOLD)) {
+        } else if (S(SUM) < R(0.5) * G(THRESHOLD) && !(lags && balance > S(BIAS))) {
             S(BIAS) += dt / (dt + HAND_C_BIAS_TIME) * (balance - S(BIAS));
         }
         return;
@@ -188,6 +188,28 @@ static int adapt(int n, int i, const hand_real *g, hand_real *s, hand_real balan
         for (int a = 0; a < 10; a++) s[(HAND_S_C00 + a) * n + i] *= grow;
     }
     return 1;
+}
+
+/* At rest, the load follows a negative balance, which no obstacle causes; whether it changed. */
+static int learn_at_rest(int n, int i, const hand_real *g, hand_real *s, hand_real balance, hand_real dt)
+{
+    const hand_real excess = balance + G(RESIDUAL_STD) + S(SPREAD);
+    if (excess >= 0 || S(STOOD) < HAND_C_STAND_TIME || S(CONTACT) != 0 || G(TORQUE_MODE) != 0) return 0;
+    if (S(PHI_2) < G(LOW) + HAND_C_MARGIN) return 0;
+    S(OFFSET) = low_of(S(OFFSET) - dt / (dt + HAND_C_STILL_TIME) * excess, HAND_C_MOST_LOAD);
+    S(C00) = high_of(S(C00), G(RESIDUAL_STD) * G(RESIDUAL_STD));
+    return 1;
+}
+
+/* Torque that a joint keeps back at an object, because its partner may meet one, too. */
+static hand_real partner_impact(int n, int i, const hand_real *g, const hand_real *s, const hand_real *u)
+{
+    const int partner = (int)G(PARTNER);
+    if (partner < 0 || s[HAND_S_CONTACT * n + partner] != 0 || follows(U(SPEED), S(SPEED))) return 0;
+    const hand_real speed = u[HAND_U_SPEED * n + partner], inertia = g[HAND_G_INERTIA * n + partner];
+    if (speed <= 0 || inertia <= 0 || U(LIMIT) <= 0) return 0;
+    const hand_real added = G(COUPLING) * speed * root(g[HAND_G_CONTACT_STIFFNESS * n + partner] / inertia);
+    return low_of(added, HAND_C_MOST_IMPACT * U(LIMIT));
 }
 
 static hand_real cut(int n, int i, const hand_real *g, const hand_real *s, hand_real wanted, hand_real ceiling,
@@ -246,6 +268,7 @@ static void take_over_map(int n, int i, const hand_real *g, hand_real *s, const 
     if (!finite_real(difference)) return;
     S(INTEGRAL) = bounded(S(INTEGRAL) + difference, -G(I_MAX), G(I_MAX));
     S(FREE_INTEGRAL) = bounded(S(FREE_INTEGRAL) + difference, -G(I_MAX), G(I_MAX));
+    S(STOOD_INTEGRAL) += difference;
 }
 
 /* Drop what the integral gained in contact, once the reference retreats. */
@@ -255,7 +278,7 @@ static void let_go(int n, int i, hand_real *s, hand_real reference_speed)
     else if (reference_speed < -HAND_C_REST_REFERENCE) S(INTEGRAL) = low_of(S(INTEGRAL), S(FREE_INTEGRAL));
 }
 
-/* Learn the error that friction leaves at rest: that after a slip past the reference. */
+/* Learn the error that friction leaves at rest: that after a slip past the reference. A slip takes from the integral. */
 static void watch_slips(int n, int i, const hand_real *g, hand_real *s, hand_real error, hand_real speed, int rests,
                         hand_real dt)
 {
@@ -266,7 +289,12 @@ static void watch_slips(int n, int i, const hand_real *g, hand_real *s, hand_rea
         return;
     }
     S(STOOD) = size_of(speed) < HAND_C_SLIP_SPEED ? stood + dt : 0;
-    if (S(STOOD) < HAND_C_STAND_TIME) return;
+    if (S(STOOD) < HAND_C_STAND_TIME) {
+        if (stood >= HAND_C_STAND_TIME && speed * error > 0 && S(CONTACT) == 0)
+            S(INTEGRAL) -= HAND_C_GIVEN_BACK * (S(INTEGRAL) - S(STOOD_INTEGRAL));
+        return;
+    }
+    if (stood < HAND_C_STAND_TIME) S(STOOD_INTEGRAL) = S(INTEGRAL);
     if (stood < HAND_C_STAND_TIME && S(STOOD_ERROR) * error < 0) {
         const hand_real left = high_of(R(0.5) * size_of(error - S(STOOD_ERROR)), size_of(error));
         S(KEPT_ERROR) = high_of(S(KEPT_ERROR), low_of(left, HAND_C_MOST_KEPT));
@@ -320,7 +348,8 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
                        + S(SPREAD) * S(SPREAD);
     if (G(ADAPT) != 0) variance += map_variance(n, i, g, s, speed_2);
     if (G(DETECT) != 0) {
-        detect(n, i, g, s, balance, variance, U(SPEED) < 0 && follows(U(SPEED), S(SPEED)), dt);
+        const int moves = follows(U(SPEED), S(SPEED));
+        detect(n, i, g, s, balance, variance, moves && U(SPEED) < 0, !moves && U(SPEED) > HAND_C_MOVING_SPEED, dt);
         if (contradicted_by_motion(n, i, s, U(SPEED), dt)) reset_covariance(n, i, g, s);
     }
     OUT(CONTACT) = S(CONTACT);
@@ -339,7 +368,8 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
         ki = stiffness * per;
         kd = (d * lag + G(INERTIA)) * per;
     }
-    const hand_real largest = U(LIMIT) / torque_scale(n, i, s) - S(LOAD);
+    const hand_real kept = G(TORQUE_MODE) == 0 ? partner_impact(n, i, g, s, u) : 0;
+    const hand_real largest = (U(LIMIT) - kept) / torque_scale(n, i, s) - S(LOAD);
     hand_real ceiling = pressure_for(largest, at_phi, creep, a0, a1, a2, a3, phi_max), wanted = ceiling;
     if (G(TORQUE_MODE) == 0) {
         error = U(REFERENCE) - phi;
@@ -347,7 +377,7 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
         wanted = G(FEED_FORWARD) != 0 ? feed_forward(n, i, g, s, u, a0, a1, a2, a3, d) : 0;
         wanted += (kp * error + kd * (U(SPEED) - S(SPEED))) / here;
         if (S(TAKE_OVER) != 0) {
-            S(TAKE_OVER) = 0;
+            S(TAKE_OVER) = S(STOOD) = 0;
             S(INTEGRAL) = bounded((S(COMMAND) - wanted) * here, -G(I_MAX), G(I_MAX));
         }
         wanted += S(INTEGRAL) / here;
@@ -370,7 +400,9 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
     OUT(SATURATED) = beyond != 0;
     if (G(ADAPT) != 0 && dt > 0 && integrate) {
         const hand_real before = steady_pressure(n, i, g, s, u);
-        if (adapt(n, i, g, s, balance, variance, speed_2, beyond != 0, dt)) take_over_map(n, i, g, s, u, before);
+        const int changed = adapt(n, i, g, s, balance, variance, speed_2, beyond != 0, dt)
+                         || learn_at_rest(n, i, g, s, balance, dt);
+        if (changed && beyond == 0) take_over_map(n, i, g, s, u, before);
     }
 }
 

@@ -35,6 +35,7 @@ enum {
     HAND_G_LOW, /* [rad] lower limit of the angle */
     HAND_G_HIGH, /* [rad] upper limit of the angle */
     HAND_G_P_MAX, /* [Pa] upper limit of the pressure */
+    HAND_G_CONTACT_STIFFNESS, /* [N m/rad] parameter contact_stiffness_nm_per_rad */
     HAND_G_KP, /* [N m/rad] parameter kp_nm_per_rad */
     HAND_G_KI, /* [N m/(rad s)] parameter ki_nm_per_rad_s */
     HAND_G_KD, /* [N m s/rad] parameter kd_nm_s_per_rad */
@@ -104,6 +105,7 @@ enum {
     HAND_S_WANTED, /* [Pa] wanted pressure, filtered at rest */
     HAND_S_STOOD, /* [s] time without a slip, at rest */
     HAND_S_STOOD_ERROR, /* [rad] error with which it stood last, at rest */
+    HAND_S_STOOD_INTEGRAL, /* [N m] integral with which it began to stand */
     HAND_S_KEPT_ERROR, /* [rad] error that the integral leaves at rest, after a slip */
     HAND_S_LOAD, /* [N m] torque of the found physics at the measured state, from the caller */
     HAND_S_DRAG, /* [N m] torque of its friction and damping, from the caller */
@@ -145,10 +147,11 @@ enum {
 #define HAND_C_REST_SPEED ((hand_real)0.3) /* [rad/s] in torque mode, a joint is at rest while its measured speed is smaller */
 #define HAND_C_REST_ERROR ((hand_real)0.01) /* [rad] at rest, with an error below this, the wanted pressure is filtered */
 #define HAND_C_REST_FILTER ((hand_real)0.05) /* [s] with this time constant */
-#define HAND_C_SLIP_SPEED ((hand_real)0.1) /* [rad/s] at rest, a joint that is faster slips, */
+#define HAND_C_SLIP_SPEED ((hand_real)0.05) /* [rad/s] at rest, a joint that is faster slips, */
 #define HAND_C_STAND_TIME ((hand_real)0.1) /* [s] and stands after so long below that speed */
 #define HAND_C_STUCK_ERROR ((hand_real)0.005) /* [rad] with a larger error, the integral of a joint that stands at rest grows faster, */
-#define HAND_C_STUCK_GAIN ((hand_real)3.0) /* by this factor, so that friction yields soon */
+#define HAND_C_STUCK_GAIN ((hand_real)4.0) /* by this factor, so that friction yields soon */
+#define HAND_C_GIVEN_BACK ((hand_real)0.5) /* share of what the integral gained while the joint stood that it loses once it slips */
 #define HAND_C_MOST_KEPT ((hand_real)0.02) /* [rad] largest error that the integral leaves after a slip past the reference */
 #define HAND_C_MIN_SPEED ((hand_real)0.05) /* [rad/s] a slower joint gives adaptation no information */
 #define HAND_C_GATE ((hand_real)3.0) /* standard deviations beyond which a balance is taken for contact, not for the map */
@@ -158,11 +161,14 @@ enum {
 #define HAND_C_COMMON ((hand_real)1.0) /* variance of the error of a2 over that of the other constants of the map, at the start */
 #define HAND_C_MOST_SCALE ((hand_real)0.2) /* largest relative change of the torque scale by what the changes of the map have in common */
 #define HAND_C_MOST_LOAD ((hand_real)0.1) /* [N m] largest load */
+#define HAND_C_MOST_IMPACT ((hand_real)0.5) /* largest share of a torque limit that is kept back for the impact of the partner */
+#define HAND_C_STILL_TIME ((hand_real)0.05) /* [s] time constant with which the load follows the negative balance of a joint that stands */
 #define HAND_C_LOAD_DRIFT ((hand_real)0.001) /* [N m/s^0.5] random walk of the load */
 #define HAND_C_PAUSE_TIME ((hand_real)0.1) /* [s] adaptation pauses so long after contact, saturation or a stop: memory of the filters */
 #define HAND_C_LEVERAGE_SHARE ((hand_real)0.97) /* adaptation of a3 may take this share of the leverage at the upper limit */
 #define HAND_C_LEAST_VARIANCE ((hand_real)1e-12) /* smallest variance of a relative change that a correction is divided by */
 #define HAND_C_ALLOWANCE ((hand_real)2.0) /* K of the CUSUM: half the smallest contact worth detecting, in standard deviations */
+#define HAND_C_FREE_ALLOWANCE ((hand_real)3.0) /* K of a joint that follows its reference, or whose reference does not flex clearly */
 #define HAND_C_MISFIT_TIME ((hand_real)5.0) /* [s] time constant of the mean square of negative balances */
 #define HAND_C_MOST_RESIDUAL ((hand_real)4.0) /* largest of them over the standard deviation that is configured */
 #define HAND_C_RESIDUAL_FACTOR ((hand_real)3.0) /* variance of the balance over their mean square */

@@ -10,8 +10,9 @@ The errors of a1, a3 and d relative to a2 have the error of a2 in common, so the
 x1 and x2 have in common is, on average, an error of a2: `law._torque_scale` corrects the torque limit by it, within
 C.most_scale. The load follows a random walk, which lets it change while the map stays.
 
-A joint is adapted while it moves freely; not at rest, in contact, saturated, or near a limit of its angle. Forgetting
-lets the covariance grow to its initial trace and no further, so that a long rest cannot make the estimate jump.
+A joint is adapted while it moves freely; not at rest, in contact, saturated, or near a limit of its angle. At rest the
+load alone follows a negative balance, which no obstacle causes. Forgetting lets the covariance grow to its initial
+trace and no further, so that a long rest cannot make the estimate jump.
 """
 
 from __future__ import annotations
@@ -116,6 +117,25 @@ def adapt(g, s, i, balance, variance, speed, saturated, dt):  # type: ignore[no-
     s[S.c00, i], s[S.c01, i], s[S.c02, i], s[S.c03, i] = c00 * grow, c01 * grow, c02 * grow, c03 * grow
     s[S.c11, i], s[S.c12, i], s[S.c13, i] = c11 * grow, c12 * grow, c13 * grow
     s[S.c22, i], s[S.c23, i], s[S.c33, i] = c22 * grow, c23 * grow, c33 * grow
+    return True
+
+
+@compiled
+def learn_at_rest(g, s, i, balance, dt):  # type: ignore[no-untyped-def]
+    """Follow the negative balance [N m] of joint i that stands, as far as friction does not explain it, as a load.
+
+    The torque of an obstacle on which a joint rests is positive. A negative balance is a load that helps the joint: an
+    object gets its torque in addition to that of the actuator. Not in torque mode, where what moves the hand is no
+    load, nor near an end stop. Returns whether the load changed.
+    """
+    excess = balance + g[G.residual_std, i] + s[S.spread, i]
+    if excess >= 0.0 or s[S.stood, i] < C.stand_time or s[S.contact, i] != 0.0 or g[G.torque_mode, i] != 0.0:
+        return False
+    if s[S.phi_2, i] < g[G.low, i] + C.margin:
+        return False
+    s[S.offset, i] = min(s[S.offset, i] - dt / (dt + C.still_time) * excess, C.most_load)
+    # What was learnt is as uncertain as friction makes it.
+    s[S.c00, i] = max(s[S.c00, i], g[G.residual_std, i] * g[G.residual_std, i])
     return True
 
 

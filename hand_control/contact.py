@@ -6,8 +6,11 @@ one-sided CUSUM,
 
     S' = max(0, S + (z - K)),   alarm at S > h,
 
-and h follows from the wanted rate of false alarms by Siegmund's approximation of the average run length (Siegmund,
-Sequential Analysis, 1985): ARL = (exp(2 K b) - 2 K b - 1) / (2 K^2), b = h + 1.166. The onset is where S last left 0.
+with a smaller K where a joint does not follow a reference that flexes it, as at an obstacle. For this K, h follows from
+the wanted rate of false alarms by Siegmund's approximation of the average run length (Sequential Analysis, 1985):
+ARL = (exp(2 K b) - 2 K b - 1) / (2 K^2), b = h + 1.166. The onset is where S last left 0.
+
+A joint whose partner may still meet an object keeps a part of its torque back for that impact.
 """
 
 from __future__ import annotations
@@ -16,14 +19,16 @@ import math
 
 from scipy.optimize import brentq
 
-from hand_control.declared import C, G, S, compiled, inlined
+from hand_control.declared import C, G, S, U, compiled, inlined
 
 
 @compiled
-def detect(g, s, i, balance, variance, opens, dt):  # type: ignore[no-untyped-def]
+def detect(g, s, i, balance, variance, opens, lags, dt):  # type: ignore[no-untyped-def]
     """One step of joint i: filtered torque balance [N m], its variance [(N m)^2], dt [s].
 
     opens: the joint follows a reference that extends it; then it cannot come upon an obstacle that it bends against.
+    lags: the joint does not follow a reference that flexes it clearly, as at an obstacle. Then a smaller torque
+    suffices for a contact, and no torque of the obstacle becomes a bias.
     """
     # No obstacle causes a negative balance: friction and errors of the map do, which are as large on the other side.
     if balance < 0.0 and s[S.phi_2, i] > g[G.low, i] + C.margin:
@@ -33,14 +38,14 @@ def detect(g, s, i, balance, variance, opens, dt):  # type: ignore[no-untyped-de
     s[S.age, i] = s[S.age, i] + dt if s[S.sum, i] > 0.0 or s[S.contact, i] != 0.0 else 0.0
     # Samples within the time constant of the filters are correlated: a faster rate carries no more information.
     weight = dt / (2.0 * g[G.observer_filter, i])
-    gain = (z - C.allowance) * weight
+    gain = (z - (C.allowance if lags else C.free_allowance)) * weight
     if opens and s[S.contact, i] == 0.0:
         gain = min(gain, 0.0)
     s[S.sum, i] = min(max(s[S.sum, i] + gain, 0.0), 2.0 * g[G.threshold, i])
     if s[S.contact, i] == 0.0:
         if s[S.sum, i] > g[G.threshold, i]:
             s[S.contact, i], s[S.released, i] = 1.0, 0.0
-        elif s[S.sum, i] < 0.5 * g[G.threshold, i]:
+        elif s[S.sum, i] < 0.5 * g[G.threshold, i] and not (lags and balance > s[S.bias, i]):
             s[S.bias, i] += dt / (dt + C.bias_time) * (balance - s[S.bias, i])
         return
     s[S.released, i] = s[S.released, i] + dt if z < C.release else 0.0
@@ -69,6 +74,23 @@ def contradicted_by_motion(s, i, reference_speed, speed, dt):  # type: ignore[no
         return False
     s[S.contact, i] = s[S.sum, i] = s[S.age, i] = s[S.moving, i] = 0.0
     return True
+
+
+@inlined
+def partner_impact(g, s, u, i):  # type: ignore[no-untyped-def]
+    """Torque [N m] that joint i keeps back at an object, because its partner may meet one, too.
+
+    A partner of inertia J that a spring k stops from the speed v has the acceleration v sqrt(k / J), and the coupling
+    inertia passes it on. Nothing is kept back for a partner that rests or is in contact already, nor while the joint
+    follows its reference.
+    """
+    partner = int(g[G.partner, i])
+    if partner < 0 or s[S.contact, partner] != 0.0 or follows(u[U.speed, i], s[S.speed, i]):
+        return 0.0
+    if u[U.speed, partner] <= 0.0 or g[G.inertia, partner] <= 0.0 or u[U.limit, i] <= 0.0:
+        return 0.0
+    added = g[G.coupling, i] * u[U.speed, partner] * math.sqrt(g[G.contact_stiffness, partner] / g[G.inertia, partner])
+    return min(added, C.most_impact * u[U.limit, i])
 
 
 def threshold(false_alarms_per_hour: float, observer_filter_s: float) -> float:

@@ -38,8 +38,8 @@ from typing import Any
 
 import numpy as np
 
-from hand_control.adaptation import adapt, map_variance, reset_covariance, reset_map
-from hand_control.contact import contradicted_by_motion, detect, follows
+from hand_control.adaptation import adapt, learn_at_rest, map_variance, reset_covariance, reset_map
+from hand_control.contact import contradicted_by_motion, detect, follows, partner_impact
 from hand_control.declared import INPUTS, OUT, OUTPUTS, STATE, C, G, S, U, bounded_dt, inlined
 from hand_model.arrays import Array, Flags
 from hand_model.compile_cache import njit
@@ -170,6 +170,7 @@ def _take_over_map(g, s, u, i, before):  # type: ignore[no-untyped-def]
     if math.isfinite(difference):
         s[S.integral, i] = min(max(s[S.integral, i] + difference, -g[G.i_max, i]), g[G.i_max, i])
         s[S.free_integral, i] = min(max(s[S.free_integral, i] + difference, -g[G.i_max, i]), g[G.i_max, i])
+        s[S.stood_integral, i] += difference
 
 
 @inlined
@@ -216,6 +217,8 @@ def _watch_slips(g, s, i, error, speed, rests, dt):  # type: ignore[no-untyped-d
 
     The integral of a joint that sticks grows until the joint breaks away, slips past its reference, sticks and returns
     in the same way, for ever. A smaller error than such a slip leaves is not worth another one. It is slowly forgotten.
+    Less friction acts on a joint that slips: so that the slip ends near the reference, the integral loses a part of
+    what it gained while the joint stood.
     """
     s[S.kept_error, i] -= s[S.kept_error, i] * dt / (dt + g[G.memory, i])
     if not rests:
@@ -224,7 +227,11 @@ def _watch_slips(g, s, i, error, speed, rests, dt):  # type: ignore[no-untyped-d
     stood = s[S.stood, i]
     s[S.stood, i] = stood + dt if abs(speed) < C.slip_speed else 0.0
     if s[S.stood, i] < C.stand_time:
+        if stood >= C.stand_time and speed * error > 0.0 and s[S.contact, i] == 0.0:
+            s[S.integral, i] -= C.given_back * (s[S.integral, i] - s[S.stood_integral, i])
         return
+    if stood < C.stand_time:
+        s[S.stood_integral, i] = s[S.integral, i]
     if stood < C.stand_time and s[S.stood_error, i] * error < 0.0:
         slip = abs(error - s[S.stood_error, i])
         s[S.kept_error, i] = max(s[S.kept_error, i], min(max(0.5 * slip, abs(error)), C.most_kept))
@@ -278,8 +285,9 @@ def _joint(g, s, u, i, dt, integrate, drive, out):  # type: ignore[no-untyped-de
     balance = _torque_balance(g, s, i, a0, a1, a2, a3, d, filtered_speed)
     variance = _balance_variance(g, s, i, filtered_speed)
     if g[G.detect, i] != 0.0:
-        opens = u[U.speed, i] < 0.0 and follows(u[U.speed, i], s[S.speed, i])
-        detect(g, s, i, balance, variance, opens, dt)
+        moves = follows(u[U.speed, i], s[S.speed, i])
+        opens, lags = moves and u[U.speed, i] < 0.0, u[U.speed, i] > C.moving_speed and not moves
+        detect(g, s, i, balance, variance, opens, lags, dt)
         if contradicted_by_motion(s, i, u[U.speed, i], s[S.speed, i], dt):
             reset_covariance(g, s, i)
     out[OUT.contact, i], out[OUT.contact_age, i] = s[S.contact, i], s[S.age, i]
@@ -290,7 +298,9 @@ def _joint(g, s, u, i, dt, integrate, drive, out):  # type: ignore[no-untyped-de
     beyond = _control(g, s, u, i, a0, a1, a2, a3, d, filtered_speed, dt, integrate, out)
     if g[G.adapt, i] != 0.0 and dt > 0.0 and integrate and math.isfinite(beyond):
         before = _steady_pressure(g, s, u, i)
-        if adapt(g, s, i, balance, variance, filtered_speed, beyond != 0.0, dt):
+        changed = adapt(g, s, i, balance, variance, filtered_speed, beyond != 0.0, dt)
+        changed = changed or learn_at_rest(g, s, i, balance, dt)
+        if changed and beyond == 0.0:  # at a limit of the pressure the command does not follow the map
             _take_over_map(g, s, u, i, before)
 
 
@@ -300,7 +310,10 @@ def _control(g, s, u, i, a0, a1, a2, a3, d, speed, dt, integrate, out):  # type:
     phi, k = min(u[U.position, i], g[G.high, i]), -stiffness(u[U.pressure, i], a1, a3)
     here = max(leverage(phi, a2, a3), C.min_leverage)
     kp, ki, kd = _pid_gains(g, i, d, k)
-    most = u[U.limit, i] / _torque_scale(s, i) - s[S.load, i]
+    most = u[U.limit, i]
+    if g[G.torque_mode, i] == 0.0:
+        most -= partner_impact(g, s, u, i)
+    most = most / _torque_scale(s, i) - s[S.load, i]
     ceiling = pressure_for_torque(most, phi, s[S.creep, i], a0, a1, a2, a3, g[G.phi_max, i])
     error, wanted = 0.0, ceiling
     # In torque mode the limit is the wanted torque; the valve gives its pressure without an error to integrate.
@@ -310,7 +323,7 @@ def _control(g, s, u, i, a0, a1, a2, a3, d, speed, dt, integrate, out):  # type:
         wanted = _feed_forward(g, s, u, i, a0, a1, a2, a3, d) if g[G.feed_forward, i] != 0.0 else 0.0
         wanted += (kp * error + kd * (u[U.speed, i] - s[S.speed, i])) / here
         if s[S.take_over, i] != 0.0:
-            s[S.take_over, i] = 0.0
+            s[S.take_over, i] = s[S.stood, i] = 0.0
             s[S.integral, i] = min(max((s[S.command, i] - wanted) * here, -g[G.i_max, i]), g[G.i_max, i])
         wanted += s[S.integral, i] / here
     ceiling = min(max(ceiling, 0.0), g[G.p_max, i])
@@ -413,6 +426,7 @@ class Law:
         kept = self.state[S.integral, frozen] if stops else None
         if stops:
             self.state[S.pause, frozen] = C.pause_time
+            self.state[S.stood, frozen] = 0.0
         _tick(self.gains, self.state, inputs, bounded_dt(dt), integrate, drive, self.out)
         if stops:
             self.state[S.integral, frozen] = kept

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hand_control.adaptation import adapt, map_variance, reset_covariance, reset_map
+from hand_control.adaptation import adapt, learn_at_rest, map_variance, reset_covariance, reset_map
 from hand_control.declared import C, G, S, Settings
 from hand_control.tuning import gains
 from hand_model.arrays import Array
@@ -275,3 +275,60 @@ def test_a_reset_returns_to_the_identified_map() -> None:
     reset_map(joint.g, joint.s, 1)
     assert not joint.change.any() and np.array_equal(joint.s[:, 0], other)
     assert joint.s[S.bias, 1] == 0.0 and joint.s[S.acceleration, 1] == 0.0 and joint.s[S.speed, 1] == 1.0
+
+
+def standing(balance: float = -0.03) -> Joint:
+    """A joint that stands, with a torque balance [N m]."""
+    joint = Joint()
+    joint.balance, joint.s[S.speed], joint.s[S.stood] = balance, 0.0, C.stand_time
+    return joint
+
+
+def learns_at_rest(joint: Joint) -> bool:
+    before = joint.s.copy()
+    learnt = bool(learn_at_rest(joint.g, joint.s, 1, joint.balance, joint.dt))
+    assert learnt or not (joint.s != before).any()
+    return learnt
+
+
+def test_the_load_of_a_joint_that_stands_follows_a_negative_balance() -> None:
+    """Fails when a load that helps a resting joint is not learnt, but for friction, or not with its time constant."""
+    joint, load = standing(), 0.03
+    joint.s[S.c00, 1] = 0.0
+    friction = joint.g[G.residual_std, 1]
+    assert learns_at_rest(joint)
+    share = DT_S / (DT_S + C.still_time)
+    assert joint.s[S.offset, 1] == pytest.approx(share * (load - friction))
+    for _ in range(200):
+        joint.balance = joint.s[S.offset, 1] - load
+        learns_at_rest(joint)
+    assert joint.s[S.offset, 1] == pytest.approx(load - friction, rel=1e-6)
+    assert joint.s[S.c00, 1] == friction**2
+    assert not joint.s[S.d_a1 : S.d_viscous + 1].any()
+    joint.balance = -1.0
+    for _ in range(200):
+        learns_at_rest(joint)
+    assert joint.s[S.offset, 1] == C.most_load
+
+
+@pytest.mark.parametrize("guard", ["balance", "stood", "contact", "phi_2", "torque_mode", "spread"])
+def test_nothing_else_is_learnt_at_rest(guard: str) -> None:
+    """Fails when an obstacle, friction, a moving joint, an end stop or torque mode changes the load at rest."""
+    for inside in (True, False):
+        joint = standing()
+        low = joint.g[G.low, 1] + C.margin
+        if guard == "balance":
+            joint.balance = -joint.g[G.residual_std, 1] + (-1e-6 if inside else 1e-6)
+        elif guard == "stood":
+            joint.s[S.stood, 1] = C.stand_time * (1.0 if inside else 0.99)
+        elif guard == "contact":
+            joint.s[S.contact, 1] = float(not inside)
+        elif guard == "phi_2":
+            joint.s[S.phi_2, 1] = low + (1e-6 if inside else -1e-6)
+        elif guard == "torque_mode":
+            joint.g[G.torque_mode, 1] = float(not inside)
+        else:
+            joint.s[S.spread, 1] = 0.03 - joint.g[G.residual_std, 1] + (-1e-6 if inside else 1e-6)
+        assert learns_at_rest(joint) == inside
+    resisted = standing(0.5)
+    assert not learns_at_rest(resisted)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hand_control.contact import partner_impact
 from hand_control.declared import OUT, STATE, C, G, S, Settings, U
 from hand_control.law import Law, _send, _steady_pressure, _take_over_map
 from hand_control.tuning import gains
@@ -73,6 +74,7 @@ def driven_inputs(rng: np.random.Generator) -> Array:
     inputs[:40, U.pressure, 12] = -5e3  # noise of a vented sensor: creep stays at its lower bound
     inputs[200:260, U.pressure, ::2] += 1.5e5  # an obstacle: pressure without motion
     inputs[200:260, U.position, ::2] = inputs[200, U.position, ::2]
+    inputs[60:100, U.pressure, 1::2] += 1.5e5  # pressure while the joint follows: motion contradicts a contact
     inputs[280:330, U.reference] = inputs[280:330, U.position] + 4e-3 * rng.standard_normal((50, JOINTS))
     inputs[280:330, U.speed : U.acceleration + 1] = 0.0
     inputs[330:450, U.reference], inputs[330:450, U.speed : U.acceleration + 1] = 0.8, 0.0
@@ -87,7 +89,7 @@ def test_the_law_is_the_law_in_c_in_every_branch() -> None:
     rng = np.random.default_rng(1)
     g, inputs = different_joints(rng), driven_inputs(rng)
     python, other = Law(g), CLaw("double", g)
-    saturated = contact = contradicted = adapted = slipped = 0
+    saturated = contact = contradicted = adapted = slipped = rested = kept = 0
     bounds = set()
     # The rounding of a pressure of 6e5 Pa is 1e-10 Pa.
     smallest = np.array([[1.0 if row.unit == "Pa" else 1e-3] for row in STATE])
@@ -100,7 +102,7 @@ def test_the_law_is_the_law_in_c_in_every_branch() -> None:
             other.release()
         if k in (90, 350):  # as Law.change does
             python.state[S.take_over] = other.state[S.take_over] = 1.0
-        before = python.state[S.contact].copy()
+        before, loads = python.state[S.contact].copy(), python.state[S.offset].copy()
         got, want = python.tick(inputs[k], dt, integrate, drive), other.tick(inputs[k], dt, integrate, drive)
         np.testing.assert_allclose(got / SIZES, want / SIZES, rtol=1e-9, atol=1e-9, err_msg=f"tick {k}")
         scale = np.abs(other.state) + smallest
@@ -110,9 +112,12 @@ def test_the_law_is_the_law_in_c_in_every_branch() -> None:
         contradicted += int(((before != 0.0) & (python.state[S.contact] == 0.0)).sum())
         adapted += int((python.state[S.offset] != 0.0).sum())
         slipped += int((python.state[S.kept_error] != 0.0).sum())
+        standing = python.state[S.stood] >= C.stand_time
+        rested += int((standing & (python.state[S.offset] > loads)).sum())
+        kept += sum(partner_impact(g, python.state, inputs[k], i) > 0.0 for i in range(JOINTS))
         bounds |= set(python.state[S.creep, [8, 12]].tolist())
     # The inputs reach what they are meant to reach.
-    assert min(saturated, contact, contradicted, adapted, slipped) > 20 and bounds >= {
+    assert min(saturated, contact, contradicted, adapted, slipped, rested, kept) > 20 and bounds >= {
         0.0,
         1.0,
     }
@@ -182,7 +187,7 @@ def test_a_slip_past_the_reference_teaches_which_error_to_keep() -> None:
     law = Law(gains_of({"creep_compensation": False, "adaptation": False, "contact_detection": False}))
     slow, fast = grown(law, 0.01, 10), grown(law, 0.01, 100) / 10.0
     assert fast > 2.0 * slow > 0.0  # it has stood for 0.1 s: friction yields sooner
-    grown(law, -0.016, 40)
+    grown(law, -0.016, 60)
     assert law.state[S.kept_error, 0] == pytest.approx(0.016, rel=0.01)
     assert grown(law, -0.015, 20) == grown(law, 0.015, 20) == 0.0
     assert grown(law, 0.019, 20) > 0.0 > grown(law, -0.019, 20)
@@ -191,17 +196,48 @@ def test_a_slip_past_the_reference_teaches_which_error_to_keep() -> None:
     assert grown(law, 0.01, 40) > 0.0  # forgotten
 
 
+@pytest.mark.parametrize(
+    ("slip", "touches", "given_back"), [(0.002, 0.0, True), (-0.002, 0.0, False), (0.002, 1.0, False)]
+)
+def test_a_slip_takes_a_part_of_what_the_integral_gained(slip: float, touches: float, given_back: bool) -> None:
+    """Fails when a joint that breaks away keeps the torque that friction needed, or loses what it had before."""
+    law = Law(gains_of({"creep_compensation": False, "adaptation": False, "contact_detection": False}))
+    grown(law, 0.015, 22)
+    began = law.state[S.stood_integral, 0]
+    assert 0.0 < began < law.state[S.integral, 0]
+    grown(law, 0.015, 100)
+    law.state[S.contact, 0] = touches
+    change, steps = 0.0, 0
+    while law.state[S.stood, 0] > 0.0:
+        held, steps = law.state[S.integral, 0], steps + 1
+        change = grown(law, 0.015 - steps * slip, 1)
+    usual = 2.0 * 0.03 * DT_S  # growth in a tick, Ki below 2 N m/(rad s), error below 0.03 rad
+    assert 1 < steps < 5 and law.state[S.stood_integral, 0] == began
+    assert change == pytest.approx(-C.given_back * (held - began) if given_back else 0.0, abs=usual)
+    assert usual < 0.2 * C.given_back * (held - began)
+
+
 @pytest.mark.parametrize(("between", "speed"), [(0.0, 0.0), (None, 0.5)])
 def test_an_error_that_changes_without_a_slip_teaches_nothing(between: float | None, speed: float) -> None:
     """Fails when a slow approach, or a motion of the reference, is taken for a slip of friction."""
     law = Law(gains_of({"creep_compensation": False, "adaptation": False, "contact_detection": False}))
     grown(law, 0.01, 40)
     if between is not None:  # below the speed of a slip all the way
-        for error in np.linspace(0.01, -0.01, 80):
+        for error in np.linspace(0.01, -0.01, 120):
             grown(law, float(error), 1)
     grown(law, -0.01, 1, speed)
     grown(law, -0.01, 40)
     assert law.state[S.kept_error, 0] == 0.0
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+def test_a_joint_whose_pressure_is_short_learns_no_load_at_rest(frozen: bool) -> None:
+    """Fails when a valve that gives too little pressure is taken for a load that holds the joint where it is."""
+    law = Law(gains_of({"creep_compensation": False, "contact_detection": False}))
+    for _ in range(100):
+        law.tick(at(0.7, 0.7, 0.0), DT_S, frozen=np.array([frozen]))
+    assert (law.state[S.offset, 0] > 0.02) == (not frozen)
+    assert frozen == (law.state[S.offset, 0] == 0.0)
 
 
 def test_a_changed_gain_does_not_move_the_command() -> None:
@@ -283,6 +319,40 @@ def test_the_torque_ceiling_bounds_the_command() -> None:
     out = law.tick(at(1.5, 0.3, 1e5, 0.02), DT_S)
     assert torque_at(g, out[OUT.pressure, 0], 0.3) == pytest.approx(0.02)
     assert out[OUT.saturated, 0] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "keeps"),
+    [("", True), ("rests", False), ("retreats", False), ("in contact", False), ("follows", False), ("soft", False)],
+)
+def test_torque_is_kept_back_for_the_impact_of_the_partner(change: str, keeps: bool) -> None:
+    """Fails when the ceiling does not leave c v sqrt(k / J) for a partner that moves, or leaves it for another one."""
+    g = gains_of({"creep_compensation": False, "adaptation": False}, 2)
+    g[G.partner] = 1.0, 0.0
+    g[G.coupling], g[G.inertia], g[G.contact_stiffness] = 4e-5, (3e-5, 1.2e-4), 0.0 if change == "soft" else 30.0
+    law = Law(g)
+    inputs = np.repeat(at(1.5, 0.3, 1e5, 0.1), 2, axis=1)
+    inputs[U.speed, 1] = {"rests": 0.0, "retreats": -2.0}.get(change, 2.0)
+    law.state[S.contact, 1] = float(change == "in contact")
+    law.state[S.sum, 1] = 100.0 * law.state[S.contact, 1]
+    if change == "follows":
+        inputs[U.speed, 0], law.state[S.speed, 0], law.state[S.started, 0] = 1.0, 1.0, 1.0
+        law.state[S.last_angle, 0] = 0.3 - DT_S
+    out = law.tick(inputs, DT_S)
+    added = 4e-5 * 2.0 * math.sqrt(30.0 / 1.2e-4) if keeps else 0.0
+    assert torque_at(g, out[OUT.pressure, 0], 0.3) == pytest.approx(0.1 - added)
+
+
+def test_at_most_half_of_a_torque_limit_is_kept_back() -> None:
+    """Fails when a fast partner takes the whole torque of a joint, or a limit of zero or less changes its sign."""
+    g = gains_of(joints=2)
+    g[G.partner], g[G.coupling] = (1.0, 0.0), 4e-5
+    law, inputs = Law(g), np.repeat(at(1.5, 0.3, 1e5, 0.1), 2, axis=1)
+    inputs[U.speed, 1] = 1e6
+    assert partner_impact(g, law.state, inputs, 0) == pytest.approx(C.most_impact * 0.1)
+    for limit in (0.0, -0.1):
+        inputs[U.limit, 0] = limit
+        assert partner_impact(g, law.state, inputs, 0) == 0.0
 
 
 def test_torque_mode_commands_the_limit() -> None:
