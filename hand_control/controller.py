@@ -301,8 +301,10 @@ class Controller:
         self._accept()
         if self._torque_mode:
             raise ValueError("control_mode is torque")
-        approach = Approach(math.radians(self.settings.grasp_speed_deg_per_s), self.settings.grasp_torque_nm)
-        started = Grasping(self.hand, grasp.shape(closure), max_torque_nm, self._shaper.r, approach)
+        shape, ready = grasp.shape(closure), grasp.preshape(closure)
+        speed_rad_s = math.radians(self.settings.grasp_speed_deg_per_s)
+        approach = Approach(speed_rad_s, self.settings.grasp_torque_nm, ready, grasp.begins)
+        started = Grasping(self.hand, shape, max_torque_nm, self._shaper.r, approach)
         self.stop_grasp("preempted by another grasp")
         self.goals.end("preempted by a grasp")
         self._grasp, self.grasp_end = started, ""

@@ -1,9 +1,10 @@
 """Grasps: shapes from config/grasps.yaml, and the motion of one grasp.
 
-The joints close together until each meets an obstacle or reaches its shape, and then hold a torque. A closing joint
-moves with a small torque limit, so that a soft object is touched softly. Where a joint meets an obstacle, its target
-moves on into the obstacle and its torque limit rises to the wanted one: the pressure ceiling then holds that torque,
-independent of the obstacle's stiffness. Joints that meet nothing stop at the shape.
+The hand takes the pattern's preshape first, for instance the thumb opposite to the fingers. Then the joints close until
+each meets an obstacle or reaches its shape, and hold a torque; a pattern may let some of them begin later than others.
+A closing joint moves with a small torque limit, so that a soft object is touched softly. Where a joint meets an
+obstacle, its target moves on into the obstacle and its torque limit rises to the wanted one: the pressure ceiling then
+holds that torque, independent of the obstacle's stiffness. Joints that meet nothing stop at the shape.
 """
 
 from __future__ import annotations
@@ -26,23 +27,38 @@ RISE_S = 0.3
 """Time in which the torque limit of a joint in contact rises to the wanted one."""
 SETTLED_RAD = math.radians(3.0)
 SETTLED_S = 0.3
+PRESHAPE, BEGINS = "preshape", "begins"
+"""Keys of a pattern other than joints."""
+MOST_LATE = 0.9
 PATIENCE_S = 4.0
 """Time after the motion within which a grasp must settle."""
 
 
 @dataclass(frozen=True, slots=True)
 class Grasp:
-    """A shape: open_rad and closed_rad (n,) in the hand's order."""
+    """A shape: open_rad and closed_rad (n,) in the hand's order.
+
+    ready_rad: (n,) angles of the preshape, NaN for joints without one; None: no joint has one.
+    begins: (n,) share of the closing time after which a joint begins to move, 0 to MOST_LATE; None: all at once.
+    """
 
     name: str
     open_rad: Array
     closed_rad: Array
+    ready_rad: Array | None = None
+    begins: Array | None = None
 
     def shape(self, closure: float) -> Array:
         """Angles (n,) [rad] at a closure from 0 (open) to 1 (closed). ValueError outside that range."""
         if not 0.0 <= closure <= 1.0:
             raise ValueError(f"closure is {closure!r}; the allowed range is 0 to 1")
         return self.open_rad + closure * (self.closed_rad - self.open_rad)
+
+    def preshape(self, closure: float) -> Array:
+        """Angles (n,) [rad] of the preshape at a closure from 0 to 1 [-]; NaN for joints without one."""
+        if self.ready_rad is None:
+            return np.full(len(self.open_rad), np.nan)
+        return self.open_rad + closure * (self.ready_rad - self.open_rad)
 
     def closure(self, position_rad: Array) -> float:
         """The closure [-] whose shape is nearest to angles (n,) [rad], by least squares; 0 for the open pattern."""
@@ -60,15 +76,22 @@ def load_grasps(path: Path, hand: Hand) -> dict[str, Grasp]:
     raw = top.raw("patterns", "a mapping of pattern names")
     names = [str(name) for name in raw] if isinstance(raw, dict) else []
     patterns = top.section("patterns", names)
-    bare = [joint.removeprefix(hand.prefix) for joint in hand.joints]
-    return {name: _grasp(name, patterns.section(name, bare), hand, open_deg) for name in names}
+    keys = [*(joint.removeprefix(hand.prefix) for joint in hand.joints), PRESHAPE, BEGINS]
+    return {name: _grasp(name, patterns.section(name, keys), hand, open_deg) for name in names}
 
 
 def _grasp(name: str, section: Section, hand: Hand, open_deg: float) -> Grasp:
     low, high = np.degrees(hand.limits.low_rad), np.degrees(hand.limits.high_rad)
     bare = [joint.removeprefix(hand.prefix) for joint in hand.joints]
     closed = np.array([section.number(joint, low[i], high[i], open_deg) for i, joint in enumerate(bare)])
-    return Grasp(name, np.radians(np.full(len(bare), open_deg)), np.radians(closed))
+    preshape = section.section(PRESHAPE, bare, required=False)
+    least, most = np.minimum(open_deg, closed), np.maximum(open_deg, closed)
+    ready = [
+        preshape.number(joint, least[i], most[i]) if joint in preshape else math.nan for i, joint in enumerate(bare)
+    ]
+    late = section.section(BEGINS, bare, required=False)
+    begins = np.array([late.number(joint, 0.0, MOST_LATE, 0.0) for joint in bare])
+    return Grasp(name, np.radians(np.full(len(bare), open_deg)), np.radians(closed), np.radians(ready), begins)
 
 
 class Outcome(Enum):
@@ -81,10 +104,15 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Approach:
-    """How a hand closes: speed [rad/s] of the joint with the longest way, torque [N m] until contact."""
+    """How a hand closes: speed [rad/s] of the fastest joint, torque [N m] until contact.
+
+    preshape_rad, begins: as Grasp.preshape gives them and as Grasp.begins; None: none, all at once.
+    """
 
     speed_rad_s: float
     torque_nm: float
+    preshape_rad: Array | None = None
+    begins: Array | None = None
 
 
 class Grasping:
@@ -109,7 +137,14 @@ class Grasping:
         self._start, self._shape = start_rad.copy(), shape_rad
         # An obstacle in the way of an opening joint is not grasped.
         self._closes = shape_rad > start_rad + SETTLED_RAD
-        self._duration_s = max(float(np.max(np.abs(shape_rad - start_rad))) / approach.speed_rad_s, 0.05)
+        ready = np.full(count, np.nan) if approach.preshape_rad is None else approach.preshape_rad
+        # A joint that is closer to its shape already does not go back.
+        ready = np.clip(ready, np.minimum(start_rad, shape_rad), np.maximum(start_rad, shape_rad))
+        self._ready = np.where(np.isnan(ready), start_rad, ready)
+        self._begins = np.zeros(count) if approach.begins is None else approach.begins
+        ways = np.abs(self._ready - start_rad), np.abs(shape_rad - self._ready) / (1.0 - self._begins)
+        self._preshape_s, closing_s = (float(way.max()) / approach.speed_rad_s for way in ways)
+        self._duration_s = self._preshape_s + max(closing_s, 0.05)
         self._elapsed_s = self._settled_s = 0.0
         self._since_s = np.zeros(count)
         self._met_rad = np.full(count, np.nan)
@@ -128,7 +163,7 @@ class Grasping:
         self._met_rad[new] = position[new]
         self.contact = ~np.isnan(self._met_rad)
         self._since_s = np.where(self.contact, self._since_s + dt, 0.0)
-        target = self._start + self.progress * (self._shape - self._start)
+        target = self._on_the_way()
         into = np.minimum(self._met_rad + PRESS_RAD, self._high)
         target = np.where(self.contact, into, target)
         rising = np.minimum(self._since_s / RISE_S, 1.0)
@@ -137,6 +172,14 @@ class Grasping:
         limit = np.where(self.contact, self._approach_nm + rising * (self._hold_nm - self._approach_nm), free_limit)
         self._check_end(dt, position)
         return target, limit
+
+    def _on_the_way(self) -> Array:
+        """Angles (n,) [rad] of joints without contact now: to the preshape, and from there to the shape."""
+        if self._elapsed_s < self._preshape_s:
+            return self._start + self._elapsed_s / self._preshape_s * (self._ready - self._start)
+        closing = min((self._elapsed_s - self._preshape_s) / (self._duration_s - self._preshape_s), 1.0)
+        share = np.clip((closing - self._begins) / (1.0 - self._begins), 0.0, 1.0)
+        return self._ready + share * (self._shape - self._ready)
 
     def _check_end(self, dt: float, position: Array) -> None:
         at_shape = np.abs(position - self._shape) < SETTLED_RAD

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -26,6 +27,7 @@ from hand_control.goals import Code, GoalRefusedError, TrajectoryGoal, check_fie
 from hand_control.grasps import Grasp as Pattern
 from hand_control.grasps import Outcome, load_grasps
 from hand_control.inputs import JointInput
+from hand_control.object_width import object_width_m
 from hand_control.supervisor import FREEZE_S, Phase
 from hand_messages.bounds import check_bytes, shown
 from hand_messages.cdr import Layout
@@ -330,13 +332,17 @@ class ControllerNode(HandNode):
             return
         contact = self._controller.grasp_contact.tolist()
         if isinstance(handle.request, Grasp.Goal):
+            width_m = object_width_m(self._hand, self._position, self._controller.grasp_contact)
             held = f"{sum(contact)} joints are in contact"
+            if math.isfinite(width_m):
+                held += f"; the object is about {1e3 * width_m:.0f} mm wide there"
             result = Grasp.Result(
                 success=reason == DONE,
                 message=held if reason == DONE else reason,
                 name=list(self._hand.joints),
                 contact=contact,
                 position=self._position.tolist(),
+                object_width=width_m,
             )
         else:
             values = self._gripper_values(any(contact))
@@ -438,6 +444,7 @@ class ControllerNode(HandNode):
                     contact=grasp.contact.tolist(),
                     torque=tick.torque_estimate.tolist(),
                     progress=grasp.progress,
+                    object_width=object_width_m(self._hand, self._position, grasp.contact),
                 )
             )
         elif tick is not None:

@@ -10,7 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hand_control.grasps import Approach, Grasp, Grasping, Outcome, load_grasps
+from hand_control.object_width import object_width_m
+from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
+from hand_model.geometry import link_poses
 from hand_model.yaml_reader import DescriptionError
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
@@ -114,6 +117,19 @@ def test_names_in_the_file_have_no_prefix(left_hand: Hand) -> None:
         ("open_deg: 5\npatterns: 3\n", ["patterns", "3", "mapping"]),
         ("open_deg: 5\npatterns:\n  fist: 3\n", ["patterns.fist", "3", "mapping"]),
         ("open_deg: 5\nshapes: {}\n", ["shapes", "not a known key"]),
+        (
+            "open_deg: 5\npatterns:\n  fist: {preshape: {elbow: 40}}\n",
+            ["patterns.fist.preshape.elbow", "not a known key"],
+        ),
+        (
+            "open_deg: 5\npatterns:\n  fist: {index_distal: 40, preshape: {index_distal: 41}}\n",
+            ["patterns.fist.preshape.index_distal", "41", "5 to 40"],
+        ),
+        (
+            "open_deg: 5\npatterns:\n  fist: {index_distal: 40, begins: {index_distal: 1}}\n",
+            ["patterns.fist.begins.index_distal", "1", "0 to 0.9"],
+        ),
+        ("open_deg: 5\npatterns:\n  fist: {begins: 3}\n", ["patterns.fist.begins", "3", "mapping"]),
         ("", ["empty"]),
     ],
 )
@@ -153,3 +169,69 @@ def test_a_contact_near_the_shape_is_held_before_the_grasp_is_done() -> None:
         limits.append(grasping.step(dt, shape, contact)[1][joint])
     assert grasping.outcome is Outcome.DONE
     assert limits[0] < 0.06 and limits[-1] == 0.1
+
+
+def targets(name: str, start: Array, seconds: float) -> Array:
+    """Targets (samples, joints) [rad] of a grasp of the shipped file that meets nothing, 200 a second."""
+    grasp, none = GRASPS[name], np.zeros(len(HAND.joints), dtype=np.bool_)
+    approach = Approach(1.0, 0.05, grasp.preshape(1.0), grasp.begins)
+    grasping = Grasping(HAND, grasp.shape(1.0), 0.1, start, approach)
+    out = [grasping.step(0.005, start, none)[0] for _ in range(round(200 * seconds))]
+    return np.array(out)
+
+
+def test_the_thumb_is_opposed_before_the_fingers_close() -> None:
+    """Fails when fingers close while the thumb is still on its way, or a joint is faster than it may be."""
+    start = GRASPS["open"].shape(1.0)
+    path = targets("tripod", start, 4.0)
+    thumb, finger = index("thumb_opposition"), index("index_proximal")
+    closing = int(np.argmax(path[:, finger] > start[finger] + 1e-9))
+    assert path[closing - 1, thumb] == pytest.approx(GRASPS["tripod"].closed_rad[thumb], abs=0.006)
+    assert closing == pytest.approx(200 * (GRASPS["tripod"].closed_rad[thumb] - start[thumb]), abs=2)
+    assert float(np.abs(np.diff(path, axis=0)).max()) <= 0.005 + 1e-9
+    np.testing.assert_allclose(path[-1], GRASPS["tripod"].shape(1.0))
+
+
+def test_joints_that_begin_late_arrive_with_the_others() -> None:
+    """Fails when the thumb of the lateral grasp moves before half of the closing time, or arrives later."""
+    start = GRASPS["open"].shape(1.0)
+    path = targets("lateral", start, 4.0)
+    shape = GRASPS["lateral"].shape(1.0)
+    thumb, finger = index("thumb_proximal"), index("middle_proximal")
+    arrived = [int(np.argmax(np.abs(path[:, joint] - shape[joint]) < 1e-9)) for joint in (thumb, finger)]
+    assert arrived[0] == arrived[1]
+    moving = int(np.argmax(path[:, thumb] > start[thumb] + 1e-9))
+    assert moving == pytest.approx(0.5 * arrived[1], abs=2)
+
+
+def test_the_thumb_swings_back_once_the_fingers_have_let_go() -> None:
+    """Fails when the release of an object begins with the opposition of the thumb, which would drag the object."""
+    start = GRASPS["tripod"].shape(1.0)
+    path = targets("open", start, 4.0)
+    thumb, finger = index("thumb_opposition"), index("index_proximal")
+    back = int(np.argmax(path[:, thumb] < start[thumb] - 1e-9))
+    assert np.degrees(path[0, finger] - path[back, finger]) > 15.0
+
+
+def test_a_joint_that_is_near_its_shape_does_not_go_back_to_the_preshape() -> None:
+    """Fails when a hand that is closed further than the preshape opens first."""
+    start = GRASPS["pinch"].shape(1.0)
+    assert float(np.abs(targets("pinch", start, 1.0) - start).max()) < 1e-9
+
+
+def test_the_width_of_an_object_between_thumb_and_finger() -> None:
+    """Fails when the width is not that of the pads; the geometry of the test is that of the file, in other formulas."""
+    position, contact = GRASPS["pinch"].shape(1.0), np.zeros(len(HAND.joints), dtype=np.bool_)
+    contact[[index("thumb_distal"), index("index_distal")]] = True
+    tips = link_poses(HAND, position)
+    apart = float(np.linalg.norm(tips["thumb_tip"][:3, 3] - tips["index_tip"][:3, 3]))
+    width = object_width_m(HAND, position, contact)
+    # A pad lies half a link from its tip and half a thickness from the axis: 21 mm and 8 mm of the finger, 17 and 8.
+    assert abs(width - apart) < np.hypot(0.021, 0.0075) + np.hypot(0.017, 0.008)
+    closer = position.copy()
+    closer[index("index_proximal")] += 0.05
+    assert object_width_m(HAND, closer, contact) < width - 1e-4
+    contact[index("thumb_distal")] = False
+    assert np.isnan(object_width_m(HAND, position, contact))
+    contact[index("index_proximal")] = True  # two pads of one finger are not opposed
+    assert np.isnan(object_width_m(HAND, position, contact))
