@@ -32,8 +32,8 @@ def object_width_m(hand: Hand, position_rad: Array, contact: Flags) -> float:
             pads.append((_finger(links, name), at[:3], -poses[name][:3, 2]))
     widths = [
         float(np.linalg.norm(there - here))
-        for (one, here, out), (other, there, back) in combinations(pads, 2)
-        if one != other and (there - here) @ out > 0.0 and (here - there) @ back > 0.0
+        for (finger, here, out), (other, there, back) in combinations(pads, 2)
+        if finger != other and (there - here) @ out > 0.0 and (here - there) @ back > 0.0
     ]
     return min(widths, default=math.nan)
 

@@ -204,7 +204,7 @@ def test_joints_that_begin_late_arrive_with_the_others() -> None:
     assert moving == pytest.approx(0.5 * arrived[1], abs=2)
 
 
-def test_the_thumb_swings_back_once_the_fingers_have_let_go() -> None:
+def test_the_thumb_swings_back_once_the_fingers_open() -> None:
     """Fails when the release of an object begins with the opposition of the thumb, which would drag the object."""
     start = GRASPS["tripod"].shape(1.0)
     path = targets("open", start, 4.0)
