@@ -29,6 +29,7 @@ PACKAGES = [
     "hand_machine",
     "hand_identification",
     "hand_diagnosis",
+    "hand_diagnosis.diagnosis",
     "hand_diagnosis.judgement",
     "hand_diagnosis.pages",
     "hand_diagnosis.problem",

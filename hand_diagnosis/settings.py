@@ -87,6 +87,10 @@ class Settings(LawSettings):
         (4, 30), "-", "Iterations of these fits: from each start, and of the best ones.", CHOICE,
         "Fits may end early.", "Slower.")
 
+    cause_step: float = setting(
+        0.1, "std", "Step of its numbers that model.yaml keeps, in the standard deviation of each while others stay.",
+        CHOICE, "Longer numbers.", "The prediction changes by rounding.")
+
     # Test data
     test_share: float = setting(
         0.2, "-", "Last part of each recording that is test data.", CHOICE,

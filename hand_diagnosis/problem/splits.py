@@ -144,11 +144,7 @@ class ErrorsOnTest:
         return np.sqrt(np.where(total > 0, self.squares[fit].sum(axis=1) / np.maximum(total, 1.0), np.nan))
 
     def clearly_worse(self, first: int, second: int, floor: Array, rng: np.random.Generator) -> bool:
-        """Whether the second fit's error is larger than the first one's in nearly all draws of the blocks.
-
-        Over all signals together, each in its floor (OUTPUTS,) [SI]: a little more of one does not outweigh much less
-        of another.
-        """
+        """Whether the second error of all signals, in their floors (OUTPUTS,) [SI], is larger in nearly all draws."""
         held = np.flatnonzero(self.counts.sum(axis=0) > 0)
         if len(held) < SETTINGS.min_test_blocks:
             return False

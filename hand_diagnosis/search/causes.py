@@ -311,7 +311,7 @@ def _as_cause(sides: Sequence[_Side], effect: Effect, found: SharedFit, evidence
     shared = []
     for parameter, z, error, own in zip(found.shared, found.z, errors, alone, strict=True):
         value = float(parameter.value(np.array([z]))[0])
-        value = _rounded(value, 0.1 * parameter.deviation(value, float(own)))
+        value = _rounded(value, SETTINGS.cause_step * parameter.deviation(value, float(own)))
         shared.append(fixed(parameter, value, parameter.deviation(value, float(error))))
     count = len(shared)
     starts = {
