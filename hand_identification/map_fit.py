@@ -8,7 +8,7 @@ scipy.optimize.least_squares (test/identification/test_map_fit.py).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,6 +43,11 @@ class MapFit:
         return replace(self, residuals=(), sensitivity=())
 
     @property
+    def by_row(self) -> dict[int, float]:
+        """The coordinates [-] by the row of their parameter."""
+        return {parameter.row: float(z) for parameter, z in zip(self.free, self.z, strict=True)}
+
+    @property
     def covariance(self) -> Array:
         """Posterior covariance of z (free, free), the prior included."""
         return np.asarray(np.linalg.inv(self.normal + np.eye(len(self.z))), dtype=np.float64)
@@ -59,6 +64,11 @@ class MapFit:
             for parameter, deviation in zip(self.free, deviations, strict=True)
             if parameter.row < START_CREEP and not parameter.is_fixed
         }
+
+
+def start_at(free: Sequence[FreeParameter], known: Mapping[int, float]) -> Array:
+    """Coordinates (free,) [-] to start from: the known ones by row, 0 for the others."""
+    return np.array([known.get(parameter.row, 0.0) for parameter in free])
 
 
 def map_fit(

@@ -7,18 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from hand_diagnosis.diagnosis.joint import JointDiagnosis, diagnose_joint
-from hand_diagnosis.problem import (
-    Task,
-    fit_part,
-    likelihood_below_floor,
-    model_accelerations,
-    put_partner,
-)
-from hand_diagnosis.search import (
-    Cause,
-    refit_below_floor,
-    whole_hand_cause,
-)
+from hand_diagnosis.problem import Task, fit_part, likelihood_below_floor, model_accelerations, put_partner
+from hand_diagnosis.search import Cause, refit_below_floor, whole_hand_cause
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, map_fit

@@ -32,9 +32,7 @@ from hand_diagnosis.problem import (
     spared_last,
     tolerant,
 )
-from hand_diagnosis.search import (
-    rough_evidence,
-)
+from hand_diagnosis.search import rough_evidence
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import FreeParameter, nominal_free_parameters
 from hand_identification.joint_data import joint_problem

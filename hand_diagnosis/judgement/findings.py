@@ -175,7 +175,7 @@ def _finding(result: JointResult, index: int) -> Finding:
     law = law_curve(result.reported, result.reported.accepted[index], wording)
     explains = _explained_by(result, index)
     return Finding(
-        joint=None if _of_the_hand(effect) else result.joint,
+        joint=None if effect.of_the_hand else result.joint,
         place=effect.place,
         effect=effect.name,
         probability=probability,
@@ -191,11 +191,6 @@ def _finding(result: JointResult, index: int) -> Finding:
         law=law,
         onset=result.onset,
     )
-
-
-def _of_the_hand(effect: Effect) -> bool:
-    """Whether one cause of this kind acts on the whole hand."""
-    return effect.everywhere or effect.place == "supply"
 
 
 def law_curve(search: JointSearch, accepted: Hypothesis, wording: Wording) -> LawCurve | None:
@@ -250,7 +245,7 @@ def _statement(
     signal, (factor, unit) = result.wording.signals[stage], result.wording.signal_units[stage]
     names = " or ".join([accepted.effect.name, *tied])
     where, explained = result.joint, "It explains"
-    if accepted.given and _of_the_hand(accepted.effect):
+    if accepted.given and accepted.effect.of_the_hand:
         where, explained = result.wording.whole, f"Its numbers fit all joints at once. On {result.joint}, it explains"
     text = f"{where}: {says}."
     if tied:

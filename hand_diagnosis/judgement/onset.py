@@ -25,7 +25,7 @@ from hand_diagnosis.search import JointSearch, amounts, fit_without, refit_below
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import START_CREEP, FreeParameter, merged
 from hand_identification.joint_problem import JointProblem
-from hand_identification.map_fit import MapFit, map_fit
+from hand_identification.map_fit import MapFit, map_fit, start_at
 from hand_identification.settings import FITS
 from hand_model.arrays import Array, Flags
 from hand_model.effects.effect import Effect
@@ -322,8 +322,7 @@ def _model(search: JointSearch, kept: Sequence[int]) -> Model:
         free = merged(free, search.accepted[k].free_parameters(search.problem.nominal))
     if len(kept) == len(search.accepted):
         free = list(fit.free)
-    start = {parameter.row: z for parameter, z in zip(fit.free, fit.z, strict=True)}
-    return free, np.array([start.get(parameter.row, 0.0) for parameter in free])
+    return free, start_at(free, fit.by_row)
 
 
 def _errors(whole: JointProblem, models: Sequence[Model]) -> list[Array]:

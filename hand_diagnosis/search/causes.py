@@ -26,7 +26,7 @@ from hand_identification.free_parameters import (
     merged,
     probe_values,
 )
-from hand_identification.map_fit import MapFit, map_fit
+from hand_identification.map_fit import MapFit, map_fit, start_at
 from hand_identification.shared_fit import Part, SharedFit, shared_fit
 from hand_model.arrays import Array
 from hand_model.effects.effect import Effect
@@ -83,15 +83,16 @@ def whole_hand_cause(
 ) -> Cause | None:
     """The cause with the most evidence over what was found joint by joint; None where none has enough."""
     causes, tried = [], []
+    fitted = [_at_floor(search) for search in searches]
     for effect in effects:
-        taking = [search for search in searches if _of_the_hand(effect) or _has(search, effect)]
+        taking = [each for each in fitted if effect.of_the_hand or _has(each.search, effect)]
         if not effect.shared or len(taking) < 2:
             continue
         cause = _cause(taking, effect, rng)
         if cause is None:
             continue
         tried.append(cause)
-        if cause.gain > (SETTINGS.min_log_evidence if _of_the_hand(effect) else 0.0):
+        if cause.gain > (SETTINGS.min_log_evidence if effect.of_the_hand else 0.0):
             causes.append(cause)
     if not causes:
         return None
@@ -105,9 +106,8 @@ def with_cause(cause: Cause, found: JointSearch, current: MapFit, rng: np.random
     problem = found.problem
     given = cause.parameters(problem.joint, problem.nominal)
     free = merged(current.free, given)
-    known = {p.row: float(z) for p, z in zip(current.free, current.z, strict=True)}
-    known.update(cause.starts[problem.joint])
-    fit = map_fit(problem, free, np.array([known.get(p.row, 0.0) for p in free]), SETTINGS.nominal_iterations)
+    start = start_at(free, current.by_row | dict(cause.starts[problem.joint]))
+    fit = map_fit(problem, free, start, SETTINGS.nominal_iterations)
     freed = tuple(p.key for p in given if p.key in cause.effect.coefficients)
     added = replace(judged(problem, current, cause.effect, fit, rng), freed=freed, given=tuple(given))
     own = replace(added, log_evidence=cause.log_evidence, fit=fit.without_arrays())
@@ -117,18 +117,13 @@ def with_cause(cause: Cause, found: JointSearch, current: MapFit, rng: np.random
     return added
 
 
-def _of_the_hand(effect: Effect) -> bool:
-    """Whether all of its parameters are those of the hand, so that every joint has it."""
-    return bool(effect.shared) and set(effect.keys) <= set(effect.shared)
-
-
 def _has(search: JointSearch, effect: Effect) -> bool:
     return any(hypothesis.effect is effect and not hypothesis.given for hypothesis in search.accepted)
 
 
-def _cause(searches: Sequence[JointSearch], effect: Effect, rng: np.random.Generator) -> Cause | None:
+def _cause(fitted: Sequence[_Side], effect: Effect, rng: np.random.Generator) -> Cause | None:
     """The best fit of an effect to all joints at once; None where fewer than two joints show it."""
-    sides = [_side(search, effect) for search in searches]
+    sides = [_without(side, effect) for side in fitted]
     start = _best_start(sides, effect)
     if start is None:
         return None
@@ -144,26 +139,33 @@ def _cause(searches: Sequence[JointSearch], effect: Effect, rng: np.random.Gener
     best = max(best, _with_law(sides, needed, effect, best, rng), key=lambda pair: pair[0])
     evidence, found = best
     showing = sum(_shows(side, effect, found) for side in sides)
-    if _of_the_hand(effect) and showing < 2:
+    if effect.of_the_hand and showing < 2:
         return None
     without = sum(log_evidence(side.search.problem, side.found, amounts(side.found)) for side in sides)
     return _as_cause(sides, effect, found, evidence, without)
 
 
-def _side(search: JointSearch, effect: Effect) -> _Side:
+def _at_floor(search: JointSearch) -> _Side:
+    """A joint with its models fitted at the practical floor; only the plain one keeps its large arrays."""
     problem, final = search.problem, search.final
     plain = map_fit(problem, search.base.free, search.base.z, SETTINGS.nominal_iterations)
     found = map_fit(problem, final.free, final.z, SETTINGS.nominal_iterations) if search.accepted else plain
+    found = found.without_arrays()
+    return _Side(search, plain, found, found)
+
+
+def _without(side: _Side, effect: Effect) -> _Side:
+    """The joint with the model that is left without an effect, where it has it."""
+    search, found, problem = side.search, side.found, side.search.problem
     rows = {ROW[key] for key in (*effect.keys, *effect.coefficients)}
     if not any(parameter.row in rows for parameter in found.free):
-        return _Side(search, plain, found, found)
+        return side
     free = list(search.base.free)
     for hypothesis in search.accepted:
         if hypothesis.effect is not effect and not hypothesis.given:
             free = merged(free, hypothesis.free_parameters(problem.nominal))
-    known = {p.row: z for p, z in zip(found.free, found.z, strict=True)}
-    start = np.array([known.get(parameter.row, 0.0) for parameter in free])
-    return _Side(search, plain, found, map_fit(problem, free, start, SETTINGS.nominal_iterations))
+    others = map_fit(problem, free, start_at(free, found.by_row), SETTINGS.nominal_iterations)
+    return replace(side, others=others.without_arrays())
 
 
 def _parameters(
@@ -176,18 +178,17 @@ def _parameters(
     return [p for p in own if p.key not in effect.shared], [p for p in own if p.key in effect.shared]
 
 
-def _parts(sides: Sequence[_Side], plan: Sequence[MapFit], effect: Effect, coarse: bool) -> list[Part]:
-    """Each joint with the free parameters of its plan and the private ones of the effect, and where they start."""
+def _parts(sides: Sequence[_Side], plan: Sequence[MapFit], effect: Effect) -> list[Part]:
+    """Each joint with the free parameters of its plan and the private ones of the effect, for a coarse fit."""
     parts = []
     for side, fit in zip(sides, plan, strict=True):
         problem = side.search.problem
         private, _ = _parameters(effect, problem.nominal, _freed(side, effect))
         free = merged(fit.free, private)
         # Numbers that were fitted together with the effect are the better start where the joint has it already.
-        order = (fit, side.found) if side.others is not side.found else (side.found, fit)
-        known = {p.row: float(z) for each in order for p, z in zip(each.free, each.z, strict=True)}
-        start = np.array([known.get(parameter.row, 0.0) for parameter in free])
-        parts.append(Part(replace(problem, step_s=SETTINGS.passes[0].step_s) if coarse else problem, free, start))
+        first, second = (fit, side.found) if side.others is not side.found else (side.found, fit)
+        start = start_at(free, first.by_row | second.by_row)
+        parts.append(Part(replace(problem, step_s=SETTINGS.passes[0].step_s), free, start))
     return parts
 
 
@@ -196,14 +197,14 @@ def _best_start(sides: Sequence[_Side], effect: Effect) -> tuple[list[FreeParame
     nominal = sides[0].search.problem.nominal
     law = {key for side in sides for key in _freed(side, effect) if key in effect.shared}
     _, shared = _parameters(effect, nominal, law)
-    starts = _probed(sides, effect, shared) if _of_the_hand(effect) else []
+    starts = _probed(sides, effect, shared) if effect.of_the_hand else []
     for side in sides:
-        known = {p.row: float(z) for p, z in zip(side.found.free, side.found.z, strict=True)}
+        known = side.found.by_row
         if any(parameter.row in known for parameter in shared):
-            starts.append(np.array([known.get(parameter.row, 0.0) for parameter in shared]))
+            starts.append(start_at(shared, known))
     if not starts:
         return None
-    parts = _parts(sides, [side.plain for side in sides], effect, coarse=True)
+    parts = _parts(sides, [side.plain for side in sides], effect)
     short = SETTINGS.cause_iterations[0]
     tried = sorted((shared_fit(parts, shared, start, short) for start in starts), key=lambda fit: fit.cost)
     ended = [shared_fit(parts, shared, fit.z, SETTINGS.cause_iterations[1]) for fit in tried[:2]]
@@ -243,13 +244,10 @@ def _fitted(
     sides: Sequence[_Side], plan: Sequence[MapFit], effect: Effect, shared: Sequence[FreeParameter], start: Array
 ) -> tuple[float, SharedFit]:
     """Log evidence and fit of all joints by a plan, from shared coordinates (shared,)."""
-    found = shared_fit(_parts(sides, plan, effect, coarse=True), shared, start, SETTINGS.cause_iterations[1])
-    near = [
-        replace(part, free=fit.free, start=fit.z)
-        for part, fit in zip(_parts(sides, plan, effect, coarse=False), found.fits, strict=True)
-    ]
-    found = shared_fit(near, shared, found.z, SETTINGS.cause_iterations[1])
     problems = [side.search.problem for side in sides]
+    found = shared_fit(_parts(sides, plan, effect), shared, start, SETTINGS.cause_iterations[1])
+    near = [Part(problem, fit.free, fit.z) for problem, fit in zip(problems, found.fits, strict=True)]
+    found = shared_fit(near, shared, found.z, SETTINGS.cause_iterations[1])
     count = len(shared)
     groups = [amounts(replace(fit, free=fit.free[: len(fit.free) - count])) for fit in found.fits]
     own = amounts(replace(found.fits[0], free=tuple(shared)))
@@ -270,7 +268,7 @@ def _with_law(
     if len(shared) == len(found.shared):
         return best
     known = {p.row: float(z) for p, z in zip(found.shared, found.z, strict=True)}
-    at = np.array([known.get(parameter.row, 0.0) for parameter in shared])
+    at = start_at(shared, known)
     new = np.array([parameter.row not in known for parameter in shared])
     tried = [_fitted(sides, plan, effect, shared, start) for start in (at, at + new * rng.standard_normal(len(at)))]
     lawful = max(tried, key=lambda pair: pair[0])
@@ -286,9 +284,7 @@ def _with_numbers_of(side: _Side, effect: Effect, fit: MapFit, found: SharedFit)
     problem = side.search.problem
     private, _ = _parameters(effect, problem.nominal, _freed(side, effect))
     free = merged(merged(fit.free, private), _given(found))
-    known = {p.row: float(z) for p, z in zip(fit.free, fit.z, strict=True)}
-    start = np.array([known.get(parameter.row, 0.0) for parameter in free])
-    return map_fit(problem, free, start, SETTINGS.nominal_iterations)
+    return map_fit(problem, free, start_at(free, fit.by_row), SETTINGS.nominal_iterations)
 
 
 def _needed(side: _Side, effect: Effect, found: SharedFit) -> MapFit:

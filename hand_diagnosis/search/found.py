@@ -17,7 +17,7 @@ from hand_diagnosis.search.hypotheses import (
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import merged
 from hand_identification.joint_problem import JointProblem
-from hand_identification.map_fit import MapFit, map_fit
+from hand_identification.map_fit import MapFit, map_fit, start_at
 from hand_model.effects.effect import Effect
 from hand_model.kernel.rows import ROW
 
@@ -115,8 +115,5 @@ def fit_without(found: JointSearch, *left_out: int) -> tuple[float, MapFit]:
     for k, hypothesis in enumerate(found.accepted):
         if k not in left_out:
             free = merged(free, hypothesis.free_parameters(found.problem.nominal))
-    final = found.final
-    start = {parameter.row: z for parameter, z in zip(final.free, final.z, strict=True)}
-    at = np.array([start.get(parameter.row, 0.0) for parameter in free])
-    fit = map_fit(found.problem, free, at, SETTINGS.nominal_iterations)
+    fit = map_fit(found.problem, free, start_at(free, found.final.by_row), SETTINGS.nominal_iterations)
     return log_evidence(found.problem, fit, amounts(fit)), fit

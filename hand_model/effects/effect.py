@@ -224,6 +224,11 @@ class Effect:
         self._check_hooks()
 
     @property
+    def of_the_hand(self) -> bool:
+        """Whether one cause of this kind acts on the whole hand: all numbers of it are those of the hand."""
+        return self.everywhere or (bool(self.shared) and set(self.keys) <= set(self.shared))
+
+    @property
     def starts(self) -> dict[str, float | str]:
         """Names of the memory in order, with what each starts at."""
         return dict(self.memory) if isinstance(self.memory, Mapping) else dict.fromkeys(self.memory, 0.0)
