@@ -236,6 +236,7 @@ void hand_law_release(int n, hand_real *s)
     for (int i = 0; i < n; i++) {
         S(INTEGRAL) = S(FREE_INTEGRAL) = S(COMMAND) = S(TAKE_OVER) = S(WANTED) = 0;
         S(STOOD) = S(STOOD_ERROR) = 0;
+        S(PEAK) = S(LAST_PEAK) = S(SWING_TIME) = S(SLOWER) = 0;
     }
 }
 
@@ -302,6 +303,32 @@ static void watch_slips(int n, int i, const hand_real *g, hand_real *s, hand_rea
     S(STOOD_ERROR) = error;
 }
 
+/* Lengthen the response time of a joint whose error at rest swings without shrinking. */
+static void watch_swings(int n, int i, const hand_real *g, hand_real *s, hand_real error, int rests, hand_real dt)
+{
+    if (!rests || S(CONTACT) != 0) {
+        S(PEAK) = S(LAST_PEAK) = S(SWING_TIME) = 0;
+        return;
+    }
+    S(SWING_TIME) += dt;
+    if (S(PEAK) * error >= 0) {
+        if (size_of(error) > size_of(S(PEAK))) S(PEAK) = error;
+        return;
+    }
+    const hand_real before = size_of(S(LAST_PEAK)), peak = size_of(S(PEAK));
+    if (peak > HAND_C_SWING_ERROR && S(SWING_TIME) < HAND_C_SWING_HALF) {
+        if (before > 0 && peak > HAND_C_SWING_DECAY * before) {
+            const hand_real step = HAND_C_SWING_STEP * (G(RESPONSE_TIME) + G(DEAD_TIME) + S(SLOWER));
+            S(SLOWER) = low_of(S(SLOWER) + step, HAND_C_MOST_SLOWER * G(RESPONSE_TIME));
+        }
+        S(LAST_PEAK) = peak;
+    } else if (peak > HAND_C_NOISE) {
+        S(LAST_PEAK) = 0;
+    }
+    S(PEAK) = error;
+    S(SWING_TIME) = 0;
+}
+
 static void integrate_error(int n, int i, const hand_real *g, hand_real *s, hand_real ki, hand_real error,
                             hand_real beyond, hand_real here, hand_real stiffness, int rests, hand_real dt)
 {
@@ -363,7 +390,7 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
     const hand_real here = high_of(leverage(at_phi, a2, a3), HAND_C_MIN_LEVERAGE);
     hand_real kp = G(KP), ki = G(KI), kd = G(KD), error = 0;
     if (G(SCHEDULE) != 0) {
-        const hand_real per = 1 / (G(RESPONSE_TIME) + G(DEAD_TIME));
+        const hand_real per = 1 / (G(RESPONSE_TIME) + G(DEAD_TIME) + S(SLOWER));
         kp = (d + stiffness * lag) * per;
         ki = stiffness * per;
         kd = (d * lag + G(INERTIA)) * per;
@@ -392,6 +419,7 @@ static void joint(int n, int i, const hand_real *g, hand_real *s, const hand_rea
                                           : size_of(U(SPEED)) < HAND_C_REST_REFERENCE;
     const int filtered = rests && size_of(error) < HAND_C_REST_ERROR && G(DEADBAND) > 0 && dt > 0;
     watch_slips(n, i, g, s, error, speed_2, rests, dt);
+    if (G(SCHEDULE) != 0 && G(TORQUE_MODE) == 0) watch_swings(n, i, g, s, error, rests, dt);
     S(WANTED) += (filtered ? dt / (dt + HAND_C_REST_FILTER) : 1) * (wanted - S(WANTED));
     const hand_real beyond = wanted - bounded(wanted, 0, ceiling);
     S(COMMAND) = cut(n, i, g, s, S(WANTED), ceiling, rests, dt);

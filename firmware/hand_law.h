@@ -107,6 +107,10 @@ enum {
     HAND_S_STOOD_ERROR, /* [rad] error with which it stood last, at rest */
     HAND_S_STOOD_INTEGRAL, /* [N m] integral with which it began to stand */
     HAND_S_KEPT_ERROR, /* [rad] error that the integral leaves at rest, after a slip */
+    HAND_S_PEAK, /* [rad] largest error of the present half swing, at rest */
+    HAND_S_LAST_PEAK, /* [rad] size of that of the half swing before */
+    HAND_S_SWING_TIME, /* [s] time since the error changed its sign, at rest */
+    HAND_S_SLOWER, /* [s] by which swings have lengthened the response time */
     HAND_S_LOAD, /* [N m] torque of the found physics at the measured state, from the caller */
     HAND_S_DRAG, /* [N m] torque of its friction and damping, from the caller */
     HAND_S_SPREAD, /* [N m] uncertain part of its friction, from the caller */
@@ -153,6 +157,11 @@ enum {
 #define HAND_C_STUCK_GAIN ((hand_real)4.0) /* by this factor, so that friction yields soon */
 #define HAND_C_GIVEN_BACK ((hand_real)0.5) /* share of what the integral gained while the joint stood that it loses once it slips */
 #define HAND_C_MOST_KEPT ((hand_real)0.02) /* [rad] largest error that the integral leaves after a slip past the reference */
+#define HAND_C_SWING_ERROR ((hand_real)0.009) /* [rad] a joint whose reference rests swings where its error has a larger peak on one side, */
+#define HAND_C_SWING_HALF ((hand_real)0.5) /* [s] changes its side within this time, */
+#define HAND_C_SWING_DECAY ((hand_real)0.6) /* and has a peak of more than this share of that before; */
+#define HAND_C_SWING_STEP ((hand_real)0.25) /* each such swing lengthens the response time and the dead time by this share, */
+#define HAND_C_MOST_SLOWER ((hand_real)5.0) /* up to this multiple of the response time */
 #define HAND_C_MIN_SPEED ((hand_real)0.05) /* [rad/s] a slower joint gives adaptation no information */
 #define HAND_C_GATE ((hand_real)3.0) /* standard deviations beyond which a balance is taken for contact, not for the map */
 #define HAND_C_STOPPING ((hand_real)0.5) /* a joint stops when its speed falls below this share of the filtered speed */

@@ -48,6 +48,7 @@ from hand_control.sensor_lines import angle_jumped, pressure_off
 from hand_control.shaping import Shaper, TorqueLimiter, approach_speed, filling_speed
 from hand_control.step_watch import LONGEST_S
 from hand_control.supervisor import VENT_S, Phase, Supervisor
+from hand_control.swings import slowed
 from hand_control.tolerance_watch import ToleranceWatch
 from hand_control.tuning import gains
 from hand_control.unmeasured import Unmeasured
@@ -304,7 +305,11 @@ class Controller:
         shape, ready = grasp.shape(closure), grasp.preshape(closure)
         speed_rad_s = math.radians(self.settings.grasp_speed_deg_per_s)
         approach = Approach(speed_rad_s, self.settings.grasp_torque_nm, ready, grasp.begins)
-        started = Grasping(self.hand, shape, max_torque_nm, self._shaper.r, approach)
+        start = self._shaper.r.copy()
+        opens = shape < start
+        # A target within an object, which a joint presses on, would only return to its surface at first.
+        start[opens] = np.fmin(start, self._watch.last_position)[opens]
+        started = Grasping(self.hand, shape, max_torque_nm, start, approach)
         self.stop_grasp("preempted by another grasp")
         self.goals.end("preempted by a grasp")
         self._grasp, self.grasp_end = started, ""
@@ -569,7 +574,8 @@ class Controller:
     def _valve_health(self) -> Health:
         if self._vent_watch.line:
             return Health("valves", Level.ERROR, self._vent_watch.line)
-        return Health("valves", Level.WARN if self._starved else Level.OK, self._starved or "following")
+        line = self._starved or slowed(self.hand.joints, self._law.state)
+        return Health("valves", Level.WARN if line else Level.OK, line or "following")
 
     def _sensor_health(self) -> Health:
         watch = self._watch.sensors

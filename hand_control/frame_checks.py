@@ -79,9 +79,12 @@ GAP_S = 0.1
 UNCERTAIN = 1.5
 """Share of the pressure by displaced liquid that may be wrong: volume and leverage 30 % off, twice the lag."""
 STEEP, STEEP_PA, STEEP_S, LEAST_RISE_PA, FIRST_PA, MEAN_S = 1.45, 2.0e3, 0.03, 5.0e3, 5.0e4, 0.3
+QUICKER = 0.5
 """A pressure is at another scale where, in the first rise after arming, up to FIRST_PA, it rises above its mean by
-STEEP times what the valve gives, STEEP_PA and what motion displaces, for STEEP_S: twice the lag makes it slower only,
-and an offset is in the mean. Means are over MEAN_S, and a rise is at least LEAST_RISE_PA."""
+STEEP times what the valve gives, STEEP_PA and what motion displaces, for STEEP_S. Twice the lag makes it slower only; a
+valve that is quicker by QUICKER of its lag leads by this share of the distance to the set-point. An offset is in the
+mean; the expectation, which starts with it, falls to the set-point, and its mean with it at once. Means are over
+MEAN_S, and a rise is at least LEAST_RISE_PA."""
 SHALLOW, SHALLOW_PA, LEAST_SHALLOW_PA = 0.7, 3.0e3, 1.5e4
 """A pressure is too low, too, below the share SHALLOW of an expectation of LEAST_SHALLOW_PA and more, by SHALLOW_PA
 and what motion displaces."""
@@ -222,17 +225,21 @@ def _bend(s, i, change, turned, dt):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _is_steep(s, i, p, dt):  # type: ignore[no-untyped-def]
-    """Whether the pressure p [Pa] of joint i has risen so much more than the valve gives that its scale is wrong."""
+def _is_steep(s, i, asked, p, dt):  # type: ignore[no-untyped-def]
+    """Whether the pressure p [Pa] of joint i has risen so much more than the valve gives that its scale is wrong.
+
+    asked: set-point [Pa].
+    """
     share = dt / (dt + MEAN_S)
     rise, expected, slow = p - s[_MEAN, i], s[EXPECTED, i] - s[_MEAN_EXPECTED, i], s[_SLOW, i] - s[_MEAN_SLOW, i]
     s[_MEAN, i] += share * rise
-    s[_MEAN_EXPECTED, i] += share * expected
-    s[_MEAN_SLOW, i] += share * slow
+    s[_MEAN_EXPECTED, i] += share * expected if expected > 0.0 else expected
+    s[_MEAN_SLOW, i] += share * slow if slow > 0.0 else slow
     if s[_RISEN, i] > 0.0:
         return False
     given = max(expected, slow)
-    steep = given > LEAST_RISE_PA and rise > STEEP * given + STEEP_PA + s[_HIGHER, i]
+    quick = given + QUICKER * max(asked - s[EXPECTED, i], 0.0)
+    steep = given > LEAST_RISE_PA and rise > max(STEEP * given, quick) + STEEP_PA + s[_HIGHER, i]
     s[_DOUBLE_S, i] = s[_DOUBLE_S, i] + dt if steep else 0.0
     s[_RISEN, i] = 1.0 if s[EXPECTED, i] > FIRST_PA and not steep else 0.0
     return s[_DOUBLE_S, i] > STEEP_S
@@ -295,7 +302,7 @@ def watch_pressures(table, command, pressure, position, dt):  # type: ignore[no-
         s[_OVER, i] = s[_OVER, i] + dt if pressure[i] > (1.0 + OVER) * valve[_LIMIT, i] else 0.0
         _lasts(s, i, _HIGH, _HIGH_PA_S, pressure[i] - high, dt)
         _lasts(s, i, _LOW, _LOW_PA_S, low - pressure[i], dt)
-        stepped, steep = _steps(s, valve, i, asked, pressure[i], turned, dt), _is_steep(s, i, pressure[i], dt)
+        stepped, steep = _steps(s, valve, i, asked, pressure[i], turned, dt), _is_steep(s, i, asked, pressure[i], dt)
         if s[_LOW, i] == 0.0:
             s[_USUAL, i] += min(dt / USUAL_S, 1.0) * (s[_OFF, i] - s[_USUAL, i])
         s[_PRESSURE, i] = pressure[i]

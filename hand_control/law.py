@@ -15,6 +15,7 @@ lags, of each lag with the dead time, and half the square of the dead time.
 Scheduled gains follow the model over (phi, p): the stiffness k = -(a1 + a3 p) of the joint, its friction and the lag of
 the valve are cancelled and replaced by one closed-loop time constant R, the response time and the dead time (internal
 model control; Rivera, Morari, Skogestad 1986): Ki = k / R, Kp = (d + k T) / R, Kd = (d T + J) / R; T is the lag alone.
+A joint that swings at rest gets a longer R (`swings.py`).
 
 Torques of the found physics (`found.py`) stand in four rows of the state, which the caller fills before each tick.
 
@@ -41,10 +42,17 @@ import numpy as np
 from hand_control.adaptation import adapt, learn_at_rest, map_variance, reset_covariance, reset_map
 from hand_control.contact import contradicted_by_motion, detect, follows, partner_impact
 from hand_control.declared import INPUTS, OUT, OUTPUTS, STATE, C, G, S, U, bounded_dt, inlined
+from hand_control.swings import watch_swings
 from hand_model.arrays import Array, Flags
 from hand_model.compile_cache import njit
 from hand_model.material import creep_rate
 from hand_model.statics import leverage, pressure_for_torque, stiffness, torque
+
+RELEASED = (
+    *(S.integral, S.free_integral, S.command, S.take_over, S.wanted, S.stood, S.stood_error),
+    *(S.peak, S.last_peak, S.swing_time, S.slower),
+)
+"""Rows of the state that are 0 after a release."""
 
 
 @inlined
@@ -127,11 +135,11 @@ def _balance_variance(g, s, i, speed):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _pid_gains(g, i, d, k):  # type: ignore[no-untyped-def]
+def _pid_gains(g, s, i, d, k):  # type: ignore[no-untyped-def]
     """Kp [N m/rad], Ki [N m/(rad s)] and Kd [N m s/rad] of joint i with friction d and stiffness k."""
     if g[G.schedule, i] == 0.0:
         return g[G.kp, i], g[G.ki, i], g[G.kd, i]
-    lag, per = g[G.valve_lag, i], 1.0 / (g[G.response_time, i] + g[G.dead_time, i])
+    lag, per = g[G.valve_lag, i], 1.0 / (g[G.response_time, i] + g[G.dead_time, i] + s[S.slower, i])
     return (d + k * lag) * per, k * per, (d * lag + g[G.inertia, i]) * per
 
 
@@ -309,7 +317,7 @@ def _control(g, s, u, i, a0, a1, a2, a3, d, speed, dt, integrate, out):  # type:
     """Command of joint i; returns by how much the wanted pressure exceeds its limits [Pa], NaN where it has none."""
     phi, k = min(u[U.position, i], g[G.high, i]), -stiffness(u[U.pressure, i], a1, a3)
     here = max(leverage(phi, a2, a3), C.min_leverage)
-    kp, ki, kd = _pid_gains(g, i, d, k)
+    kp, ki, kd = _pid_gains(g, s, i, d, k)
     most = u[U.limit, i]
     if g[G.torque_mode, i] == 0.0:
         most -= partner_impact(g, s, u, i)
@@ -336,6 +344,8 @@ def _control(g, s, u, i, a0, a1, a2, a3, d, speed, dt, integrate, out):  # type:
     beyond = wanted - min(max(wanted, 0.0), ceiling)
     rests = _rests(g, s, u, i)
     _watch_slips(g, s, i, error, speed, rests, dt)
+    if g[G.schedule, i] != 0.0 and g[G.torque_mode, i] == 0.0:
+        watch_swings(g, s, i, error, rests, dt)
     s[S.command, i] = _send(g, s, i, _filter_at_rest(g, s, i, wanted, error, rests, dt), ceiling, rests, dt)
     if integrate:
         _integrate(g, s, i, ki, error, beyond, here, k, rests, dt)
@@ -353,7 +363,7 @@ def _compiled() -> Any:
     Its cache is keyed by every equation it uses, since numba looks at changes of one file alone. Its closure may hold
     nothing but this key: a compiled function has another identity in every process, which no cache would find.
     """
-    names = ("law", "adaptation", "contact", "declared")
+    names = ("law", "adaptation", "contact", "swings", "declared")
     sources = [Path(__file__).with_name(f"{name}.py").read_bytes() for name in names]
     equations = {inspect.getfile(inspect.unwrap(function)) for function in (creep_rate, torque)}
     sources += [Path(file).read_bytes() for file in sorted(equations)]
@@ -384,7 +394,7 @@ class Law:
 
     def release(self) -> None:
         """Set integrators and commands to 0; the observed state of the joints stays."""
-        for row in (S.integral, S.free_integral, S.command, S.take_over, S.wanted, S.stood, S.stood_error):
+        for row in RELEASED:
             self.state[row] = 0.0
 
     def restart(self, position: Array, pressure: Array) -> None:

@@ -77,6 +77,8 @@ def driven_inputs(rng: np.random.Generator) -> Array:
     inputs[60:100, U.pressure, 1::2] += 1.5e5  # pressure while the joint follows: motion contradicts a contact
     inputs[280:330, U.reference] = inputs[280:330, U.position] + 4e-3 * rng.standard_normal((50, JOINTS))
     inputs[280:330, U.speed : U.acceleration + 1] = 0.0
+    # every third joint swings about its reference, more and more
+    inputs[280:330, U.position, ::3] -= (3e-4 * np.arange(50.0) * np.sin(np.arange(50.0) * math.pi / 7))[:, None]
     inputs[330:450, U.reference], inputs[330:450, U.speed : U.acceleration + 1] = 0.8, 0.0
     inputs[330:450, U.position] = 0.785  # it sticks, slips past its reference, and sticks again
     inputs[380:450, U.position] = 0.785 + np.minimum(6e-3 * np.arange(70.0), 0.025)[:, None]
@@ -89,7 +91,7 @@ def test_the_law_is_the_law_in_c_in_every_branch() -> None:
     rng = np.random.default_rng(1)
     g, inputs = different_joints(rng), driven_inputs(rng)
     python, other = Law(g), CLaw("double", g)
-    saturated = contact = contradicted = adapted = slipped = rested = kept = 0
+    saturated = contact = contradicted = adapted = slipped = rested = kept = swung = 0
     bounds = set()
     # The rounding of a pressure of 6e5 Pa is 1e-10 Pa.
     smallest = np.array([[1.0 if row.unit == "Pa" else 1e-3] for row in STATE])
@@ -112,12 +114,13 @@ def test_the_law_is_the_law_in_c_in_every_branch() -> None:
         contradicted += int(((before != 0.0) & (python.state[S.contact] == 0.0)).sum())
         adapted += int((python.state[S.offset] != 0.0).sum())
         slipped += int((python.state[S.kept_error] != 0.0).sum())
+        swung += int((python.state[S.slower] > 0.0).sum())
         standing = python.state[S.stood] >= C.stand_time
         rested += int((standing & (python.state[S.offset] > loads)).sum())
         kept += sum(partner_impact(g, python.state, inputs[k], i) > 0.0 for i in range(JOINTS))
         bounds |= set(python.state[S.creep, [8, 12]].tolist())
     # The inputs reach what they are meant to reach.
-    assert min(saturated, contact, contradicted, adapted, slipped, rested, kept) > 20 and bounds >= {
+    assert min(saturated, contact, contradicted, adapted, slipped, rested, kept, swung) > 20 and bounds >= {
         0.0,
         1.0,
     }

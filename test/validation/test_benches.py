@@ -57,7 +57,9 @@ PLAUSIBLE: dict[str, dict[str, tuple[float, float]]] = {
         "motion at rest, 95th percentile": (0.0, 0.5),
         "error at rest, 95th percentile": (0.0, 1.3),
         "false contacts": (0.0, 0.0),
+        "rests that oscillate": (0.0, 2.0),
     },
+    "grasp": {"vent themselves": (0.0, 0.0), "not done": (0.0, 0.0), "not reported": (0.0, 0.0), "peak": (0.8, 2.0)},
     "found": {"smooth motion": (0.0, 0.4), "steps": (0.0, 1.5)},
     "firmware": {"flash": (1e3, 64e3), "ram": (1e3, 64e3), "cycles": (1e3, 168e3)},
 }

@@ -35,6 +35,7 @@ BENCHES = (
     "firmware",
     "motion",
     "liquid",
+    "grasp",
     "found",
     "rivals",
     "studio",
