@@ -22,6 +22,8 @@ DT_S = 0.005
 JOINTS, TICKS = 18, 450
 SIZES = np.array([6e5, 0.6, 1.0, 1.0, 0.6, 1.0])[:, None]
 BAD_DTS = (-1.0, math.nan, math.inf, -math.inf, 1e38, 1e300, -1e300, 5e-324)
+FOUND = [S.load, S.drag, S.spread, S.ahead]
+"""Rows that the caller fills before each tick."""
 SWITCHES = ("schedule", "feed_forward", "creep", "back_calculation", "adapt", "detect")
 
 
@@ -71,6 +73,7 @@ def driven_inputs(rng: np.random.Generator) -> Array:
     inputs[:, U.position] = lagging + 2e-4 * rng.standard_normal((TICKS, JOINTS))
     inputs[:, U.pressure] = np.maximum(1.3e5 * inputs[:, U.position] + 4e4 * np.sin(2.0 * t + phase), 0.0)
     inputs[:, U.limit] = np.where(np.sin(3.0 * t + phase) > 0.6, 0.01, 0.5)
+    inputs[140:150, U.limit, ::4] = [[0.0], [-0.01]] * 5
     inputs[:40, U.pressure, 12] = -5e3  # noise of a vented sensor: creep stays at its lower bound
     inputs[200:260, U.pressure, ::2] += 1.5e5  # an obstacle: pressure without motion
     inputs[200:260, U.position, ::2] = inputs[200, U.position, ::2]
@@ -104,6 +107,9 @@ def test_the_law_is_the_law_in_c_in_every_branch() -> None:
             other.release()
         if k in (90, 350):  # as Law.change does
             python.state[S.take_over] = other.state[S.take_over] = 1.0
+        found = rng.uniform(-4e-3, 4e-3, (4, JOINTS))
+        found[2] = abs(found[2])
+        python.state[FOUND] = other.state[FOUND] = found if 160 < k < 400 else 0.0
         before, loads = python.state[S.contact].copy(), python.state[S.offset].copy()
         got, want = python.tick(inputs[k], dt, integrate, drive), other.tick(inputs[k], dt, integrate, drive)
         np.testing.assert_allclose(got / SIZES, want / SIZES, rtol=1e-9, atol=1e-9, err_msg=f"tick {k}")

@@ -108,8 +108,8 @@ def test_the_joint_that_swung_is_named_with_what_to_check() -> None:
     """Fails when diagnostics do not say that a joint has become slower, which, by how much and why."""
     state = np.zeros((len(STATE), len(HAND.joints)))
     assert slowed(HAND.joints, state) == ""
-    state[S.slower, 3] = 0.065
+    state[S.slower, 3] = 0.65
     line = slowed(HAND.joints, state)
-    assert line.startswith(f"{HAND.joints[3]}: ") and "65 ms" in line and "valve.dead_time_s" in line
-    state[S.slower, [1, 5]] = 0.02, 0.09
+    assert line.startswith(f"{HAND.joints[3]}: ") and "650 ms" in line and "valve.dead_time_s" in line
+    state[S.slower, [1, 5]] = 0.02, 0.9
     assert slowed(HAND.joints, state).startswith(f"{HAND.joints[5]}, and 2 more joints: ")
