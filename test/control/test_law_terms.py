@@ -11,7 +11,7 @@ import pytest
 
 from hand_control.contact import partner_impact
 from hand_control.declared import OUT, STATE, C, G, S, Settings, U
-from hand_control.law import Law, _send, _steady_pressure, _take_over_map
+from hand_control.law import Law, _send, _steady_pressure, _take_over_map, _watch_slips
 from hand_control.tuning import gains
 from hand_model.arrays import Array
 from hand_model.description import load_hand
@@ -224,6 +224,15 @@ def test_a_slip_takes_a_part_of_what_the_integral_gained(slip: float, touches: f
     assert 1 < steps < 5 and law.state[S.stood_integral, 0] == began
     assert change == pytest.approx(-C.given_back * (held - began) if given_back else 0.0, abs=usual)
     assert usual < 0.2 * C.given_back * (held - began)
+
+
+@pytest.mark.parametrize(("speed", "given_back"), [(0.06, True), (-0.06, False)])
+def test_a_slip_away_from_a_far_reference_takes_nothing(speed: float, given_back: bool) -> None:
+    """Fails when the direction of a slip is judged by speed and error together instead of by their signs."""
+    state = np.zeros((len(STATE), 1))
+    state[S.stood], state[S.integral] = 0.2, 0.1
+    _watch_slips(gains_of(), state, 0, 0.2, speed, True, DT_S)
+    assert (state[S.integral, 0] < 0.1) == given_back
 
 
 @pytest.mark.parametrize(("between", "speed"), [(0.0, 0.0), (None, 0.5)])

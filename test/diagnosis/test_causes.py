@@ -45,7 +45,7 @@ def test_a_reservoir_is_one_cause_of_all_joints(hand: Hand) -> None:
         hand, supply_droop__resistance_s=0.15, supply_droop__time_constant_s=4.0, supply_droop__ratio=0.7
     )
     true = changed(sagging, JOINTS[1], coulomb_friction__torque_nm=0.01)
-    result = diagnosed(true, hand, JOINTS[:3], 16.0)
+    result = diagnosed(true, hand, JOINTS[:2], 16.0)
     found = {finding.effect: finding for finding in result.findings}
     assert set(found) == {"supply_droop", "coulomb_friction"}
     assert found["supply_droop"].joint is None
