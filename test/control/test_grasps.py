@@ -243,6 +243,6 @@ def test_a_grasp_holds_its_torque_and_opens_at_once(stiffness_nm_per_rad: float)
     """Fails when a joint misses its object or its torque, or an opening joint goes on pressing (plants of hand 3)."""
     done = grasp_of(HAND, GRASPS[PATTERN], stiffness_nm_per_rad, 0.02, 3)
     assert done.ended and not done.fault and done.touched.sum() >= 8
-    assert done.felt[done.touched].all()
+    assert done.reported[done.touched].all()
     np.testing.assert_allclose(done.held[done.touched], 1.0, atol=0.1)
     assert done.release_s[done.touched].max() < 0.35

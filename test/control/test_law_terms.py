@@ -228,7 +228,7 @@ def test_a_slip_takes_a_part_of_what_the_integral_gained(slip: float, touches: f
 
 @pytest.mark.parametrize(("speed", "given_back"), [(0.06, True), (-0.06, False)])
 def test_a_slip_away_from_a_far_reference_takes_nothing(speed: float, given_back: bool) -> None:
-    """Fails when the direction of a slip is judged by speed and error together instead of by their signs."""
+    """Fails when the direction of a slip comes from the sum of speed and error instead of their signs."""
     state = np.zeros((len(STATE), 1))
     state[S.stood], state[S.integral] = 0.2, 0.1
     _watch_slips(gains_of(), state, 0, 0.2, speed, True, DT_S)

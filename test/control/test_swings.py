@@ -69,7 +69,7 @@ def test_noise_at_the_crossing_does_not_hide_a_swing() -> None:
     assert watched(noisy)[S.slower, 0] == pytest.approx(FIRST_S)
 
 
-def test_motion_and_contact_begin_anew() -> None:
+def test_motion_and_contact_begin_again() -> None:
     """Fails when half a wave before a motion or a contact is compared with one after it."""
     s = watched(halves(SWING))
     watched(np.array([0.0]), rests=False, state=s)

@@ -55,8 +55,8 @@ def grasps(hand: Hand, thing: str, model: str, hands: int) -> list[dict[str, Any
     touched = np.concatenate([g.touched for g in done])
     if not touched.any():
         raise RuntimeError("no joint touched its object")
-    peak, held, release, felt = (
-        np.concatenate([getattr(g, key) for g in done])[touched] for key in ("peak", "held", "release_s", "felt")
+    peak, held, release, reported = (
+        np.concatenate([getattr(g, key) for g in done])[touched] for key in ("peak", "held", "release_s", "reported")
     )
     allowed, off = 0.1 if ERRORS[model] < max(ERRORS.values()) else 0.3, np.abs(held - 1.0)
     soon = None if thing == "very soft" else 0.3  # a joint has to follow the object back by 11 degrees
@@ -67,7 +67,7 @@ def grasps(hand: Hand, thing: str, model: str, hands: int) -> list[dict[str, Any
     return [
         figure(f"{name}: hands that vent themselves", sum(bool(g.fault) for g in done), 0.0, ""),
         figure(f"{name}: grasps not done", 100 * float(np.mean([not g.ended for g in done])), 0.0, "%"),
-        figure(f"{name}: contacts not reported", 100 * float(np.mean(~felt)), 0.0, "%"),
+        figure(f"{name}: contacts not reported", 100 * float(np.mean(~reported)), 0.0, "%"),
         figure(f"{name}: peak over the limit, 95th percentile", np.quantile(peak, 0.95), most, ""),
         figure(f"{name}: held torque off the limit, 95th percentile", 100 * np.quantile(off, 0.95), 100 * allowed, "%"),
         figure(f"{name}: release, 95th percentile", np.quantile(release, 0.95), soon, "s"),
@@ -78,7 +78,7 @@ def grasps(hand: Hand, thing: str, model: str, hands: int) -> list[dict[str, Any
 class Grasped:
     """What one grasp did, arrays (joints,): peak and held torque over the limit [-], time of release [s].
 
-    touched: joints that press on their object.  felt: those whose contact the grasp reports.  ended: whether the grasp
+    touched: joints that press on their object.  reported: those whose contact the grasp reports.  ended: whether the grasp
     reports that it is done.  fault: why the hand vented, or empty.
     """
 
@@ -86,7 +86,7 @@ class Grasped:
     held: Array
     release_s: Array
     touched: Flags
-    felt: Flags
+    reported: Flags
     ended: bool
     fault: str
 
@@ -106,7 +106,7 @@ def grasp_of(hand: Hand, pattern: Grasp, stiffness: float, error: float, number:
     rig.wall.clear()
     rig.run(LONGEST_S, until_done=True)
     wall = np.array(rig.wall)
-    felt = rig.controller.grasp_contact.copy()
+    reported = rig.controller.grasp_contact.copy()
     ended = rig.controller.grasp_end == "done"
     last = wall[-20:].mean(axis=0)
     rig.wall.clear()
@@ -117,7 +117,7 @@ def grasp_of(hand: Hand, pattern: Grasp, stiffness: float, error: float, number:
     presses = np.array(rig.wall) > RELEASED * TORQUE_NM
     release = np.where(presses.any(axis=0), len(presses) - presses[::-1].argmax(axis=0), 0) * PERIOD_NS * 1e-9
     touched = closes & (last > 0.0)
-    return Grasped(wall.max(axis=0) / TORQUE_NM, last / TORQUE_NM, release, touched, felt, ended, rig.fault)
+    return Grasped(wall.max(axis=0) / TORQUE_NM, last / TORQUE_NM, release, touched, reported, ended, rig.fault)
 
 
 def described(hand: Hand, q: Array, error: float, rng: np.random.Generator) -> Hand:
