@@ -33,6 +33,8 @@ QUIET_S = 1.5
 QUIET_PA = 2.0e4
 """A measured pressure below this is that of a vented joint, with the error of its sensor."""
 CONTROLLER, RECORDER = "controller", "recorder"
+RECORDS = "healthy: recorder of"
+"""Line of a recorder that receives messages."""
 LINKS = ("loopback", "serial", "CAN")
 HOW = {"killed": signal.SIGKILL, "stopped and continued": signal.SIGSTOP, "ended": signal.SIGINT}
 
@@ -143,7 +145,10 @@ def back(running: Rig, victim: str, how: str) -> None:
         running.nodes.running[victim].wait(20.0)
         kept = running.nodes.folder / f"recording_{time.monotonic_ns()}"
         recording.rename(kept)
+        healthy = running.nodes.log(victim).count(RECORDS)
         running.nodes.restart(victim)
+        # One that is ended before it has met its topics has nothing to record.
+        running.user.until(lambda: running.nodes.log(victim).count(RECORDS) > healthy, "the recorder does not record")
         return
     running.nodes.restart(victim)
     node = "driver" if victim == "board" else victim
