@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -67,6 +68,24 @@ def is_kept(function: Any, signature: str) -> bool:
     return function._cache.load_overload(signature, function.targetctx) is not None
 
 
+def _load_array_functions() -> None:
+    """Load numba's functions of arrays, which every compiled loop needs, without SciPy's linear algebra.
+
+    Numba imports the latter there to see whether it is installed, and once more when a function that calls it is
+    compiled. The import takes a large part of a start.
+    """
+    name = "scipy.linalg.cython_blas"
+    if name in sys.modules or "numba.np.arraymath" in sys.modules:
+        return
+    sys.modules[name] = None  # type: ignore[assignment]  # an import of it fails at once
+    try:
+        from numba.np import arraymath  # noqa: PLC0415
+    finally:
+        del sys.modules[name]
+    arraymath._HAVE_BLAS = True
+
+
+_load_array_functions()
 if caching.IndexDataCacheFile is not CacheFile:
     caching.IndexDataCacheFile = CacheFile
     _located = caching._SourceFileBackedLocatorMixin

@@ -25,7 +25,7 @@ def torque(q, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
 def damping(q, omega):  # type: ignore[no-untyped-def]
     """The drag of the direction in which there is more of it."""
     forward = 0.5 * (1.0 + direction(omega))
-    return max(q[1], 0.0) * forward + max(-q[1], 0.0) * (1.0 - forward)
+    return max(-q[1], 0.0) + q[1] * forward
 
 
 EFFECT = Effect(

@@ -31,8 +31,9 @@ def torque(q, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     """
     quadratic, cubic, mixed, square_p = q[:4]
     square = phi * phi
-    added = (mixed * square + square_p * p) * p - (quadratic + cubic * phi) * square
-    stiffness = (2.0 * quadratic + 3.0 * cubic * phi - 2.0 * mixed * p) * phi
+    bent = quadratic + cubic * phi
+    added = (mixed * square + square_p * p) * p - bent * square
+    stiffness = (2.0 * (bent - mixed * p) + cubic * phi) * phi
     x, share = 3.5 * ((phi - q[16]) * q[19]), p * q[20]
     bumps, slope = _bump(q[4], x, 0.0, 0.0)
     bumps, slope = _bump(q[5], x - 0.5, bumps, slope)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -51,6 +53,24 @@ def test_what_numba_keeps_is_kept_by_this_cache() -> None:
     direct = re.compile(r"^\s*(?:from numba import .*\bn?jit\b|import numba$)", re.MULTILINE)
     used = [path for path in ROOT.glob("hand_*/**/*.py") if direct.search(path.read_text(encoding="utf-8"))]
     assert [path.name for path in used if path.name != "fleet.py"] == ["compile_cache.py"]
+
+
+PRODUCT = """
+import sys
+import numpy as np
+from hand_model.compile_cache import njit
+double = njit(lambda x: 2.0 * x)
+assert double(np.ones(3)).sum() == 6.0
+print("scipy.linalg" in sys.modules)
+product = njit(lambda a, b: np.dot(a, b))
+print(product(np.full(3, 2.0), np.arange(3.0)), "scipy.linalg" in sys.modules)
+"""
+
+
+def test_a_start_does_not_load_linear_algebra_that_no_function_calls() -> None:
+    """Fails when a compiled function of arrays loads scipy.linalg, or one that needs it does not get it."""
+    done = subprocess.run([sys.executable, "-c", PRODUCT], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "6.0", "True"]
 
 
 @pytest.fixture
