@@ -39,7 +39,7 @@ class Motion:
 
 
 def motions(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> list[Motion]:
-    """The motion in every segment, from the joint's model at the coordinates z (free,) [-] and its smoothed residual."""
+    """The motion in every segment: that of the joint's model at coordinates z (free,) [-] and its smoothed residual."""
     moved = zip(problem.segments, speeds(problem, free, z), accelerations(problem, free, z), strict=True)
     return [Motion(segment.angle_rad, speed, acceleration) for segment, speed, acceleration in moved]
 
