@@ -11,7 +11,7 @@ from hand_model.kernel.rows import ROW
 from hand_recording.signals import Signals
 
 FINGER = ("index_proximal", "index_distal")
-PERIOD_S, FINE = 0.005, 4
+PERIOD_S = 0.005
 ANGLE_NOISE_RAD, PRESSURE_NOISE_PA = np.radians(0.03), 150.0
 STATICS = ("statics.a0_nm", "statics.a1_nm_per_rad", "statics.a2_nm_per_pa", "statics.a3_nm_per_pa_rad")
 CREEP = ("p_min_pa", "b1_per_pa", "b0_per_pa", "extension_time_s", "recovery_time_s", "phi_max_deg")
@@ -57,16 +57,17 @@ def changing_inertia(hand: Hand) -> float:
     return float(distal.mass_kg * proximal.size_m[0] * distal.center_m[0])
 
 
-def run(numbers: dict[str, Array], u: Array, h: float, stop: Stop | None = None) -> tuple[Array, Array]:
+def run(numbers: dict[str, Array], u: Array, h: float, stop: Stop | None = None, fine: int = 4) -> tuple[Array, Array]:
     """Pressures [Pa] and angles [rad], (T, 2), under set-points u (T, 2) [Pa], by Runge and Kutta's fourth order.
 
-    h: the part of the inertia that changes with the cosine of the distal angle [kg m^2]; 0: constant inertia.
+    h: the part of the inertia that changes with the cosine of the distal angle [kg m^2]; 0: constant inertia.  fine:
+    integration steps of a sample.
     """
     a0, a1, a2, a3 = (numbers[key] for key in STATICS)
     p_min, b1, b0, extending, recovering, reach = (numbers[f"material.{key}"] for key in CREEP)
     inertia, shared = numbers["dynamics.inertia_kg_m2"], numbers["dynamics.coupling_inertia_kg_m2"][0]
     drag, lag = numbers["dynamics.viscous_friction_nm_s_per_rad"], numbers["valve.time_constant_s"]
-    step, middle = PERIOD_S / FINE, np.cos(np.radians(45.0))
+    step, middle = PERIOD_S / fine, np.cos(np.radians(45.0))
 
     def rate(s: Array, set_point: Array) -> Array:
         p, creep, x, w = s[0:2], s[2:4], s[4:6], s[6:8]
@@ -82,13 +83,13 @@ def run(numbers: dict[str, Array], u: Array, h: float, stop: Stop | None = None)
         return np.concatenate([(set_point - p) / lag, creeping, w, turned])
 
     late = np.rint(numbers["valve.dead_time_s"] / step).astype(int)
-    fine = np.repeat(u, FINE, axis=0)
-    delayed = np.stack([np.r_[np.full(n, c[0]), c[: len(c) - n]] for n, c in zip(late, fine.T, strict=True)], axis=1)
+    held = np.repeat(u, fine, axis=0)
+    delayed = np.stack([np.r_[np.full(n, c[0]), c[: len(c) - n]] for n, c in zip(late, held.T, strict=True)], axis=1)
     state = np.concatenate([np.zeros(4), -a0 / a1, np.zeros(2)])
     out = np.empty((len(u), 8))
     for k, set_point in enumerate(delayed):
-        if k % FINE == 0:
-            out[k // FINE] = state
+        if k % fine == 0:
+            out[k // fine] = state
         k1 = rate(state, set_point)
         k2 = rate(state + 0.5 * step * k1, set_point)
         k3 = rate(state + 0.5 * step * k2, set_point)
