@@ -24,6 +24,13 @@ from hand_model.quantities import Wording
 
 BY_HAND = {"closed_valve_push"}
 """Experiments whose outcome depends on what a person does; they cannot be simulated."""
+BY_HAND_HOW = {
+    "second_attitude": "record the same set-points again with the hand turned",
+    "neighbour_moves": "record again while the neighbouring joints move and this one is held",
+    "stops": "press the joint to both ends of its travel",
+    "free_space": "record the same set-points again with nothing in reach: an obstacle is gone then, a stop is not",
+}
+"""What a person does with a hand, by experiment without a command."""
 SIMULATED = tuple(name for name in EXPERIMENTS if name not in BY_HAND)
 
 
@@ -37,7 +44,10 @@ def tie_separations(diagnosis: Diagnosis) -> list[dict[str, str] | None]:
 
 
 def _tie_separation(diagnosis: Diagnosis, finding: Finding) -> dict[str, str]:
-    """The experiment that separates a finding from most of the effects it ties with, and of those by most."""
+    """The experiment that separates a finding from most of the effects it ties with, and of those by most.
+
+    Effects with the same equation differ by their numbers alone, so that a simulation of both separates nothing.
+    """
     fitted = _fitted_together(diagnosis, finding, finding.tied_with)
     if not fitted:
         return {"why": "the effects were not fitted to the same data, so that their difference cannot be simulated"}
@@ -47,7 +57,11 @@ def _tie_separation(diagnosis: Diagnosis, finding: Finding) -> dict[str, str]:
     }
     recorded = [_recorded_sigma(problem, own.fit, rival.fit) for rival in rivals]
     needed = {
-        name: [recordings_needed(s, r) for s, r in zip(each, recorded, strict=True)] for name, each in sigmas.items()
+        name: [
+            0 if rival.effect.name in own.effect.alike else recordings_needed(s, r)
+            for rival, s, r in zip(rivals, each, recorded, strict=True)
+        ]
+        for name, each in sigmas.items()
     }
     best = max(sigmas, key=lambda name: (sum(map(bool, needed[name])), min(sigmas[name])))
     if not any(needed[best]):
@@ -186,15 +200,21 @@ def _experiment(name: str, why: str, joint: str | None, wording: Wording, proble
         if wording.excitable and name in EXPERIMENTS
         else {}
     )
-    return {"name": name, "why": why} | command
+    arranged = {} if name in EXPERIMENTS or name not in BY_HAND_HOW else {"how": BY_HAND_HOW[name]}
+    return {"name": name, "why": why} | command | arranged
 
 
 def simulated_experiment(diagnosis: Diagnosis, finding: Finding, rival: str) -> tuple[str, float] | None:
-    """The best experiment by simulation of both fitted hypotheses, where both were fitted on the finding's joint."""
+    """The best experiment by simulation of both fitted hypotheses, where both were fitted on the finding's joint.
+
+    None also for effects with the same equation: what differs are numbers, which a fit to other data would change.
+    """
     fitted = _fitted_together(diagnosis, finding, [rival])
     if not fitted:
         return None
     problem, own, (other,) = fitted[0]
+    if other.effect.name in own.effect.alike:
+        return None
     return best_experiment(problem, own, other)
 
 

@@ -34,6 +34,7 @@ HOW = {
     "free_decay": "let the {signal} jump from {high} to {low} and wait until the {axis} rests, several times",
     "reversals": "let the {signal} rise and fall by ever less, from between {low} and {high} to {middle}",
     "second_attitude": "record the same again after the machine is tilted",
+    "free_space": "record the same again with nothing in the way: an obstacle is gone then, a stop is not",
     "stops": "move the {axis} to both ends of its travel",
 }
 """What is done on the machine, by experiment. low, high, middle: numbers with their unit."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hand_diagnosis.problem import Task, check, moving_joints, noise_on, not_judged
+from hand_diagnosis.problem import Task, bent, check, moving_joints, noise_on, not_judged
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import START_CREEP
 from hand_identification.joint_problem import STAGES, JointProblem, Segment
@@ -82,12 +82,12 @@ def predict(
     checked = [check(recording, model) for recording in signals]
     usable = [each.without_unusable() for each in checked]
     wanted = moving_joints(usable, model, joints, frozenset().union(*(each.unusable for each in checked)))
-    found, curve = _predicted(usable, model, wanted), False
+    (found, more), curve = _predicted(usable, model, wanted), False
     if isinstance(model, Hand) and sensor_curve is not False:
-        straight = _predicted([without_sensor_curve(recording, model) for recording in usable], model, wanted)
+        straight, of_straight = _predicted([without_sensor_curve(each, model) for each in usable], model, wanted)
         if sensor_curve or _angle_error(straight) < _angle_error(found):
-            found, curve = straight, True
-    lines = [line for each in checked for line in (*each.signals.notes, *each.lines)]
+            found, more, curve = straight, of_straight, True
+    lines = [line for each in checked for line in (*each.signals.notes, *each.lines)] + more
     reasons = not_judged(checked, [each.joint for each in found], joints)
     return Prediction(tuple(found), tuple(lines), tuple(reasons.items()), curve, wording)
 
@@ -100,9 +100,13 @@ def _angle_error(found: Sequence[JointPrediction]) -> float:
     return float(np.median(errors)) if errors else np.inf
 
 
-def _predicted(signals: Sequence[Signals], model: JointModel, joints: Sequence[str]) -> list[JointPrediction]:
+def _predicted(
+    signals: Sequence[Signals], model: JointModel, joints: Sequence[str]
+) -> tuple[list[JointPrediction], list[str]]:
+    """Every joint, and a line for the data check where the inertia of the fingers changes with their bend."""
     task = Task(signals=signals, model=model, joints=joints, effects=[], tolerance=STATE_ONLY, seed=0, floors={})
-    return [_joint(task, joint) for joint in joints]
+    task, lines = bent(task)
+    return [_joint(task, joint) for joint in joints], lines
 
 
 def _joint(task: Task, joint: str) -> JointPrediction:

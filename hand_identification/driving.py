@@ -51,6 +51,15 @@ def accelerations(problem: JointProblem, free: Sequence[FreeParameter], z: Array
     ]
 
 
+def speeds(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> list[Array]:
+    """Speed (T,) [rad/s] of the joint in every segment, as `accelerations`."""
+    columns, starts = problem.columns(free, z[None])
+    return [
+        _speed(segment, predicted[0, 1])
+        for segment, predicted in zip(problem.segments, problem.predict(columns, starts), strict=True)
+    ]
+
+
 def shaken(problem: JointProblem, other: Array, by_rad_s2: Sequence[Array]) -> list[Array]:
     """Acceleration (T,) [rad/s^2] in every segment of a vented joint at rest that only its partner moves (Eq. 8).
 
@@ -98,6 +107,15 @@ def _acceleration(segment: Segment, model_rad: Array) -> Array:
     bends = _second_differences(model_rad, segment.period_s)
     left = slopes_over(residual, span, 2, segment.period_s)
     return bends + np.where(_windows(segment, residual, model_rad) == NOISE, 0.0, left)
+
+
+def _speed(segment: Segment, model_rad: Array) -> Array:
+    """Slope of the model's angles plus that of the residual where it is more than noise."""
+    residual = _bridged(segment, segment.angle_rad - model_rad)
+    span = smoothing_span(residual, segment.period_s, white_noise(residual))
+    left = slopes_over(residual, span, 1, segment.period_s)
+    noise = _windows(segment, residual, model_rad) == NOISE
+    return np.asarray(np.gradient(model_rad, segment.period_s) + np.where(noise, 0.0, left))
 
 
 def _second_differences(angle_rad: Array, period_s: float) -> Array:

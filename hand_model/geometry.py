@@ -9,6 +9,7 @@ every flexion joint. Lengths are in m, masses in kg, inertias in kg m^2, angles 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -21,6 +22,10 @@ if TYPE_CHECKING:
 
 PALM = "palm"
 """Name of the root link, before the prefix of the hand."""
+MIDDLE_RAD = math.radians(45.0)
+"""Angle of all joints at which the inertias of `dynamics` are those of the links [rad]."""
+PLANAR = 0.01
+"""Largest departure of two links from a motion in one plane, relative."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,3 +180,19 @@ def mass_matrix(hand: Hand, angle_rad: Array) -> Array:
         inertia = place[:3, :3] @ np.diag(link.inertia_kg_m2) @ place[:3, :3].T
         total += link.mass_kg * linear.T @ linear + angular.T @ inertia @ angular
     return total
+
+
+def bending_inertia(hand: Hand, proximal: int, distal: int) -> float:
+    """The part h [kg m^2] of the inertia of two phalanges that changes with the angle x of the distal one.
+
+    About the proximal joint it is 2 h cos(x), and h cos(x) between both; h is the mass of the distal link times the
+    length of the proximal one times the distance of its centre of mass from the distal joint (double pendulum,
+    Goldstein, Classical Mechanics, 2002). 0 where both do not move in one plane, or for the indices in
+    the other order.
+    """
+    straight, bent = (np.full(len(hand.joints), MIDDLE_RAD) for _ in range(2))
+    straight[distal], bent[distal] = 0.0, 0.5 * math.pi
+    change = mass_matrix(hand, straight) - mass_matrix(hand, bent)
+    h = float(change[proximal, distal])
+    planar = abs(change[proximal, proximal] - 2.0 * h) + abs(change[distal, distal]) <= PLANAR * abs(h)
+    return h if planar else 0.0

@@ -18,11 +18,10 @@ import numpy as np
 
 from hand_model.arrays import Array
 from hand_model.description import Hand
-from hand_model.geometry import Geometry, Link, geometry_of, mass_matrix
+from hand_model.geometry import MIDDLE_RAD, Geometry, Link, geometry_of, mass_matrix
 from hand_robot.srdf import may_touch
 from hand_robot.xml_text import document, number, numbers
 
-MIDDLE_RAD = math.radians(45.0)
 PAD_RADIUS_M = 0.006
 """Radius of the site of a touch sensor."""
 FULL_TORQUE_RAD = math.radians(5.0)

@@ -27,7 +27,7 @@ def next_to_models(task: Task, done: Sequence[JointDiagnosis]) -> list[JointDiag
         problem, own = other.whole, result.whole
         if problem is None or own is None or [p.name for p in problem.segments] != [p.name for p in own.segments]:
             continue
-        partner = model_accelerations(problem, other.search.final)
+        partner = task.with_bending(result.joint, model_accelerations(problem, other.search.final))
         if _fits_better(own, result.search.final, partner):
             renewed[k] = diagnose_joint(task, result.wording, result.joint, k, 2, partner=partner)
     return renewed

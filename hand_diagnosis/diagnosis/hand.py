@@ -21,6 +21,7 @@ from hand_diagnosis.judgement import (
 )
 from hand_diagnosis.problem import (
     Task,
+    bent,
     check,
     effects_not_offered,
     effects_without,
@@ -110,8 +111,9 @@ def diagnose(
         seed=seed,
         floors=repeatability(signals, reruns),
     )
-    task, more = tolerant(task)
-    lines += more
+    for settled in (bent, tolerant):
+        task, more = settled(task)
+        lines += more
     done, failed = [], {}
     for number, joint in enumerate(wanted):
         try:

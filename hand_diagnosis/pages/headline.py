@@ -157,7 +157,7 @@ def ties(report: Report) -> list[tuple[str, str, str]]:
         tie = finding["tie"]
         why = f"{tie['name'].replace('_', ' ')} {tie['why']}" if "name" in tie else tie["why"]
         why = in_words(why, report)
-        how = f" On the machine: {tie['how']}." if "how" in tie else ""
+        how = f" What to do: {tie['how']}." if "how" in tie else ""
         found.append((sentence, tie.get("command", ""), f"{why[:1].upper()}{why[1:]}.{how}"))
     return found
 

@@ -1,5 +1,6 @@
 """What a recording asks: usable data, data kept for the test, and the least-squares problem of each joint."""
 
+from hand_diagnosis.problem.bending import bent
 from hand_diagnosis.problem.data_check import check, repeatability
 from hand_diagnosis.problem.evidence import (
     block_bootstrap,
@@ -45,6 +46,7 @@ __all__ = [
     "ErrorsOnTest",
     "Prepared",
     "Task",
+    "bent",
     "block_bootstrap",
     "check",
     "effects_not_offered",

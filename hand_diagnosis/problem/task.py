@@ -28,6 +28,7 @@ from hand_identification.joint_data import driving_pressure, joint_problem
 from hand_identification.joint_problem import JointProblem, Segment
 from hand_identification.map_fit import MapFit, correlation_s, map_fit
 from hand_identification.settings import FITS
+from hand_identification.two_links import bending, linked, motions
 from hand_model.arrays import Array
 from hand_model.effects import CATALOGUE, EFFECTS
 from hand_model.effects.effect import AT_REST, INFLOW, MOTION, NEIGHBOUR, OTHER_MACHINES, PARTNER, Effect
@@ -122,6 +123,7 @@ class Task:
 
     joints: those that are diagnosed.  tolerance: relative standard deviation of the nominal numbers [-].
     floors: repeatability (OUTPUTS,) [Pa, rad, N] of joints, from re-runs.
+    bends: whether the inertia of a finger changes with the angle between its phalanges, see two_links.py.
     """
 
     signals: Sequence[Signals]
@@ -131,8 +133,10 @@ class Task:
     tolerance: float
     seed: int
     floors: Mapping[str, Array]
+    bends: bool = False
     _rough: dict[str, Prepared] = field(default_factory=dict)
     _inflows: dict[int, Array] = field(default_factory=dict)
+    _bending: dict[str, list[Array]] = field(default_factory=dict)
 
     def prepare(self, joint: str) -> Prepared:
         """The problem of a joint, with the acceleration of its partner as the partner's own model gives it."""
@@ -144,16 +148,40 @@ class Task:
             # is not.
             quiet = replace(beside.problem, segments=[_copied(segment) for segment in beside.problem.segments])
             put_partner(quiet, accelerations(rough.problem, rough.free, rough.start))
-            put_partner(rough.problem, accelerations(quiet, beside.free, beside.start))
+            self._bending[joint] = self._added_by_bending(joint, rough, replace(beside, problem=quiet))
+            moved = accelerations(quiet, beside.free, beside.start)
+            put_partner(rough.problem, self.with_bending(joint, moved))
         for number, segment in zip(self._holding(joint), rough.problem.segments, strict=True):
             segment.exogenous[:, INFLOW] = self._inflow(number)
         return rough
+
+    def with_bending(self, joint: str, partner_rad_s2: Sequence[Array]) -> list[Array]:
+        """Acceleration (T,) [rad/s^2] of a joint's partner in every segment, with what a changing inertia adds to it.
+
+        The joint was prepared before.
+        """
+        added = self.added_by_bending(joint) if self.bends else []
+        return [a + b for a, b in zip(partner_rad_s2, added, strict=True)] if added else list(partner_rad_s2)
+
+    def added_by_bending(self, joint: str) -> list[Array]:
+        """What a changing inertia adds to the partner's acceleration of a joint that was prepared; also if not `bends`.
+
+        Empty where the description does not say it, or the partner was not recorded.
+        """
+        return self._bending.get(joint, [])
+
+    def _added_by_bending(self, joint: str, own: Prepared, other: Prepared) -> list[Array]:
+        share, proximal = linked(self.model, self.model.joints.index(joint))
+        if share == 0.0:
+            return []
+        both = [motions(each.problem, each.free, each.start) for each in (own, other)]
+        return [bending(share, a, b, proximal=proximal) for a, b in zip(*both, strict=True)]
 
     def nominal_fits(self) -> list[tuple[JointProblem, MapFit]]:
         """Of every joint, the problem without test data, and the plain model fitted to it within the tolerance."""
         found = []
         for joint in self.joints:
-            ready = self._roughly(joint)
+            ready = self.prepare(joint) if self.bends else self._roughly(joint)
             fitted = fit_part(ready.problem)
             found.append((fitted, map_fit(fitted, ready.free, ready.start, SETTINGS.rough_iterations)))
         return found
@@ -221,7 +249,7 @@ def tolerant(task: Task) -> tuple[Task, list[str]]:
     best, evidence = task, np.array([log_evidence(problem, fit) for problem, fit in known])
     most = SETTINGS.strong_log_evidence
     for factor in SETTINGS.tolerance_factors:
-        tried = replace(task, tolerance=factor * task.tolerance, _rough={}, _inflows={})
+        tried = replace(task, tolerance=factor * task.tolerance, _rough={}, _inflows={}, _bending={})
         fits = tried.nominal_fits()
         other = np.array([log_evidence(problem, fit) for problem, fit in fits])
         gain = np.where([_is_explained(problem, fit) for problem, fit in fits], other - evidence, 0.0)

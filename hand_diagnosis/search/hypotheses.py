@@ -264,7 +264,8 @@ def with_other_fit(
 def judged(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, rng: np.random.Generator) -> Hypothesis:
     """A fit with an effect, compared with the current one on the validation data, and on all that is fitted.
 
-    An event, as a stop that is met once, may lie between two validation blocks.
+    An event, as a stop that is met once, may lie between two validation blocks. Where the plant changes inside the
+    recording, strong evidence stands against an effect that is a part of the machine's build.
     """
     with np.errstate(invalid="ignore"):
         gains = [
@@ -273,7 +274,8 @@ def judged(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, 
         ]
     stage = int(np.argmax(np.nan_to_num(gains).max(axis=0)))
     fall = block_bootstrap(problem, current.squares, fit.squares, stage, rng)
-    return Hypothesis(effect, fit, log_evidence(problem, fit, amounts(fit)), stage, fall)
+    changed_build = SETTINGS.strong_log_evidence if effect.lasting and problem.switched else 0.0
+    return Hypothesis(effect, fit, log_evidence(problem, fit, amounts(fit)) - changed_build, stage, fall)
 
 
 def amounts(fit: MapFit) -> list[list[int]]:

@@ -82,8 +82,9 @@ EXPERIMENTS = (
     "second_attitude",
     "stops",
     "neighbour_moves",
+    "free_space",
 )
-"""Excitations that an effect may name: those of `hand excite`, and three that a person does by hand."""
+"""Excitations that an effect may name: those of `hand excite`, and four that a person arranges by hand."""
 NEEDS: dict[str, str] = {
     "supply": "a supply that several valves share",
     "valve": "a valve between set-point and pressure",
@@ -167,6 +168,8 @@ class Effect:
     expected: prior mean, in the key's unit, of a key whose neutral value is out of reach.
     absent: typical size, in the key's unit, of a number of the plain plant that a machine may lack: far below it, the
     prior is linear, and factors of probes act on it.
+    lasting: whether it is a part of the machine's build, so that it hardly begins or ends inside a recording.
+    alike: names of effects with the same equation, which no other set-points separate from it.
     scanned: the key of a period that is found in the data before the search; "" for none.
     shape: keys that set where, when or in which form the effect acts and not its size.
     says: a sentence in whose braces stand the last parts of keys, which a report replaces by number and unit, or WORDS.
@@ -205,6 +208,8 @@ class Effect:
     constitution: Constitution | None = None
     needs: tuple[str, ...] = ()
     scanned: str = ""
+    lasting: bool = False
+    alike: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse what does not fit together."""
@@ -313,8 +318,8 @@ def hook_arguments(hook: str, remembers: bool) -> tuple[str, ...]:
 def assemble(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     """The catalogue of effects.
 
-    Raises ValueError for a name or a parameter key that is used twice, and for a key that an effect reads and no
-    parameter has.
+    Raises ValueError for a name or a parameter key that is used twice, for a key that an effect reads and no parameter
+    has, and for an unknown name of `alike`.
     """
     catalogue = tuple(effects)
     names = [effect.name for effect in catalogue]
@@ -324,6 +329,9 @@ def assemble(effects: Iterable[Effect]) -> tuple[Effect, ...]:
         if twice:
             raise ValueError(f"the catalogue of effects has the {what} '{twice[0]}' more than once")
     for effect in catalogue:
+        for name in effect.alike:
+            if name not in names:
+                raise ValueError(f"effect {effect.name}: alike is '{name}', which is no effect")
         for key in effect.reads:
             if key not in (*PLANT_ROW, *keys):
                 raise ValueError(f"effect {effect.name}: reads is '{key}', which is no parameter")

@@ -12,10 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from hand_model.arrays import Array
 from hand_model.description import DescriptionError, Hand, load_hand
-from hand_model.geometry import geometry_of, link_poses, mass_matrix
+from hand_model.geometry import MIDDLE_RAD, bending_inertia, geometry_of, link_poses, mass_matrix
 
 SEED = 20261123
-MIDDLE_RAD = np.radians(45.0)
 FINGERS = ("index", "middle", "ring", "little")
 
 
@@ -127,6 +126,16 @@ def test_the_mass_matrix_is_that_of_a_double_pendulum(hand: Hand) -> None:
     whole = i1 + m1 * c1**2 + own + m2 * (length**2 + 2 * length * c2 * np.cos(0.9))
     found = mass_matrix(hand, angle)[np.ix_([p, d], [p, d])]
     np.testing.assert_allclose(found, [[whole, shared], [shared, own]], rtol=1e-12)
+
+
+def test_the_inertia_that_changes_is_mass_times_both_lengths(hand: Hand) -> None:
+    """Broken by another form than m l c cos(x), by indices in the wrong order, or by axes that are not parallel."""
+    links = {link.joint: link for link in geometry_of(hand).links}
+    p, d = hand.joints.index("index_proximal"), hand.joints.index("index_distal")
+    expected = links[d].mass_kg * links[p].size_m[0] * links[d].center_m[0]
+    assert bending_inertia(hand, p, d) == pytest.approx(expected, rel=1e-9)
+    assert bending_inertia(hand, d, p) == 0.0
+    assert bending_inertia(hand, hand.joints.index("thumb_opposition"), hand.joints.index("thumb_distal")) == 0.0
 
 
 BAD = {

@@ -1,0 +1,79 @@
+"""An end stop and an obstacle have one law: what the recording cannot separate is a tie, and what it can is none.
+
+The plant is that of links.py, which is independent of the kernel.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hand_diagnosis.diagnosis import Diagnosis, diagnose
+from hand_diagnosis.experiments import tie_separations
+from hand_model.arrays import Array
+from hand_model.description import Hand, load_hand
+from hand_model.effects import CATALOGUE
+from test.diagnosis.links import FINGER, PERIOD_S, Stop, changing_inertia, finger, recorded, run, waves
+from test.diagnosis.recordings import CONFIG
+
+SEED = 8
+FINE = 8
+RIVALS = {"end_stop", "contact", "coulomb_friction", "stiffening", "constant_load"}
+WITHOUT = tuple(effect.name for effect in CATALOGUE if effect.keys and effect.name not in RIVALS)
+"""The whole catalogue takes minutes."""
+
+
+@pytest.fixture(scope="module")
+def hand() -> Hand:
+    return load_hand(CONFIG)
+
+
+def moved(hand: Hand, *stops: Stop | None) -> tuple[Array, Array, list[Array], np.random.Generator]:
+    """Set-points and pressures [Pa], the angles [rad] with each of the stops, and the generator of the noise."""
+    rng = np.random.default_rng(SEED)
+    print(f"seed {SEED}")
+    numbers, u = finger(hand, rng, 0.03), np.clip(1.25 * waves(rng, 16.0), 0.0, 4.5e5)
+    runs = [run(numbers, u, changing_inertia(hand), stop, FINE) for stop in stops]
+    return u, runs[0][0], [x for _, x in runs], rng
+
+
+def diagnosed(hand: Hand, u: Array, p: Array, x: Array, rng: np.random.Generator) -> Diagnosis:
+    signals = recorded(u, p, x, rng)
+    return diagnose([signals], hand, tolerance=0.05, seed=0, sensor_curve=False, without=WITHOUT, joints=[FINGER[1]])
+
+
+@pytest.mark.parametrize(("at_deg", "leads", "other"), [(55.0, "contact", "end_stop"), (84.0, "end_stop", "contact")])
+def test_a_stop_and_an_obstacle_are_a_tie_that_the_place_orders(
+    hand: Hand, at_deg: float, leads: str, other: str
+) -> None:
+    """Fails when one is named alone, an obstacle far inside the range (to 100 degrees) is called an end stop first or a
+    stop near its end an obstacle, a probability is missing, or the experiment that separates them is not stated.
+    """
+    u, p, (x,), rng = moved(hand, Stop(np.radians(at_deg), 8.0, 0.02))
+    assert x[:, 1].max() > np.radians(at_deg)
+    result = diagnosed(hand, u, p, x, rng)
+    (finding,) = result.findings
+    assert (finding.effect, finding.tied_with) == (leads, (other,))
+    assert finding.alternatives[0][0] == other
+    assert 0.0 < finding.alternatives[0][1] < finding.probability
+    (tie,) = tie_separations(result)
+    assert tie is not None and tie["name"] == "free_space" and "nothing in reach" in tie["how"]
+
+
+@pytest.mark.long
+def test_what_comes_inside_the_recording_is_an_obstacle(hand: Hand) -> None:
+    """Fails when an obstacle that comes in the middle of a recording ties with an end stop, which is always there."""
+    at = np.radians(50.0)
+    u, p, (free, blocked), rng = moved(hand, None, Stop(at, 1.0, 0.02))
+    clear = np.maximum(free[:, 1], blocked[:, 1]) < at - np.radians(5.0)
+    comes = len(u) // 2 + int(np.argmax(clear[len(u) // 2 :]))  # it comes where both motions are away from it
+    result = diagnosed(hand, u, p, np.concatenate([free[:comes], blocked[comes:]]), rng)
+    finding = result.findings[0]
+    assert (finding.effect, finding.tied_with) == ("contact", ())
+    assert finding.onset is not None and abs(finding.onset.at_s - comes * PERIOD_S) < 0.5
+
+
+def test_a_free_finger_has_neither(hand: Hand) -> None:
+    """Fails when a finger that meets nothing gets a stop or an obstacle."""
+    u, p, (x,), rng = moved(hand, None)
+    assert diagnosed(hand, u, p, x, rng).verdict == "agrees"
