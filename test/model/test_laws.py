@@ -201,7 +201,7 @@ def textbook_static(q: Any, phi: float, p: float) -> float:
 
 
 TEXTBOOK: dict[str, tuple[str, Callable[[Any, dict[str, Any]], float]]] = {
-    "coulomb_friction": ("dry", lambda q, s: textbook_level(q, s["omega"], s["p"]) * (1.0 - q[14])),
+    "coulomb_friction": ("dry", lambda q, s: textbook_level(q, s["omega"], s["p"]) * (1.0 - q[16])),
     "valve_deadband": ("valve_error", lambda q, s: textbook_band(q, s["error"])),
     "viscous_friction": ("damping", lambda q, s: q[0] * abs(s["omega"])),
     "leak": (
@@ -307,7 +307,7 @@ def test_friction_under_load_falls_with_the_speed_and_rises_with_the_torques() -
         assert max(np.diff(opposed).max(), np.diff(driven).max()) <= 1e-15
         assert driven == approx(opposed * (1.0 + q[4]))
         for omega in (-2.0, 2.0):
-            assert np.diff([call(effect, "dry", q, (0.4,), omega, p) for p in pressures]).min() >= 0.0
+            assert np.diff([call(effect, "dry", q, (0.4,), 0.4, omega, p) for p in pressures]).min() >= 0.0
 
 
 def test_viscous_friction_rises_with_the_speed() -> None:
