@@ -1,4 +1,4 @@
-"""Friction that varies over the travel, on a rig of its own in closed form: found, drawn, stored; and none where none is.
+"""Friction that varies over the travel, on a rig of its own in closed form: found there, and none where there is none.
 
 A rig moves a cylinder to and fro at constant pressure and measures its force. The friction of the plant is a level with
 a part in proportion to the pressure, times a curve over the position that is not the one of the tool: a hyperbola, as
@@ -28,7 +28,12 @@ RIG = {
     "imposed": True,
     "gain": 1.02 * AREA_M2,
     "inertia": 0.1,
-    "columns": {"time": {"column": "t"}, "input": {"column": "p"}, "position": {"column": "x"}, "force": {"column": "f"}},
+    "columns": {
+        "time": {"column": "t"},
+        "input": {"column": "p"},
+        "position": {"column": "x"},
+        "force": {"column": "f"},
+    },
 }
 BARS = (1.0, 4.0, 7.0)
 
