@@ -212,7 +212,7 @@ def in_words(quantity: str, over: tuple[str, ...], x: Array, y: Array, unit: str
         at = float(x[int(np.argmax(np.abs(change) >= SETTINGS.law_most_share * abs(change[-1])))])
         verb = "rises" if change[-1] > 0.0 else "falls"
         ends = f"from {amount(float(main[0]), unit)} to {amount(float(main[-1]), unit)}"
-        early = at < SETTINGS.law_most_share * x[-1]
+        early = at - x[0] < SETTINGS.law_most_share * (x[-1] - x[0])
         by = f", most of it by a {over[0]} of {amount(at, over_unit)}" if early else ""
         text = f"{quantity} {verb} {ends} over the {over[0]}{by}"
     else:
