@@ -130,7 +130,7 @@ def _before(key: str) -> Callable[..., Any]:
             spread = 0.0
             if rubs:
                 w[_BRISTLE, i] = 1.0
-                level = rub_dry(w, i, speed, p) - rub_torque(w, i, phi, speed, p, 0.0, around)[0]
+                level = rub_dry(w, i, phi, speed, p) - rub_torque(w, i, phi, speed, p, 0.0, around)[0]
                 sliding = _smooth(speed, SLIDING_RAD_S)
                 drag -= level * sliding
                 spread = level * (AT_REST + (AT_SPEED - AT_REST) * abs(sliding))
@@ -167,7 +167,7 @@ def _ahead(key: str) -> Callable[..., Any]:
             added += w[_D, i] * speed
         if rubs:
             w[_BRISTLE, i] = 1.0
-            level = rub_dry(w, i, speed, p) - rub_torque(w, i, at, speed, p, 0.0, around)[0]
+            level = rub_dry(w, i, at, speed, p) - rub_torque(w, i, at, speed, p, 0.0, around)[0]
             added -= level * _smooth(speed, MOVING_RAD_S)
         if remembers:
             w[_MEMORY:STATE_ROW, i] = kept

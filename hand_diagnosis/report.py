@@ -335,12 +335,14 @@ def _law_lines(diagnosis: Diagnosis) -> list[str]:
     for finding in diagnosis.findings:
         if finding.law is None or finding.law.form != "learned":
             continue
-        law = finding.law
-        points = ", ".join(f"{x:.3g}: {y:.3g}" for x, y in law.points[::3, :2])
-        lines.append(
-            f"Learned law of {finding.effect} of {finding.joint or 'the hand'}: {law.quantity} [{law.unit}] over"
-            f" {law.over[0]} [{law.over_unit}]: {points}"
-        )
+        for law in (finding.law, finding.law.travel):
+            if law is None:
+                continue
+            points = ", ".join(f"{x:.3g}: {y:.3g}" for x, y in law.points[::3, :2])
+            lines.append(
+                f"Learned law of {finding.effect} of {finding.joint or 'the hand'}: {law.quantity} [{law.unit}] over"
+                f" {law.over[0]} [{law.over_unit}]: {points}"
+            )
     return lines
 
 

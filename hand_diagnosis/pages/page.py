@@ -123,7 +123,9 @@ def _laws(diagnosis: Diagnosis, joint: JointDiagnosis) -> list[Plot]:
     """The laws of a joint's findings, and those without a name of what remains."""
     found = [(effect_words(finding.effect), finding.law, finding.joint) for finding in diagnosis.findings]
     found += [("what remains", left.law, left.joint) for left in diagnosis.remainder]
-    return [law_plot(name, law) for name, law, where in found if law is not None and where in {joint.joint, None}]
+    here = [(name, law) for name, law, where in found if law is not None and where in {joint.joint, None}]
+    plots = [(name, each) for name, law in here for each in (law, law.travel) if each is not None]
+    return [law_plot(name, law) for name, law in plots]
 
 
 def _parameters(joint: str, report: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], bool]]:

@@ -25,7 +25,8 @@ class LawCurve:
 
     form: "textbook" or "learned".  over: names of the states.  unit, over_unit: of the law and of its first state.
     points: (settings.law_points, 5) state, law, lower and upper end of its band, textbook form fitted to the same data.
-    statement: the law in a sentence.
+    statement: the law in a sentence.  travel: size of the law over the angle, in percent of that at 0; None where the
+    law does not change over it.
     """
 
     form: str
@@ -35,10 +36,11 @@ class LawCurve:
     over_unit: str
     points: Array
     statement: str
+    travel: LawCurve | None = None
 
     def document(self) -> dict[str, Any]:
         """The entry `law` of a finding in report.json."""
-        return {
+        document = {
             "form": self.form,
             "over": list(self.over),
             "quantity": self.quantity,
@@ -48,6 +50,7 @@ class LawCurve:
             "points": [[float(f"{value:.4g}") for value in row] for row in self.points],
             "statement": self.statement,
         }
+        return document if self.travel is None else {**document, "travel": self.travel.document()}
 
 
 def describe(
@@ -63,18 +66,20 @@ def describe(
         raise ValueError(f"the effect {effect.name} has no learned law")
     first = _grid(problem, known.over[0], effect, chosen)
     second = _grid(problem, known.over[1], effect, chosen)[[0, -1]] if len(known.over) > 1 else np.zeros(2)
-    here = _curves(problem, effect, chosen, chosen.z[None], first, second)[0]
     draws = np.random.default_rng(SETTINGS.noise_seed).multivariate_normal(
         chosen.z, posterior_covariance(problem, chosen), SETTINGS.law_draws, method="cholesky"
     )
-    ends = np.quantile(_curves(problem, effect, chosen, draws, first, second)[:, 0], SETTINGS.law_band, axis=0)
-    low, high = np.minimum(ends[0], here[0]), np.maximum(ends[1], here[0])  # a coefficient may stand at its bound
-    plain = here[0] if textbook is None else _curves(problem, effect, textbook, textbook.z[None], first, second)[0, 0]
+
+    def values(fit: MapFit, z: Array) -> Array:
+        return _curves(problem, effect, fit, z, first, second)
+
+    here, columns = _banded(values, chosen, textbook, draws)
     unit, over_unit = (wording.units.quantity(f"law.x_{ending}") for ending in (known.unit, STATES[known.over[0]]))
-    points = np.column_stack([first * over_unit.factor, *(y * unit.factor for y in (here[0], low, high, plain))])
+    points = np.column_stack([first * over_unit.factor, unit.factor * columns])
     quantity, over = wording.sentence(known.quantity, ()), tuple(wording.state(name) for name in known.over)
     sentence = in_words(quantity, over, points[:, 0], here * unit.factor, unit.unit, over_unit.unit)
     form = "textbook" if textbook is None else "learned"
+    travel = _over_travel(problem, effect, chosen, draws, wording) if form == "learned" else None
     return LawCurve(
         form=form,
         over=over,
@@ -82,21 +87,69 @@ def describe(
         unit=unit.unit,
         over_unit=over_unit.unit,
         points=points,
-        statement=sentence,
+        statement=sentence if travel is None else f"{sentence}; {travel.statement}",
+        travel=travel,
+    )
+
+
+def _banded(
+    values: Callable[[MapFit, Array], Array], chosen: MapFit, textbook: MapFit | None, draws: Array
+) -> tuple[Array, Array]:
+    """Law over both states (len(second), len(first)), and law, ends of its band and textbook form (len(first), 4).
+
+    values: (fit, coordinates (k, free)) -> laws (k, len(second), len(first)) [SI].  draws: coordinates of `chosen`.
+    """
+    here = values(chosen, chosen.z[None])[0]
+    ends = np.quantile(values(chosen, draws)[:, 0], SETTINGS.law_band, axis=0)
+    low, high = np.minimum(ends[0], here[0]), np.maximum(ends[1], here[0])  # a coefficient may stand at its bound
+    plain = here[0] if textbook is None else values(textbook, textbook.z[None])[0, 0]
+    return here, np.column_stack([here[0], low, high, plain])
+
+
+def _over_travel(
+    problem: JointProblem, effect: Effect, chosen: MapFit, draws: Array, wording: Wording
+) -> LawCurve | None:
+    """Size of a law over the angle, in percent of that at 0, or None where it does not change over the travel."""
+    travel = effect.constitution.travel if effect.constitution else None
+    if travel is None:
+        return None
+    angles = _grid(problem, "angle", effect, chosen)
+
+    def values(fit: MapFit, z: Array) -> Array:
+        sizes = [[travel(q, float(angle)) for angle in angles] for q in _arguments(problem, effect, fit, z)]
+        return 100.0 * np.array(sizes)[:, None]
+
+    _, columns = _banded(values, chosen, None, draws)
+    if np.ptp(columns[:, 0]) < SETTINGS.law_constant_share * float(columns[:, 0].max()):
+        return None
+    columns[:, 3] = 100.0
+    over, over_unit = wording.state("angle"), wording.units.quantity(f"law.x_{STATES['angle']}")
+    x = angles * over_unit.factor
+    return LawCurve(
+        form="learned",
+        over=(over,),
+        quantity=f"size relative to that at {over} 0",
+        unit="%",
+        over_unit=over_unit.unit,
+        points=np.column_stack([x, columns]),
+        statement=in_words("its size", (over,), x, columns[:, :1].T, "%", over_unit.unit),
     )
 
 
 def _curves(problem: JointProblem, effect: Effect, fit: MapFit, z: Array, first: Array, second: Array) -> Array:
     """Values (k, len(second), len(first)) of the law [SI] at coordinates z (k, free) and at both states."""
     curve = _curve_of(effect)
+    given = _arguments(problem, effect, fit, z)
+    return np.array([[[curve(q, float(x), float(y)) for x in first] for y in second] for q in given])
+
+
+def _arguments(problem: JointProblem, effect: Effect, fit: MapFit, z: Array) -> list[tuple[float, ...]]:
+    """What the equations of an effect get as q at each of the coordinates z (k, free)."""
     columns, _ = problem.columns(fit.free, z)
-    out = np.empty((len(z), len(second), len(first)))
-    for k, column in enumerate(columns):
-        q = tuple(float(value) for value in column[list(effect_rows(effect, prepared=False))])
-        if effect.prepared:
-            q = (*q, *effect.hooks["prepare"](q, problem.segments[0].period_s))
-        out[k] = [[curve(q, float(x), float(y)) for x in first] for y in second]
-    return out
+    given = [tuple(float(value) for value in column[list(effect_rows(effect, prepared=False))]) for column in columns]
+    if effect.prepared:
+        return [(*q, *effect.hooks["prepare"](q, problem.segments[0].period_s)) for q in given]
+    return given
 
 
 def _curve_of(effect: Effect) -> Callable[[tuple[float, ...], float, float], float]:
@@ -159,7 +212,7 @@ def in_words(quantity: str, over: tuple[str, ...], x: Array, y: Array, unit: str
         at = float(x[int(np.argmax(np.abs(change) >= SETTINGS.law_most_share * abs(change[-1])))])
         verb = "rises" if change[-1] > 0.0 else "falls"
         ends = f"from {amount(float(main[0]), unit)} to {amount(float(main[-1]), unit)}"
-        early = at < SETTINGS.law_most_share * x[-1]
+        early = at - x[0] < SETTINGS.law_most_share * (x[-1] - x[0])
         by = f", most of it by a {over[0]} of {amount(at, over_unit)}" if early else ""
         text = f"{quantity} {verb} {ends} over the {over[0]}{by}"
     else:

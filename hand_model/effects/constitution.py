@@ -41,6 +41,7 @@ class Constitution:
     is its SI unit.
     curve: (q, x, y) -> value [SI] of the law at the value x of the first state and y of the second one, [SI]; q as the
     equations of the effect get it. None where the class has no learned law.
+    travel: (q, angle [rad]) -> size of the law [-] relative to that of `curve`, where it may change over the travel.
     """
 
     acts_on: str
@@ -54,6 +55,7 @@ class Constitution:
     quantity: str = ""
     unit: str = ""
     curve: Callable[[tuple[float, ...], float, float], float] | None = None
+    travel: Callable[[tuple[float, ...], float], float] | None = None
 
     def __post_init__(self) -> None:
         """Refuse an incomplete statement with ValueError."""

@@ -8,6 +8,8 @@ from hand_model.effects.operators import loop_moved, loop_torque
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import DEGREE, Parameter
 
+TRAVEL_RAD = 1.5
+"""Angle at which the coefficients of the law over the travel count; beyond it, either way, the level stays."""
 RIGID_RAD, YIELDING_RAD = 0.02 * DEGREE, 0.05 * DEGREE
 """Presliding up to which contacts count as rigid, and from which on they yield; between, a share of them yields."""
 
@@ -17,37 +19,46 @@ def prepare(q, h):  # type: ignore[no-untyped-def]
     """Reciprocals, and the share of the friction whose contacts yield."""
     stribeck, presliding = q[2], q[4]
     yielding = min(max((presliding - RIGID_RAD) * (1.0 / (YIELDING_RAD - RIGID_RAD)), 0.0), 1.0)
-    return 1.0 / stribeck, 1.0 / presliding, yielding, 1.0 / q[11]
+    return 1.0 / stribeck, 1.0 / presliding, yielding, 1.0 / q[13]
 
 
 @inline
-def _level(q, omega, p):  # type: ignore[no-untyped-def]
+def _over_travel(q, phi):  # type: ignore[no-untyped-def]
+    """Relative level [-] at the angle phi [rad]: 1 at 0, and never negative, because it is a square."""
+    x = min(max(phi * (1.0 / TRAVEL_RAD), -1.0), 1.0)
+    root = 1.0 + 0.5 * ((q[11] + q[12] * x) * x)
+    return root * root
+
+
+@inline
+def _level(q, phi, omega, p):  # type: ignore[no-untyped-def]
     """Magnitude of the friction torque of a sliding joint [N m].
 
     By the law it also falls from rest to four speeds, linearly to each, and its growth with the pressure is curved: a
-    part of it is quadratic up to the supply pressure, and linear again beyond.
+    part of it is quadratic up to the supply pressure, and linear again beyond. All of it may change over the travel.
     """
-    torque_nm, breakaway, per_pa, per_stribeck = q[0], q[1], q[3], q[12]
+    torque_nm, breakaway, per_pa, per_stribeck = q[0], q[1], q[3], q[14]
     x = omega * per_stribeck
     speed, load = abs(omega), abs(p)
-    bend = 1.0 + q[9] * (min(load * q[15], 1.0) - 1.0)
+    bend = 1.0 + q[9] * (min(load * q[17], 1.0) - 1.0)
     level = torque_nm + breakaway / (1.0 + x * x) + per_pa * load * bend
     level += q[5] * max(1.0 - 20.0 * speed, 0.0) + q[6] * max(1.0 - 5.0 * speed, 0.0)
-    return level + q[7] * max(1.0 - 1.25 * speed, 0.0) + q[8] * max(1.0 - 0.3125 * speed, 0.0)
+    level += q[7] * max(1.0 - 1.25 * speed, 0.0) + q[8] * max(1.0 - 0.3125 * speed, 0.0)
+    return level * _over_travel(q, phi)
 
 
 @inline
-def dry(q, m, omega, p):  # type: ignore[no-untyped-def]
+def dry(q, m, phi, omega, p):  # type: ignore[no-untyped-def]
     """Magnitude of the friction torque of rigid contacts, in which the joint sticks."""
-    return _level(q, omega, p) * (1.0 - q[14])
+    return _level(q, phi, omega, p) * (1.0 - q[16])
 
 
 @inline
 def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     """Torque of contacts that yield, against the motion so far."""
-    whole = _level(q, omega, p) * q[14]
+    whole = _level(q, phi, omega, p) * q[16]
     (bristle,) = m
-    share, stiffness = loop_torque(bristle, omega, q[13], q[10])
+    share, stiffness = loop_torque(bristle, omega, q[15], q[10])
     return whole * share, whole * stiffness
 
 
@@ -55,12 +66,17 @@ def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
 def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
     """Dahl's loop over the presliding motion, or by the law one with a knee."""
     (bristle,) = m
-    return (loop_moved(bristle, before, after, q[13], q[10]),)
+    return (loop_moved(bristle, before, after, q[15], q[10]),)
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
-    """Level [N m] at the speed x [rad/s] and the pressure y [Pa]."""
-    return float(_level(q, x, y))
+    """Level [N m] at the speed x [rad/s] and the pressure y [Pa], at the angle 0."""
+    return float(_level(q, 0.0, x, y))
+
+
+def travel(q, angle):  # type: ignore[no-untyped-def]
+    """Level [-] at an angle [rad], relative to that at the angle 0."""
+    return float(_over_travel(q, angle))
 
 
 SPEEDS_RAD_S = (0.05, 0.2, 0.8, 3.2)
@@ -73,6 +89,12 @@ _FALLS = tuple(
 )
 _BEND = Parameter(
     "coulomb_friction.bend", -1.0, 1.0, "law: growth with pressure, 1 quadratic, -1 levels off", 1.0, 0.0, 0.3, law=True
+)
+_TRAVEL = (
+    Parameter("coulomb_friction.travel_slope", -1.0, 1.0, "law: change towards 1.5 rad", 1.0, 0.0, 0.3, law=True),
+    Parameter(
+        "coulomb_friction.travel_bow", -1.0, 1.0, "law: change towards 1.5 rad on either side", 1.0, 0.0, 0.3, law=True
+    ),
 )
 EFFECT = Effect(
     name="coulomb_friction",
@@ -93,6 +115,7 @@ EFFECT = Effect(
         *_FALLS,
         _BEND,
         Parameter("coulomb_friction.knee", 0.0, 1.0, "law: 1 builds up with a knee", 1.0, 0.0, 0.3, law=True),
+        *_TRAVEL,
     ),
     reads=("supply.pressure_pa",),
     prepared=("per_stribeck", "per_presliding", "yielding", "per_supply"),
@@ -126,16 +149,19 @@ EFFECT = Effect(
         passive=True,
         monotone="the level falls with the speed to that of sliding, and rises with the pressure",
         memory="the motion since a reversal, while contacts yield",
-        over=("speed", "pressure"),
+        over=("speed", "pressure", "angle"),
         coefficients=(
             "coulomb_friction.stribeck_rad_per_s",
             *(parameter.key for parameter in (*_FALLS, _BEND)),
             "coulomb_friction.knee",
+            *(parameter.key for parameter in _TRAVEL),
         ),
         quantity="friction",
         unit="nm",
         curve=curve,
+        travel=travel,
         source="Armstrong-Helouvry et al., Automatica 30(7), 1994: Stribeck curve; Bowden and Tabor, The Friction and"
-        " Lubrication of Solids, 1950: friction rises with the load; Bliman, Eur. J. Mech. A 11(6), 1992: passive",
+        " Lubrication of Solids, 1950: friction rises with the load; Bliman, Eur. J. Mech. A 11(6), 1992: passive;"
+        " Flitney, Seals and Sealing Handbook, 2014: friction of a seal by its squeeze, which varies with the bore",
     ),
 )

@@ -10,7 +10,7 @@ from hand_model.kernel.plant_rows import Parameter
 
 
 @inline
-def dry(q, omega, p):  # type: ignore[no-untyped-def]
+def dry(q, phi, omega, p):  # type: ignore[no-untyped-def]
     """Half of the level, in both directions; with `torque` it is all of it in one direction and none in the other."""
     return 0.5 * abs(q[0])
 

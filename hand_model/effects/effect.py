@@ -21,7 +21,7 @@ Equations are pure functions of scalars. They know neither rows nor lanes; kerne
     torque                q, [m,] phi, omega, p, creep_angle, e  torque added [N m], -d torque / d phi [N m/rad]
     torque_damping        the same                               damping that is part of that torque [N m s/rad]
     damping               q, omega                               damping added [N m s/rad]
-    dry                   q, [m,] omega, p                       magnitude of dry friction added [N m]
+    dry                   q, [m,] phi, omega, p                  magnitude of dry friction added [N m]
     moved                 q, m, before, after, h                 m after a motion between two angles [rad]
     angle_sensor          q, m, phi, h                           m after a step that ended at phi [rad]
     angle_reading         q, [m,] phi                            reading [rad]
@@ -124,7 +124,7 @@ HOOKS: dict[str, tuple[str, ...]] = {
     "torque": ("phi", "omega", "p", "creep_angle", "e"),
     "torque_damping": ("phi", "omega", "p", "creep_angle", "e"),
     "damping": ("omega",),
-    "dry": ("omega", "p"),
+    "dry": ("phi", "omega", "p"),
     "moved": ("before", "after", "h"),
     "angle_sensor": ("phi", "h"),
     "angle_reading": ("phi",),

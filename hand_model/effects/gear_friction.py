@@ -42,10 +42,10 @@ def _level(q, drive, load, omega):  # type: ignore[no-untyped-def]
 
 
 @inline
-def dry(q, m, omega, p):  # type: ignore[no-untyped-def]
+def dry(q, m, phi, omega, p):  # type: ignore[no-untyped-def]
     """Share of the torques on both sides of the gear."""
-    (phi,) = m
-    return _level(q, motor_torque(q, phi, omega, p), load_torque(q, phi), omega)
+    (middle,) = m
+    return _level(q, motor_torque(q, middle, omega, p), load_torque(q, middle), omega)
 
 
 @inline

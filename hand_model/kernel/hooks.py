@@ -63,7 +63,7 @@ class Hooks(NamedTuple):
     damping: Any
     """(w, i, omega) -> damping [N m s/rad]."""
     dry: Any
-    """(w, i, omega, p) -> magnitude of dry friction [N m]."""
+    """(w, i, phi, omega, p) -> magnitude of dry friction [N m]."""
     moved: Any
     """(w, i, before, after, h): memory after a motion [rad]."""
     angle_sensor: Any

@@ -215,7 +215,7 @@ def _stages(hooks: Hooks) -> dict[str, Any]:
             force = outside(w, i, e)
             if driven:
                 direction = min(max(e[SPEED] / STANDSTILL_RAD_S, -1.0), 1.0)
-                force = (force - direction * hook_dry(w, i, e[SPEED], w[ACTUATOR, i])) / lever
+                force = (force - direction * hook_dry(w, i, e[ANGLE], e[SPEED], w[ACTUATOR, i])) / lever
             else:
                 force = max(force / lever, 0.0)
             hook_force_sensor(w, i, force, dt)

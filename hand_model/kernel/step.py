@@ -221,7 +221,7 @@ def assemble(hooks: Hooks) -> Steps:
         torque, stiffness, damping, stop_damping = joint_torque(w, i, phi, ahead, omega, speed, p, creeping, e)
         rate = h * stop_damping
         mass = w[_J, i] + 0.5 * (h * damping + rate) + 0.25 * h * h * stiffness + rate * rate * w[PER_12_INERTIA, i]
-        return h * torque, mass, h * hook_dry(w, i, speed, p) if rubs else 0.0, omega
+        return h * torque, mass, h * hook_dry(w, i, ahead, speed, p) if rubs else 0.0, omega
 
     @inline
     def single(w, i, outside, e, h):  # type: ignore[no-untyped-def]

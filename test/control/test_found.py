@@ -106,6 +106,24 @@ def test_a_described_weight_is_no_contact() -> None:
     assert not out[OUT.contact].any()
 
 
+def test_friction_over_the_travel_is_that_at_the_angle() -> None:
+    """Fails when the feed-forward overcomes the friction of another angle than the one where the joint is."""
+    effect = {"coulomb_friction.torque_nm": 0.01, "coulomb_friction.travel_slope": 0.8}
+    drags = []
+    for angle in (0.0, 0.9):
+        law = law_of(described(effect), SETTINGS)
+        for k in range(100):
+            given = inputs(angle + 0.5 * DT_S * k, 1e5, 0.6)
+            law.tick(given, DT_S)
+        drags.append(law.state[S.drag].copy())
+        speed = law.state[S.speed]
+        assert np.all(speed > 0.05)  # sliding: friction has its full size
+    at = [0.0 + 0.5 * DT_S * 99, 0.9 + 0.5 * DT_S * 99]
+    sizes = [0.01 * (1.0 + 0.4 * angle / 1.5) ** 2 for angle in at]
+    assert drags[0] == pytest.approx(-sizes[0], rel=0.02)
+    assert drags[1] == pytest.approx(-sizes[1], rel=0.02)
+
+
 def test_set_points_are_bounded_and_zero_stays_zero() -> None:
     """Fails when a described valve lets a vented joint be pressed, or asks for any pressure that a number gives."""
     hand = described({"leak.rate_per_s": 50.0, "valve_deadband.width_pa": 2e5, "valve_hysteresis.width_pa": 1e5})

@@ -75,7 +75,11 @@ def test_the_textbook_form_stays_where_it_suffices(hand: Hand) -> None:
     signals = record(changed(hand, JOINT, coulomb_friction__torque_nm=0.012), rng, SECONDS)
     (finding,) = diagnose([signals], off_by_a_little(hand, rng), joints=[JOINT], sensor_curve=False).findings
     law = finding["law"]
-    assert (finding["effect"], law["form"], law["over"]) == ("coulomb_friction", "textbook", ["speed", "pressure"])
+    assert (finding["effect"], law["form"], law["over"]) == (
+        "coulomb_friction",
+        "textbook",
+        ["speed", "pressure", "angle"],
+    )
     _, value, _, _, textbook = np.array(law["points"]).T
     np.testing.assert_array_equal(value, textbook)
     np.testing.assert_allclose(value, 0.012, rtol=0.15)

@@ -220,7 +220,7 @@ def test_torques_damping_and_friction_add_up(hooks: Hooks) -> None:
     torque, stiffness = hooks.torque(w, LANE, 1.0, 0.0, 0.0, 0.0, (0.0,) * EXOGENOUS)
     assert torque == pytest.approx(-0.1 * np.sin(1.0) - 0.2, rel=1e-6)
     assert stiffness == pytest.approx(0.1 * np.cos(1.0) + 0.6, rel=1e-6)
-    assert hooks.dry(w, LANE, 1.0, 0.0) == pytest.approx(0.3)
+    assert hooks.dry(w, LANE, 0.5, 1.0, 0.0) == pytest.approx(0.3)
 
 
 def test_rows_follow_each_other_without_gap() -> None:

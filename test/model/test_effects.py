@@ -437,11 +437,11 @@ def coulomb_friction(_: Any) -> None:
     rigid = numbers("coulomb_friction", **level)
     for omega, p in ((0.0, 1e5), (0.5, 0.0), (-0.5, 3e5), (40.0, -1e4)):
         expected = 0.02 + 0.01 / (1.0 + (omega / 0.5) ** 2) + 2e-8 * abs(p)  # a drive loads its bearings either way
-        assert call("coulomb_friction", "dry", rigid, (0.0,), omega, p) == approx(expected)
+        assert call("coulomb_friction", "dry", rigid, (0.0,), 0.4, omega, p) == approx(expected)
         assert torque("coulomb_friction", rigid, 0.0, (0.7,), omega=omega, p=p) == (approx(0.0), approx(0.0))
         for presliding, yielding in ((0.02, 0.0), (0.035, 0.5), (0.05, 1.0), (0.5, 1.0)):
             q = numbers("coulomb_friction", **level, presliding_deg=np.radians(presliding))
-            assert call("coulomb_friction", "dry", q, (0.0,), omega, p) == approx(
+            assert call("coulomb_friction", "dry", q, (0.0,), 0.4, omega, p) == approx(
                 (1.0 - yielding) * expected, abs=1e-12
             )
             bristle = torque("coulomb_friction", q, 0.0, (0.7,), omega=omega, p=p)[0]
@@ -726,7 +726,7 @@ def directional_friction(_: Any) -> None:
     for level, drag in ((0.02, 0.003), (-0.02, -0.003), (0.02, -0.003)):
         q = numbers(name, torque_nm=level, drag_nm_s_per_rad=drag)
         for omega in (2.0, -2.0):
-            dry = np.sign(omega) * call(name, "dry", q, omega, 0.0)
+            dry = np.sign(omega) * call(name, "dry", q, 0.3, omega, 0.0)
             against = dry - torque(name, q, 0.3, omega=omega)[0] + call(name, "damping", q, omega) * omega
             slides = (level > 0.0) == (omega > 0.0), (drag > 0.0) == (omega > 0.0)
             expected = np.sign(omega) * (abs(level) * slides[0] + abs(drag * omega) * slides[1])
@@ -786,7 +786,7 @@ def gear_friction(_: Any) -> None:
     load = -0.06 * np.sin(phi) + 0.02 * np.cos(phi) + (A1 - 0.03) * phi - 0.01
 
     def level(omega: float, p: float = p, **given: float) -> Any:
-        return call(name, "dry", numbers(name, **given), (phi,), omega, p)
+        return call(name, "dry", numbers(name, **given), (phi,), phi, omega, p)
 
     assert level(1.0, per_drive=0.2) == approx(0.2 * drive, rel=1e-5)
     assert level(1.0, p=-p, per_drive=0.2) == approx(0.2 * drive, rel=1e-5)

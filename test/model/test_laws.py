@@ -201,7 +201,7 @@ def textbook_static(q: Any, phi: float, p: float) -> float:
 
 
 TEXTBOOK: dict[str, tuple[str, Callable[[Any, dict[str, Any]], float]]] = {
-    "coulomb_friction": ("dry", lambda q, s: textbook_level(q, s["omega"], s["p"]) * (1.0 - q[14])),
+    "coulomb_friction": ("dry", lambda q, s: textbook_level(q, s["omega"], s["p"]) * (1.0 - q[16])),
     "valve_deadband": ("valve_error", lambda q, s: textbook_band(q, s["error"])),
     "viscous_friction": ("damping", lambda q, s: q[0] * abs(s["omega"])),
     "leak": (
@@ -295,6 +295,29 @@ def test_friction_falls_with_the_speed_and_rises_with_the_pressure() -> None:
         assert curve(q, speed, 0.0) == approx(fall)
 
 
+def test_friction_over_the_travel_is_never_negative_and_stays_beyond_it() -> None:
+    """Fails when a level is negative at an angle, grows without end beyond the travel, or differs between the contacts
+    that stick and those that yield."""
+    effect = EFFECTS["coulomb_friction"]
+    travel = effect.constitution.travel  # type: ignore[union-attr]
+    assert travel is not None
+    angles = np.linspace(-4.0, 4.0, 161)
+    for q in drawn("coulomb_friction", 2, torque_nm=0.01, presliding_deg=0.001):
+        size = np.array([travel(q, phi) for phi in angles])
+        assert travel(q, 0.0) == 1.0
+        assert size.min() >= 0.0
+        assert size.max() <= 4.0
+        assert np.ptp(size[angles <= -1.5]) == np.ptp(size[angles >= 1.5]) == 0.0
+        for phi in (-2.0, -0.6, 0.3, 1.2):
+            way = min(max(phi / 1.5, -1.0), 1.0)
+            expected = (1.0 + 0.5 * (q[11] * way + q[12] * way * way)) ** 2
+            assert travel(q, phi) == approx(expected)
+            level = call(effect, "dry", q, (1.0,), phi, 2.0, 1e5) - call(
+                effect, "torque", q, (1.0,), phi, 2.0, 1e5, 0.0, (0.0,) * EXOGENOUS
+            )[0]  # fmt: skip
+            assert level == approx(expected * effect.constitution.curve(q, 2.0, 1e5), rel=1e-6)  # type: ignore
+
+
 def test_friction_under_load_falls_with_the_speed_and_rises_with_the_torques() -> None:
     """Fails when friction under load is negative, rises with the speed, or falls while a torque grows."""
     effect = EFFECTS["gear_friction"]
@@ -307,7 +330,7 @@ def test_friction_under_load_falls_with_the_speed_and_rises_with_the_torques() -
         assert max(np.diff(opposed).max(), np.diff(driven).max()) <= 1e-15
         assert driven == approx(opposed * (1.0 + q[4]))
         for omega in (-2.0, 2.0):
-            assert np.diff([call(effect, "dry", q, (0.4,), omega, p) for p in pressures]).min() >= 0.0
+            assert np.diff([call(effect, "dry", q, (0.4,), 0.4, omega, p) for p in pressures]).min() >= 0.0
 
 
 def test_viscous_friction_rises_with_the_speed() -> None:

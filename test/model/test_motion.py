@@ -157,6 +157,49 @@ def test_friction_converges_to_its_closed_form(joint: Any) -> None:
     assert np.log2(errors[0] / errors[-1]) / 2 > 1.6, errors
 
 
+def test_friction_that_changes_over_the_travel_stops_a_swing_where_an_integrator_does(joint: Any) -> None:
+    """Broken by friction of another size at the angle where the joint is: half swings of scipy, each to its stop."""
+    inertia, spring, level, slope, bow = 3e-5, 0.0573, 0.004, 0.8, 0.6
+
+    def friction(angle: float) -> float:
+        x = angle / 1.5
+        return float(level * (1.0 + 0.5 * slope * x + 0.5 * bow * x * x) ** 2)
+
+    changes = SMOOTH | {
+        "statics__a0_nm": 0.0,
+        "dynamics__viscous_friction_nm_s_per_rad": 0.0,
+        "coulomb_friction__torque_nm": level,
+        "coulomb_friction__travel_slope": slope,
+        "coulomb_friction__travel_bow": bow,
+    }
+    time_s = np.arange(101) * 5e-3
+    expected, now, at = np.full(101, np.nan), 0.0, 0.8
+    while spring * abs(at) > friction(at) and now < time_s[-1]:
+        way = -np.sign(at)
+
+        def rates(_: float, y: Any, way: float = way) -> list[float]:
+            return [y[1], (-spring * y[0] - way * friction(y[0])) / inertia]
+
+        def stops(_: float, y: Any, way: float = way) -> float:
+            return float(way * y[1] + 1e-9)
+
+        stops.terminal, stops.direction = True, -1.0  # type: ignore[attr-defined]
+        swing = solve_ivp(
+            rates, (now, 1.0), [at, 1e-8 * way], events=stops, dense_output=True, rtol=1e-10, atol=1e-12, max_step=1e-3
+        )
+        within = (time_s >= now) & (time_s <= swing.t[-1])
+        expected[within] = swing.sol(time_s[within])[0]
+        now, at = float(swing.t[-1]), float(swing.y[0, -1])
+    expected[time_s > now] = at
+    states = joint.run(np.zeros((100, 1)), 5e-3, np.array([[0.0], [0.8], [0.0], [0.0]]), step_s=0.25e-3, **changes)
+    assert np.abs(states[:, PHI, 0] - expected).max() < np.radians(0.2)
+    constant = joint.run(
+        np.zeros((100, 1)), 5e-3, np.array([[0.0], [0.8], [0.0], [0.0]]), step_s=0.25e-3,
+        **(changes | {"coulomb_friction__travel_slope": 0.0, "coulomb_friction__travel_bow": 0.0}),
+    )  # fmt: skip
+    assert np.abs(constant[:, PHI, 0] - expected).max() > np.radians(2.0)
+
+
 def test_two_coupled_joints_with_friction_stick_and_slide(joint: Any) -> None:
     """Broken by a pair solved joint by joint: a stuck partner adds its locked inertia, a sliding one takes momentum."""
     for torque, stuck in ((0.05, (False, True)), (0.001, (True, True))):
