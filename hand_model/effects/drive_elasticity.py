@@ -30,8 +30,9 @@ def _wound(q, first, last):  # type: ignore[no-untyped-def]
     touches_1 = 1.0 if abs(first) >= half else 0.0
     touches_2 = 1.0 if abs(middle) >= half else 0.0
     touches_3 = 1.0 if abs(last) >= half else 0.0
-    in_gap = min(max(first, -half), half) + min(max(last, -half), half) + 4.0 * min(max(middle, -half), half)
-    return middle - in_gap * (1 / 6), (touches_1 + 4.0 * touches_2 + touches_3) * (1 / 6)
+    wound = first - min(max(first, -half), half) + (last - min(max(last, -half), half))
+    wound += 4.0 * (middle - min(max(middle, -half), half))
+    return wound * (1 / 6), (touches_1 + 4.0 * touches_2 + touches_3) * (1 / 6)
 
 
 @inline
