@@ -15,7 +15,6 @@ from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_model.geometry import link_poses
 from hand_model.yaml_reader import DescriptionError
-from validation.bench.bench_grasp import PATTERN, grasp_of
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 HAND = load_hand(CONFIG / "hand.yaml")
@@ -236,13 +235,3 @@ def test_the_width_of_an_object_between_thumb_and_finger() -> None:
     assert np.isnan(object_width_m(HAND, position, contact))
     contact[index("index_proximal")] = True  # two pads of one finger are not opposed
     assert np.isnan(object_width_m(HAND, position, contact))
-
-
-@pytest.mark.parametrize("stiffness_nm_per_rad", [100.0, 5.0])
-def test_a_grasp_holds_its_torque_and_opens_at_once(stiffness_nm_per_rad: float) -> None:
-    """Fails when a joint misses its object or its torque, or an opening joint goes on pressing (plants of hand 3)."""
-    done = grasp_of(HAND, GRASPS[PATTERN], stiffness_nm_per_rad, 0.02, 3)
-    assert done.ended and not done.fault and done.touched.sum() >= 8
-    assert done.reported[done.touched].all()
-    np.testing.assert_allclose(done.held[done.touched], 1.0, atol=0.1)
-    assert done.release_s[done.touched].max() < 0.35

@@ -78,8 +78,8 @@ def grasps(hand: Hand, thing: str, model: str, hands: int) -> list[dict[str, Any
 class Grasped:
     """What one grasp did, arrays (joints,): peak and held torque over the limit [-], time of release [s].
 
-    touched: joints that press on their object.  reported: those whose contact the grasp reports.  ended: whether the grasp
-    reports that it is done.  fault: why the hand vented, or empty.
+    touched: joints that press on their object.  reported: those whose contact the grasp reports.  ended: whether the
+    grasp reports that it is done.  fault: why the hand vented, or empty.
     """
 
     peak: Array
