@@ -47,7 +47,7 @@ def watch_swings(g, s, i, error, rests, dt):  # type: ignore[no-untyped-def]
 def slowed(joints: Sequence[str], state: Array) -> str:
     """One line that names the joint with the longest added response time and what to check; empty where none has one.
 
-    joints: their names (n,).  state: of the law (rows, n).
+    joints: their names (n,).  state: of the law (rows, n), SI.
     """
     worst = int(np.argmax(state[S.slower]))
     added_s = float(state[S.slower, worst])

@@ -76,7 +76,7 @@ def grasps(hand: Hand, thing: str, model: str, hands: int) -> list[dict[str, Any
 
 @dataclass(slots=True)
 class Grasped:
-    """What one grasp did, arrays (joints,): peak and held torque over the limit [-], time of release [s].
+    """What one grasp did, arrays (joints,): peak and held over the torque limit [-], release_s [s].
 
     touched: joints that press on their object.  reported: those whose contact the grasp reports.  ended: whether the
     grasp reports that it is done.  fault: why the hand vented, or empty.
