@@ -37,6 +37,8 @@ def test_names_end_in_their_unit() -> None:
     shares += (".inner_share", ".inner_gap", *(f".{side}_{third}" for side in ("fill", "vent") for third in (1, 2, 3)))
     shares += (
         ".clearing",
+        ".travel_slope",
+        ".travel_bow",
         ".gradual",
         ".critical",
         ".faster",

@@ -117,7 +117,15 @@ def grasp_of(hand: Hand, pattern: Grasp, stiffness: float, error: float, number:
     presses = np.array(rig.wall) > RELEASED * TORQUE_NM
     release = np.where(presses.any(axis=0), len(presses) - presses[::-1].argmax(axis=0), 0) * PERIOD_NS * 1e-9
     touched = closes & (last > 0.0)
-    return Grasped(wall.max(axis=0) / TORQUE_NM, last / TORQUE_NM, release, touched, reported, ended, rig.fault)
+    return Grasped(
+        peak=wall.max(axis=0) / TORQUE_NM,
+        held=last / TORQUE_NM,
+        release_s=release,
+        touched=touched,
+        reported=reported,
+        ended=ended,
+        fault=rig.fault,
+    )
 
 
 def described(hand: Hand, q: Array, error: float, rng: np.random.Generator) -> Hand:
