@@ -246,10 +246,11 @@ def _is_steep(s, i, asked, p, dt):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _steps(s, v, i, asked, p, turned, dt):  # type: ignore[no-untyped-def]
+def _steps(s, v, i, asked, p, expected, turned, dt):  # type: ignore[no-untyped-def]
     """Whether the pressure p [Pa] of joint i has stepped as no valve does, and has stayed there.
 
-    asked: set-point [Pa].  turned: motion of the joint [rad] in the last dt [s].
+    asked: set-point [Pa].  expected: change of the expectation [Pa], which the pressure of a valve with another lag may
+    have ahead of it or behind it.  turned: motion of the joint [rad] in the last dt [s].
     """
     off, before = p - s[EXPECTED, i], s[_OFF, i]
     s[_OFF, i] = off
@@ -259,7 +260,7 @@ def _steps(s, v, i, asked, p, turned, dt):  # type: ignore[no-untyped-def]
         if (off - s[_BEFORE, i]) / s[_STEP, i] < 0.5:
             s[_STEP, i] = 0.0
         return s[_STEP, i] != 0.0 and s[_STEP_AGE, i] > STEP_S
-    drive = abs(asked - s[_PRESSURE, i]) * min(dt * v[_PER_TAU, i], 1.0)
+    drive = max(abs(asked - s[_PRESSURE, i]) * min(dt * v[_PER_TAU, i], 1.0), abs(expected))
     s[_DRIVE, i] = max(drive, s[_DRIVE, i] * DRIVE_S / (dt + DRIVE_S))
     if dt > 0.0 and _is_step(s, v, i, off - before, bend, turned, p, dt):
         s[_STEP, i], s[_STEP_AGE, i], s[_BEFORE, i] = off - before, 0.0, before
@@ -293,6 +294,7 @@ def watch_pressures(table, command, pressure, position, dt):  # type: ignore[no-
     verdict, worst = FOLLOWING, 0
     for i in range(len(command)):
         asked, turned = command[i] + s[_HELD_BACK, i], position[i] - s[_ANGLE, i]
+        before = s[EXPECTED, i]
         below, above = _expect(s, valve, i, asked, position[i], dt)
         least = min(s[EXPECTED, i], s[_SLOW, i])
         low, high = least - below, max(s[EXPECTED, i], s[_SLOW, i]) + above
@@ -302,7 +304,8 @@ def watch_pressures(table, command, pressure, position, dt):  # type: ignore[no-
         s[_OVER, i] = s[_OVER, i] + dt if pressure[i] > (1.0 + OVER) * valve[_LIMIT, i] else 0.0
         _lasts(s, i, _HIGH, _HIGH_PA_S, pressure[i] - high, dt)
         _lasts(s, i, _LOW, _LOW_PA_S, low - pressure[i], dt)
-        stepped, steep = _steps(s, valve, i, asked, pressure[i], turned, dt), _is_steep(s, i, asked, pressure[i], dt)
+        stepped = _steps(s, valve, i, asked, pressure[i], s[EXPECTED, i] - before, turned, dt)
+        steep = _is_steep(s, i, asked, pressure[i], dt)
         if s[_LOW, i] == 0.0:
             s[_USUAL, i] += min(dt / USUAL_S, 1.0) * (s[_OFF, i] - s[_USUAL, i])
         s[_PRESSURE, i] = pressure[i]

@@ -133,7 +133,10 @@ def _is_answered(s, pair, i, k, position, model, dt):  # type: ignore[no-untyped
 
 @without_arrays
 def _watch(s, pair, other, w, u, position, model, dt):  # type: ignore[no-untyped-def]
-    """Whether the joints of a pair are exchanged; asks one of them where they look so."""
+    """Whether the joints of a pair are exchanged; asks one of them where they look so.
+
+    A joint takes part in one question at a time: one whose own pressure falls would answer for another.
+    """
     if s[_ASKED_S, pair] > 0.0:
         i = int(s[_ASKED, pair])
         return _is_answered(s, pair, i, pair + other - i, position, model, dt)
@@ -152,12 +155,21 @@ def _watch(s, pair, other, w, u, position, model, dt):  # type: ignore[no-untype
     s[_SUSPECT_S, pair] = time
     if time < -ENOUGH_S:
         s[_OPEN, pair] = 0.0
-    elif time > ENOUGH_S and w_i > LEAST_RAD:
+    elif time > ENOUGH_S and w_i > LEAST_RAD and s[_STATE, pair] == _FREE and s[_STATE, other] == _FREE:
         s[_SUSPECT_S, pair], s[_ANSWER_S, pair] = 0.0, 0.0
         s[_ASKED, pair], s[_ASKED_S, pair] = i, ASKED_S
         s[_CAREFUL, pair] = s[_CAREFUL, other] = 1.0
         _note(s, pair, i, pair + other - i, position, model)
     return False
+
+
+@inlined
+def _involve(s, pair, other, model):  # type: ignore[no-untyped-def]
+    """Set the states of a pair with a question: its pressure falls until the model [rad] has fallen enough."""
+    if s[_ASKED_S, pair] > 0.0:
+        i = int(s[_ASKED, pair])
+        s[_STATE, i] = _ANSWERS if model[i] > s[_MODEL_I, pair] - FALL_RAD else _STAYS
+        s[_STATE, pair + other - i] = _WAITS
 
 
 @inlined
@@ -222,6 +234,9 @@ def check_places(s, after, w, u, position, model, dt):  # type: ignore[no-untype
             _careful(s, i, w[i], u[i], dt)
         s[_UNSETTLED, i] = 0.0
     for pair in range(n):
+        if after[pair] >= 0 and s[_OPEN, pair] != 0.0:
+            _involve(s, pair, after[pair], model)
+    for pair in range(n):
         other = after[pair]
         if other < 0:
             continue
@@ -233,12 +248,7 @@ def check_places(s, after, w, u, position, model, dt):  # type: ignore[no-untype
             s[_MOVED_S, pair] = s[_MOVED_S, other] = 0.0
         if _watch(s, pair, other, w, u, position, model, dt):
             found = pair
-        if s[_ASKED_S, pair] > 0.0:
-            i = int(s[_ASKED, pair])
-            k = pair + other - i
-            s[_STATE, i] = _ANSWERS if model[i] > s[_MODEL_I, pair] - FALL_RAD else _STAYS
-            if s[_STATE, k] == _FREE:
-                s[_STATE, k] = _WAITS
+        _involve(s, pair, other, model)
     return found
 
 
