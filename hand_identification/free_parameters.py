@@ -42,7 +42,7 @@ NOMINAL_KEYS = (
     "valve.vent_rate_pa_per_s",
     "end_stop.damping_nm_s_per_rad",
 )
-STATED_KEYS = ("gravity.sine_nm", "stiffening.mixed_nm_per_pa_rad2")
+STATED_KEYS = ("gravity.sine_nm",)
 """Parameters that are free only where a machine states their own tolerance."""
 
 

@@ -275,12 +275,10 @@ def _model(described: MachineDescription, scales: Scales, longest_s: float, unit
 
 
 def _over_travel(described: MachineDescription) -> dict[str, float]:
-    """Tolerances [SI of the model] of a gain's change over the travel, in proportion to it and bent: section of a
-    cylinder, lever arm of a muscle. None where no input has a gain that is not exact."""
+    """Tolerance [SI of the model] of the gain's change over the travel, where an input has a gain that is not exact."""
     if "input" not in described.columns or described.tolerances.get("gain") == 0.0:
         return {}
-    linear = MACHINE.gain_over_travel * TORQUE / (INPUT * TRAVEL)
-    return {"statics.a3_nm_per_pa_rad": linear, "stiffening.mixed_nm_per_pa_rad2": linear / TRAVEL}
+    return {"statics.a3_nm_per_pa_rad": MACHINE.gain_over_travel * TORQUE / (INPUT * TRAVEL)}
 
 
 def _lacks(described: MachineDescription, longest_s: float) -> frozenset[str]:
