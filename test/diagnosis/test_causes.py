@@ -61,6 +61,7 @@ def test_a_reservoir_is_one_cause_of_all_joints(hand: Hand) -> None:
     assert len(values) == 1
 
 
+@pytest.mark.long
 def test_own_effects_of_joints_are_no_cause_of_the_hand(hand: Hand) -> None:
     """Fails when friction of one joint and a slow valve of another become one story about the supply or the clocks."""
     true = changed(hand, JOINTS[0], coulomb_friction__torque_nm=0.015)

@@ -124,6 +124,7 @@ def test_noise_of_any_colour_agrees(kind: str, hand: Hand) -> None:
     assert result.verdict == "agrees", [f.statement for f in result.findings]
 
 
+@pytest.mark.long
 def test_what_reruns_do_not_repeat_is_not_claimed(hand: Hand) -> None:
     """Fails when an improvement smaller than two runs differ by is claimed, or is not listed as too small."""
     truth = changed(hand, JOINT, backlash__gap_deg=0.6 * DEGREE)
@@ -148,7 +149,7 @@ def test_the_right_joint_among_eleven(hand: Hand) -> None:
     rng = np.random.default_rng(22)
     truth = changed(hand, "ring_proximal", coulomb_friction__torque_nm=0.012)
     truth = changed(truth, "thumb_distal", valve_hysteresis__width_pa=6e3)
-    result = run(record(truth, rng), off_by_a_little(hand, rng))
+    result = run(record(truth, rng, 22.0), off_by_a_little(hand, rng))
     assert {(f.joint, f.effect) for f in result.findings} == {
         ("ring_proximal", "coulomb_friction"),
         ("thumb_distal", "valve_hysteresis"),

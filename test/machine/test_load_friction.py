@@ -95,7 +95,10 @@ def diagnosed(axis: Machine) -> Diagnosis:
     ("plant", "effect", "expected"),
     [
         ("coulomb_friction", "coulomb_friction", {"torque_nm": (0.08, 0.01)}),
-        ("gear_friction", "gear_friction", {"per_drive": (0.13, 0.06), "per_load": (0.19, 0.06)}),
+        pytest.param(
+            *("gear_friction", "gear_friction", {"per_drive": (0.13, 0.06), "per_load": (0.19, 0.06)}),
+            marks=pytest.mark.long,
+        ),
         ("spring", "spring", {"stiffness_nm_per_rad": (0.35, 0.04)}),
         ("negative spring", "spring", {"stiffness_nm_per_rad": (-0.2, 0.02)}),
         ("drive_gain", "drive_gain", {"error": (0.45 / 1.03, 0.07)}),
