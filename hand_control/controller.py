@@ -305,10 +305,9 @@ class Controller:
         shape, ready = grasp.shape(closure), grasp.preshape(closure)
         speed_rad_s = math.radians(self.settings.grasp_speed_deg_per_s)
         approach = Approach(speed_rad_s, self.settings.grasp_torque_nm, ready, grasp.begins)
-        start = self._shaper.r.copy()
-        opens = shape < start
+        now = self._shaper.r
         # A target within an object, which a joint presses on, would only return to its surface at first.
-        start[opens] = np.fmin(start, self._watch.last_position)[opens]
+        start = np.where(shape < now, np.fmin(now, self._watch.last_position), now)
         started = Grasping(self.hand, shape, max_torque_nm, start, approach)
         self.stop_grasp("preempted by another grasp")
         self.goals.end("preempted by a grasp")

@@ -13,7 +13,7 @@ from hand_control.declared import C, G, S, Settings
 from hand_control.law import Law
 from hand_model.arrays import Array
 from hand_model.description import load_hand
-from validation.bench.bench_motion import ERROR, HOLD_S, RATE_HZ, Bench, up_and_down
+from validation.bench.bench_motion import ERROR, HOLD_S, Bench, swings_deg, up_and_down
 from validation.bench.rough_plant import Q, draw
 
 HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
@@ -42,8 +42,7 @@ def moved(change: Callable[[Array], None], watching: bool, monkeypatch: pytest.M
     q = draw(HAND, 1, ERROR, np.random.default_rng(7))
     change(q)
     angle = np.array([s.angle for s in bench.ticks(q, ERROR, bench.limits(), up_and_down, 5 * HOLD_S)])
-    ends = [round((number + 1) * HOLD_S * RATE_HZ) for number in range(1, 5)]
-    return np.degrees([np.ptp(angle[end - round(RATE_HZ) : end], axis=0) for end in ends]), made[0]
+    return swings_deg(angle, 4), made[0]
 
 
 def test_a_dead_time_that_the_model_lacks_does_not_make_the_hand_swing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,6 +19,7 @@ from hand_control.supervisor import Phase
 from hand_model.arrays import Array, Flags
 from hand_model.description import Hand, load_hand
 from hand_model.kernel.rows import ROW
+from validation.bench.bench_motion import RELEASED, until_last
 from validation.bench.result import figure
 from validation.bench.rough_plant import NAMES, PHI, SPEED, WALL, WALL_AT, WALL_K, P, Q, RoughPlants, draw, partners
 
@@ -32,8 +33,6 @@ PATTERN, TORQUE_NM = "cylindrical", 0.1
 BEFORE_S, LONGEST_S, RELEASE_S = 1.0, 12.0, 2.0
 ROOM_RAD = float(np.radians(10.0))
 """The object is at least this far from the open and the closed angle of a joint."""
-RELEASED = 0.05
-"""Share of the wanted torque below which an object is released."""
 
 
 def run(quick: bool) -> list[dict[str, Any]]:
@@ -114,8 +113,7 @@ def grasp_of(hand: Hand, pattern: Grasp, stiffness: float, error: float, number:
     if rig.controller.safety.phase is Phase.ACTIVE:
         rig.controller.grasp(open_pattern, 1.0, TORQUE_NM, rig.now_ns)
     rig.run(RELEASE_S)
-    presses = np.array(rig.wall) > RELEASED * TORQUE_NM
-    release = np.where(presses.any(axis=0), len(presses) - presses[::-1].argmax(axis=0), 0) * PERIOD_NS * 1e-9
+    release = until_last(np.array(rig.wall) > RELEASED * TORQUE_NM) * PERIOD_NS * 1e-9
     touched = closes & (last > 0.0)
     return Grasped(
         peak=wall.max(axis=0) / TORQUE_NM,

@@ -80,6 +80,17 @@ def up_and_down(time_s: float) -> tuple[float, float]:
     return (HIGH_RAD if int(time_s / HOLD_S) % 2 else LOW_RAD), 0.0
 
 
+def until_last(condition: Flags) -> Array:
+    """Number of samples [-] up to the last one in which a condition (samples, n) holds, (n,); 0 where it never does."""
+    return np.where(condition.any(axis=0), len(condition) - condition[::-1].argmax(axis=0), 0)
+
+
+def swings_deg(angle: Array, rests: int) -> Array:
+    """Range (rests, n) [deg] of angles (samples, n) [rad] in the last second of each rest but the first."""
+    ends = [round((number + 1) * HOLD_S * RATE_HZ) for number in range(1, rests + 1)]
+    return np.degrees([np.ptp(angle[end - round(RATE_HZ) : end], axis=0) for end in ends])
+
+
 class Bench:
     """The law of many hands on rough plants."""
 
@@ -149,8 +160,7 @@ class Bench:
             part = np.degrees(angle[number * length : (number + 1) * length])
             goal, sign = (80.0, 1.0) if number % 2 else (30.0, -1.0)
             outside = np.abs(part - goal) > SETTLED_DEG
-            last = np.where(outside.any(axis=0), length - outside[::-1].argmax(axis=0), 0)
-            settle.append(last / RATE_HZ)
+            settle.append(until_last(outside) / RATE_HZ)
             over.append(np.maximum((sign * (part - goal)).max(axis=0), 0.0) / 50.0)
         settled, share = np.array(settle), np.array(over)
         name = f"steps of 50 degrees, noise x {noise:g}"
@@ -170,9 +180,7 @@ class Bench:
         q = draw(self.hand, self.hands, ERROR, np.random.default_rng([self.seed, 1]))
         q[Q["delay"]] = dead_time_s
         angle = np.array([s.angle for s in self.ticks(q, error, self.limits(), up_and_down, 9 * HOLD_S)])
-        length, second = round(HOLD_S * RATE_HZ), round(RATE_HZ)
-        ends = [(number + 1) * length for number in range(1, 9)]
-        swing = np.degrees([np.ptp(angle[end - second : end], axis=0) for end in ends])
+        swing = swings_deg(angle, 8)
         known = "known within 30 %" if error < ERROR else "of which the model does not know"
         name = f"valve with a dead time of {1e3 * dead_time_s:g} ms {known}"
         goal = 2.0 if dead_time_s == DEAD_TIMES_S[0] else None
@@ -238,7 +246,7 @@ class Bench:
         detected = np.argmax(flag & after, axis=0)
         delay = np.where((flag & after & pressing[:, None]).any(axis=0), time[detected] - time[begin], np.inf)
         loaded = torque[~pressing] > RELEASED * held
-        release = np.where(loaded.any(axis=0), len(loaded) - loaded[::-1].argmax(axis=0), 0) / RATE_HZ
+        release = until_last(loaded) / RATE_HZ
         peak = torque[pressing].max(axis=0) / limit
         ratio = held / limit
         name = f"obstacle of {stiffness:g} N m/rad, model within {100 * error:g} %"
