@@ -167,6 +167,8 @@ def residual_slopes(
 
     high: largest coordinates (free,) [-].  difference: step of the coordinates [-].
     """
+    if not free:
+        return [np.zeros((0, *residual.shape)) for residual in here.residuals]
     steps = np.where(here.z + difference > high, -difference, difference)
     sensitivity = problem.residuals(*problem.columns(free, here.z[None] + np.diag(steps)))
     for slopes, residual in zip(sensitivity, here.residuals, strict=True):

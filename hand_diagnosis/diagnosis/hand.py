@@ -14,6 +14,7 @@ from hand_diagnosis.judgement import (
     Remainder,
     bound_notes,
     exchange_notes,
+    number_lines,
     ranked_findings,
     remainders,
     verdict,
@@ -153,9 +154,10 @@ def _reason(error: Exception) -> str:
 
 
 def _withdrawals(result: JointDiagnosis) -> list[str]:
-    """Lines about effects that were withdrawn."""
+    """Lines about effects that were withdrawn, and about stated numbers that hold better than fitted ones."""
     rows = withdrawn_rows(result.joint, result.left_out, result.withdrawn)
-    return [f"{row['joint']}: {row['effect']} is withdrawn: {row['reason']}" for row in rows]
+    lines = [f"{row['joint']}: {row['effect']} is withdrawn: {row['reason']}" for row in rows]
+    return lines + number_lines(result.joint, result.left_out)
 
 
 def _reads_through_curve(

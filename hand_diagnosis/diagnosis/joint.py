@@ -20,6 +20,7 @@ from hand_diagnosis.judgement import (
     tested,
     with_onset,
     with_other_splits,
+    with_stated_numbers,
     without_repeating,
 )
 from hand_diagnosis.problem import (
@@ -158,6 +159,8 @@ def _searched(
         withdrawn=withdrawn,
         causes=causes,
     )
+    if left_out is not None and left_out.stated_hold and len(result.claimed()) < max(len(search.accepted), 1):
+        result = replace(result, last=with_stated_numbers(result.reported))
     return replace(result, certificates=_certified(result), left_out=left_out)
 
 

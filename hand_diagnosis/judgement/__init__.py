@@ -3,16 +3,16 @@
 from hand_diagnosis.judgement.certificate import GAUSSIAN_PROCESS, LAGGED_INPUTS, Certificate, certify
 from hand_diagnosis.judgement.confirmation import confirm_laws, tested, without_repeating
 from hand_diagnosis.judgement.findings import Finding, JointResult, joint_findings, ranked_findings
-from hand_diagnosis.judgement.notes import bound_notes, errors_by_split, exchange_notes
-from hand_diagnosis.judgement.onset import (
+from hand_diagnosis.judgement.left_out import (
     LeftOut,
-    Onset,
     error_rows,
     leave_one_out,
-    search_with_onset,
-    with_onset,
+    number_lines,
+    with_stated_numbers,
     withdrawn_rows,
 )
+from hand_diagnosis.judgement.notes import bound_notes, errors_by_split, exchange_notes
+from hand_diagnosis.judgement.onset import Onset, search_with_onset, with_onset
 from hand_diagnosis.judgement.remainder import Remainder, remainders, verdict
 from hand_diagnosis.judgement.remainder_law import RemainderLaw, described, learn_remainder
 from hand_diagnosis.judgement.residual_structure import Region, describe, locate, states_of
@@ -45,6 +45,7 @@ __all__ = [
     "learn_remainder",
     "leave_one_out",
     "locate",
+    "number_lines",
     "ranked_findings",
     "remainders",
     "said",
@@ -55,6 +56,7 @@ __all__ = [
     "verdict",
     "with_onset",
     "with_other_splits",
+    "with_stated_numbers",
     "withdrawn_rows",
     "without_repeating",
 ]

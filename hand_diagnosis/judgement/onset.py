@@ -1,41 +1,29 @@
-"""Whether an effect is there all the time: when it begins or ends in a recording, and in which recordings it holds.
+"""Whether an effect is there all the time, or begins or ends in a recording, and when.
 
 The candidates come from two sides. An effect that was found is switched off in the beginning or in the end, at the time
 that fits best. Where much is left, the nominal model is fitted to the beginning and to the end alone, and the time is
 sought at which its error changes. At a candidate the search is repeated with all effects off on the other side, and
 the time is refined by its profile. Both models are compared by their evidence; the one with an onset has one parameter
 more, over whose values, the times of the recording, its likelihood is averaged (MacKay, Neural Computation 4(3), 1992).
-
-Of a machine's recordings, each is left out in turn: the effects are chosen, their numbers are fitted again to the
-others, and predict that one. An effect whose numbers do not reduce the error there describes only what it was fitted
-to. Source: leave-one-group-out cross-validation (Stone, J. Royal Statistical Society B 36(2), 1974).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from hand_diagnosis.judgement.stage_errors import StageResult
 from hand_diagnosis.problem import log_evidence
-from hand_diagnosis.search import JointSearch, amounts, fit_without, refit_below_floor
+from hand_diagnosis.search import JointSearch, amounts
 from hand_diagnosis.settings import SETTINGS
-from hand_identification.free_parameters import START_CREEP, FreeParameter, merged
 from hand_identification.joint_problem import JointProblem
-from hand_identification.map_fit import MapFit, map_fit, start_at
+from hand_identification.map_fit import MapFit, map_fit
 from hand_identification.settings import FITS
 from hand_model.arrays import Array, Flags
 from hand_model.effects.effect import Effect
-from hand_model.kernel.layout import CREEP, OMEGA
-from hand_model.kernel.open_loop import OUTPUTS
 from hand_model.kernel.rows import ROW
-from hand_model.quantities import Wording
-
-Model = tuple[list[FreeParameter], Array]
-"""Free parameters, and coordinates (free,) near the best ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,122 +265,3 @@ def _split(squares: Array, use: Flags, times: Array, period_s: float) -> tuple[f
         if score[k] > best[0]:
             best = float(score[k]), float(times[k]), bool(second[k] > first[k])
     return best
-
-
-@dataclass(frozen=True, slots=True)
-class LeftOut:
-    """Errors (recordings, OUTPUTS) [SI] of the nominal and the final model on recordings that were left out.
-
-    NaN for a signal that a recording does not have.  withdrawn: effects that do not reduce the error there, each with
-    the two errors without and with it, in floors [-].
-    """
-
-    recordings: tuple[str, ...]
-    before: Array
-    after: Array
-    withdrawn: tuple[tuple[str, float, float], ...] = ()
-
-
-def leave_one_out(whole: JointProblem, search: JointSearch) -> LeftOut | None:
-    """Predict each recording from the others, and withdraw effects of the search that do not hold; None for one."""
-    if len(whole.segments) < 2:
-        return None
-    withdrawn: list[tuple[str, float, float]] = []
-    while True:
-        models = [_model(search, ()), _model(search, range(len(search.accepted)))]
-        count = len(search.accepted)
-        if count > 1:
-            models += [_model(search, [k for k in range(count) if k != left]) for left in range(count)]
-        errors = _errors(whole, models)
-        total = [float(np.sqrt(np.nanmean((error / whole.floor) ** 2))) for error in errors]
-        without = total[2:] if count > 1 else total[:1] * count
-        if not count or min(without) > total[1]:
-            names = tuple(segment.name for segment in whole.segments)
-            return LeftOut(names, errors[0], errors[1], tuple(withdrawn))
-        worst = int(np.argmin(without))
-        withdrawn.append((search.accepted[worst].effect.name, without[worst], total[1]))
-        _withdraw(search, worst)
-
-
-def _model(search: JointSearch, kept: Sequence[int]) -> Model:
-    """The model with some of the accepted effects, at the coordinates of the last fit that has them all."""
-    fit = search.final if kept else search.nominal
-    free = list(search.nominal.free)
-    for k in kept:
-        free = merged(free, search.accepted[k].free_parameters(search.problem.nominal))
-    if len(kept) == len(search.accepted):
-        free = list(fit.free)
-    return free, start_at(free, fit.by_row)
-
-
-def _errors(whole: JointProblem, models: Sequence[Model]) -> list[Array]:
-    """RMS errors (recordings, OUTPUTS) [SI] of each model on every recording, fitted to the others."""
-    found = [np.full((len(whole.segments), OUTPUTS), np.nan) for _ in models]
-    for left, segment in enumerate(whole.segments):
-        kept = [k for k in range(len(whole.segments)) if k != left]
-        others = replace(whole, segments=[whole.segments[k] for k in kept])
-        alone = replace(whole, segments=[segment])
-        counts = segment.use.sum(axis=1)
-        for error, model in zip(found, models, strict=True):
-            free, z = _renumbered(model, kept)
-            fit = map_fit(others, free, z, SETTINGS.rough_iterations)
-            columns, starts = others.columns(fit.free, fit.z[None])
-            start = np.array([[starts[0, 0] if starts[0, 0] else segment.start[CREEP], segment.start[OMEGA]]])
-            squares = (alone.residuals(columns, start)[0][0] ** 2).sum(axis=1)
-            error[left, counts > 0] = np.sqrt(squares[counts > 0] / counts[counts > 0])
-    return found
-
-
-def _renumbered(model: Model, kept: Sequence[int]) -> Model:
-    """The free parameters where only some recordings are fitted; first speeds are numbered by recording."""
-    first = START_CREEP + 1
-    free, z = [], []
-    for parameter, value in zip(*model, strict=True):
-        number = parameter.row - first
-        if number < 0:
-            free.append(parameter)
-        elif number in kept:
-            free.append(replace(parameter, row=first + kept.index(number)))
-        else:
-            continue
-        z.append(value)
-    return free, np.array(z)
-
-
-def _withdraw(search: JointSearch, index: int) -> None:
-    """Remove one of the accepted effects, and fit the others again."""
-    if len(search.accepted) == 1:
-        search.accepted.clear()
-        return
-    evidence, fit = fit_without(search, index)
-    kept = [hypothesis for k, hypothesis in enumerate(search.accepted) if k != index]
-    kept[-1] = replace(kept[-1], fit=refit_below_floor(search.problem, fit), log_evidence=evidence)
-    search.accepted[:] = kept
-
-
-def error_rows(joint: str, found: LeftOut | None, wording: Wording) -> list[dict[str, Any]]:
-    """For report.json: the errors on each recording, by models that were fitted to the others, in its units."""
-    if found is None:
-        return []
-    return [
-        {
-            "joint": joint,
-            "recording": recording,
-            "signal": wording.signals[stage],
-            "unit": unit,
-            "rmse_before": factor * float(found.before[k, stage]),
-            "rmse_after": factor * float(found.after[k, stage]),
-        }
-        for k, recording in enumerate(found.recordings)
-        for stage, (factor, unit) in enumerate(wording.signal_units)
-        if np.isfinite(found.before[k, stage])
-    ]
-
-
-def withdrawn_rows(joint: str, found: LeftOut | None, others: Sequence[tuple[str, str]]) -> list[dict[str, str]]:
-    """For report.json: effects that were withdrawn, and why. others: those withdrawn before, with the reasons."""
-    rows = list(others)
-    for name, without, having in found.withdrawn if found else ():
-        change = f"{without:.3g} floors without it, {having:.3g} with it"
-        rows.append((name, f"its gain does not carry over to recordings left out of the fit ({change})"))
-    return [{"joint": joint, "effect": name, "reason": reason} for name, reason in rows]

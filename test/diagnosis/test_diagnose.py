@@ -41,7 +41,7 @@ EFFECTS: dict[str, tuple[str, dict[str, float], str, float]] = {
 }
 
 
-SHORT = ("valve_lag", "coulomb_friction", "pressure_offset")
+SHORT = ("valve_lag", "pressure_offset")
 """The others are long tests."""
 
 
@@ -144,12 +144,20 @@ def test_what_reruns_do_not_repeat_is_not_claimed(hand: Hand) -> None:
         diagnose([signals], nominal, tolerance=0.05, seed=0, reruns=[record(hand, np.random.default_rng(27), 30.0)])
 
 
-def test_the_right_joint_among_eleven(hand: Hand) -> None:
+@pytest.mark.parametrize(
+    "joints",
+    [
+        ("ring_proximal", "ring_distal", "middle_proximal", "thumb_distal"),
+        pytest.param((), marks=pytest.mark.long, id="all eleven"),
+    ],
+    ids=lambda joints: f"{len(joints)} joints",
+)
+def test_the_right_joint_among_many(hand: Hand, joints: tuple[str, ...]) -> None:
     """Fails when the friction is put on a neighbour of its joint, or two effects on two joints are mixed."""
     rng = np.random.default_rng(22)
     truth = changed(hand, "ring_proximal", coulomb_friction__torque_nm=0.012)
     truth = changed(truth, "thumb_distal", valve_hysteresis__width_pa=6e3)
-    result = run(record(truth, rng, 22.0), off_by_a_little(hand, rng))
+    result = run(record(truth, rng, 22.0), off_by_a_little(hand, rng), *joints)
     assert {(f.joint, f.effect) for f in result.findings} == {
         ("ring_proximal", "coulomb_friction"),
         ("thumb_distal", "valve_hysteresis"),

@@ -187,7 +187,7 @@ def test_two_effects_on_one_joint(hand: Hand, monkeypatch: pytest.MonkeyPatch) -
         lambda _, effect, __: [Number(key, sizes[effect.name], 0.1, "N m", True) for key in effect.keys],
     )
     stage = next(result for result in joint.results if result.stage == joint.search.accepted[0].stage)
-    worse = replace(stage, excess_after=stage.excess_before)  # nothing is claimed
+    worse = replace(stage, excess_after=stage.excess_before, elsewhere=())  # nothing is claimed
     statement = remainders.remainder(replace(joint, results=(worse,)), worse).statement
     assert "Coulomb friction of 1 ± 0.1 N m" in statement
     assert "a hysteresis loop of 2 ± 0.1 N m" in statement

@@ -59,3 +59,16 @@ def test_what_is_left_counts_wherever_it_is(split: str) -> None:
     loud = replace(quiet, elsewhere=(Excess(split, 20.0, 15.0, 40.0, 1.0),))
     assert loud.remains and loud.other_physics > 0.8
     assert loud.most_left.split == split and loud.claimed, "what validation data confirm stays a finding"
+
+
+def test_what_test_data_confirm_is_a_finding_next_to_its_remainder() -> None:
+    """Fails when an event in one validation block hides an effect that most of the test error shows, or a test error
+    within the repeatability counts.
+    """
+    hidden = result(8.0, 7.5)
+    assert hidden.remains and not hidden.claimed
+    confirmed = replace(hidden, elsewhere=(Excess("test", 5.0, 1.5, 40.0, NOISE),))
+    assert confirmed.remains and confirmed.claimed
+    assert not replace(hidden, elsewhere=(Excess("test", 5.0, 4.0, 40.0, NOISE),)).claimed
+    assert not replace(hidden, elsewhere=(Excess("test", 0.8, 0.1, 40.0, NOISE),)).claimed
+    assert not replace(hidden, elsewhere=(Excess("train", 5.0, 0.1, 40.0, NOISE),)).claimed, "the fit has seen it"

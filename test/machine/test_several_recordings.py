@@ -174,6 +174,26 @@ def test_an_effect_of_one_recording_alone_is_withdrawn(tmp_path: Path, friction:
     assert np.allclose(found.before, found.after, equal_nan=True)
 
 
+@pytest.mark.parametrize(("soft", "kept"), [((1.25, 0.75), True), ((0.93, 0.93), False)], ids=["differ", "alike"])
+def test_numbers_that_do_not_carry_over_are_not_written(
+    tmp_path: Path, soft: tuple[float, float], *, kept: bool
+) -> None:
+    """Fails when numbers drawn away by a machine that differs between recordings replace those of the machine file, or
+    numbers that hold on all recordings do not.
+    """
+    for seed, (name, factor) in enumerate(zip(("a.npz", "b.npz"), soft, strict=True)):
+        save(tmp_path / name, seed, soft=factor)
+    machine = load(tmp_path, ARM, "a.npz", "b.npz")
+    result = diagnosed(machine)
+    assert not result.findings
+    write_machine_model(result, machine.description, ["a.npz", "b.npz"], tmp_path / "model.yaml")
+    found = load_machine(tmp_path / "model.yaml", [tmp_path / "a.npz", tmp_path / "b.npz"])
+    same = np.array_equal(found.model.parameters, machine.model.parameters)
+    assert same == kept
+    assert any("model.yaml keeps the latter" in line for line in result.check) == kept
+    assert max(errors(found)) <= max(errors(machine))
+
+
 @pytest.mark.parametrize(
     ("entry", "line"),
     [

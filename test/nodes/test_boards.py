@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from test.nodes.stack import Client, Stack
 
 
-@pytest.mark.parametrize("link", ["serial", "can"])
+@pytest.mark.parametrize("link", ["serial", pytest.param("can", marks=pytest.mark.long)])
 def test_the_studio_starts_the_hand_at_a_board_and_leaves_it_vented(stack: Stack, client: Client, link: str) -> None:
     """Fails when `hand studio` with a board needs more than its port, drives it unasked, or leaves a node."""
     path = str(stack.folder / "board")

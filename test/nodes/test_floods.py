@@ -195,7 +195,15 @@ def test_a_flood_of_service_calls_leaves_the_driver_at_work(stack: Stack, client
     assert resident_kb(driver.pid) - before_kb < GROWTH_KB
 
 
-@pytest.mark.parametrize("name", ["enable", "controller/set_parameters", "follow_joint_trajectory", "grasp"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("enable", marks=pytest.mark.long),
+        "controller/set_parameters",
+        "follow_joint_trajectory",
+        pytest.param("grasp", marks=pytest.mark.long),
+    ],
+)
 def test_a_flood_of_calls_leaves_driver_and_controller_at_work(stack: Stack, client: Client, name: str) -> None:
     """Fails when calls of a service or an action without a pause cost either loop more than 5 % of most seconds, or
     memory. The campaign of faults counts every second.
@@ -241,7 +249,7 @@ def test_large_messages_of_publishers_that_end_leave_no_memory(stack: Stack, cli
     controller = stack.node("controller")
     client.controlling()
     before_kb = resident_kb(controller.pid)
-    for _ in range(3):
+    for _ in range(2):
         flooding = subprocess.Popen(flood_command(NAMES, 1_000_000, 2.0, 8, "contact_forces"))
         stack.running.append(flooding)
         client.until(lambda flooding=flooding: flooding.poll() is not None, 60.0)  # type: ignore[misc]

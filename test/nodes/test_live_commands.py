@@ -284,6 +284,7 @@ def test_up_runs_a_board_on_a_serial_line(stack: Stack, terminal: Terminal) -> N
     assert re.fullmatch(r"driver and controller of 11 joints run in /other at \d+ Hz: vented: not enabled\n", line)
 
 
+@pytest.mark.long
 def test_sigterm_ends_a_hand_that_a_script_started_in_the_background(terminal: Terminal) -> None:
     """Fails when `hand up` ignores SIGTERM where its caller ignores SIGINT, as a shell script does with `&`."""
     command = " ".join([*TOOL, "up", "--sim", "--namespace", "behind"])

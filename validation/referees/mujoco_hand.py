@@ -31,6 +31,7 @@ from validation.referees.make import COMMAND_FRAMES, USUAL, Case, kinds_in_order
 from validation.referees.plant import FRAME_S
 from validation.referees.shapes import Rng
 from validation.trial.arrays import Array
+from validation.trial.limits import OUTPUT, SKIP_S, Projector, rms
 from validation.trial.make import all_made
 from validation.trial.motions import EXPERIMENTS, set_points
 from validation.trial.nominal import UNCERTAIN, Nominal
@@ -38,10 +39,8 @@ from validation.trial.plant import ROW
 
 STEP_S = 0.0005
 KINDS = {"single": 0.6, "null": 0.2, "several": 0.2}
-FLOORS = (5.0, 15.0)
-"""Sizes: RMS change of the signal where an effect shows, in REPEATABILITY."""
-REPEATABILITY = (300.0, math.radians(0.05))
-"""Of pressure [Pa] and angle [rad]."""
+MULTIPLES = (2.0, 5.0)
+"""Sizes, in detection limits (validation/trial/limits.py)."""
 TRIAL_S = 12.0
 """Length of the simulations that look for a size."""
 GRAVITY_M_S2 = 9.81
@@ -82,6 +81,40 @@ class Means:
     group: tuple[str, ...] = ()
     alone: bool = False
     possible: tuple[str, ...] = ()
+
+
+Concealed = tuple[Means, int]
+"""An effect and the seed of what it draws."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A joint of a hand in a motion, for the detection limit.
+
+    q: true constants (rows, joints).  u: set-points (frames, joints) [Pa].  joint: its column.
+    """
+
+    nominal: Nominal
+    model: Path
+    q: Array
+    u: Array
+    joint: int
+    frame_s: float = FRAME_S
+
+    def readings(self, concealed: Concealed | None, size: float, **changes: float) -> Array:
+        """Pressure, angle and force (3, frames) of the joint with an effect; changes: factors on its rows.
+
+        RuntimeError where MuJoCo diverges.
+        """
+        q = self.q.copy()
+        for name, factor in changes.items():
+            q[ROW[name], self.joint] *= factor
+        plant = plant_of(self.nominal, self.model, q)
+        if concealed is not None:
+            means, seed = concealed
+            means.apply(plant, self.joint, size, np.random.default_rng(seed))
+        seen: Array = simulate(plant, self.u)[list(OUTPUT), :, self.joint][:, round(SKIP_S / self.frame_s) :]
+        return seen
 
 
 def _friction(plant: Plant, joint: int, size: float, rng: Rng) -> None:
@@ -192,18 +225,24 @@ def mjcf(model: Path) -> str:
     return done.stdout
 
 
-def plain_plant(nominal: Nominal, model: Path, off: float, rng: Rng) -> Plant:
-    """A hand whose constants are those of the nominal model times 1 + off x a normal variable, within two of them.
+def true_rows(nominal: Nominal, off: float, rng: Rng) -> Array:
+    """Constants (rows, joints): those of the nominal model times 1 + off x a normal variable, within two of them.
 
     off: relative standard deviation [-].
     """
+    q, n = nominal.rows.copy(), len(nominal.joints)
+    for name in UNCERTAIN:
+        q[ROW[name]] *= np.clip(1.0 + off * np.clip(rng.standard_normal(n), -2.0, 2.0), 0.5, 1.5)
+    return q
+
+
+def plant_of(nominal: Nominal, model: Path, q: Array) -> Plant:
+    """A hand without effects that has constants q (rows, joints)."""
     import mujoco  # noqa: PLC0415 - not needed to load the recordings
 
     spec = mujoco.MjSpec.from_string(mjcf(model))
     spec.option.timestep = STEP_S
-    q, n = nominal.rows.copy(), len(nominal.joints)
-    for name in UNCERTAIN:
-        q[ROW[name]] *= np.clip(1.0 + off * np.clip(rng.standard_normal(n), -2.0, 2.0), 0.5, 1.5)
+    n = len(nominal.joints)
     for k, name in enumerate(nominal.joints):
         joint, drive = spec.joint(name), spec.actuator(name)
         joint.damping = [q[ROW["drag"], k], 0.0, 0.0]
@@ -213,7 +252,7 @@ def plain_plant(nominal: Nominal, model: Path, off: float, rng: Rng) -> Plant:
         drive.biasprm[:2] = q[ROW["a0"], k], q[ROW["a1"], k]
     for geom in spec.geoms:  # fingers of a closed hand do not meet each other, only an object that is concealed
         geom.contype = geom.conaffinity = 0
-    return Plant(spec, q, list(nominal.joints), np.zeros(n), np.zeros(n))
+    return Plant(spec, q.copy(), list(nominal.joints), np.zeros(n), np.zeros(n))
 
 
 def simulate(plant: Plant, u: Array) -> Array:
@@ -276,33 +315,27 @@ def _drive(control: Array, plant: Plant) -> tuple[Array, Array]:
     return pressure, -torque * q[ROW["a1"]] * q[ROW["reach"]]
 
 
-def change_floors(one: Array, other: Array, joint: int, stage: int) -> float:
-    """RMS change of a signal of a joint between two readings (4, frames, joints), in repeatability floors [-]."""
-    difference = one[stage, :, joint] - other[stage, :, joint]
-    return float(np.sqrt(np.mean(difference**2))) / REPEATABILITY[stage]
+def sized(means: Means, where: Scene, multiple: float, seed: int) -> float | None:
+    """The size [unit of the means] of an effect at a multiple of its detection limit; None where none has it.
 
-
-def sized(means: Means, plant: Callable[[], Plant], u: Array, joint: int, floors: float, seed: int) -> float | None:
-    """The size at which an effect changes the joint's signal by a number of floors [-]; None where none does.
-
-    plant: makes a new plain plant.  u: set-points (frames, joints) [Pa].  seed: of what the effect draws.
+    Of the change of the joint's signal only what wrong constants cannot imitate counts, as on the other plants.
+    seed: of what the effect draws.
     """
+    projector = Projector(where, means.stage)
 
     def seen(size: float) -> float:
-        changed = plant()
-        means.apply(changed, joint, size, np.random.default_rng(seed))
         try:
-            return change_floors(simulate(changed, u), plain, joint, means.stage)
+            change = where.readings((means, seed), size)[means.stage] - projector.plain
         except RuntimeError:
             return math.inf
+        return rms(projector.remainder(change))
 
-    plain = simulate(plant(), u)
     low, high = means.least, means.most
-    if seen(high) < floors:
+    if seen(high) < multiple:
         return None
     for _ in range(8):
         middle = math.sqrt(low * high)
-        low, high = (middle, high) if seen(middle) < floors else (low, middle)
+        low, high = (middle, high) if seen(middle) < multiple else (low, middle)
     return high
 
 
@@ -321,12 +354,9 @@ def make_case(work: tuple[Case, str, str]) -> Case:
         joints = [int(rng.choice(_able(chosen[0], nominal.joints, fingers)))]
     case.motion = str(rng.choice(EXPERIMENTS))
     u = _set_points(case.motion, frames, len(nominal.joints), joints, rng)
-
-    def plain() -> Plant:
-        return plain_plant(nominal, Path(model), how.off, np.random.default_rng(seed))
-
-    plant = plain()
-    _conceal(case, plant, plain, (u, joints), chosen, rng)
+    q = true_rows(nominal, how.off, np.random.default_rng(seed))
+    plant, short = plant_of(nominal, Path(model), q), u[: round(TRIAL_S / FRAME_S)]
+    _conceal(case, plant, lambda joint: Scene(nominal, Path(model), q, short, joint), joints, chosen, rng)
     path = Path(out) / "recordings" / f"case_{case.number:04d}.mcap"
     write_recording(path, how, (simulate(plant, u), u), nominal.joints, joints, rng)
     return case
@@ -343,16 +373,15 @@ def _set_points(motion: str, frames: int, count: int, joints: list[int], rng: Rn
 def _conceal(
     case: Case,
     plant: Plant,
-    plain: Callable[[], Plant],
-    motion: tuple[Array, list[int]],
+    scene: Callable[[int], Scene],
+    joints: list[int],
     chosen: list[Means],
     rng: Rng,
 ) -> None:
     """Give the plant as many effects as the case's kind asks for, each on joints of its own, and note the truth.
 
-    motion: set-points (frames, joints) [Pa], and the joints that are recorded.  A tendon takes two joints.
+    scene: of a joint, for the size.  joints: those that are recorded.  A tendon takes two joints.
     """
-    u, joints = motion
     wanted = {"null": 0, "single": 1, "several": 2}[case.kind]
     taken = set[int]()
     for means in chosen:
@@ -363,8 +392,8 @@ def _conceal(
             able = [k for k in able if not taken and next_finger(plant.joints, k) in joints]
         if not able or (means.alone and len(joints) > 1):
             continue
-        joint, floors, own = int(rng.choice(able)), float(rng.choice(FLOORS)), int(rng.integers(2**31))
-        size = sized(means, plain, u[: round(TRIAL_S / FRAME_S)], joint, floors, own)
+        joint, multiple, own = int(rng.choice(able)), float(rng.choice(MULTIPLES)), int(rng.integers(2**31))
+        size = sized(means, scene(joint), multiple, own)
         if size is None:
             case.unplaced.append(means.name)
             continue
@@ -372,7 +401,7 @@ def _conceal(
         ends = [joint, next_finger(plant.joints, joint)] if means.effect == "joint_coupling" else [joint]
         taken.update(ends)
         case.families.append(means.name)
-        case.truth += [_truth(means, plant.joints[k], floors, size) for k in ends]
+        case.truth += [_truth(means, plant.joints[k], multiple, size) for k in ends]
     if case.truth:
         case.kind = "single" if len(case.truth) == 1 else "several"
 
@@ -382,10 +411,10 @@ def _able(means: Means, names: list[str], joints: Any) -> list[int]:
     return [k for k in joints if not means.possible or names[k].endswith(means.possible)]
 
 
-def _truth(means: Means, joint: str, floors: float, size: float) -> dict[str, Any]:
+def _truth(means: Means, joint: str, multiple: float, size: float) -> dict[str, Any]:
     group = [means.effect, *(name for name in means.group if name != means.effect)]
     return {
-        "effect": means.effect, "place": means.place, "joint": joint, "multiple": floors, "size": size,
+        "effect": means.effect, "place": means.place, "joint": joint, "multiple": multiple, "size": size,
         "group": group, "number": None,
     }  # fmt: skip
 
