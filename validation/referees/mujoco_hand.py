@@ -43,6 +43,8 @@ MULTIPLES = (2.0, 5.0)
 """Sizes, in detection limits (validation/trial/limits.py)."""
 TRIAL_S = 12.0
 """Length of the simulations that look for a size."""
+HALVINGS = 12
+"""Of the range of a size: a limit or an object is met over fractions of a degree."""
 GRAVITY_M_S2 = 9.81
 OBJECT_M, CLEARANCE_M, TOUCHES_AT = 0.008, 0.0005, 0.8
 """Radius of an object, its distance from the finger at the angle where they meet, and where along the half link."""
@@ -333,7 +335,7 @@ def sized(means: Means, where: Scene, multiple: float, seed: int) -> float | Non
     low, high = means.least, means.most
     if seen(high) < multiple:
         return None
-    for _ in range(8):
+    for _ in range(HALVINGS):
         middle = math.sqrt(low * high)
         low, high = (middle, high) if seen(middle) < multiple else (low, middle)
     return high
