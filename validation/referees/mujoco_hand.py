@@ -239,7 +239,7 @@ def true_rows(nominal: Nominal, off: float, rng: Rng) -> Array:
 
 
 def plant_of(nominal: Nominal, model: Path, q: Array) -> Plant:
-    """A hand without effects that has constants q (rows, joints)."""
+    """A hand without effects that has constants q (rows, joints), SI."""
     import mujoco  # noqa: PLC0415 - not needed to load the recordings
 
     spec = mujoco.MjSpec.from_string(mjcf(model))
