@@ -90,9 +90,9 @@ PROVEN_RAD = math.radians(2.0)
 OPPOSED = (0.45, 2.2)
 """Share of the predicted motion that is measured on a joint with the wrong sign whose constants are 30 % off."""
 PRESSURE_S, LEAST_PA, UNEXPLAINED = 0.03, 1.2e4, 0.125
-EXACT, EXACT_S = 0.005, 0.08
+EXACT, EXACT_S, EXACT_PA = 0.005, 0.08, 4.0e3
 """Two pressures are exchanged where, for ENOUGH_S, the errors as exchanged are below UNEXPLAINED of those as wired,
-and these exceed LEAST_PA and what motion displaces; or, for EXACT_S, below EXACT of them, and these exceed LEAST_PA.
+and these exceed LEAST_PA and what motion displaces; or, for EXACT_S, below EXACT of them, and these exceed EXACT_PA.
 What motion displaces is not for so long just what the set-points of both joints differ by, in opposite directions."""
 ROWS = row.PLACES + PLACE_ROWS
 """Of the whole table."""
@@ -184,7 +184,7 @@ def _first_motion(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
 @inlined
 def _pressures(s, i, k, expected, wider, pressure, dt):  # type: ignore[no-untyped-def]
     """Whether the pressures of joints i and k are those that the set-points of the other one give."""
-    share, least, surely = dt / (dt + PRESSURE_S), 2.0 * LEAST_PA**2, 2.0 * (LEAST_PA + max(wider[i], wider[k])) ** 2
+    share, least, surely = dt / (dt + PRESSURE_S), 2.0 * EXACT_PA**2, 2.0 * (LEAST_PA + max(wider[i], wider[k])) ** 2
     as_is = (pressure[i] - expected[i]) ** 2 + (pressure[k] - expected[k]) ** 2
     swapped = (pressure[i] - expected[k]) ** 2 + (pressure[k] - expected[i]) ** 2
     s[row.PE, i] += share * (as_is - s[row.PE, i])
