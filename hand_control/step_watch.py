@@ -54,8 +54,9 @@ REVERSED = 0.65
 """Share of the speed with which a joint turns back only where its sensor is mirrored; above RESTITUTION."""
 EXCHANGED = 0.2
 """Share of a difference by which an exchange may miss."""
-STEADY = 0.4
-"""Speeds that are exchanged were steady before: within this share of their difference, from sample to sample."""
+STEADY = 0.2
+"""Speeds that are exchanged were steady before: within this share of their difference, from sample to sample. Going on
+so, the change gives half of the difference over the two samples after the break; at 0.4 it would give all of it."""
 SMOOTH = 8.0
 """Least size of a turn, in changes of speed before it, that no constant acceleration explains; one gives five."""
 PAUSE_S = 0.02
@@ -248,7 +249,7 @@ def _exchanged(s, c, partner, i, k, dt, age, rare):  # type: ignore[no-untyped-d
     """Whether joints i and k have stepped to the predictions of each other."""
     dev, least = min(abs(s[row.DEV, i]), abs(s[row.DEV, k])), max(_least(s, i) + _least(s, k), STEP_RAD)
     hit = partner[i] == k and (_is_hit(s, c, i, k) or _is_hit(s, c, k, i))
-    if dev < least:
+    if min(dev, abs(s[row.PRED, i] - s[row.PRED, k])) < least:  # an exchange makes no step that shows
         return not rare and not hit and _crossed(s, i, k, least, dt, age)
     if s[row.DEV, i] * s[row.DEV, k] >= 0.0:
         return False

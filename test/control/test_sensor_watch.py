@@ -84,7 +84,15 @@ def test_operation_without_a_fault_vents_nothing(seed: int) -> None:
         assert world.frame(), world.loop.controller.safety.fault
 
 
-@pytest.mark.parametrize(("seed", "frames"), [(2028095741057, 1_200), (3300101, 3_300)])
+@pytest.mark.parametrize(
+    ("seed", "frames"),
+    [
+        (2028095741057, 1_200),
+        (3300101, 3_300),
+        (713221416, 10_900),
+        pytest.param(713621426, 11_620, marks=pytest.mark.long),
+    ],
+)
 def test_joints_that_cross_while_they_are_pushed_are_not_exchanged(seed: int, frames: int) -> None:
     """Fails when speeds that change all the time, or by new set-points, are taken for exchanged where angles cross."""
     world = World(HAND, seed)
