@@ -20,6 +20,8 @@ from validation.trial.seal import new_key, unseal
 
 CONFIG = Path(__file__).parents[2] / "config" / "hand.yaml"
 SEED, FRAMES = 5, 480
+QUICK = ("frictionloss", "weight of a link", "object", "second pole")
+"""Effects of different kinds; the others take as long each."""
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +62,10 @@ def test_pressure_at_rest_gives_the_angle_of_equation_6(nominal: Nominal) -> Non
     assert np.allclose(angle, crept, atol=np.radians(0.1)) and np.all(crept - still > np.radians(0.5))
 
 
-@pytest.mark.parametrize("means", MEANS, ids=lambda means: means.name)
+@pytest.mark.parametrize(
+    "means",
+    [pytest.param(m, marks=() if m.name in QUICK else pytest.mark.long, id=m.name) for m in MEANS],
+)
 def test_an_effect_has_the_size_that_is_asked_for(means: Means, nominal: Nominal, commands: Array) -> None:
     """Fails when an effect does not act, acts on another finger, or wrong constants could imitate what it changes.
 
