@@ -12,7 +12,7 @@ from validation.referees import mujoco_hand
 from validation.referees.conditions import Conditions
 from validation.referees.mujoco_hand import MEANS, Means, Plant, Scene, make, plant_of, simulate, sized
 from validation.trial.arrays import Array
-from validation.trial.limits import ANGLE, PRESSURE, REPEATABILITY
+from validation.trial.limits import ANGLE, PRESSURE, REPEATABILITY, rms
 from validation.trial.motions import set_points
 from validation.trial.nominal import UNCERTAIN, Nominal
 from validation.trial.plant import ROW, record
@@ -83,7 +83,7 @@ def test_an_effect_has_the_size_that_is_asked_for(means: Means, nominal: Nominal
     means.apply(changed, joint, size, np.random.default_rng(SEED))
     before, after = simulate(plain(nominal), u), simulate(changed, u)
     other = 10 if joint < 7 else 3
-    assert np.sqrt(np.mean((after[1, :, other] - before[1, :, other]) ** 2)) < 0.1 * REPEATABILITY[ANGLE]
+    assert rms(after[1, :, other] - before[1, :, other]) < 0.1 * REPEATABILITY[ANGLE]
     changes = dict.fromkeys(UNCERTAIN, 1.03)
     if means.stage == PRESSURE:
         changes["delay"] = 1.4  # it is known less well than the others
@@ -95,8 +95,8 @@ def test_an_effect_has_the_size_that_is_asked_for(means: Means, nominal: Nominal
     ]
     change = where.readings((means, SEED), size)[means.stage] - plain_reading
     factors = np.linalg.lstsq(np.array(alike).T, change, rcond=1e-6)[0]
-    left = np.sqrt(np.mean((change - factors @ np.array(alike)) ** 2)) / REPEATABILITY[means.stage]
-    whole = np.sqrt(np.mean(change**2)) / REPEATABILITY[means.stage]
+    left = rms(change - factors @ np.array(alike)) / REPEATABILITY[means.stage]
+    whole = rms(change) / REPEATABILITY[means.stage]
     assert left <= 2.3 and whole >= 1.7
 
 

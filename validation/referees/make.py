@@ -156,12 +156,21 @@ def make_case(work: tuple[Case, list[int], int, str, str]) -> Case:
     return case
 
 
+def true_rows(nominal: Nominal, off: float, rng: Rng) -> Array:
+    """Constants (rows, joints): those of the nominal model times 1 + off x a normal variable, within two of them.
+
+    off: relative standard deviation [-].
+    """
+    q, n = nominal.rows.copy(), len(nominal.joints)
+    for name in UNCERTAIN:
+        q[ROW[name]] *= np.clip(1.0 + off * np.clip(rng.standard_normal(n), -2.0, 2.0), 0.5, 1.5)
+    return q
+
+
 def _hand(nominal: Nominal, how: Conditions, case: Case, rng: Rng) -> tuple[Array, Array, list[int]]:
     """True constants (rows, n), set-points (frames, n) [Pa] and the joints that are recorded; all of them move."""
     n, frames = len(nominal.joints), round(how.duration_s / FRAME_S)
-    q = nominal.rows.copy()
-    for name in UNCERTAIN:
-        q[ROW[name]] *= np.clip(1.0 + how.off * np.clip(rng.standard_normal(n), -2.0, 2.0), 0.5, 1.5)
+    q = true_rows(nominal, how.off, rng)
     case.motion = str(rng.choice(EXPERIMENTS))
     commands = -(-frames // COMMAND_FRAMES)
     u = np.repeat(set_points(case.motion, commands, COMMAND_FRAMES * FRAME_S, n, rng), COMMAND_FRAMES, axis=0)[:frames]

@@ -27,14 +27,22 @@ from typing import Any
 import numpy as np
 
 from validation.referees.conditions import Conditions, draw
-from validation.referees.make import COMMAND_FRAMES, USUAL, Case, kinds_in_order, planned_and_sealed, write_recording
+from validation.referees.make import (
+    COMMAND_FRAMES,
+    USUAL,
+    Case,
+    kinds_in_order,
+    planned_and_sealed,
+    true_rows,
+    write_recording,
+)
 from validation.referees.plant import FRAME_S
 from validation.referees.shapes import Rng
 from validation.trial.arrays import Array
 from validation.trial.limits import OUTPUT, SKIP_S, Projector, rms
 from validation.trial.make import all_made
 from validation.trial.motions import EXPERIMENTS, set_points
-from validation.trial.nominal import UNCERTAIN, Nominal
+from validation.trial.nominal import Nominal
 from validation.trial.plant import ROW
 
 STEP_S = 0.0005
@@ -225,17 +233,6 @@ def mjcf(model: Path) -> str:
     if done.returncode != 0:
         raise RuntimeError(f"hand urdf ended with {done.returncode}: {(done.stderr.strip().splitlines() or ['?'])[-1]}")
     return done.stdout
-
-
-def true_rows(nominal: Nominal, off: float, rng: Rng) -> Array:
-    """Constants (rows, joints): those of the nominal model times 1 + off x a normal variable, within two of them.
-
-    off: relative standard deviation [-].
-    """
-    q, n = nominal.rows.copy(), len(nominal.joints)
-    for name in UNCERTAIN:
-        q[ROW[name]] *= np.clip(1.0 + off * np.clip(rng.standard_normal(n), -2.0, 2.0), 0.5, 1.5)
-    return q
 
 
 def plant_of(nominal: Nominal, model: Path, q: Array) -> Plant:
