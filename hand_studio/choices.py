@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hand_model.effects import EFFECTS
 from hand_model.effects.effect import OTHER_MACHINES, Effect
-from hand_model.kernel.open_loop import HAND_EFFECTS
+from hand_model.kernel.hooks import HAND_EFFECTS
 from hand_model.kernel.rows import JOINT_PARAMETERS
 from hand_model.quantities import HAND, unit_words
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from hand_model.arrays import Array
 from hand_model.description import Hand
-from hand_model.kernel.open_loop import HAND_EFFECTS, READINGS, MeasuredInputs, open_loop, surroundings_of
+from hand_model.kernel.hooks import HAND_EFFECTS
+from hand_model.kernel.open_loop import READINGS, MeasuredInputs, open_loop, surroundings_of
 from hand_recording.interpolation import bridge
 from hand_recording.signals import derivatives
 from hand_studio.window import Window

@@ -9,7 +9,7 @@ import numpy as np
 from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.kernel.closed_loop import ClosedLoop
-from hand_model.kernel.open_loop import HAND_EFFECTS
+from hand_model.kernel.hooks import HAND_EFFECTS
 from hand_model.kernel.rows import ROW
 from hand_sim.offline import Measured, initial_state
 

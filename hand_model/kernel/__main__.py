@@ -9,7 +9,8 @@ from __future__ import annotations
 import argparse
 
 from hand_model.kernel.closed_loop import loops
-from hand_model.kernel.open_loop import HAND_EFFECTS, compile_loop
+from hand_model.kernel.hooks import HAND_EFFECTS
+from hand_model.kernel.open_loop import compile_loop
 
 
 def main() -> None:

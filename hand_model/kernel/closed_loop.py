@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hand_model.arrays import Array
-from hand_model.compile_cache import carray, njit, prange
+from hand_model.compile_cache import carray, is_kept, njit, prange
 from hand_model.effects.effect import Effect
 from hand_model.kernel.compiled import specialise, stack_doubles
-from hand_model.kernel.hooks import Hooks, active_effects, compose, equations_key, has_laws
+from hand_model.kernel.hooks import HAND_EFFECTS, Hooks, active_effects, compose, equations_key, has_laws
 from hand_model.kernel.inflow import flows as inflow_stages
 from hand_model.kernel.inline import FAST, inline
 from hand_model.kernel.lanes import HALF, LANES, idle_parameters, map_hands, neighbour_lanes
@@ -232,15 +232,15 @@ def _parallel(key: str) -> Callable[..., Any]:
     return advance_blocks
 
 
-@cache
-def loops(effects: tuple[Effect, ...], laws: bool = False) -> Loops:
-    """The loops for a set of effects in the order of the catalogue; the empty set is the plain plant.
+def _key_of(effects: tuple[Effect, ...], laws: bool) -> str:
+    return equations_key("closed with laws" if laws else "closed", *(effect.name for effect in effects))
 
-    laws: whether they read the coefficients of learned laws.
-    """
+
+@cache
+def _uncompiled(effects: tuple[Effect, ...], laws: bool) -> Any:
+    """The loop of one block, specialised and not yet compiled."""
     hooks = compose(effects, laws)
     meets_others, draws = any(effect.meets_others for effect in effects), any(effect.draws for effect in effects)
-    key = equations_key("closed with laws" if laws else "closed", *(effect.name for effect in effects))
     names = {
         **_stages(hooks, meets_others, draws),
         "meets_others": meets_others,
@@ -253,14 +253,38 @@ def loops(effects: tuple[Effect, ...], laws: bool = False) -> Loops:
         "hook_pressure_reading": hooks.pressure_reading,
         "hook_angle_reading": hooks.angle_reading,
     }
-    block = njit(cache=True, fastmath=FAST, error_model="numpy")(specialise(_loop(key), names))
+    return njit(cache=True, fastmath=FAST, error_model="numpy")(specialise(_loop(_key_of(effects, laws)), names))
+
+
+@cache
+def loops(effects: tuple[Effect, ...], laws: bool = False) -> Loops:
+    """The loops for a set of effects in the order of the catalogue; the empty set is the plain plant.
+
+    laws: whether they read the coefficients of learned laws.
+    """
+    block = _uncompiled(effects, laws)
     block.compile(_BLOCK)
 
     @cache
     def blocks() -> Any:
-        return njit(cache=True, parallel=True)(specialise(_parallel(key), {"advance_block": block}))
+        named = specialise(_parallel(_key_of(effects, laws)), {"advance_block": block})
+        return njit(cache=True, parallel=True)(named)
 
     return Loops(block, blocks)
+
+
+@cache
+def _compiled_in(acting: tuple[Effect, ...], laws: bool, one_block: bool) -> tuple[Effect, ...]:
+    """The effects of the loop that computes those which act; what is neutral changes no bit.
+
+    To compile their own loop takes seconds. Where the disk does not hold it, but holds the one of all effects of a hand
+    as after a build, that one serves, although its steps take several times as long (about 0.4 us). one_block: whether
+    the joints are of one hand and fit into one block, because some of the other effects act between joints.
+    """
+    may = one_block and not laws and set(acting) <= set(HAND_EFFECTS)
+    if may and not is_kept(_uncompiled(acting, laws), _BLOCK) and is_kept(_uncompiled(HAND_EFFECTS, laws), _BLOCK):
+        return HAND_EFFECTS
+    return acting
 
 
 class ClosedLoop:
@@ -279,17 +303,20 @@ class ClosedLoop:
         """Begin at `state`, vented for long, sampling every period_s [s].
 
         parameters: (hands, rows of JOINT_PARAMETERS, joints) SI.  partner: (joints,) index of the coupled joint or -1.
-        state: (hands, STATES, joints).  effects: those compiled in, by default the ones that act in `parameters`.
-        step_s: largest integration step [s]. A joint's neighbour, where an effect needs one, is its partner, or else
-        the joint before it. Raises ValueError for a period that is not positive, a dead time longer than the memory
-        of set-points, or more than 16 joints with effects between joints.
+        state: (hands, STATES, joints).  effects: those compiled in, by default the ones that act in `parameters`, or
+        all of a hand where that loop is compiled already.  step_s: largest integration step [s]. A joint's neighbour,
+        where an effect needs one, is its partner, or else the joint before it. Raises ValueError for a period that is
+        not positive, a dead time longer than the memory of set-points, or more than 16 joints with effects between
+        joints.
         """
         if not (math.isfinite(period_s) and period_s > 0.0):
             raise ValueError(f"period_s is {period_s!r}; it must be a positive number of seconds")
         self._check_dead_time(parameters, period_s)
-        chosen = active_effects(parameters.transpose(1, 0, 2)) if effects is None else effects
         self._hands, _, self._joints = parameters.shape
-        self._loops = loops(chosen, has_laws(parameters.transpose(0, 2, 1)))
+        laws, one_block = has_laws(parameters.transpose(0, 2, 1)), self._hands == 1 and self._joints <= LANES
+        acting = active_effects(parameters.transpose(1, 0, 2))
+        chosen = _compiled_in(acting, laws, one_block) if effects is None else effects
+        self._loops = loops(chosen, laws)
         apart = any(effect.meets_others for effect in chosen)
         self._map = map_hands(partner, self._hands, apart=apart)
         self._steps = steps_per_sample(period_s, step_s)

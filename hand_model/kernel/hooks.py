@@ -27,7 +27,7 @@ import numpy as np
 
 from hand_model.arrays import Array
 from hand_model.effects import CATALOGUE
-from hand_model.effects.effect import HOOKS, Effect, hook_arguments
+from hand_model.effects.effect import HOOKS, OTHER_MACHINES, Effect, hook_arguments
 from hand_model.kernel.inline import inline
 from hand_model.kernel.rows import PREPARED_ROW, ROW, effect_rows, memory_rows
 
@@ -283,6 +283,11 @@ def _unused(hook: str) -> Any:
     """The function of a hook that no effect uses: shared, because each compiled function takes time to compile."""
     return _UNUSED.get(hook, _first)
 
+
+OPEN_EFFECTS = tuple(effect for effect in CATALOGUE if "valve" not in effect.hooks)
+"""Effects that a fit may vary: all but those that replace the valve by a switching one."""
+HAND_EFFECTS = tuple(effect for effect in OPEN_EFFECTS if OTHER_MACHINES.isdisjoint(effect.needs))
+"""Those of them that a hand can have."""
 
 _OWNERS = [effect for effect in CATALOGUE for _ in effect.parameters]
 _OWN_ROWS = [ROW[own.key] for effect in CATALOGUE for own in effect.parameters]

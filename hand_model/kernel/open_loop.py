@@ -20,20 +20,26 @@ import numpy as np
 
 from hand_model.arrays import Array
 from hand_model.compile_cache import carray, is_kept, njit, prange
-from hand_model.effects import CATALOGUE
 from hand_model.effects.effect import (
     ACCELERATION,
     ANGLE,
     EXOGENOUS,
     NEIGHBOUR,
-    OTHER_MACHINES,
     PARTNER,
     SPEED,
     TIME,
     Effect,
 )
 from hand_model.kernel.compiled import specialise, stack_doubles
-from hand_model.kernel.hooks import Hooks, active_effects, compose, equations_key, has_laws
+from hand_model.kernel.hooks import (
+    HAND_EFFECTS,
+    OPEN_EFFECTS,
+    Hooks,
+    active_effects,
+    compose,
+    equations_key,
+    has_laws,
+)
 from hand_model.kernel.inline import FAST, inline
 from hand_model.kernel.layout import (
     ACTUATOR,
@@ -291,10 +297,6 @@ def _blocks(key: str) -> Callable[..., Any]:
     return open_lanes
 
 
-OPEN_EFFECTS = tuple(effect for effect in CATALOGUE if "valve" not in effect.hooks)
-"""Effects that a fit may vary: all but those that replace the valve by a switching one."""
-HAND_EFFECTS = tuple(effect for effect in OPEN_EFFECTS if OTHER_MACHINES.isdisjoint(effect.needs))
-"""Those of them that a hand can have."""
 _OTHERS = [own for effect in OPEN_EFFECTS if effect not in HAND_EFFECTS for own in effect.parameters]
 _OTHER_ROWS, _OTHER_NEUTRAL = [ROW[own.key] for own in _OTHERS], np.array([own.neutral_si for own in _OTHERS])
 

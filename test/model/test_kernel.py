@@ -19,11 +19,12 @@ from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_model.effects import CATALOGUE, EFFECTS
 from hand_model.effects.effect import ANGLE, EXOGENOUS, INFLOW, NEIGHBOUR, PARTNER, SPEED, TIME, Effect
+from hand_model.kernel import closed_loop
 from hand_model.kernel.closed_loop import ClosedLoop
-from hand_model.kernel.hooks import active_effects, compose
+from hand_model.kernel.hooks import HAND_EFFECTS, OPEN_EFFECTS, active_effects, compose
 from hand_model.kernel.layout import OMEGA, PHI, P
 from hand_model.kernel.narrow_loops import MOST_COMPILED, NarrowLoops
-from hand_model.kernel.open_loop import HAND_EFFECTS, OPEN_EFFECTS, MeasuredInputs, open_loop
+from hand_model.kernel.open_loop import MeasuredInputs, open_loop
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STATES, STEP_S
 from hand_sim.plant import HandPlant, resting_state
 
@@ -88,6 +89,30 @@ def test_the_open_loop_with_neutral_effects_changes_no_bit(hand: Hand) -> None:
     columns, start = hand.parameters[:, [4]].T, states[0][:, [4]].T
     whole, plain = (open_loop(columns, start, inputs, effects=effects) for effects in (OPEN_EFFECTS, ()))
     np.testing.assert_array_equal(whole, plain)
+
+
+def test_the_closed_loop_of_all_effects_of_a_hand_changes_no_bit(hand: Hand) -> None:
+    """Fails when a hand moves otherwise by the loop that the build compiled than by one of its own effects."""
+    commands = np.random.default_rng(7).uniform(0.0, 5e5, (30, 11)).repeat(20, axis=0)
+    rubbing = changed(hand, coulomb_friction__torque_nm=0.01, contact__angle_deg=0.6, contact__stiffness_nm_per_rad=0.4)
+    own = closed(rubbing, commands, active_effects(rubbing.parameters))
+    np.testing.assert_array_equal(closed(rubbing, commands, HAND_EFFECTS), own)
+
+
+def test_a_hand_takes_the_loop_that_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when a loop is compiled although that of all effects is there, or that one cannot compute what acts."""
+    friction, switching = (EFFECTS["coulomb_friction"],), (EFFECTS["switching_valve"],)
+    kept = {HAND_EFFECTS}
+    monkeypatch.setattr(closed_loop, "_uncompiled", lambda effects, laws: effects)
+    monkeypatch.setattr(closed_loop, "is_kept", lambda effects, _: effects in kept)
+    choose = closed_loop._compiled_in.__wrapped__
+    assert choose(friction, False, True) == HAND_EFFECTS
+    assert choose(friction, True, True) == choose(friction, False, False) == friction
+    assert choose(switching, False, True) == switching
+    kept.add(friction)
+    assert choose(friction, False, True) == friction
+    kept.clear()
+    assert choose(friction, False, True) == friction
 
 
 def test_parameters_that_change_on_the_way_leave_the_state(hand: Hand) -> None:

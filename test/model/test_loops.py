@@ -18,10 +18,10 @@ from hand_model.effects import CATALOGUE, EFFECTS
 from hand_model.effects.effect import ACCELERATION, ANGLE, EXOGENOUS, NEIGHBOUR, PARTNER, SPEED, TIME, Effect
 from hand_model.kernel import closed_loop
 from hand_model.kernel.closed_loop import HISTORY, ClosedLoop
-from hand_model.kernel.hooks import active_effects, compose, equations_key, has_laws
+from hand_model.kernel.hooks import OPEN_EFFECTS, active_effects, compose, equations_key, has_laws
 from hand_model.kernel.lanes import HALF, LANES, idle_parameters, map_hands, neighbour_lanes
 from hand_model.kernel.layout import CREEP, OMEGA, PHI, P, resting_states
-from hand_model.kernel.open_loop import OPEN_EFFECTS, MeasuredInputs, open_loop, surroundings_of
+from hand_model.kernel.open_loop import MeasuredInputs, open_loop, surroundings_of
 from hand_model.kernel.rows import ROW, STATES, STEP_S
 
 HAND = load_hand(Path(__file__).resolve().parents[2] / "config" / "hand.yaml")
