@@ -11,9 +11,9 @@ PE, PX, PSWAP_S, P_PROVEN, P_LAST, P_SLOW = range(27, 33)
 """Of the pressures: errors as wired and exchanged, times, last pressure, slow pressure."""
 P_B, P_C, P_X, P_E, DRIVE = range(33, 38)
 """Pressures at the last samples of the step test, and the driving pressure of the last frame."""
-EXACT_S = 38
-"""Of the pressures: for how long each is exactly that of the other joint."""
-ROWS = 39
+EXACT_S, STORED_J = 38, 39
+"""Of the pressures: for how long each is exactly that of the other joint. Of passivity: energy in an obstacle."""
+ROWS = 40
 A0, A1, A2, A3, J, D, JC, LOW, HIGH, MIRROR, PRESSED = range(11)
 """Constants: Eqs. 6 and 8, end stops, twice the centre of the sensor, how far a push presses a stop."""
 PLACES = ROWS + 11

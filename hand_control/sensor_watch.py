@@ -12,7 +12,8 @@ frames come too rarely for them, the hand is not driven on (WARN_S, UNCHECKED_S)
     channel       equal readings in motion; an angle beyond an end stop              frozen, far off
 
 Passivity. The environment gives energy only through pushes of at most MAX_OUTSIDE_NM, and by what an elastic obstacle
-has stored, while the pressure falls. Each torque of Eq. 6 may be wrong by WRONG. Contacts and friction never count.
+has stored, while the pressure falls or after the joint was thrown into it. Each torque of Eq. 6 may be wrong by WRONG.
+Contacts and friction never count.
 
 First motion. The measured pressure drives Eqs. 6 and 8, quasi-static, with nominal constants; until the joint has
 followed, its set-point rises slowly. A sensor cannot change its sign without a step, so that the joint is not suspected
@@ -143,19 +144,22 @@ def _outside(s, c, i, phi, p):  # type: ignore[no-untyped-def]
 def _is_active(s, c, i, phi, p, dt):  # type: ignore[no-untyped-def]
     """Whether joint i has moved for long enough with an outside torque beyond the largest one.
 
-    An elastic obstacle gives back what it has stored only while the pressure falls.
+    An elastic obstacle gives back what it has stored: while the pressure falls, and after the joint has pressed into it
+    with such a torque, as one does that its neighbour throws against it.
     """
     v = s[row.SPEED, i]
     s[row.P_SLOW, i] += dt / (dt + SLOW_S) * (p - s[row.P_SLOW, i])
-    if abs(v) <= ACTIVE_RAD_PER_S:
-        s[row.ACTIVE_S, i] = 0.0
-        return False
-    moves = True
+    moves, work = abs(v) > ACTIVE_RAD_PER_S, math.inf
     for known in (p, s[row.DRIVE, i]):  # both ends of the time since the last frame
         outside, wrong = _outside(s, c, i, phi, known)
         given_back = outside < 0.0 and p < s[row.P_SLOW, i]
         moves = moves and not given_back and outside * v > 0.0 and abs(outside) > MAX_OUTSIDE_NM + wrong
-    s[row.ACTIVE_S, i] = s[row.ACTIVE_S, i] + dt if moves else 0.0
+        work = min(work, -outside * v * dt) if outside < -MAX_OUTSIDE_NM else -math.inf
+    if work == -math.inf:
+        s[row.STORED_J, i] *= SLOW_S / (dt + SLOW_S)
+    else:
+        s[row.STORED_J, i] = max(s[row.STORED_J, i] + work, 0.0)
+    s[row.ACTIVE_S, i] = s[row.ACTIVE_S, i] + dt if moves and s[row.STORED_J, i] <= 0.0 else 0.0
     return s[row.ACTIVE_S, i] > max(ACTIVE_S, 2.5 * dt)
 
 
@@ -337,7 +341,7 @@ class SensorWatch:
         s[[row.Z, row.A, row.B, row.C, row.X, row.LAST, row.FROM]] = position
         s[[row.P_LAST, row.P_SLOW, row.P_B, row.P_C, row.P_X, row.P_E, row.DRIVE]] = pressure
         zero = [row.RUN, row.RUN_SPEED, row.SPEED, row.OUT_S, row.ACTIVE_S, row.W, row.U, row.SIGN_S, row.PE, row.PX]
-        s[[*zero, row.PSWAP_S, row.EXACT_S]] = 0.0
+        s[[*zero, row.PSWAP_S, row.EXACT_S, row.STORED_J]] = 0.0
         self._spacing[:5] = (math.inf, math.inf, math.inf, math.inf, 0.0)
 
     def check(

@@ -51,7 +51,8 @@ SLACK = 0.3
 STAYS = 0.5
 """Share of a deviation by which a sensor that has stepped goes on otherwise, at most, where an acceleration counts."""
 REVERSED = 0.65
-"""Share of the speed with which a joint turns back only where its sensor is mirrored; above RESTITUTION."""
+"""Share of the speed with which a joint turns back only where its sensor is mirrored, above RESTITUTION; what the
+neighbour met during or just before the turn may add to it."""
 EXCHANGED = 0.2
 """Share of a difference by which an exchange may miss."""
 STEADY = 0.2
@@ -168,7 +169,9 @@ def _is_mirrored(s, c, partner, i, dt, age, rare):  # type: ignore[no-untyped-de
     first, second = s[row.C, i] - s[row.B, i], s[row.X, i] - s[row.C, i]
     if abs(second - first) > SLACK * abs(s[row.TRAVEL, i]):
         return False  # it has turned by and by
-    return REVERSED < -s[row.TRAVEL, i] / (v * age) < 1.0 / REVERSED
+    thrown = (1.0 + WRONG) * c[row.JC, i] / c[row.J, i] * (_turn(s, k, age) + s[row.JERK, k]) if k >= 0 else 0.0
+    back, path = -s[row.TRAVEL, i] if v > 0.0 else s[row.TRAVEL, i], abs(v) * age
+    return REVERSED * path + thrown < back < path / REVERSED
 
 
 @without_arrays
@@ -199,14 +202,17 @@ def _is_hit(s, c, i, k):  # type: ignore[no-untyped-def]
 def _driven(s, c, partner, i, k, dt, age):  # type: ignore[no-untyped-def]
     """Lowest and highest mean change of speed [rad/s] of joint i over age [s], from dt [s] after the sample before.
 
-    By what its pressure has changed since then (Eqs. 6, 8), and by a neighbour of common inertia, where it is not k.
+    By what its pressure has changed since then (Eqs. 6, 8), by all of its torque where an obstacle has held it, and by
+    a neighbour of common inertia, where it is not k.
     """
-    lag, low, high = c[row.J, i] / c[row.D, i], 0.0, 0.0
-    for p in (s[row.P_C, i], s[row.P_X, i]):
-        low, high = min(low, p - s[row.P_B, i]), max(high, p - s[row.P_B, i])
-    effect = 1.0 - lag / age * (math.exp(-dt / lag) - math.exp(-(dt + age) / lag))
+    lag, low, high, before = c[row.J, i] / c[row.D, i], 0.0, 0.0, s[row.P_B, i]
     lever = max(c[row.A2, i] + c[row.A3, i] * s[row.PRED, i], 0.0)
-    gain = (1.0 + WRONG) / (1.0 - WRONG) * lever / c[row.D, i] * effect
+    held = _balance(s, c, i, before) - c[row.D, i] * s[row.V, i]
+    for p in (s[row.P_C, i], s[row.P_X, i]):
+        given = lever * (p - before)
+        low, high = min(low, given, given + held), max(high, given, given + held)
+    effect = 1.0 - lag / age * (math.exp(-dt / lag) - math.exp(-(dt + age) / lag))
+    gain = (1.0 + WRONG) / (1.0 - WRONG) / c[row.D, i] * effect
     other, moved = partner[i], 0.0
     if other >= 0 and other != k:
         moved = (1.0 + WRONG) * c[row.JC, i] / c[row.J, i] * abs(s[row.TRAVEL, other] / age - s[row.V, other])

@@ -99,6 +99,21 @@ def test_joints_that_cross_while_they_are_pushed_are_not_exchanged(seed: int, fr
     assert all(world.frame() for _ in range(frames)), world.loop.controller.safety.fault
 
 
+@pytest.mark.parametrize(
+    ("seed", "frames"),
+    [
+        (731721953, 4_170),
+        pytest.param(731321964, 6_220, marks=pytest.mark.long),
+        pytest.param(732321991, 11_680, marks=pytest.mark.long),
+        pytest.param(733822020, 5_070, marks=pytest.mark.long),
+    ],
+)
+def test_what_a_neighbour_throws_is_no_fault(seed: int, frames: int) -> None:
+    """Fails when a joint that its neighbour turns back, drives into an obstacle or lets follow a released one vents."""
+    world = World(HAND, seed)
+    assert all(world.frame() for _ in range(frames)), world.loop.controller.safety.fault
+
+
 def test_the_set_points_do_not_rise_under_suspicion(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fails when the hold under suspicion no longer halves the rise of the pressure while an angle is frozen."""
     outcome = found(0.3, "step", 6, "angle frozen", False, 340)
