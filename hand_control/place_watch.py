@@ -42,6 +42,8 @@ FOLLOWS, RECENT_S = 0.65, 0.5
 ENOUGH_S = 0.03
 QUESTIONS = 2
 """Answers in a row that prove an exchange: one may be a push that ends at that moment."""
+FORGET_S = 1.0
+"""Time after a question, without another one, for which its answer counts; exchanged joints soon look so again."""
 FALL_RAD, STAYS = math.radians(5.0), 0.5
 """By how much the pressure lets a joint fall in a question, and the share of its pressure that it keeps then."""
 ASKED_S = 0.4
@@ -57,9 +59,10 @@ _CAREFUL, _MOVED_S, _FROM_PA, _HELD_PA, _STATE, _UNSETTLED, _BEFORE_PA = range(7
 """Rows of a joint; _STATE: free, asked, asked and far enough, or held because its neighbour is asked; _UNSETTLED:
 whether a pair is open; _BEFORE_PA: set-point before the question."""
 _OPEN, _SUSPECT_S, _ASKED, _ASKED_S, _ANSWER_S, _MODEL_I, _MODEL_K, _OF_I, _OF_K, _MISSED, _CONFIRMED = range(7, 18)
-_TOGETHER_S, _OLD = 18, 19
-"""Rows of a pair, in the column of its first joint; from _OLD on, what its four motions were when the angles met."""
-ROWS = 23
+_TOGETHER_S, _SINCE_S, _OLD = 18, 19, 20
+"""Rows of a pair, in the column of its first joint; _SINCE_S: since the last question; from _OLD on, what its four
+motions were when the angles met."""
+ROWS = 24
 _FREE, _ANSWERS, _STAYS, _WAITS = range(4)
 
 
@@ -138,8 +141,11 @@ def _watch(s, pair, other, w, u, position, model, dt):  # type: ignore[no-untype
     A joint takes part in one question at a time: one whose own pressure falls would answer for another.
     """
     if s[_ASKED_S, pair] > 0.0:
-        i = int(s[_ASKED, pair])
+        i, s[_SINCE_S, pair] = int(s[_ASKED, pair]), 0.0
         return _is_answered(s, pair, i, pair + other - i, position, model, dt)
+    s[_SINCE_S, pair] += dt
+    if s[_SINCE_S, pair] > FORGET_S:
+        s[_CONFIRMED, pair] = 0.0
     w_i, w_k, u_i, u_k = _since(s, pair, other, w, u)
     i = pair
     if w_i < w_k:

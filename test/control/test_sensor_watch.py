@@ -114,6 +114,12 @@ def test_what_a_neighbour_throws_is_no_fault(seed: int, frames: int) -> None:
     assert all(world.frame() for _ in range(frames)), world.loop.controller.safety.fault
 
 
+def test_a_push_that_ends_at_a_question_is_forgotten() -> None:
+    """Fails when two pushes that end just when a joint is asked, seconds apart, prove an exchange."""
+    world = World(HAND, 742922312)
+    assert all(world.frame() for _ in range(900)), world.loop.controller.safety.fault
+
+
 def test_the_set_points_do_not_rise_under_suspicion(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fails when the hold under suspicion no longer halves the rise of the pressure while an angle is frozen."""
     outcome = found(0.3, "step", 6, "angle frozen", False, 340)
