@@ -17,6 +17,7 @@ from hand_identification.free_parameters import START_CREEP, FreeParameter
 from hand_identification.joint_problem import JointProblem
 from hand_identification.settings import FITS
 from hand_model.arrays import Array
+from hand_model.compile_cache import njit
 from hand_recording.signals import white_noise
 
 
@@ -215,25 +216,42 @@ def bounded_step(hessian: Array, gradient: Array, low: Array, high: Array) -> Ar
     Coordinates that would leave the box stay at its side until the slope there points back into it (active set method,
     Nocedal and Wright 2006, Sec. 16.5).
     """
-    step = np.clip(np.zeros(len(gradient)), low, high)
-    free = np.ones(len(gradient), dtype=bool)
-    for _ in range(2 * len(gradient)):
-        inner, outer = np.flatnonzero(free), np.flatnonzero(~free)
-        if len(inner):
-            rows = hessian.take(inner, axis=0)  # several times as fast as an index of both axes
-            remaining = gradient.take(inner) + rows.take(outer, axis=1) @ step.take(outer)
-            inside = np.linalg.solve(rows.take(inner, axis=1), -remaining)
-            kept = np.minimum(np.maximum(inside, low.take(inner)), high.take(inner))
-            step[inner] = kept
-            left = kept != inside
-            if left.any():
-                free[inner[left]] = False
-                continue
+    if not (np.isfinite(hessian).all() and np.isfinite(gradient).all()):
+        return np.full(len(gradient), np.nan)
+    arrays = (np.ascontiguousarray(array, dtype=np.float64) for array in (hessian, gradient, low, high))
+    return np.asarray(_active_set(*arrays))
+
+
+@njit(cache=True, error_model="numpy")
+def _active_set(hessian, gradient, low, high):  # type: ignore[no-untyped-def]
+    """The step of `bounded_step`, compiled: a fit that meets bounds solves dozens of small systems for each step."""
+    count = len(gradient)
+    step, free = np.minimum(np.maximum(np.zeros(count), low), high), np.ones(count, dtype=np.bool_)
+    for _ in range(2 * count):
+        inner, left = np.flatnonzero(free), False
+        if len(inner) > 0:
+            matrix, toward = np.empty((len(inner), len(inner))), np.empty(len(inner))
+            for row, i in enumerate(inner):
+                at_sides = 0.0
+                for k in range(count):
+                    at_sides += 0.0 if free[k] else hessian[i, k] * step[k]
+                for column, k in enumerate(inner):
+                    matrix[row, column] = hessian[i, k]
+                toward[row] = -gradient[i] - at_sides
+            for i, inside in zip(inner, np.linalg.solve(matrix, toward)):  # noqa: B905 - numba's zip is never strict
+                step[i] = min(max(inside, low[i]), high[i])
+                if step[i] != inside:
+                    free[i], left = False, True
+        if left:
+            continue
+        back = False
         slope = gradient + hessian @ step
-        back = ~free & (((step <= low) & (slope < 0.0)) | ((step >= high) & (slope > 0.0))) & (low < high)
-        if not back.any():
+        for i in range(count):
+            inward = (step[i] <= low[i] and slope[i] < 0.0) or (step[i] >= high[i] and slope[i] > 0.0)
+            if not free[i] and inward and low[i] < high[i]:
+                free[i], back = True, True
+        if not back:
             break
-        free[back] = True
     return step
 
 
