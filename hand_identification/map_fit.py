@@ -87,9 +87,10 @@ def map_fit(
     sticking and stops make in the cost.
     """
     bounds = bounds_of(free)
-    here = usable_point(problem, free, np.clip(start, *bounds))
+    here, sensitivity = _begun(problem, free, np.clip(start, *bounds), bounds[1], difference)
     for done in range(1, iterations + 1):
-        sensitivity = residual_slopes(problem, free, here, bounds[1], difference)
+        if done > 1:
+            sensitivity = residual_slopes(problem, free, here, bounds[1], difference)
         normal, slope = normal_equations(problem, here.residuals, sensitivity)
         if done == iterations:
             break
@@ -136,6 +137,19 @@ def usable_point(problem: JointProblem, free: Sequence[FreeParameter], z: Array)
     return point
 
 
+def _begun(
+    problem: JointProblem, free: Sequence[FreeParameter], z: Array, high: Array, difference: float
+) -> tuple[Point, list[Array]]:
+    """The point to start from and `residual_slopes` there, by one simulation where z (free,) [-] can be simulated."""
+    steps = _differences(z, high, difference)
+    costs, squares, residuals = _simulated(problem, free, np.vstack([z, z + np.diag(steps)]))
+    if not np.isfinite(costs[0]):
+        here = usable_point(problem, free, z)
+        return here, residual_slopes(problem, free, here, high, difference)
+    here = Point(z, float(costs[0]), squares[0], [each[0].copy() for each in residuals])
+    return here, _slopes([each[1:] for each in residuals], here, steps)
+
+
 def multi_start(
     problem: JointProblem,
     free: Sequence[FreeParameter],
@@ -170,12 +184,21 @@ def residual_slopes(
     """
     if not free:
         return [np.zeros((0, *residual.shape)) for residual in here.residuals]
-    steps = np.where(here.z + difference > high, -difference, difference)
-    sensitivity = problem.residuals(*problem.columns(free, here.z[None] + np.diag(steps)))
-    for slopes, residual in zip(sensitivity, here.residuals, strict=True):
+    steps = _differences(here.z, high, difference)
+    return _slopes(problem.residuals(*problem.columns(free, here.z[None] + np.diag(steps))), here, steps)
+
+
+def _differences(z: Array, high: Array, difference: float) -> Array:
+    """Steps (free,) [-] of the coordinates z (free,) that stay below the largest ones, high (free,)."""
+    return np.where(z + difference > high, -difference, difference)
+
+
+def _slopes(moved: Sequence[Array], here: Point, steps: Array) -> list[Array]:
+    """Slopes of residuals that were moved (free, OUTPUTS, T) by steps (free,) [-], by segment; overwrites them."""
+    for slopes, residual in zip(moved, here.residuals, strict=True):
         slopes -= residual  # in place: of ten minutes these arrays are large
         slopes /= steps[:, None, None]
-    return sensitivity
+    return list(moved)
 
 
 def normal_equations(

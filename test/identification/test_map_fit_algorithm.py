@@ -180,7 +180,7 @@ def test_coordinates_stay_within_eight_deviations() -> None:
     assert module.bounds_of((small,))[0][0] == pytest.approx(np.log(0.5) / 0.5, rel=1e-12)
     curve = problem(decay, (0.3, 1.6, 2.2))
     map_fit(joint(curve), FREE, np.array([50.0, -50.0, 50.0]), 1)
-    np.testing.assert_array_equal(curve.calls[0], [[8.0, -8.0, np.log(50.0) / 0.5]])
+    np.testing.assert_array_equal(curve.calls[0][:1], [[8.0, -8.0, np.log(50.0) / 0.5]])
 
 
 def test_an_unusable_start_moves_towards_the_prior() -> None:
