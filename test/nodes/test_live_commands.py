@@ -270,6 +270,7 @@ def test_only_one_node_publishes_the_description(terminal: Terminal) -> None:
     client.until(lambda: client.node.count_publishers(topic) == client.node.count_publishers("/tf") == 1)
 
 
+@pytest.mark.long
 def test_up_runs_a_board_on_a_serial_line(stack: Stack, terminal: Terminal) -> None:
     """Fails when `hand up --serial` needs anything but a port, or drives a real hand without being asked."""
     path = stack.folder / "board"
