@@ -202,12 +202,12 @@ def _is_hit(s, c, i, k):  # type: ignore[no-untyped-def]
 def _driven(s, c, partner, i, k, dt, age):  # type: ignore[no-untyped-def]
     """Lowest and highest mean change of speed [rad/s] of joint i over age [s], from dt [s] after the sample before.
 
-    By what its pressure has changed since then (Eqs. 6, 8), by all of its torque where an obstacle has held it, and by
-    a neighbour of common inertia, where it is not k.
+    By what its pressure has changed since then (Eqs. 6, 8), and by a neighbour of common inertia, where it is not k.
+    Where it is k, one obstacle that lets joint i go changes the speeds of both: then by all of its torque, too.
     """
     lag, low, high, before = c[row.J, i] / c[row.D, i], 0.0, 0.0, s[row.P_B, i]
     lever = max(c[row.A2, i] + c[row.A3, i] * s[row.PRED, i], 0.0)
-    held = _balance(s, c, i, before) - c[row.D, i] * s[row.V, i]
+    held = _balance(s, c, i, before) - c[row.D, i] * s[row.V, i] if partner[i] == k else 0.0
     for p in (s[row.P_C, i], s[row.P_X, i]):
         given = lever * (p - before)
         low, high = min(low, given, given + held), max(high, given, given + held)
