@@ -124,6 +124,12 @@ class IdentificationSettings:
     fallback_shares: tuple[float, ...] = setting(
         (1.0, 0.9, 0.7, 0.5, 0.3, 0.1, 0.0), "-", "Shares of the way to a start that are tried until its simulation is"
         " finite.", CHOICE, "Starts are given up too early.", "Slower.")
+    longest_scale: float = setting(
+        0.7, "-", "Largest logarithm of the common factor by which all torques return to their prior.", CHOICE,
+        "Torques that are all far too large stay so.", "No other result.")
+    least_scale_gain: float = setting(
+        1.0, "nats", "Least fall of the cost by the prior for which that is tried.", CHOICE, "Slower.",
+        "Torques keep a common error.")
     iterations: int = setting(
         12, "iterations", "Iterations of a fit where none are given.", CHOICE, "Fits end early.", "No other result.")
     tolerance: float = setting(

@@ -11,6 +11,7 @@ from hand_diagnosis.problem.evidence import (
     shared_log_evidence,
     validation_rmse,
     weighted_by_noise,
+    weighted_by_rest,
     white_parts,
 )
 from hand_diagnosis.problem.splits import (
@@ -78,5 +79,6 @@ __all__ = [
     "tolerant",
     "validation_rmse",
     "weighted_by_noise",
+    "weighted_by_rest",
     "white_parts",
 ]

@@ -167,3 +167,15 @@ def weighted_by_noise(problem: JointProblem, fit: MapFit) -> JointProblem:
         if noise > 0.0:
             weight[stage] = max(min(weight[stage], 1.0 / noise**2), problem.weight[stage])
     return replace(problem, weight=weight)
+
+
+def weighted_by_rest(problem: JointProblem, fit: MapFit) -> JointProblem:
+    """The problem with the weights of all that a fit leaves, where this is more than its own weights say.
+
+    A model is never exact. What it cannot describe is no white noise, and with weights of that alone numbers that the
+    data hardly determine, such as a common scale of all forces, would go far from their prior for the sake of it.
+    """
+    counts = np.maximum(problem.block_counts.sum(axis=1), 1.0)
+    left = fit.squares.sum(axis=1) / counts
+    weight = np.where(left > 0.0, np.minimum(problem.weight, 1.0 / np.where(left > 0.0, left, 1.0)), problem.weight)
+    return replace(problem, weight=weight)

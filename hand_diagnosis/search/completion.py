@@ -22,11 +22,13 @@ from hand_diagnosis.problem import (
     likelihood_below_floor,
     validation_rmse,
     weighted_by_noise,
+    weighted_by_rest,
     white_parts,
 )
 from hand_diagnosis.search.hypotheses import Hypothesis, with_other_fit
 from hand_diagnosis.search.laws import learn_law, posterior_covariance, thinned
 from hand_diagnosis.settings import SETTINGS, FitPass
+from hand_identification.common_scale import at_prior_scale
 from hand_identification.free_parameters import FreeParameter, law_free_parameters, speed_free_parameters
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, map_fit, residual_is_correlated
@@ -128,7 +130,7 @@ def refit_below_floor(problem: JointProblem, fit: MapFit) -> MapFit:
     sake of priors, what the same numbers explain.
     """
     sharp = weighted_by_noise(problem, fit)
-    return at_floor(problem, map_fit(sharp, fit.free, fit.z, SETTINGS.refit_iterations))
+    return at_floor(problem, at_prior_scale(sharp, map_fit(sharp, fit.free, fit.z, SETTINGS.refit_iterations)))
 
 
 def with_validation(
@@ -265,9 +267,12 @@ def on_everything(
         done[-1] = replace(done[-1], fit=last)
         done = completed(whole, done, rng) if laws else done
     everything = replace(weighted_by_noise(whole, done[-1].fit if done else plain), holds_out=False)
+    plain = _ended(everything, plain)
+    final = _ended(everything, done[-1].fit) if done else plain
+    settled = weighted_by_rest(everything, final)
     if done:
-        done[-1] = replace(done[-1], fit=_ended(everything, done[-1].fit))
-    return everything, _ended(everything, plain), done
+        done[-1] = replace(done[-1], fit=at_prior_scale(settled, _ended(settled, final)))
+    return settled, _ended(settled, plain), done
 
 
 def _with_all_speeds(whole: JointProblem, fit: MapFit) -> tuple[list[FreeParameter], Array]:

@@ -1,0 +1,44 @@
+"""The common scale of all torques, which a motion does not show: where nothing measures one, its prior decides.
+
+Inertia, drag, stiffness, friction and the gain of the input may all be larger by one factor, and the joint moves as it
+did (Eq. 8 is homogeneous in them). A fit hardly feels that direction, is drawn along it by what its model cannot
+describe, and returns in steps that are too short to count. So the way back is tried at once.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from hand_identification.joint_problem import FORCE, JointProblem
+from hand_identification.map_fit import MapFit, map_fit
+from hand_identification.settings import FITS
+from hand_model.arrays import Array
+
+_TORQUE = re.compile(r"_nm(_|$)|_kg_m2$")
+"""Parameters in proportion to which a torque or a moment of inertia is, by the unit at the end of their key."""
+
+
+def at_prior_scale(problem: JointProblem, fit: MapFit) -> MapFit:
+    """A fit continued from where all torques are scaled alike towards their prior, where that one costs less."""
+    torques = np.array([_TORQUE.search(parameter.key) is not None for parameter in fit.free])
+    measured = any(bool(segment.use[FORCE].any()) for segment in problem.segments)
+    if measured or problem.driven or not torques.any():
+        return fit
+
+    def scaled(logarithm: float) -> Array:
+        values = [float(p.value(np.array([z]))[0]) for p, z in zip(fit.free, fit.z, strict=True)]
+        moved = [p.coordinate(math.exp(logarithm) * value) for p, value in zip(fit.free, values, strict=True)]
+        return np.where(torques, moved, fit.z)
+
+    def prior(logarithm: float) -> float:
+        return float((scaled(logarithm) ** 2).sum())
+
+    best = minimize_scalar(prior, bounds=(-FITS.longest_scale, FITS.longest_scale), method="bounded")
+    if prior(0.0) - best.fun < FITS.least_scale_gain:
+        return fit
+    again = map_fit(problem, fit.free, scaled(best.x), FITS.iterations)
+    return again if again.cost < fit.cost else fit
