@@ -256,8 +256,8 @@ def _active_set(hessian, gradient, low, high):  # type: ignore[no-untyped-def]
             matrix, toward = np.empty((len(inner), len(inner))), np.empty(len(inner))
             for row, i in enumerate(inner):
                 at_sides = 0.0
-                for k in range(count):
-                    at_sides += 0.0 if free[k] else hessian[i, k] * step[k]
+                for j in range(count):
+                    at_sides += 0.0 if free[j] else hessian[i, j] * step[j]
                 for column, k in enumerate(inner):
                     matrix[row, column] = hessian[i, k]
                 toward[row] = -gradient[i] - at_sides
@@ -269,10 +269,10 @@ def _active_set(hessian, gradient, low, high):  # type: ignore[no-untyped-def]
             continue
         back = False
         slope = gradient + hessian @ step
-        for i in range(count):
-            inward = (step[i] <= low[i] and slope[i] < 0.0) or (step[i] >= high[i] and slope[i] > 0.0)
-            if not free[i] and inward and low[i] < high[i]:
-                free[i], back = True, True
+        for j in range(count):
+            inward = (step[j] <= low[j] and slope[j] < 0.0) or (step[j] >= high[j] and slope[j] > 0.0)
+            if not free[j] and inward and low[j] < high[j]:
+                free[j], back = True, True
         if not back:
             break
     return step

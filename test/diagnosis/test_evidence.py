@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from hand_diagnosis.problem import Task, log_evidence
+from hand_diagnosis.problem import Task, log_evidence, weighted_by_rest
 from hand_diagnosis.search import search_joint, training_evidence
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import effect_free_parameters, merged
@@ -74,3 +75,15 @@ def test_nominal_numbers_stay_within_three_tolerances(hand: Hand) -> None:
     assert np.abs(found.nominal.z).max() <= 3.0 + 1e-9
     assert [hypothesis.effect.name for hypothesis in found.accepted] == ["valve_delay"]
     assert SETTINGS.passes[0].step_s > SETTINGS.passes[-1].step_s
+
+
+def test_what_a_model_cannot_describe_weighs_as_noise(hand: Hand) -> None:
+    """Fails when the last fit of a machine takes an error of its model for information, or noise for more."""
+    fit, task, _ = _fit(hand, extra=False)
+    problem = task.prepare(JOINT).problem
+    sharp = replace(problem, weight=1e4 * problem.weight)
+    settled = weighted_by_rest(sharp, fit)
+    cost = (settled.weight[:, None] * fit.squares).sum(axis=1)
+    counts = problem.block_counts.sum(axis=1)
+    assert cost[:2] == pytest.approx(counts[:2])
+    assert (weighted_by_rest(replace(problem, weight=1e-4 * problem.weight), fit).weight == 1e-4 * problem.weight).all()

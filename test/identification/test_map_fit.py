@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import OptimizeResult, least_squares
 
+from hand_identification.common_scale import at_prior_scale
 from hand_identification.free_parameters import FreeParameter, nominal_free_parameters
 from hand_identification.joint_data import joint_problem
 from hand_identification.joint_problem import JointProblem
@@ -199,3 +200,20 @@ def test_resolutions_are_conditional_deviations(problem: JointProblem, free: lis
     rise = costs_at(problem, free, points) - fit.cost
     assert np.abs(rise[inside]).max() < 0.05
     assert inside.sum() >= len(free) - 2
+
+
+def test_torques_that_are_all_too_large_return_to_their_prior(problem: JointProblem, free: list[FreeParameter]) -> None:
+    """Fails when a fit keeps a common factor of all torques, which no motion shows, or takes one that a force shows."""
+    done = map_fit(problem, free, np.zeros(len(free)))
+    torques = ["_nm" in p.key or p.key.endswith("_kg_m2") for p in free]
+    factors = np.where(torques, 1.2, 1.0)
+    values = [float(p.value(done.z[k : k + 1])[0]) for k, p in enumerate(free)]
+    drifted = map_fit(
+        problem, free, np.array([p.coordinate(f * v) for p, f, v in zip(free, factors, values, strict=True)]), 1
+    )
+    assert drifted.cost > done.cost + 5.0
+    back = at_prior_scale(problem, drifted)
+    assert back.cost < done.cost + 0.1
+    measured = replace(problem, segments=[replace(s, use=np.ones_like(s.use)) for s in problem.segments])
+    assert at_prior_scale(measured, drifted) is drifted
+    assert at_prior_scale(problem, back) is back
