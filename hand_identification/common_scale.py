@@ -1,8 +1,8 @@
 """The common scale of all torques, which a motion does not show: where nothing measures one, its prior decides.
 
 Inertia, drag, stiffness, friction and the gain of the input may all be larger by one factor, and the joint moves as it
-did (Eq. 8 is homogeneous in them). In that direction the cost of a fit hardly changes; the fit is drawn along it by what its model cannot
-describe, and returns in steps that are too short to count. So the way back is tried at once.
+did (Eq. 8 is homogeneous in them). In that direction the cost of a fit hardly changes; the fit is drawn along it by
+what its model cannot describe, and returns in steps that are too short to count. So the way back is tried at once.
 """
 
 from __future__ import annotations
