@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import re
 
-import numpy as np
 from scipy.optimize import minimize_scalar
 
 from hand_identification.joint_problem import FORCE, JointProblem
@@ -24,15 +23,17 @@ _TORQUE = re.compile(r"_nm(_|$)|_kg_m2$")
 
 def at_prior_scale(problem: JointProblem, fit: MapFit) -> MapFit:
     """A fit continued from where all torques are scaled alike towards their prior, where that one costs less."""
-    torques = np.array([_TORQUE.search(parameter.key) is not None for parameter in fit.free])
+    torques = {k: parameter for k, parameter in enumerate(fit.free) if _TORQUE.search(parameter.key)}
     measured = any(bool(segment.use[FORCE].any()) for segment in problem.segments)
-    if measured or problem.driven or not torques.any():
+    if measured or problem.driven or not torques:
         return fit
+    values = problem.columns(fit.free, fit.z[None])[0][0]
 
     def scaled(logarithm: float) -> Array:
-        values = [float(p.value(np.array([z]))[0]) for p, z in zip(fit.free, fit.z, strict=True)]
-        moved = [p.coordinate(math.exp(logarithm) * value) for p, value in zip(fit.free, values, strict=True)]
-        return np.where(torques, moved, fit.z)
+        z = fit.z.copy()
+        for k, parameter in torques.items():
+            z[k] = parameter.coordinate(math.exp(logarithm) * values[parameter.row])
+        return z
 
     def prior(logarithm: float) -> float:
         return float((scaled(logarithm) ** 2).sum())

@@ -175,7 +175,5 @@ def weighted_by_rest(problem: JointProblem, fit: MapFit) -> JointProblem:
     A model is never exact. What it cannot describe is no white noise, and with weights of that alone numbers that the
     data hardly determine, such as a common scale of all forces, would go far from their prior for the sake of it.
     """
-    counts = np.maximum(problem.block_counts.sum(axis=1), 1.0)
-    left = fit.squares.sum(axis=1) / counts
-    weight = np.where(left > 0.0, np.minimum(problem.weight, 1.0 / np.where(left > 0.0, left, 1.0)), problem.weight)
-    return replace(problem, weight=weight)
+    left = fitted_rmse(problem, fit.squares) ** 2
+    return replace(problem, weight=np.fmin(problem.weight, 1.0 / np.maximum(left, 1e-300)))
