@@ -487,10 +487,12 @@ class ControllerNode(HandNode):
 
     def _on_publishers(self, _came: int = 0) -> None:
         """Hold, then vent, while a topic of which only one publisher may exist has a second one."""
-        verdict = self.conflict.update(time.monotonic_ns(), self.second_publishers())
+        now_ns = time.monotonic_ns()
+        verdict = self.conflict.update(now_ns, self.second_publishers())
         self._controller.held = verdict is not Verdict.ALONE
         if verdict is Verdict.ALONE:
             return
+        self._controller.safety.explain_silence(now_ns, self.conflict.line)
         self.log_throttled(Level.ERROR, "authority", self.conflict.line, RARELY_S)
         if verdict is Verdict.VENT and self._controller.safety.phase is not Phase.VENTED:
             self._trip(self.conflict.line)

@@ -30,6 +30,10 @@ VENT_S = 0.100
 _FREEZE_NS, _VENT_NS = round(FREEZE_S * 1e9), round(VENT_S * 1e9)
 ARMING_S = 2.0
 """Longest time from `enable`, or from the first frame after the start, to a complete measurement."""
+_SILENCE = f"no usable sensor data for {VENT_S * 1e3:.0f} ms"
+_UNEXPLAINED = f"{_SILENCE}; check the driver and the line to the board"
+EXPLAINED_S = 1.0
+"""What is found within this time of a silence may be its cause: DDS shows a new publisher after half a second."""
 
 
 class Phase(Enum):
@@ -55,6 +59,7 @@ class Supervisor:
     lacks: str = ""
     _arming_ns: int | None = None
     _patient: bool = False
+    _silent_ns: int | None = None
 
     def enable(self, patient: bool = False) -> None:
         """Drive the hand from the next plausible measurement on. ValueError while a fault is latched.
@@ -87,6 +92,11 @@ class Supervisor:
         if self.fault == fault:
             self.fault = self.reason = better
 
+    def explain_silence(self, now_ns: int, cause: str) -> None:
+        """Name what was found, one line, in the latch of a silence that began within EXPLAINED_S."""
+        if self._silent_ns is not None and now_ns - self._silent_ns <= EXPLAINED_S * 1e9:
+            self.reword(_UNEXPLAINED, f"{_SILENCE}; {cause}")
+
     def reset(self) -> str:
         """Clear a latched fault and return it; the hand stays vented until enabled."""
         fault, self.fault = self.fault, ""
@@ -109,7 +119,8 @@ class Supervisor:
             if self.phase is Phase.ARMING:
                 self._check_arming(now_ns)
         elif self.frame_ns is not None and now_ns - self.frame_ns > _VENT_NS:
-            self.trip(f"no usable sensor data for {VENT_S * 1e3:.0f} ms; check the driver and the line to the board")
+            self._silent_ns = now_ns
+            self.trip(_UNEXPLAINED)
         elif command_timeout_s > 0.0 and self._command_age_s(now_ns) > 2.0 * command_timeout_s:
             self.trip(f"no command for {2.0 * command_timeout_s:g} s; check the node that sends the commands")
 

@@ -60,6 +60,31 @@ def test_silence_of_more_than_100_ms_vents_and_latches() -> None:
     assert made.phase.name == "ARMING"
 
 
+@pytest.mark.parametrize(("after_s", "named"), [(0.0, True), (0.9, True), (1.1, False)])
+def test_a_second_publisher_is_named_in_the_latch_of_a_silence(after_s: float, named: bool) -> None:
+    """Fails when a flood that hides the measurements leaves a line about the board, or a later visitor is accused."""
+    safety, cause = Supervisor(), "second publisher: joint_states from /hand/rogue; stop it"
+    safety.enable()
+    safety.arm(0)
+    safety.frame(0)
+    safety.explain_silence(0, cause)
+    assert not safety.fault
+    safety.check(round(0.2e9), 0.0)
+    assert safety.fault == SILENCE
+    safety.explain_silence(round((0.2 + after_s) * 1e9), cause)
+    assert safety.fault == (f"no usable sensor data for 100 ms; {cause}" if named else SILENCE)
+
+
+def test_another_fault_keeps_its_line_next_to_a_second_publisher() -> None:
+    """Fails when a second publisher takes the place of a fault that has nothing to do with it."""
+    safety = Supervisor()
+    safety.enable()
+    safety.arm(0)
+    safety.trip("emergency stop")
+    safety.explain_silence(0, "second publisher: joint_states from /hand/rogue; stop it")
+    assert safety.fault == "emergency stop"
+
+
 def test_a_reset_without_a_fault_changes_nothing() -> None:
     """Fails when a reset replaces the reason of a vent that was no fault."""
     made = armed()
