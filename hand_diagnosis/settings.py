@@ -142,6 +142,9 @@ class Settings(LawSettings):
     moving_rad_s: float = setting(
         0.1, "rad/s", "Speed from which a joint moves in one direction.", CHOICE,
         "Noise of the speed mixes the directions.", "Slow motion is left out.")
+    least_direction_share: float = setting(
+        0.1, "-", "Share of a recording's travel from which it shows a direction of motion.", CHOICE,
+        "Recordings are left out whose direction others hardly show.", "A short way back counts as a direction.")
     standing_rad_s: float = setting(
         0.05, "rad/s", "Speed below which a joint stands.", CHOICE,
         "Noise counts as motion.", "Slow motion counts as rest.")

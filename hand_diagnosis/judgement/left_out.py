@@ -2,7 +2,8 @@
 
 The effects are chosen; their numbers are fitted again to the other recordings, and predict that one. An effect whose
 numbers do not reduce the error there describes only what it was fitted to. And numbers that predict worse than those
-of the machine file are not written: a plant that differs between recordings draws them away.
+of the machine file are not written: a plant that differs between recordings draws them away. A recording that moves in
+a direction which the others lack is not left out: they do not show what friction is there.
 Source: leave-one-group-out cross-validation (Stone, J. Royal Statistical Society B 36(2), 1974).
 """
 
@@ -17,9 +18,10 @@ import numpy as np
 from hand_diagnosis.search import JointSearch, fit_without, refit_below_floor
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import START_CREEP, FreeParameter, merged
-from hand_identification.joint_problem import JointProblem
+from hand_identification.joint_problem import JointProblem, Segment
 from hand_identification.map_fit import map_fit, start_at
 from hand_model.arrays import Array
+from hand_model.effects.effect import SPEED
 from hand_model.kernel.layout import CREEP, OMEGA
 from hand_model.kernel.open_loop import OUTPUTS
 from hand_model.quantities import Wording
@@ -34,7 +36,8 @@ class LeftOut:
 
     NaN for a signal that a recording does not have.  withdrawn: effects that do not reduce the error there, each with
     the two errors without and with it, in floors [-].  numbers: errors on all of them in floors [-], of the stated
-    numbers and of those that are fitted to the other recordings, without effects.
+    numbers and of those that are fitted to the other recordings, without effects.  alone: recordings that are not left
+    out, because they move in a direction in which no other does; their errors are NaN.
     """
 
     recordings: tuple[str, ...]
@@ -42,6 +45,7 @@ class LeftOut:
     after: Array
     withdrawn: tuple[tuple[str, float, float], ...] = ()
     numbers: tuple[float, float] = (np.inf, 0.0)
+    alone: tuple[str, ...] = ()
 
     @property
     def stated_hold(self) -> bool:
@@ -53,18 +57,22 @@ def leave_one_out(whole: JointProblem, search: JointSearch) -> LeftOut | None:
     """Predict each recording from the others, and withdraw effects of the search that do not hold; None for one."""
     if len(whole.segments) < 2:
         return None
+    names, tested = tuple(segment.name for segment in whole.segments), covered(whole.segments)
+    alone = tuple(name for k, name in enumerate(names) if k not in tested)
+    if not tested:
+        nothing = np.full((len(names), OUTPUTS), np.nan)
+        return LeftOut(names, nothing, nothing, alone=alone)
     withdrawn: list[tuple[str, float, float]] = []
     while True:
         models = [_model(search, ()), _model(search, range(len(search.accepted))), _stated(search)]
         count = len(search.accepted)
         if count > 1:
             models += [_model(search, [k for k in range(count) if k != left]) for left in range(count)]
-        errors = _errors(whole, models)
+        errors = _errors(whole, models, tested)
         total = [float(np.sqrt(np.nanmean((error / whole.floor) ** 2))) for error in errors]
         without = total[3:] if count > 1 else total[:1] * count
         if not count or min(without) > total[1]:
-            names = tuple(segment.name for segment in whole.segments)
-            return LeftOut(names, errors[0], errors[1], tuple(withdrawn), (total[2], total[0]))
+            return LeftOut(names, errors[0], errors[1], tuple(withdrawn), (total[2], total[0]), alone)
         worst = int(np.argmin(without))
         withdrawn.append((search.accepted[worst].effect.name, without[worst], total[1]))
         _withdraw(search, worst)
@@ -93,10 +101,24 @@ def with_stated_numbers(search: JointSearch) -> JointSearch:
     return replace(search, nominal=map_fit(search.problem, free, z, SETTINGS.rough_iterations))
 
 
-def _errors(whole: JointProblem, models: Sequence[Model]) -> list[Array]:
-    """RMS errors (recordings, OUTPUTS) [SI] of each model on every recording, fitted to the others."""
+def covered(segments: Sequence[Segment]) -> list[int]:
+    """Numbers of the recordings that move in no direction but those in which others move, too."""
+    ways = [_directions(segment) for segment in segments]
+    return [k for k, own in enumerate(ways) if own <= set[int]().union(*ways[:k], *ways[k + 1 :])]
+
+
+def _directions(segment: Segment) -> set[int]:
+    """The signs of the speeds, 1 and -1, that make more than a small share of the travel of a recording."""
+    speed = segment.exogenous[:, SPEED]
+    least = SETTINGS.least_direction_share * float(np.abs(speed).sum())
+    return {sign for sign in (1, -1) if float(np.maximum(sign * speed, 0.0).sum()) > least}
+
+
+def _errors(whole: JointProblem, models: Sequence[Model], tested: Sequence[int]) -> list[Array]:
+    """RMS errors (recordings, OUTPUTS) [SI] of each model on recordings, those of `tested`, fitted to all others."""
     found = [np.full((len(whole.segments), OUTPUTS), np.nan) for _ in models]
-    for left, segment in enumerate(whole.segments):
+    for left in tested:
+        segment = whole.segments[left]
         kept = [k for k in range(len(whole.segments)) if k != left]
         others = replace(whole, segments=[whole.segments[k] for k in kept])
         alone = replace(whole, segments=[segment])
@@ -139,13 +161,21 @@ def _withdraw(search: JointSearch, index: int) -> None:
 
 
 def number_lines(joint: str, found: LeftOut | None) -> list[str]:
-    """A line where the stated numbers of a joint or axis hold better than fitted ones."""
-    if found is None or not found.stated_hold:
+    """Lines about recordings that could not be left out, and stated numbers that hold better than fitted ones."""
+    if found is None:
         return []
+    lines = [
+        f"{joint}: {name} moves in a direction in which no other recording does; what was found is not tested on it."
+        " Record that direction twice, or both directions in one recording"
+        for name in found.alone
+    ]
+    if not found.stated_hold:
+        return lines
     stated, fitted = found.numbers
     return [
+        *lines,
         f"{joint}: numbers fitted to the other recordings predict the one left out worse ({fitted:.3g} floors) than"
-        f" those of the machine file do ({stated:.3g} floors); model.yaml keeps the latter where no effect is claimed"
+        f" those of the machine file do ({stated:.3g} floors); model.yaml keeps the latter where no effect is claimed",
     ]
 
 
