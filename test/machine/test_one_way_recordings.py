@@ -70,7 +70,7 @@ def test_a_direction_of_one_recording_alone_is_not_left_out(
 
 
 def test_friction_of_each_direction_is_kept_and_predicts_others(tmp_path: Path) -> None:
-    """Fails when a recording that goes back is predicted from one that goes forth, or what was found fails on others."""
+    """Fails when a recording back is to be predicted from one forward, or what was found does not hold on others."""
     turn(tmp_path / "a.npz", 1, 1)
     turn(tmp_path / "b.npz", 2, -1)
     turn(tmp_path / "c.npz", 3, -1, 1, steep=0.7)
