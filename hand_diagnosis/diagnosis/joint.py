@@ -18,6 +18,7 @@ from hand_diagnosis.judgement import (
     search_with_onset,
     stage_results,
     tested,
+    unswitched,
     with_onset,
     with_other_splits,
     with_stated_numbers,
@@ -116,14 +117,15 @@ def _searched(
 
     def again(changed: JointProblem, laws: bool) -> JointSearch:
         begin = [partial(with_cause, cause) for cause in causes]
-        return search_joint(changed, effects, ready.free, rng, ready.start, laws=laws, begin=begin)
+        free, start = unswitched(changed, ready.free, ready.start)
+        return search_joint(changed, effects, free, rng, start, laws=laws, begin=begin)
 
     search = again(problem, laws=True)
     results = stage_results(problem, search.nominal, search.final, len(search.accepted))
     switched, onset = search_with_onset(search, results, effects, again), None
     if switched is not None:
         search, onset, rows = switched
-        problem, whole = search.problem, with_onset(whole, onset, rows)
+        problem, whole = search.problem, with_onset(whole, onset, rows, search.problem.nominal)
     machine = task.signals[0].machine
     free_axis = swings_freely(whole)
     withdrawn = () if machine else without_repeating(search)  # what repeats in a machine has a name: cogging

@@ -12,7 +12,7 @@ from hand_diagnosis.judgement.left_out import (
     withdrawn_rows,
 )
 from hand_diagnosis.judgement.notes import bound_notes, errors_by_split, exchange_notes
-from hand_diagnosis.judgement.onset import Onset, search_with_onset, with_onset
+from hand_diagnosis.judgement.onset import Onset, search_with_onset, unswitched, with_onset
 from hand_diagnosis.judgement.remainder import Remainder, remainders, verdict
 from hand_diagnosis.judgement.remainder_law import RemainderLaw, described, learn_remainder
 from hand_diagnosis.judgement.residual_structure import Region, describe, locate, states_of
@@ -53,6 +53,7 @@ __all__ = [
     "stage_results",
     "states_of",
     "tested",
+    "unswitched",
     "verdict",
     "with_onset",
     "with_other_splits",

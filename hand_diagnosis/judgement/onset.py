@@ -2,9 +2,11 @@
 
 The candidates come from two sides. An effect that was found is switched off in the beginning or in the end, at the time
 that fits best. Where much is left, the nominal model is fitted to the beginning and to the end alone, and the time is
-sought at which its error changes. At a candidate the search is repeated with all effects off on the other side, and
-the time is refined by its profile. Both models are compared by their evidence; the one with an onset has one parameter
-more, over whose values, the times of the recording, its likelihood is averaged (MacKay, Neural Computation 4(3), 1992).
+sought at which its error changes. At a candidate the search is repeated with all effects off on the other side. A
+number of the plain plant that an effect may change is then the one that fits that side, and is free for that effect
+alone. The time is refined by its profile. Both models are compared by their evidence; the one with an onset has one
+parameter more, over whose values, the times of the recording, its likelihood is averaged (MacKay, Neural Computation
+4(3), 1992).
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from hand_diagnosis.judgement.stage_errors import StageResult
 from hand_diagnosis.problem import log_evidence
 from hand_diagnosis.search import JointSearch, amounts
 from hand_diagnosis.settings import SETTINGS
+from hand_identification.free_parameters import FreeParameter, fixed
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, map_fit
 from hand_identification.settings import FITS
@@ -49,10 +52,21 @@ class Onset:
         )
 
 
-def with_onset(problem: JointProblem, onset: Onset, rows: Sequence[int]) -> JointProblem:
-    """The problem of one recording in which parameters of these rows are nominal before the onset, or after the end."""
+def with_onset(problem: JointProblem, onset: Onset, rows: Sequence[int], nominal: Array | None = None) -> JointProblem:
+    """The problem of one recording in which parameters of these rows are nominal before the onset, or after the end.
+
+    nominal: (rows,) nominal parameters; None: those that the problem has.
+    """
     segments = [replace(s, acts=onset.acts(len(s.angle_rad), s.period_s)) for s in problem.segments]
-    return replace(problem, segments=segments, switched=tuple(rows))
+    nominal = problem.nominal if nominal is None else nominal
+    return replace(problem, segments=segments, switched=tuple(rows), nominal=nominal)
+
+
+def unswitched(problem: JointProblem, free: Sequence[FreeParameter], start: Array) -> tuple[list[FreeParameter], Array]:
+    """Free parameters and start (free,) of the model without effects; what an effect may change there is kept."""
+    kept = [p.row in problem.switched for p in free]
+    held = [fixed(p, float(problem.nominal[p.row]), p.scale) if keep else p for p, keep in zip(free, kept, strict=True)]
+    return held, np.where(kept, 0.0, start)
 
 
 def search_with_onset(
@@ -72,16 +86,18 @@ def search_with_onset(
         or len(problem.segments[0].angle_rad) * problem.segments[0].period_s < SETTINGS.min_onset_recording_s
     ):
         return None
-    # These vary within their tolerance at all times, or are those of the whole hand.
-    nominal = {parameter.row for parameter in search.base.free}
-    others = {ROW[key] for effect in effects for key in effect.keys} - nominal
-    rows = sorted({*others, *search.own_rows} - nominal)
+    of_the_hand = {parameter.row for parameter in search.base.free} - {p.row for p in search.nominal.free}
+    others = {ROW[key] for effect in effects for key in effect.keys}
+    rows = sorted({*others, *search.own_rows} - of_the_hand)
     best: tuple[float, JointSearch, Onset] | None = None
     for candidate in _candidates(search, results):
+        problem = replace(search.problem, nominal=_sound_side(search, candidate, rows))
         switched = with_onset(problem, candidate, rows)
         found = again(_without_change(switched, candidate), False)
         if not found.own_rows:  # what shows for a short time only is not seen without the samples around the change
             found = again(switched, False)
+        if not found.own_rows and (moved := _by_leader(problem, found, candidate, rows)) is not None:
+            found = again(with_onset(problem, moved, rows), False)
         if not found.own_rows:
             continue
         found, onset, evidence = _refined(problem, found, candidate, rows)
@@ -93,7 +109,7 @@ def search_with_onset(
     probability = _probability(best[0] - always)
     if probability <= SETTINGS.min_onset_probability:
         return None
-    evidence, found, onset = _with_laws(problem, best, again, rows)
+    evidence, found, onset = _with_laws(replace(problem, nominal=best[1].problem.nominal), best, again, rows)
     probability = min(_probability(evidence - always), 1.0 - SETTINGS.min_probability)
     return found, replace(onset, probability=probability), tuple(rows)
 
@@ -117,6 +133,28 @@ def _with_laws(
         return best
     learned, moved, evidence = _refined(problem, learned, onset, rows)
     return max((best, (evidence, learned, moved)), key=lambda each: each[0])
+
+
+def _sound_side(search: JointSearch, onset: Onset, rows: Sequence[int]) -> Array:
+    """Nominal parameters (rows,); those of the given rows fit the side on which no effect of this joint acts."""
+    problem, base = search.problem, search.base
+    segment, plain = problem.segments[0], {parameter.row for parameter in search.nominal.free}
+    sound = ~onset.acts(len(segment.angle_rad), segment.period_s)
+    part = replace(problem, segments=[replace(segment, use=segment.use & sound)])
+    start = np.array([0.0 if p.row in plain else z for p, z in zip(base.free, base.z, strict=True)])
+    fit = map_fit(part, base.free, start, SETTINGS.nominal_iterations)
+    nominal = problem.nominal.copy()
+    nominal[list(rows)] = problem.columns(fit.free, fit.z[None])[0][0, list(rows)]
+    return nominal
+
+
+def _by_leader(problem: JointProblem, found: JointSearch, onset: Onset, rows: Sequence[int]) -> Onset | None:
+    """The time that fits the best effect of a search that has accepted none; None where there is no other time."""
+    leaders, evidence = found.rounds[-1], found.evidences[-1]
+    if not leaders or leaders[0].log_evidence <= evidence:
+        return None
+    _, moved, _ = _refined(problem, replace(found, accepted=[leaders[0]]), onset, rows)
+    return moved if abs(moved.at_s - onset.at_s) > SETTINGS.rough_onset_s else None
 
 
 def _without_change(problem: JointProblem, onset: Onset) -> JointProblem:

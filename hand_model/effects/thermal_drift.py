@@ -9,19 +9,30 @@ from hand_model.effects.effect import Effect
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
 
+PER_STRAIN = 4.0
+"""Reciprocal of the angle [rad] away from rest at which work against the elasticity heats as much as the rest."""
+
 
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
-    """Shares of the remaining warming of both capacities that happen within a step; midpoint rule."""
-    tau, faster = q[2], q[2] * q[5]
-    return h / (tau + 0.5 * h), h / (faster + 0.5 * h), 1.0 / h
+    """Shares of the remaining warming of both capacities that happen within a step, midpoint rule, and the rest angle.
+
+    It is minus the angle at which the elasticity of the plain plant has no torque, 0 where there is none.
+    """
+    tau, faster, a0, a1 = q[2], q[2] * q[5], q[9], q[10]
+    return h / (tau + 0.5 * h), h / (faster + 0.5 * h), 1.0 / h, a0 * a1 / (a1 * a1 + 1e-12)
 
 
 @inline
-def heat(speed, by_use, by_square):  # type: ignore[no-untyped-def]
-    """Heat at a speed over 1 rad/s: a constant, a part in proportion to it and one to its square; 1 at 1 rad/s."""
+def heat(speed, strain, by_use, by_square, by_strain):  # type: ignore[no-untyped-def]
+    """Heat at a speed over 1 rad/s: a constant, parts in proportion to it and to its square; 1 at 1 rad/s.
+
+    And a part in proportion to the power against the elasticity, of which soft material loses a share as heat; strain:
+    angle from rest [rad].
+    """
     constant = 1.0 + by_use * (speed - 1.0)
-    return constant + by_square * (speed * speed - constant)
+    moving = constant + by_square * (speed * speed - constant)
+    return moving + by_strain * (PER_STRAIN * strain * speed - moving)
 
 
 @inline
@@ -33,7 +44,7 @@ def bent(warmth, bend):  # type: ignore[no-untyped-def]
 @inline
 def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     """A rest torque and a loss of elasticity in proportion to the warmth; by the law, of two capacities, and bent."""
-    shift, softening, second, a1 = q[0], q[1], q[4], q[8]
+    shift, softening, second, a1 = q[0], q[1], q[4], q[10]
     slow, fast = m
     warmth = bent(slow + second * (fast - slow), q[7])
     elastic = softening * warmth * a1
@@ -42,17 +53,17 @@ def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
 
 @inline
 def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
-    """Warmth goes from 0 to 1 as a first-order lag; by the law it follows speed or its square in part."""
+    """Warmth goes from 0 to 1 as a first-order lag; by the law it follows speed, its square or work in part."""
     slow, fast = m
-    speed = abs(after - before) * q[11]
-    heated = heat(speed, q[3], q[6])
-    return slow + (heated - slow) * q[9], fast + (heated - fast) * q[10]
+    speed, strain = abs(after - before) * q[13], abs(0.5 * (after + before) + q[14])
+    heated = heat(speed, strain, q[3], q[6], q[8])
+    return slow + (heated - slow) * q[11], fast + (heated - fast) * q[12]
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
     """Torque gained [N m] after the time x [s] at the speed y [rad/s]."""
     slow, fast = -math.expm1(-x / q[2]), -math.expm1(-x / (q[2] * q[5]))
-    return float(q[0] * bent(heat(y, q[3], q[6]) * (slow + q[4] * (fast - slow)), q[7]))
+    return float(q[0] * bent(heat(y, 1.0 / PER_STRAIN, q[3], q[6], q[8]) * (slow + q[4] * (fast - slow)), q[7]))
 
 
 EFFECT = Effect(
@@ -72,9 +83,19 @@ EFFECT = Effect(
             "thermal_drift.by_square", 0.0, 1.0, "law: share of the square of the speed", 1.0, 0.0, 0.3, law=True
         ),
         Parameter("thermal_drift.bend", -1.0, 1.0, "law: growth beyond proportion", 1.0, 0.0, 0.3, law=True),
+        Parameter(
+            "thermal_drift.by_strain",
+            0.0,
+            1.0,
+            "law: share of the work against the elasticity",
+            1.0,
+            0.0,
+            0.3,
+            law=True,
+        ),
     ),
-    reads=("statics.a1_nm_per_rad",),
-    prepared=("approach", "fast_approach", "per_h"),
+    reads=("statics.a0_nm", "statics.a1_nm_per_rad"),
+    prepared=("approach", "fast_approach", "per_h", "rest"),
     memory=("slow", "fast"),
     law_memory=("fast",),
     hooks={"prepare": prepare, "torque": torque, "moved": moved},
@@ -100,10 +121,12 @@ EFFECT = Effect(
             "thermal_drift.faster",
             "thermal_drift.by_square",
             "thermal_drift.bend",
+            "thermal_drift.by_strain",
         ),
         quantity="the {torque} gained by warming",
         unit="nm",
         curve=curve,
-        source="heat balance of lumped capacities, Incropera and DeWitt, Fundamentals of Heat Transfer, 2002, ch. 5",
+        source="heat balance of lumped capacities, Incropera and DeWitt, Fundamentals of Heat Transfer, 2002, ch. 5;"
+        " heat of cyclic strain: Gent, Engineering with Rubber, 3rd ed. 2012, ch. 4",
     ),
 )

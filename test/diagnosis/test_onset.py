@@ -87,6 +87,24 @@ def test_a_load_that_begins_moves_the_joint_to_a_new_place(hand: Hand) -> None:
     assert abs(onset.at_s - 10.4) < max(0.02, 4.0 * onset.std_s)
 
 
+def test_a_number_of_the_plain_plant_that_changes_is_named(hand: Hand) -> None:
+    """Fails when a valve that becomes slower is taken for another fault of the valve, or was slower before."""
+    rng = np.random.default_rng(SEED)
+    slower = changed(hand, JOINT, valve__time_constant_s=0.08)
+    signals = recorded(hand, slower, 8.2, rng)
+    model = off_by_a_little(hand, rng)
+    kept = ("valve_lag", "valve_deadband", "valve_flow_limit", "valve_hysteresis", "leak")
+    without = [effect.name for effect in CATALOGUE if effect.name not in kept]
+    result = diagnose([signals], model, tolerance=0.05, seed=0, joints=[JOINT], without=without, sensor_curve=False)
+    assert [finding.effect for finding in result.findings] == ["valve_lag"], result.findings
+    (finding,) = result.findings
+    assert finding.onset is not None and finding.onset.begins
+    assert abs(finding.onset.at_s - 8.2) < max(0.3, 4.0 * finding.onset.std_s)
+    found = {number.key: number.value for number in finding.numbers}
+    lags = found["valve.time_constant_s"] + found["valve_lag.time_constant_s"]
+    assert lags == pytest.approx(0.08, rel=0.1)
+
+
 def test_a_leak_that_is_always_there_has_no_onset(hand: Hand) -> None:
     """Fails when an effect that is there all the time gets an onset, because it is little excited at first."""
     print("seed", SEED)

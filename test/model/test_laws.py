@@ -38,6 +38,7 @@ PLAIN = {
     "valve.fill_rate_pa_per_s": 4e6,
     "valve.vent_rate_pa_per_s": 3e6,
     "valve.time_constant_s": 0.02,
+    "statics.a0_nm": -0.01,
     "statics.a1_nm_per_rad": -0.05,
     "statics.a2_nm_per_pa": 4e-7,
     "statics.a3_nm_per_pa_rad": -1e-7,
@@ -703,6 +704,21 @@ def test_heat_of_friction_bends_and_a_hand_sways() -> None:
         at = tuple(t if column == TIME else 0.0 for column in range(EXOGENOUS))
         found = call(gravity, "torque", q, 0.5, 0.0, 0.0, 0.0, at)[0]
         assert found == approx(-0.02 * np.cos(0.5 + lean), abs=2e-7)
+
+
+def test_work_against_the_elasticity_heats_soft_material() -> None:
+    """Fails when the heat is not in proportion to the angle from rest and the speed, or motion at rest heats."""
+    warming = EFFECTS["thermal_drift"]
+    rest = -PLAIN["statics.a0_nm"] / PLAIN["statics.a1_nm_per_rad"]
+    q = numbers(warming, time_constant_s=5.0, by_strain=1.0)
+    for away, speed in ((0.3, 2.0), (-0.3, 2.0), (0.6, 2.0), (0.3, -4.0), (0.3, 0.0), (0.0, 2.0)):
+        middle, half = rest + away, 0.5 * speed * H
+        warm: tuple[float, ...] = (0.0, 0.0)
+        for _ in range(60_000):
+            warm = call(warming, "moved", q, warm, middle - half, middle + half, H)
+        power = abs(PLAIN["statics.a1_nm_per_rad"] * away * speed)
+        unit = abs(PLAIN["statics.a1_nm_per_rad"]) * 0.25  # at a quarter of a radian and 1 rad/s
+        assert warm[0] == approx(power / unit, rel=1e-4, abs=1e-9)
 
 
 def test_a_reservoir_with_a_limited_refill_empties_and_fills_at_a_constant_rate() -> None:
