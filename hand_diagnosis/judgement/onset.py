@@ -18,7 +18,7 @@ import numpy as np
 
 from hand_diagnosis.judgement.stage_errors import StageResult
 from hand_diagnosis.problem import log_evidence
-from hand_diagnosis.search import JointSearch, amounts
+from hand_diagnosis.search import JointSearch, amounts, refit_below_floor
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import FreeParameter, fixed
 from hand_identification.joint_problem import JointProblem
@@ -111,7 +111,8 @@ def search_with_onset(
         return None
     evidence, found, onset = _with_laws(replace(problem, nominal=best[1].problem.nominal), best, again, rows)
     probability = min(_probability(evidence - always), 1.0 - SETTINGS.min_probability)
-    return found, replace(onset, probability=probability), tuple(rows)
+    found = _released(search, found)
+    return found, replace(onset, probability=probability), found.problem.switched
 
 
 def _probability(gain: float) -> float:
@@ -146,6 +147,31 @@ def _sound_side(search: JointSearch, onset: Onset, rows: Sequence[int]) -> Array
     nominal = problem.nominal.copy()
     nominal[list(rows)] = problem.columns(fit.free, fit.z[None])[0][0, list(rows)]
     return nominal
+
+
+def _released(search: JointSearch, found: JointSearch) -> JointSearch:
+    """The search with an onset in which numbers of the plain plant that no effect found changes are free at all times.
+
+    search: that without an onset, of whose numbers these are.
+    """
+    plain = {p.row: p for p in search.base.free}
+    kept = [row for row in found.problem.switched if row not in plain or row in found.own_rows]
+    nominal, changed = search.problem.nominal.copy(), [row for row in kept if row in plain]
+    nominal[changed] = found.problem.nominal[changed]
+    problem = replace(found.problem, switched=tuple(kept), nominal=nominal)
+
+    def again(fit: MapFit) -> MapFit:
+        columns, _ = found.problem.columns(fit.free, fit.z[None])
+        held = [p.is_fixed and p.row in plain and p.row not in changed for p in fit.free]
+        free = [plain[p.row] if release else p for p, release in zip(fit.free, held, strict=True)]
+        z = [
+            p.coordinate(float(columns[0, p.row])) if release else value
+            for p, value, release in zip(free, fit.z, held, strict=True)
+        ]
+        return map_fit(problem, free, np.array(z), SETTINGS.nominal_iterations)
+
+    last = replace(found.accepted[-1], fit=refit_below_floor(problem, again(found.final)))
+    return replace(found, problem=problem, nominal=again(found.nominal), accepted=[*found.accepted[:-1], last])
 
 
 def _by_leader(problem: JointProblem, found: JointSearch, onset: Onset, rows: Sequence[int]) -> Onset | None:
