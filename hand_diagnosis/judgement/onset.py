@@ -55,7 +55,7 @@ class Onset:
 def with_onset(problem: JointProblem, onset: Onset, rows: Sequence[int], nominal: Array | None = None) -> JointProblem:
     """The problem of one recording in which parameters of these rows are nominal before the onset, or after the end.
 
-    nominal: (rows,) nominal parameters; None: those that the problem has.
+    nominal: (rows,) nominal parameters, SI; None: those that the problem has.
     """
     segments = [replace(s, acts=onset.acts(len(s.angle_rad), s.period_s)) for s in problem.segments]
     nominal = problem.nominal if nominal is None else nominal
@@ -63,7 +63,7 @@ def with_onset(problem: JointProblem, onset: Onset, rows: Sequence[int], nominal
 
 
 def unswitched(problem: JointProblem, free: Sequence[FreeParameter], start: Array) -> tuple[list[FreeParameter], Array]:
-    """Free parameters and start (free,) of the model without effects; what an effect may change there is kept."""
+    """Free parameters and start (free,) [-] of the model without effects; what an effect may change there is kept."""
     kept = [p.row in problem.switched for p in free]
     held = [fixed(p, float(problem.nominal[p.row]), p.scale) if keep else p for p, keep in zip(free, kept, strict=True)]
     return held, np.where(kept, 0.0, start)

@@ -14,7 +14,7 @@ from hand_diagnosis.judgement.left_out import covered
 from hand_diagnosis.report import document
 from hand_identification.joint_data import joint_problem
 from hand_machine.machine import load_machine
-from test.machine.test_several_recordings import diagnosed, errors, load
+from test.machine.loaded import diagnosed, errors, load
 
 PERIOD_S, NOISE_RAD = 0.01, 1e-3
 DRAG, INERTIA, FRICTION = 0.3, 0.03, {1: 0.6, -1: 0.05}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,16 +11,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from hand_diagnosis.diagnosis import Diagnosis, diagnose
 from hand_diagnosis.found_machine import write_machine_model
 from hand_diagnosis.judgement import leave_one_out, withdrawn_rows
-from hand_diagnosis.prediction import predict
 from hand_diagnosis.report import document, schema
 from hand_identification.joint_data import joint_problem
 from hand_identification.map_fit import map_fit
-from hand_machine.machine import Machine, load_machine
-from hand_model.effects import EFFECTS
+from hand_machine.machine import load_machine
 from hand_model.yaml_loader import DescriptionError
+from test.machine.loaded import diagnosed, errors, load
 
 SECONDS, PERIOD_S, NOISE_RAD = 10.0, 0.005, 2e-4
 STIFFNESS, DAMPING, INERTIA = 3.0, 0.05, 0.01
@@ -63,21 +60,6 @@ def save(
     q = solve_ivp(slope, (0.0, seconds), [0.0, 0.0], "LSODA", times, rtol=1e-7, atol=1e-9, max_step=0.02).y[0]
     measured = q + NOISE_RAD * rng.standard_normal(len(times))
     np.savez(path, t=times, u=np.interp(times, knots, levels), q=measured)
-
-
-def load(folder: Path, description: dict[str, Any], *names: str) -> Machine:
-    (folder / "machine.yaml").write_text(json.dumps(description), encoding="utf-8")
-    return load_machine(folder / "machine.yaml", [folder / name for name in names])
-
-
-def errors(machine: Machine) -> list[float]:
-    """RMS error of the angle of every recording [rad]."""
-    return [score.rmse for score in predict(machine.signals, machine.model, wording=machine.wording).joints[0].scores]
-
-
-def diagnosed(machine: Machine, *effects: str) -> Diagnosis:
-    others = [name for name in EFFECTS if name not in effects]
-    return diagnose(machine.signals, machine.model, tolerance=0.05, seed=0, without=others, wording=machine.wording)
 
 
 def test_loads_and_supplies_belong_to_their_recordings(tmp_path: Path) -> None:

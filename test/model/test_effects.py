@@ -42,6 +42,7 @@ PLAIN = {
     "supply.pressure_pa": SUPPLY_PA,
     "valve.fill_rate_pa_per_s": 4e6,
     "valve.vent_rate_pa_per_s": 3e6,
+    "statics.a0_nm": -0.01,
     "statics.a1_nm_per_rad": -0.05,
     "statics.a2_nm_per_pa": 4e-7,
     "statics.a3_nm_per_pa_rad": -1e-7,
