@@ -221,9 +221,10 @@ def _refined(
         weights = np.exp(score - score.max())
         occam = float(np.log(weights.mean()))
         weights /= weights.sum()
-        mean = float(times @ weights)
-        at = float(times[int(np.argmax(score))])
-        onset = replace(onset, at_s=at, std_s=float(np.sqrt(weights @ (times - mean) ** 2)))
+        std_s = float(np.sqrt(weights @ (times - float(times @ weights)) ** 2))
+        # Between two contacts with a new obstacle, say, every time fits: then the middle one of all is stated.
+        best = np.argmax(score) if std_s < SETTINGS.rough_onset_s else np.searchsorted(np.cumsum(weights), 0.5)
+        onset = replace(onset, at_s=float(times[int(best)]), std_s=std_s)
         onset = _sharpened(problem, fit, rows, onset)
         switched = with_onset(problem, onset, rows)
         fit = map_fit(switched, fit.free, fit.z, SETTINGS.nominal_iterations)

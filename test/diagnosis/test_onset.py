@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -103,6 +105,25 @@ def test_a_number_of_the_plain_plant_that_changes_is_named(hand: Hand) -> None:
     found = {number.key: number.value for number in finding.numbers}
     lags = found["valve.time_constant_s"] + found["valve_lag.time_constant_s"]
     assert lags == pytest.approx(0.08, rel=0.1)
+
+
+def test_an_obstacle_that_begins_while_it_is_not_met_gets_the_middle_of_the_times(hand: Hand) -> None:
+    """Fails when one end of the times that fit equally well is stated as the time, or with a small error."""
+    rng = np.random.default_rng(SEED)
+    obstacle = changed(hand, JOINT, contact__angle_deg=math.radians(70.0), contact__stiffness_nm_per_rad=2.0)
+    signals = recorded(hand, obstacle, 10.7, rng)
+    angle = signals.angle_rad[:, signals.joints.index(JOINT)]
+    met_s = np.flatnonzero(angle > math.radians(69.5)) * PERIOD_S
+    last_s, first_s = met_s[met_s < 10.7].max(), met_s[met_s > 10.7].min()
+    assert first_s - last_s > 2.0
+    without = [effect.name for effect in CATALOGUE if effect.name not in ("contact", "stiffening", "coulomb_friction")]
+    model = off_by_a_little(hand, rng)
+    result = diagnose([signals], model, tolerance=0.05, seed=0, joints=[JOINT], without=without, sensor_curve=False)
+    assert [finding.effect for finding in result.findings] == ["contact"], result.findings
+    onset = result.findings[0].onset
+    assert onset is not None and onset.begins
+    assert abs(onset.at_s - 0.5 * (last_s + first_s)) < 0.25 * (first_s - last_s)
+    assert onset.std_s > 0.2 * (first_s - last_s)
 
 
 def test_a_leak_that_is_always_there_has_no_onset(hand: Hand) -> None:
