@@ -365,7 +365,7 @@ def claimed_values(joint: JointDiagnosis) -> dict[str, float]:
     deviation = np.sqrt(np.diag(final.covariance))
     least = np.maximum(SETTINGS.min_change_sigma * deviation, SETTINGS.min_change_tolerances)
     stays = np.array(
-        [p.row >= START_CREEP or p.is_fixed or p.key in search.effect_keys or abs(z) >= limit
+        [p.row >= START_CREEP or p.key in search.effect_keys or abs(z) >= limit
          for p, z, limit in zip(final.free, final.z, least, strict=True)]
     )  # fmt: skip
     if not search.accepted and not stays.any():
@@ -385,5 +385,5 @@ def claimed_values(joint: JointDiagnosis) -> dict[str, float]:
     return {
         p.key: float(columns[0, p.row])
         for p, z in zip(fit.free, fit.z, strict=True)
-        if p.row < START_CREEP and (abs(z) > 1e-6 or (p.is_fixed and p.row in problem.switched))
+        if p.row < START_CREEP and abs(z) > 1e-6
     }

@@ -52,6 +52,7 @@ def test_names_end_in_their_unit() -> None:
         ".inner",
         ".innermost",
         ".by_square",
+        ".by_strain",
         ".bend",
         ".skew",
         ".small",
