@@ -124,8 +124,9 @@ def _searched(
     results = stage_results(problem, search.nominal, search.final, len(search.accepted))
     switched, onset = search_with_onset(search, results, effects, again), None
     if switched is not None:
-        search, onset, rows = switched
-        problem, whole = search.problem, with_onset(whole, onset, rows, search.problem.nominal)
+        search, onset = switched
+        problem = search.problem
+        whole = replace(with_onset(whole, onset, problem.switched), nominal=problem.nominal)
     machine = task.signals[0].machine
     free_axis = swings_freely(whole)
     withdrawn = () if machine else without_repeating(search)  # what repeats in a machine has a name: cogging

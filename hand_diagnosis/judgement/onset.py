@@ -52,14 +52,10 @@ class Onset:
         )
 
 
-def with_onset(problem: JointProblem, onset: Onset, rows: Sequence[int], nominal: Array | None = None) -> JointProblem:
-    """The problem of one recording in which parameters of these rows are nominal before the onset, or after the end.
-
-    nominal: (rows,) nominal parameters, SI; None: those that the problem has.
-    """
+def with_onset(problem: JointProblem, onset: Onset, rows: Sequence[int]) -> JointProblem:
+    """The problem of one recording in which parameters of these rows are nominal before the onset, or after the end."""
     segments = [replace(s, acts=onset.acts(len(s.angle_rad), s.period_s)) for s in problem.segments]
-    nominal = problem.nominal if nominal is None else nominal
-    return replace(problem, segments=segments, switched=tuple(rows), nominal=nominal)
+    return replace(problem, segments=segments, switched=tuple(rows))
 
 
 def unswitched(problem: JointProblem, free: Sequence[FreeParameter], start: Array) -> tuple[list[FreeParameter], Array]:
@@ -74,8 +70,8 @@ def search_with_onset(
     results: Sequence[StageResult],
     effects: Sequence[Effect],
     again: Callable[[JointProblem, bool], JointSearch],
-) -> tuple[JointSearch, Onset, tuple[int, ...]] | None:
-    """The search with an onset, the onset, and the switched rows; None where effects are there all the time, or none.
+) -> tuple[JointSearch, Onset] | None:
+    """The search with an onset, and the onset; None where effects are there all the time, or none.
 
     results: of the search without an onset.  again: searches a problem, with learned laws or without; textbook forms
     are enough to find a time.  Only for one recording: between recordings, no time is known.
@@ -111,8 +107,7 @@ def search_with_onset(
         return None
     evidence, found, onset = _with_laws(replace(problem, nominal=best[1].problem.nominal), best, again, rows)
     probability = min(_probability(evidence - always), 1.0 - SETTINGS.min_probability)
-    found = _released(search, found)
-    return found, replace(onset, probability=probability), found.problem.switched
+    return _released(search, found), replace(onset, probability=probability)
 
 
 def _probability(gain: float) -> float:
@@ -150,7 +145,7 @@ def _sound_side(search: JointSearch, onset: Onset, rows: Sequence[int]) -> Array
     problem, base = search.problem, search.base
     segment, plain = problem.segments[0], {parameter.row for parameter in search.nominal.free}
     sound = ~onset.acts(len(segment.angle_rad), segment.period_s)
-    part = replace(problem, segments=[replace(segment, use=segment.use & sound)])
+    part = _with_only(problem, sound)
     start = np.array([0.0 if p.row in plain else z for p, z in zip(base.free, base.z, strict=True)])
     fit = map_fit(part, base.free, start, SETTINGS.nominal_iterations)
     nominal = problem.nominal.copy()
@@ -196,8 +191,13 @@ def _without_change(problem: JointProblem, onset: Onset) -> JointProblem:
     """The problem without the samples around a rough time, at which it is not known which plant moves the joint."""
     segment = problem.segments[0]
     times = np.arange(len(segment.angle_rad)) * segment.period_s
-    far = np.abs(times - onset.at_s) > SETTINGS.rough_onset_s
-    return replace(problem, segments=[replace(segment, use=segment.use & far)])
+    return _with_only(problem, np.abs(times - onset.at_s) > SETTINGS.rough_onset_s)
+
+
+def _with_only(problem: JointProblem, samples: Flags) -> JointProblem:
+    """The problem of one recording in which these samples (T,) alone count."""
+    segment = problem.segments[0]
+    return replace(problem, segments=[replace(segment, use=segment.use & samples)])
 
 
 def _evidence(problem: JointProblem, search: JointSearch) -> float:
@@ -310,7 +310,7 @@ def _change(problem: JointProblem, nominal: MapFit, begins: bool) -> tuple[float
     best = None
     for _ in range(SETTINGS.onset_refinements):
         sound = (times <= at) == begins
-        part = replace(problem, segments=[replace(segment, use=segment.use & sound)])
+        part = _with_only(problem, sound)
         fit = map_fit(part, nominal.free, np.zeros(len(nominal.z)), SETTINGS.nominal_iterations)
         squares = problem.residuals(*problem.columns(fit.free, fit.z[None]))[0][0] ** 2 * problem.weight[:, None]
         gain, at, rises = _split(squares, segment.use, times, segment.period_s)
