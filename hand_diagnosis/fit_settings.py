@@ -138,6 +138,15 @@ class FitSettings:
     min_promised_share: float = setting(
         0.1, "-", "Share of the cost that the best probe must promise; else starting points are simulated too.", CHOICE,
         "Large nonlinear effects may be missed.", "The search takes longer.")
+    hidden_share: float = setting(
+        0.8, "-", "Share of a probe's square that the nominal numbers imitate, from which its effect is tried by a short"
+        " fit where it promises nothing and another effect does.", CHOICE,
+        "Slower.", "Effects that the nominal numbers have hidden are not fitted.")
+    hidden_gain: float = setting(
+        0.3, "-", "Share of the best promise that such a fit must bring.", CHOICE,
+        "More fits of no use.", "Hidden effects are not fitted.")
+    hidden_iterations: int = setting(
+        3, "iterations", "Iterations of such a fit.", CHOICE, "Hidden effects are not fitted.", "Slower.")
     start_share_low: float = setting(
         0.1, "-", "Least share of the way to a probe at which a fit starts.", CHOICE,
         "Fits start too close to the neutral value.", "Small effects start too large.")

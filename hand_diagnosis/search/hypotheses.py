@@ -39,13 +39,16 @@ from hand_model.kernel.rows import ROW
 class Screened:
     """An effect, the fall of the cost that its best probe promises, and where to start: values by row (SI), share.
 
-    plain: its textbook form, where it starts with a coefficient of its law and that form promises something as well.
+    imitated: largest share of a probe's square that the free parameters take; their equations are bent over such ways,
+    and the promise is not worth much.  plain: its textbook form, where it starts with a coefficient of its law and that
+    form promises something as well.
     """
 
     effect: Effect
     gain: float
     start: dict[int, float]
     share: float
+    imitated: float = 0.0
     plain: Screened | None = None
 
 
@@ -134,23 +137,27 @@ def screen(problem: JointProblem, fit: MapFit, effects: Sequence[Effect], *, law
                 best[name] = replace(found, plain=plain)
     for effect in effects:
         relief = _relief(fit, effect)
-        if relief > (best[effect.name].gain if effect.name in best else 0.0):
-            best[effect.name] = Screened(effect, relief, {}, 1.0)
+        found = best.get(effect.name)
+        if relief > (found.gain if found is not None else 0.0):
+            imitated = found.imitated if found is not None else 0.0
+            best[effect.name] = Screened(effect, relief, {}, 1.0, imitated)
     return sorted(best.values(), key=lambda screened: -screened.gain)
 
 
 def _screened(problem: JointProblem, fit: MapFit, tried: Probes) -> dict[str, Screened]:
     """The best probe of each effect, by its name."""
-    gains, shares = np.zeros(len(tried.probes)), np.zeros(len(tried.probes))
+    gains, shares, imitated = np.zeros((3, len(tried.probes)))
     long = sum(len(segment.angle_rad) for segment in problem.segments) >= SETTINGS.long_recording_samples
     at_once = SETTINGS.probes_at_once_long if long else SETTINGS.probes_at_once
     for part, changed in tried.changed_residuals(problem, at_once):
-        gains[part], shares[part] = _gains(problem, fit, changed)
+        gains[part], shares[part], imitated[part] = _gains(problem, fit, changed)
     best: dict[str, Screened] = {}
-    for (effect, values), gain, share in zip(tried.probes, gains, shares, strict=True):
+    taken: dict[str, float] = {}
+    for (effect, values), gain, share, part in zip(tried.probes, gains, shares, imitated, strict=True):
+        taken[effect.name] = max(float(part), taken.get(effect.name, 0.0))
         if effect.name not in best or gain > best[effect.name].gain:
             best[effect.name] = Screened(effect, float(gain), values, float(share))
-    return best
+    return {name: replace(found, imitated=taken[name]) for name, found in best.items()}
 
 
 def _relief(fit: MapFit, effect: Effect) -> float:
@@ -171,15 +178,16 @@ def promised_shares(problem: JointProblem, fit: MapFit, effect: Effect) -> tuple
     return own, toward
 
 
-def _gains(problem: JointProblem, fit: MapFit, changed: Sequence[Array]) -> tuple[Array, Array]:
-    """Fall of the cost by each probe and the share of it that brings most, (probes,) each."""
-    own, toward = _products(problem, fit, changed)
+def _gains(problem: JointProblem, fit: MapFit, changed: Sequence[Array]) -> tuple[Array, Array, Array]:
+    """Of each probe, the fall of the cost, the share of the probe that brings most, and what is imitated, (probes,)."""
+    own, toward, square = _products(problem, fit, changed)
     share = np.clip(toward / own, 0.0, SETTINGS.max_probe_share)
-    return share * (2.0 * toward - share * own), share
+    imitated = np.where(square > SETTINGS.min_promised_gain, 1.0 - own / np.maximum(square, own), 0.0)
+    return share * (2.0 * toward - share * own), share, imitated
 
 
-def _products(problem: JointProblem, fit: MapFit, changed: Sequence[Array]) -> tuple[Array, Array]:
-    """Squares of the probes and their products with the residual, without what the free parameters explain."""
+def _products(problem: JointProblem, fit: MapFit, changed: Sequence[Array]) -> tuple[Array, Array, Array]:
+    """Squares of the probes and their products with the residual without what the free parameters explain; squares."""
     train = (~problem.validation).astype(float)
     count, free = len(changed[0]), len(fit.z)
     ss, sr = np.zeros(count), np.zeros(count)
@@ -197,7 +205,7 @@ def _products(problem: JointProblem, fit: MapFit, changed: Sequence[Array]) -> t
         slope += j @ r
     prior = np.linalg.inv(fit.normal + np.eye(free))
     own = np.maximum(ss - np.einsum("pm,mn,pn->p", cross, prior, cross), 1e-9 * ss + 1e-12)
-    return own, -(sr - cross @ prior @ (slope + fit.z))
+    return own, -(sr - cross @ prior @ (slope + fit.z)), ss
 
 
 def promising(
@@ -205,17 +213,36 @@ def promising(
 ) -> list[Screened]:
     """Effects to fit, by the predicted gain of their probes; where every gain is small, also by the cost of starts.
 
-    laws: see `screen`.
+    Where one of them promises much, effects that the nominal numbers imitate are tried, too: those numbers have moved
+    to where the effect promises nothing. laws: see `screen`.
     """
     coarse = SETTINGS.passes[0]
     screened = screen(problem, current, effects, laws=laws)
     worth = [found for found in screened if found.gain > SETTINGS.min_promised_gain]
-    if not worth or worth[0].gain > SETTINGS.min_promised_share * current.cost:
-        return worth[: coarse.most]
+    if not worth:
+        return []
+    if worth[0].gain > SETTINGS.min_promised_share * current.cost:
+        least = max(SETTINGS.min_promised_gain, SETTINGS.hidden_gain * worth[0].gain)
+        tried = [_tried(problem, current, found) for found in screened if _may_hide(found)]
+        worth = [*worth, *(found for found in tried if found.gain > least)]
+        return sorted(worth, key=lambda found: -found.gain)[: coarse.most]
     others = [(float(_begin(problem, current, s, coarse)[2].min()), s) for s in screened[len(worth[: coarse.most]) :]]
     limit = current.cost - SETTINGS.min_promised_gain
     others = sorted((pair for pair in others if pair[0] < limit), key=lambda pair: pair[0])
     return worth[: coarse.most] + [found for _, found in others[: coarse.most]]
+
+
+def _may_hide(found: Screened) -> bool:
+    return found.gain <= SETTINGS.min_promised_gain and found.imitated > SETTINGS.hidden_share
+
+
+def _tried(problem: JointProblem, current: MapFit, screened: Screened) -> Screened:
+    """An effect with the fall of the cost that a short fit from its cheapest start brings."""
+    coarse = SETTINGS.passes[0]
+    free, starts, costs = _begin(problem, current, screened, coarse)
+    rough = replace(problem, step_s=coarse.step_s)
+    fit = map_fit(rough, free, starts[int(np.argmin(costs))], SETTINGS.hidden_iterations, coarse.tolerance)
+    return replace(screened, gain=current.cost - fit.cost)
 
 
 def fit_roughly(problem: JointProblem, current: MapFit, screened: Screened, rng: np.random.Generator) -> Hypothesis:
