@@ -113,8 +113,9 @@ class FitSettings:
         "Understates what is counted.", "Not possible above 1.")
 
     min_tolerance_joints: int = setting(
-        3, "joints", "Joints from which the tolerance of the nominal numbers is estimated.", CHOICE,
-        "An effect on one joint of two may pass as a wrong number.", "Hands with few moving joints keep theirs.")
+        3, "joints", "Joints from which most of them decide about a larger tolerance of the nominal numbers; of fewer,"
+        " the evidence with one effect each decides.", CHOICE,
+        "An effect on one joint of two may pass as a wrong number.", "Slower.")
     tolerance_moved: float = setting(
         0.9, "tolerances", "RMS change of those nominal numbers of the middle joint that the data determine, from which"
         " a larger tolerance is tried.", CHOICE, "Slower: larger tolerances are tried for right models.",
@@ -139,8 +140,8 @@ class FitSettings:
         0.1, "-", "Share of the cost that the best probe must promise; else starting points are simulated too.", CHOICE,
         "Large nonlinear effects may be missed.", "The search takes longer.")
     hidden_share: float = setting(
-        0.8, "-", "Share of a probe's square that the nominal numbers imitate, from which its effect is tried by a short"
-        " fit where it promises nothing and another effect does.", CHOICE,
+        0.8, "-", "Share of a probe's square that the nominal numbers imitate, from which its effect is tried by a"
+        " short fit where it promises nothing and another effect does.", CHOICE,
         "Slower.", "Effects that the nominal numbers have hidden are not fitted.")
     hidden_gain: float = setting(
         0.3, "-", "Share of the best promise that such a fit must bring.", CHOICE,

@@ -32,9 +32,8 @@ from hand_diagnosis.problem import (
     not_judged,
     repeatability,
     spared_last,
-    tolerant,
 )
-from hand_diagnosis.search import rough_evidence
+from hand_diagnosis.search import moved, rough_evidence, tolerant
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import FreeParameter, nominal_free_parameters
 from hand_identification.joint_data import joint_problem
@@ -165,8 +164,9 @@ def _reads_through_curve(
 ) -> bool:
     """Whether the angles of most joints fit the model better once the described sensors' own error is removed.
 
-    Each joint has one vote: a joint with an effect must not decide for those without. Where effects hide the sensors'
-    error in most joints, as in a recording of one joint, the best effect of each is fitted first.
+    Each joint has one vote: a joint with an effect must not decide for those without. Numbers that are further off than
+    the tolerance must not decide either. Where effects hide the sensors' error in most joints, as in a recording of one
+    joint, the best effect of each is fitted first.
     """
     if not joints:
         return False
@@ -175,10 +175,7 @@ def _reads_through_curve(
     straight = [without_sensor_curve(recording, hand) for recording in signals]
     gains = []
     for joint in chosen:
-        costs = []
-        for candidate in (signals, straight):
-            problem, free = _nominal_problem(candidate, hand, joint, tolerance)
-            costs.append(map_fit(problem, free, np.zeros(len(free)), SETTINGS.rough_iterations).cost)
+        costs = [_least_cost(candidate, hand, joint, tolerance) for candidate in (signals, straight)]
         gains.append(float(np.log(max(costs[0], 1e-12) / max(costs[1], 1e-12))))  # no usable sample costs nothing
     if abs(np.median(gains)) > SETTINGS.curve_vote_margin:
         return bool(np.median(gains) > 0.0)
@@ -188,6 +185,18 @@ def _reads_through_curve(
             problem, free = _nominal_problem(candidate, hand, joint, tolerance)
             gained += sign * rough_evidence(problem, effects, free, np.random.default_rng(0))
     return gained > 0.0
+
+
+def _least_cost(signals: Sequence[Signals], hand: Hand, joint: str, tolerance: float) -> float:
+    """Cost [-] of the plain model of a joint, its numbers being further off than the tolerance where that fits."""
+    costs = []
+    for factor in (1.0, *SETTINGS.tolerance_factors):
+        problem, free = _nominal_problem(signals, hand, joint, factor * tolerance)
+        fit = map_fit(problem, free, np.zeros(len(free)), SETTINGS.rough_iterations)
+        costs.append(fit.cost)
+        if moved(fit) < SETTINGS.tolerance_moved:
+            break
+    return min(costs)
 
 
 def _nominal_problem(

@@ -40,7 +40,6 @@ from hand_diagnosis.problem.task import (
     moving_joints,
     not_judged,
     put_partner,
-    tolerant,
 )
 
 __all__ = [
@@ -76,7 +75,6 @@ __all__ = [
     "spared_last",
     "stretch_of_test",
     "swings_freely",
-    "tolerant",
     "validation_rmse",
     "weighted_by_noise",
     "weighted_by_rest",

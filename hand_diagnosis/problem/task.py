@@ -15,10 +15,7 @@ import numpy as np
 from hand_diagnosis.problem.data_check import Checked
 from hand_diagnosis.problem.evidence import (
     likelihood_below_floor,
-    log_evidence,
-    validation_rmse,
     weighted_by_noise,
-    white_parts,
 )
 from hand_diagnosis.problem.splits import fit_part
 from hand_diagnosis.settings import SETTINGS
@@ -231,50 +228,6 @@ class Task:
     def _holding(self, joint: str) -> list[int]:
         """Numbers of the recordings that hold a joint; their names need not differ."""
         return [number for number, recording in enumerate(self.signals) if joint in recording.joints]
-
-
-def tolerant(task: Task) -> tuple[Task, list[str]]:
-    """The task with a larger tolerance where most joints ask for larger changes of their numbers, and a line about it.
-
-    Empirical Bayes: a larger tolerance replaces a smaller one where the plain models of all joints together have
-    clearly more evidence with it. Wrong numbers are all that a joint lacks whose plain model then fits; the gain of
-    another may come from an effect and does not count. At least min_tolerance_joints joints are needed, and most of
-    them must gain.
-    """
-    if len(task.joints) < SETTINGS.min_tolerance_joints:
-        return task, []
-    known = task.nominal_fits()
-    if np.median([_moved(fit) for _, fit in known]) < SETTINGS.tolerance_moved:
-        return task, []
-    best, evidence = task, np.array([log_evidence(problem, fit) for problem, fit in known])
-    most = SETTINGS.strong_log_evidence
-    for factor in SETTINGS.tolerance_factors:
-        tried = replace(task, tolerance=factor * task.tolerance, _rough={}, _inflows={}, _bending={})
-        fits = tried.nominal_fits()
-        other = np.array([log_evidence(problem, fit) for problem, fit in fits])
-        gain = np.where([_is_explained(problem, fit) for problem, fit in fits], other - evidence, 0.0)
-        if np.median(gain) > 0.0 and float(np.clip(gain, -most, most).sum()) > SETTINGS.min_log_evidence:
-            best, evidence = tried, other
-    if best is task:
-        return task, []
-    used, given = f"{100.0 * best.tolerance:.3g} %", f"{100.0 * task.tolerance:.3g} %"
-    line = f"most joints ask for larger changes of the nominal numbers than the tolerance of {given}; {used} is used"
-    return best, [f"{line}, so that small effects may go unnoticed: identify the numbers of the hand first"]
-
-
-def _is_explained(problem: JointProblem, fit: MapFit) -> bool:
-    """Whether a plain model leaves no more of any signal than noise and what is tolerated without an effect."""
-    rmse = np.nan_to_num(validation_rmse(problem, fit.squares))
-    return bool(np.all(rmse <= np.hypot(white_parts(problem, fit), SETTINGS.unexplained_floors * problem.floor)))
-
-
-def _moved(fit: MapFit) -> float:
-    """RMS change of the numbers of a plain model, in tolerances, over as many of them as its data determine.
-
-    A number of which the data know nothing stays where it is, whatever the tolerance.
-    """
-    known = float(np.sum(1.0 - np.diag(fit.covariance)))
-    return float(np.sqrt(np.sum(fit.z**2) / max(known, 1.0)))
 
 
 def _copied(segment: Segment) -> Segment:

@@ -14,6 +14,7 @@ from hand_diagnosis.search.hypotheses import Hypothesis, Isolability, Probes, am
 from hand_diagnosis.search.joint_search import rough_evidence, search_joint
 from hand_diagnosis.search.law_curves import LawCurve, describe, in_words
 from hand_diagnosis.search.laws import LearnedLaw, learn_law, posterior_covariance, training_evidence
+from hand_diagnosis.search.tolerance import moved, tolerant
 from hand_diagnosis.search.turns import period_of_torque
 
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "in_words",
     "isolability",
     "learn_law",
+    "moved",
     "on_everything",
     "period_of_torque",
     "posterior_covariance",
@@ -40,6 +42,7 @@ __all__ = [
     "rough_evidence",
     "search_joint",
     "standard_errors",
+    "tolerant",
     "training_evidence",
     "whole_hand_cause",
     "with_cause",

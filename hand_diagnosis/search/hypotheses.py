@@ -137,10 +137,9 @@ def screen(problem: JointProblem, fit: MapFit, effects: Sequence[Effect], *, law
                 best[name] = replace(found, plain=plain)
     for effect in effects:
         relief = _relief(fit, effect)
-        found = best.get(effect.name)
-        if relief > (found.gain if found is not None else 0.0):
-            imitated = found.imitated if found is not None else 0.0
-            best[effect.name] = Screened(effect, relief, {}, 1.0, imitated)
+        known = best.get(effect.name, Screened(effect, 0.0, {}, 1.0))
+        if relief > known.gain:
+            best[effect.name] = Screened(effect, relief, {}, 1.0, known.imitated)
     return sorted(best.values(), key=lambda screened: -screened.gain)
 
 

@@ -104,10 +104,13 @@ def _begun(found: JointSearch, begin: Sequence[Beginning], rng: np.random.Genera
 def rough_evidence(
     problem: JointProblem, effects: Sequence[Effect], base: Sequence[FreeParameter], rng: np.random.Generator
 ) -> float:
-    """Log evidence [nats] of the best model with one effect at most, fitted by the coarse pass."""
+    """Log evidence [nats] of the best model with one effect at most: the best of the coarse pass, fitted to the end."""
     nominal = map_fit(problem, base, np.zeros(len(base)), SETTINGS.nominal_iterations)
-    fits = [fit_roughly(problem, nominal, screened, rng) for screened in promising(problem, nominal, effects)]
-    return max([log_evidence(problem, nominal), *(fit.log_evidence for fit in fits)])
+    plain = log_evidence(problem, nominal)
+    fits = _ranked([fit_roughly(problem, nominal, each, rng) for each in promising(problem, nominal, effects)])
+    if not fits or fits[0].log_evidence < plain:
+        return plain
+    return max(fits[0].log_evidence, refined(problem, nominal, fits[0], SETTINGS.passes[-1], rng).log_evidence)
 
 
 def _best_of_round(

@@ -11,7 +11,7 @@ from hand_diagnosis.diagnosis import diagnose
 from hand_diagnosis.problem import Task, fit_part
 from hand_diagnosis.search import refit_below_floor
 from hand_diagnosis.search.completion import separated_below_floor
-from hand_diagnosis.search.hypotheses import fit_roughly, promising
+from hand_diagnosis.search.hypotheses import fit_roughly, promising, screen
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.map_fit import map_fit
 from hand_model.description import Hand
@@ -94,6 +94,23 @@ def test_a_law_is_screened_where_its_textbook_form_sees_little(hand: Hand) -> No
     print(freed)
     # A scale of the law comes with it: held where it is expected, it would extrapolate wrongly.
     assert len(freed[0]) > 1 and "thermal_drift.faster" in freed[0] and not freed[1]
+
+
+def test_an_effect_that_nominal_numbers_hide_is_tried(hand: Hand) -> None:
+    """Fails when a second lag, which the time constant has hidden so that its probe promises nothing, is not fitted."""
+    rng = np.random.default_rng(92)
+    truth = changed(hand, JOINT, valve_lag__time_constant_s=0.005, valve_lag__venting_ratio=2.0)
+    ready = Task(
+        signals=[record(truth, rng, 20.0)], model=hand, joints=[JOINT], effects=[], tolerance=0.2, seed=0, floors={}
+    ).prepare(JOINT)
+    problem = fit_part(ready.problem)
+    current = map_fit(problem, ready.free, ready.start)
+    effects = [EFFECTS[name] for name in ("valve_lag", "valve_flow_limit", "valve_deadband")]
+    gains = {found.effect.name: found.gain for found in screen(problem, current, effects)}
+    tried = [found.effect.name for found in promising(problem, current, effects)]
+    print(current.cost, gains, tried)
+    assert gains["valve_lag"] < SETTINGS.min_promised_gain < gains["valve_flow_limit"]
+    assert tried == ["valve_lag", "valve_flow_limit"]
 
 
 def test_names_for_one_claim_are_separated_below_floor_below_the_floor(

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from hand_diagnosis.diagnosis import diagnose
-from hand_diagnosis.problem import Task, tolerant
+from hand_diagnosis.diagnosis.hand import _reads_through_curve as reads_through_curve
+from hand_diagnosis.problem import Task, effects_without
+from hand_diagnosis.search import tolerant
 from hand_identification.free_parameters import NOMINAL_KEYS
 from hand_model.description import Hand
+from hand_model.effects.effect import Effect
 from hand_model.kernel.rows import ROW
 from hand_recording.signals import Signals
 from test.diagnosis.recordings import changed, record
@@ -18,10 +23,10 @@ JOINTS = ["index_distal", "middle_proximal", "thumb_distal"]
 SEED, TOLERANCE = 6, 0.05
 
 
-def recorded(true: Hand, nominal: Hand, share: float) -> tuple[Signals, Hand]:
+def recorded(true: Hand, nominal: Hand, share: float, seed: int = SEED) -> tuple[Signals, Hand]:
     """A recording of a hand, and a model whose numbers are off by a relative standard deviation."""
-    print(f"seed {SEED}")
-    rng = np.random.default_rng(SEED)
+    print(f"seed {seed}")
+    rng = np.random.default_rng(seed)
     signals = record(true, rng, 20.0)
     parameters = nominal.parameters.copy()
     for key in NOMINAL_KEYS:
@@ -29,11 +34,21 @@ def recorded(true: Hand, nominal: Hand, share: float) -> tuple[Signals, Hand]:
     return signals, replace(nominal, parameters=parameters)
 
 
-def tolerance_of(true: Hand, nominal: Hand, share: float, joints: list[str]) -> float:
+def tolerance_of(
+    true: Hand, nominal: Hand, share: float, joints: list[str], effects: Sequence[Effect] = (), seed: int = SEED
+) -> float:
     """The tolerance with which the joints are diagnosed."""
-    signals, model = recorded(true, nominal, share)
+    signals, model = recorded(true, nominal, share, seed)
     return tolerant(
-        Task(signals=[signals], model=model, joints=joints, effects=[], tolerance=TOLERANCE, seed=0, floors={})
+        Task(
+            signals=[signals],
+            model=model,
+            joints=joints,
+            effects=list(effects),
+            tolerance=TOLERANCE,
+            seed=0,
+            floors={},
+        )
     )[0].tolerance
 
 
@@ -56,7 +71,28 @@ def test_the_effect_of_one_joint_changes_no_tolerance(hand: Hand) -> None:
     """Fails when the mismatch of one joint, which is an effect, passes as a wrong tolerance of the hand."""
     rubbing = changed(hand, JOINTS[0], coulomb_friction__torque_nm=0.02)
     assert tolerance_of(rubbing, hand, 0.03, JOINTS) == TOLERANCE
-    assert tolerance_of(hand, hand, 0.2, JOINTS[:2]) == TOLERANCE
+
+
+@pytest.mark.parametrize("joints", [JOINTS[:1], JOINTS[:2]], ids=["one joint", "two joints"])
+def test_wrong_numbers_of_few_joints_are_no_effects(hand: Hand, joints: list[str]) -> None:
+    """Fails when one or two joints, whose numbers are off by more than the tolerance, get effects for them."""
+    signals, model = recorded(hand, hand, 0.2)
+    result = diagnose([signals], model, tolerance=TOLERANCE, seed=0, joints=joints, sensor_curve=False)
+    assert (result.findings, result.remainder) == ((), ())
+    assert any("larger changes of the nominal numbers than the tolerance of 5 %" in line for line in result.check)
+
+
+def test_an_effect_of_few_joints_changes_no_tolerance(hand: Hand) -> None:
+    """Fails when one or two joints have a larger tolerance for right numbers, or for an effect that one of them has."""
+    effects = effects_without((), hand)
+    for joints in (JOINTS[:1], JOINTS[:2]):
+        assert tolerance_of(hand, hand, 0.03, joints, effects) == TOLERANCE
+        for change in (
+            {"coulomb_friction__torque_nm": 0.02},
+            {"valve_lag__time_constant_s": 0.03},
+            {"constant_load__torque_nm": 0.01},
+        ):
+            assert tolerance_of(changed(hand, JOINTS[0], **change), hand, 0.03, joints, effects) == TOLERANCE, change
 
 
 def test_effects_of_all_joints_are_no_wrong_numbers(hand: Hand) -> None:
@@ -65,3 +101,14 @@ def test_effects_of_all_joints_are_no_wrong_numbers(hand: Hand) -> None:
     true = changed(true, JOINTS[1], tube_lag__time_constant_s=0.05)
     true = changed(true, JOINTS[2], valve_flow_limit__choking=1.0, valve__fill_rate_pa_per_s=6e5)
     assert tolerance_of(true, hand, 0.03, JOINTS) == TOLERANCE
+
+
+@pytest.mark.parametrize("joints", [JOINTS[:1], JOINTS[:2]], ids=["one joint", "two joints"])
+def test_wrong_numbers_do_not_decide_what_the_angles_are(hand: Hand, joints: list[str]) -> None:
+    """Fails when readings of Hall sensors are taken for angles, or angles for readings, because numbers are off."""
+    angles, model = recorded(hand, hand, 0.2, seed=8)
+    read = hand.sensors.angle_line.angle_rad(hand.sensors.hall.ratio(angles.angle_rad))
+    readings = replace(angles, angle_rad=read)
+    effects = effects_without((), hand)
+    assert reads_through_curve([readings], model, joints, TOLERANCE, effects)
+    assert not reads_through_curve([angles], model, joints, TOLERANCE, effects)

@@ -1,0 +1,97 @@
+"""Nominal numbers that are further off than their tolerance says: a larger one is found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hand_diagnosis.problem import Task, log_evidence, validation_rmse, white_parts
+from hand_diagnosis.search.joint_search import rough_evidence
+from hand_diagnosis.settings import SETTINGS
+from hand_identification.joint_problem import JointProblem
+from hand_identification.map_fit import MapFit
+from hand_model.description import Hand
+
+Fits = Sequence[tuple[JointProblem, MapFit]]
+
+
+def tolerant(task: Task) -> tuple[Task, list[str]]:
+    """The task with a larger tolerance where its joints ask for larger changes of their numbers, and a line about it.
+
+    Empirical Bayes: a larger tolerance replaces a smaller one where the models of all joints together have clearly more
+    evidence with it. Numbers of a machine have tolerances of their own, so one or two axes keep them.
+    """
+    few = len(task.joints) < SETTINGS.min_tolerance_joints
+    if not task.joints or (few and not isinstance(task.model, Hand)):
+        return task, []
+    known = task.nominal_fits()
+    if np.median([moved(fit) for _, fit in known]) < SETTINGS.tolerance_moved:
+        return task, []
+    best = _of_few_joints(task, known) if few else _of_most_joints(task, known)
+    if best is task:
+        return task, []
+    used, given = f"{100.0 * best.tolerance:.3g} %", f"{100.0 * task.tolerance:.3g} %"
+    who = "the recordings ask" if few else "most joints ask"
+    line = f"{who} for larger changes of the nominal numbers than the tolerance of {given}; {used} is used"
+    return best, [f"{line}, so that small effects may go unnoticed: identify the numbers of the hand first"]
+
+
+def _of_most_joints(task: Task, known: Fits) -> Task:
+    """The task with the tolerance that the plain models of most joints ask for.
+
+    Wrong numbers are all that a joint lacks whose plain model then fits; the gain of another may come from an effect
+    and does not count. Most joints must gain.
+    """
+    best, evidence = task, np.array([log_evidence(problem, fit) for problem, fit in known])
+    most = SETTINGS.strong_log_evidence
+    for tried in _more_tolerant(task):
+        fits = tried.nominal_fits()
+        other = np.array([log_evidence(problem, fit) for problem, fit in fits])
+        gain = np.where([_is_explained(problem, fit) for problem, fit in fits], other - evidence, 0.0)
+        if np.median(gain) > 0.0 and float(np.clip(gain, -most, most).sum()) > SETTINGS.min_log_evidence:
+            best, evidence = tried, other
+    return best
+
+
+def _of_few_joints(task: Task, known: Fits) -> Task:
+    """The task with the tolerance with which one or two joints have strongly more evidence, each with one effect.
+
+    Here no other joint separates wrong numbers from an effect. But one effect explains more than numbers that are a little
+    more free, and several wrong numbers are no one effect.
+    """
+    best, most = task, _evidence_with_effects(task, known) + SETTINGS.strong_log_evidence
+    for tried in _more_tolerant(task):
+        other = _evidence_with_effects(tried, tried.nominal_fits())
+        if other > most:
+            best, most = tried, other
+    return best
+
+
+def _more_tolerant(task: Task) -> list[Task]:
+    return [
+        replace(task, tolerance=factor * task.tolerance, _rough={}, _inflows={}, _bending={})
+        for factor in SETTINGS.tolerance_factors
+    ]
+
+
+def _evidence_with_effects(task: Task, fits: Fits) -> float:
+    """Log evidence [nats] of all joints, each with the one effect that explains most, or none."""
+    rng = np.random.default_rng(task.seed)
+    return sum(rough_evidence(problem, task.effects, fit.free, rng) for problem, fit in fits)
+
+
+def _is_explained(problem: JointProblem, fit: MapFit) -> bool:
+    """Whether a plain model leaves no more of any signal than noise and what is tolerated without an effect."""
+    rmse = np.nan_to_num(validation_rmse(problem, fit.squares))
+    return bool(np.all(rmse <= np.hypot(white_parts(problem, fit), SETTINGS.unexplained_floors * problem.floor)))
+
+
+def moved(fit: MapFit) -> float:
+    """RMS change [tolerances] of the numbers of a plain model, over as many of them as its data determine.
+
+    A number of which the data know nothing stays where it is, whatever the tolerance.
+    """
+    known = float(np.sum(1.0 - np.diag(fit.covariance)))
+    return float(np.sqrt(np.sum(fit.z**2) / max(known, 1.0)))
