@@ -58,8 +58,8 @@ def _of_most_joints(task: Task, known: Fits) -> Task:
 def _of_few_joints(task: Task, known: Fits) -> Task:
     """The task with the tolerance with which one or two joints have strongly more evidence, each with one effect.
 
-    Here no other joint separates wrong numbers from an effect. But one effect explains more than numbers that are a little
-    more free, and several wrong numbers are no one effect.
+    Here no other joint separates wrong numbers from an effect. But one effect explains more than numbers that are a
+    little more free, and several wrong numbers are no one effect.
     """
     best, most = task, _evidence_with_effects(task, known) + SETTINGS.strong_log_evidence
     for tried in _more_tolerant(task):

@@ -85,14 +85,9 @@ def test_wrong_numbers_of_few_joints_are_no_effects(hand: Hand, joints: list[str
 def test_an_effect_of_few_joints_changes_no_tolerance(hand: Hand) -> None:
     """Fails when one or two joints have a larger tolerance for right numbers, or for an effect that one of them has."""
     effects = effects_without((), hand)
-    for joints in (JOINTS[:1], JOINTS[:2]):
-        assert tolerance_of(hand, hand, 0.03, joints, effects) == TOLERANCE
-        for change in (
-            {"coulomb_friction__torque_nm": 0.02},
-            {"valve_lag__time_constant_s": 0.03},
-            {"constant_load__torque_nm": 0.01},
-        ):
-            assert tolerance_of(changed(hand, JOINTS[0], **change), hand, 0.03, joints, effects) == TOLERANCE, change
+    assert tolerance_of(hand, hand, 0.03, JOINTS[:2], effects) == TOLERANCE
+    for change in ({"coulomb_friction__torque_nm": 0.02}, {"valve_lag__time_constant_s": 0.03}):
+        assert tolerance_of(changed(hand, JOINTS[0], **change), hand, 0.03, JOINTS[:1], effects) == TOLERANCE, change
 
 
 def test_effects_of_all_joints_are_no_wrong_numbers(hand: Hand) -> None:
