@@ -22,7 +22,7 @@ from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.effects import CATALOGUE, EFFECTS, class_table
 from hand_model.effects.constitution import STATES, Constitution
-from hand_model.effects.effect import ANGLE, EXOGENOUS, HOOKS, INFLOW, SPEED, TIME, Effect, hook_arguments
+from hand_model.effects.effect import ANGLE, EXOGENOUS, HOOKS, INFLOW, NEIGHBOUR, SPEED, TIME, Effect, hook_arguments
 from hand_model.kernel.closed_loop import ClosedLoop
 from hand_model.kernel.hooks import compose, has_laws
 from hand_model.kernel.inline import Equation
@@ -678,6 +678,16 @@ def test_slow_changes_follow_use_and_attitude() -> None:
     q = numbers(gravity, sine_nm=0.02, turning_rad_per_s=0.01)
     later = tuple(30.0 if column == TIME else 0.0 for column in range(EXOGENOUS))
     assert call(gravity, "torque", q, 0.5, 0.0, 0.0, 0.0, later)[0] == approx(-0.02 * np.sin(0.8), rel=1e-5)
+
+
+def test_a_link_hangs_on_its_neighbour() -> None:
+    """Fails when the weight does not turn with a share of the neighbour's angle, or its stiffness is no derivative."""
+    gravity = EFFECTS["gravity"]
+    q = numbers(gravity, sine_nm=0.02, cosine_nm=0.01, carried=0.6)
+    bent = tuple(0.4 if column == NEIGHBOUR else 0.0 for column in range(EXOGENOUS))
+    torque, stiffness = call(gravity, "torque", q, 0.5, 0.0, 0.0, 0.0, bent)
+    assert torque == approx(-0.02 * np.sin(0.74) - 0.01 * np.cos(0.74), rel=1e-5)
+    assert stiffness == approx(0.02 * np.cos(0.74) - 0.01 * np.sin(0.74), rel=1e-5)
 
 
 def test_heat_of_friction_bends_and_a_hand_sways() -> None:
