@@ -243,7 +243,6 @@ def test_a_flood_of_joint_states_leaves_the_driver_at_work(stack: Stack, client:
         assert resident_kb(node.pid) - used_kb < GROWTH_KB
 
 
-@pytest.mark.long
 def test_large_messages_of_publishers_that_end_leave_no_memory(stack: Stack, client: Client) -> None:
     """Fails when the pieces of a message that was not received whole stay in the controller, once per publisher."""
     stack.node("simulation")
