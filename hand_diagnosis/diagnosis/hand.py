@@ -33,7 +33,7 @@ from hand_diagnosis.problem import (
     repeatability,
     spared_last,
 )
-from hand_diagnosis.search import moved, rough_evidence, tolerant
+from hand_diagnosis.search import is_explained, moved, rough_evidence, tolerant
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import FreeParameter, nominal_free_parameters
 from hand_identification.joint_data import joint_problem
@@ -164,9 +164,9 @@ def _reads_through_curve(
 ) -> bool:
     """Whether the angles of most joints fit the model better once the described sensors' own error is removed.
 
-    Each joint has one vote: a joint with an effect must not decide for those without. Numbers that are further off than
-    the tolerance must not decide either. Where effects hide the sensors' error in most joints, as in a recording of one
-    joint, the best effect of each is fitted first.
+    Each joint has one vote, unless the plain model explains neither: a joint with an effect must not decide for those
+    without. Numbers that are further off than the tolerance must not decide either. Where effects hide the sensors'
+    error in all joints, as in a recording of one joint, the best effect of each is fitted first.
     """
     if not joints:
         return False
@@ -175,9 +175,12 @@ def _reads_through_curve(
     straight = [without_sensor_curve(recording, hand) for recording in signals]
     gains = []
     for joint in chosen:
-        costs = [_least_cost(candidate, hand, joint, tolerance) for candidate in (signals, straight)]
-        gains.append(float(np.log(max(costs[0], 1e-12) / max(costs[1], 1e-12))))  # no usable sample costs nothing
-    if abs(np.median(gains)) > SETTINGS.curve_vote_margin:
+        (bent_cost, explained), (cost, also) = (
+            _plain_cost(candidate, hand, joint, tolerance) for candidate in (signals, straight)
+        )
+        if explained or also:
+            gains.append(float(np.log(max(bent_cost, 1e-12) / max(cost, 1e-12))))  # no usable sample costs nothing
+    if gains and abs(np.median(gains)) > SETTINGS.curve_vote_margin:
         return bool(np.median(gains) > 0.0)
     gained = 0.0
     for candidate, sign in ((signals, -1.0), (straight, 1.0)):
@@ -187,13 +190,15 @@ def _reads_through_curve(
     return gained > 0.0
 
 
-def _least_cost(signals: Sequence[Signals], hand: Hand, joint: str, tolerance: float) -> float:
-    """Cost [-] of the plain model of a joint, its numbers being further off than the tolerance where that fits."""
+def _plain_cost(signals: Sequence[Signals], hand: Hand, joint: str, tolerance: float) -> tuple[float, bool]:
+    """Cost [-] of the plain model of a joint, its numbers being further off than the tolerance where that fits, and
+    whether it explains the recordings.
+    """
     costs = []
     for factor in (1.0, *SETTINGS.tolerance_factors):
         problem, free = _nominal_problem(signals, hand, joint, factor * tolerance)
         fit = map_fit(problem, free, np.zeros(len(free)), SETTINGS.rough_iterations)
-        costs.append(fit.cost)
+        costs.append((fit.cost, is_explained(problem, fit)))
         if moved(fit) < SETTINGS.tolerance_moved:
             break
     return min(costs)

@@ -44,7 +44,8 @@ def effects_without(names: Sequence[str], model: JointModel) -> list[Effect]:
     for name in names:
         if name not in EFFECTS:
             raise ValueError(f"--without is {name!r}; the effects are: {', '.join(EFFECTS)}")
-    return [effect for effect in CATALOGUE if effect.keys and effect.name not in names and _is_possible(effect, model)]
+    wanted = [effect for effect in CATALOGUE if effect.keys and effect.name not in names]
+    return [effect.on_machine(model.lacks) for effect in wanted if _is_possible(effect, model)]
 
 
 def _is_possible(effect: Effect, model: JointModel) -> bool:

@@ -10,11 +10,12 @@ from hand_diagnosis.search.completion import (
     with_validation,
 )
 from hand_diagnosis.search.found import JointSearch, fit_without
-from hand_diagnosis.search.hypotheses import Hypothesis, Isolability, Probes, amounts, isolability, probes_at
+from hand_diagnosis.search.hypotheses import Hypothesis, Probes, amounts, probes_at
+from hand_diagnosis.search.isolability import Isolability, isolability
 from hand_diagnosis.search.joint_search import rough_evidence, search_joint
 from hand_diagnosis.search.law_curves import LawCurve, describe, in_words
 from hand_diagnosis.search.laws import LearnedLaw, learn_law, posterior_covariance, training_evidence
-from hand_diagnosis.search.tolerance import moved, tolerant
+from hand_diagnosis.search.tolerance import is_explained, moved, tolerant
 from hand_diagnosis.search.turns import period_of_torque
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "describe",
     "fit_without",
     "in_words",
+    "is_explained",
     "isolability",
     "learn_law",
     "moved",

@@ -49,7 +49,7 @@ def _of_most_joints(task: Task, known: Fits) -> Task:
     for tried in _more_tolerant(task):
         fits = tried.nominal_fits()
         other = np.array([log_evidence(problem, fit) for problem, fit in fits])
-        gain = np.where([_is_explained(problem, fit) for problem, fit in fits], other - evidence, 0.0)
+        gain = np.where([is_explained(problem, fit) for problem, fit in fits], other - evidence, 0.0)
         if np.median(gain) > 0.0 and float(np.clip(gain, -most, most).sum()) > SETTINGS.min_log_evidence:
             best, evidence = tried, other
     return best
@@ -82,7 +82,7 @@ def _evidence_with_effects(task: Task, fits: Fits) -> float:
     return sum(rough_evidence(problem, task.effects, fit.free, rng) for problem, fit in fits)
 
 
-def _is_explained(problem: JointProblem, fit: MapFit) -> bool:
+def is_explained(problem: JointProblem, fit: MapFit) -> bool:
     """Whether a plain model leaves no more of any signal than noise and what is tolerated without an effect."""
     rmse = np.nan_to_num(validation_rmse(problem, fit.squares))
     return bool(np.all(rmse <= np.hypot(white_parts(problem, fit), SETTINGS.unexplained_floors * problem.floor)))

@@ -8,8 +8,8 @@ constraints: increments that cannot be negative keep a law monotone, non-negativ
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 STATES = {
     "angle": "rad",
@@ -37,6 +37,7 @@ class Constitution:
     None where energy is not concerned.  memory: in words.  over: states (STATES) that the law may depend on, the one
     of the plotted axis first.  source: textbook, paper or standard from which the constraints come.
     coefficients: keys that a learned law sets free in addition to the keys of the effect, in the order of its table.
+    needs: what a machine must have for a coefficient to mean something, by the coefficient's key, keys of effect.NEEDS.
     quantity, unit: name of what the law gives, a template of quantities.Wording.sentence, and the ending of a key that
     is its SI unit.
     curve: (q, x, y) -> value [SI] of the law at the value x of the first state and y of the second one, [SI]; q as the
@@ -52,6 +53,7 @@ class Constitution:
     passive: bool | None = None
     memory: str = "none"
     coefficients: tuple[str, ...] = ()
+    needs: Mapping[str, str] = field(default_factory=dict)
     quantity: str = ""
     unit: str = ""
     curve: Callable[[tuple[float, ...], float, float], float] | None = None

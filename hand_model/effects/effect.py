@@ -42,7 +42,7 @@ With neutral parameters, and memory as it starts, each equation returns its inpu
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from string import Formatter
 from typing import Any
 
@@ -178,7 +178,8 @@ class Effect:
     shared: keys, and coefficients of its law, whose values are those of the whole hand; others differ by joint.
     meets_others: whether its equations use NEIGHBOUR or INFLOW of e.  draws: whether they use INFLOW.
     constitution: the class of the effect, apart from its law; every entry of the catalogue has one.
-    needs: what a machine must have for the effect to exist there, keys of NEEDS.
+    needs: what a machine must have for the effect to exist there, keys of NEEDS.  lacks: those that a machine has not,
+    so that some coefficients of the law mean nothing there.
 
     Raises ValueError, one line with the effect's name, for anything that does not fit together.
     """
@@ -210,6 +211,7 @@ class Effect:
     scanned: str = ""
     lasting: bool = False
     alike: tuple[str, ...] = ()
+    lacks: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         """Refuse what does not fit together."""
@@ -221,7 +223,7 @@ class Effect:
         for experiment in self.experiments:
             if experiment not in EXPERIMENTS:
                 raise self._error("experiment", experiment, EXPERIMENTS)
-        for need in self.needs:
+        for need in (*self.needs, *(self.constitution.needs.values() if self.constitution else ())):
             if need not in NEEDS:
                 raise self._error("need", need, NEEDS)
         self._check_parameters()
@@ -241,7 +243,12 @@ class Effect:
     @property
     def coefficients(self) -> tuple[str, ...]:
         """Keys that a learned law sets free in addition to `keys`; none where only the textbook form exists."""
-        return self.constitution.coefficients if self.constitution else ()
+        known = self.constitution
+        return tuple(key for key in known.coefficients if known.needs.get(key) not in self.lacks) if known else ()
+
+    def on_machine(self, lacks: frozenset[str]) -> Effect:
+        """The effect as it is on a machine that lacks some of NEEDS."""
+        return replace(self, lacks=lacks)
 
     def _error(self, what: str, given: str, allowed: Iterable[str]) -> ValueError:
         return ValueError(f"effect {self.name}: {what} is '{given}'; it must be one of {', '.join(allowed)}")
@@ -287,12 +294,13 @@ class Effect:
 
     def _check_coefficients(self, known: Iterable[str]) -> None:
         """Refuse a law coefficient that is unknown, that a plain fit moves, or that no learned law sets free."""
-        for key in self.coefficients:
+        every = self.constitution.coefficients if self.constitution else ()
+        for key in every:
             if key not in known or key in self.keys:
                 raise self._error("coefficient", key, sorted(set(known) - set(self.keys)))
         for parameter in self.parameters:
-            if parameter.law and parameter.key not in self.coefficients:
-                raise self._error("law parameter", parameter.key, self.coefficients)
+            if parameter.law and parameter.key not in every:
+                raise self._error("law parameter", parameter.key, every)
             if parameter.law and not parameter.typical > 0.0:
                 raise ValueError(f"effect {self.name}: the law parameter '{parameter.key}' has no typical size")
 

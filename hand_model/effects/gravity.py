@@ -90,6 +90,7 @@ EFFECT = Effect(
             "gravity.period_s",
             "gravity.carried",
         ),
+        needs={"gravity.carried": "other_joint"},
         quantity="the {torque} of gravity",
         unit="nm",
         curve=curve,
