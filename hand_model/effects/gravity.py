@@ -1,15 +1,11 @@
-"""The weight of the phalanx, which Eq. 8 leaves out.
-
-A distal link turns with its own angle and with that of the joint that carries it; of the weight that a proximal joint
-carries, a part turns with the distal angle.
-"""
+"""The weight of the phalanx, which Eq. 8 leaves out."""
 
 from __future__ import annotations
 
 import math
 
 from hand_model.effects.constitution import Constitution
-from hand_model.effects.effect import NEIGHBOUR, TIME, Effect
+from hand_model.effects.effect import TIME, Effect
 from hand_model.effects.operators import sine_cosine
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import DEGREE, Parameter
@@ -25,19 +21,18 @@ def prepare(q, h):  # type: ignore[no-untyped-def]
 def torque(q, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     """-m g l sin(phi + attitude), in a part with the sine and one with the cosine of phi; by the law, both turn.
 
-    The attitude turns with a share of the neighbour's angle, at a constant rate, and to and fro with two harmonics of a
-    slow period.
+    The attitude turns at a constant rate and to and fro, with two harmonics of a slow period.
     """
-    sine, cosine, turning, sway, nod, sway_2, nod_2, _, carried, rate = q
+    sine, cosine, turning, sway, nod, sway_2, nod_2, _, rate = q
     swing, back = sine_cosine(rate * e[TIME])
     lean = sway * swing + nod * (1.0 - back) + 2.0 * swing * (sway_2 * back + nod_2 * swing)
-    s, c = sine_cosine(phi + carried * e[NEIGHBOUR] + turning * e[TIME] + lean)
+    s, c = sine_cosine(phi + turning * e[TIME] + lean)
     return -(sine * s + cosine * c), sine * c - cosine * s
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
-    """Torque [N m] at the angle x [rad] after the time y [s], the neighbour being straight."""
-    return float(torque(q, x, 0.0, 0.0, 0.0, (y, 0.0))[0])
+    """Torque [N m] at the angle x [rad] after the time y [s]."""
+    return float(torque(q, x, 0.0, 0.0, 0.0, (y,))[0])
 
 
 _SWAY = tuple(
@@ -59,9 +54,6 @@ EFFECT = Effect(
         Parameter("gravity.turning_rad_per_s", -0.5, 0.5, "law: turning of the attitude", 1.0, 0.0, 0.01, law=True),
         *_SWAY,
         Parameter("gravity.period_s", 5.0, 1e3, "period of the turning to and fro", 1.0, 40.0),
-        Parameter(
-            "gravity.carried", 0.0, 1.0, "law: share of the neighbour's angle that turns it", 1.0, 0.0, 0.5, law=True
-        ),
     ),
     prepared=("rate",),
     hooks={"prepare": prepare, "torque": torque},
@@ -77,20 +69,13 @@ EFFECT = Effect(
     experiments=("staircase", "second_attitude"),
     doc="Weight of the phalanx at a fixed attitude of the hand.",
     source="rigid pendulum",
-    meets_others=True,
     constitution=Constitution(
         acts_on="torque of the joint",
         sign="towards the lowest point",
         passive=True,
         monotone="one harmonic of the angle, of constant size",
         over=("angle", "time"),
-        coefficients=(
-            "gravity.turning_rad_per_s",
-            *(each.key for each in _SWAY),
-            "gravity.period_s",
-            "gravity.carried",
-        ),
-        needs={"gravity.carried": "other_joint"},
+        coefficients=("gravity.turning_rad_per_s", *(each.key for each in _SWAY), "gravity.period_s"),
         quantity="the {torque} of gravity",
         unit="nm",
         curve=curve,

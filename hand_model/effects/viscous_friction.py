@@ -1,9 +1,10 @@
-"""Damping of another size than modelled, or growing with the square of the speed."""
+"""Damping of another size than modelled, growing with the square of the speed, or larger in one direction."""
 
 from __future__ import annotations
 
 from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect, Times
+from hand_model.effects.operators import direction
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
 
@@ -12,17 +13,19 @@ from hand_model.kernel.plant_rows import Parameter
 def damping(q, omega):  # type: ignore[no-untyped-def]
     """Damping added by the quadratic part.
 
-    By the law, shares of it appear with the speed, half of each at 0.3, 1, 3 and 10 rad/s, and one thins with it.
+    By the law, shares of it appear with the speed, half of each at 0.3, 1, 3 and 10 rad/s, and one thins with it; the
+    whole, nominal damping included, is larger in one direction of motion than in the other.
     """
-    quadratic, a, b, c, d, thinning, _ = q
+    quadratic, a, b, c, d, thinning, asymmetry, nominal = q
     speed = abs(omega)
     appears = a / (speed + 0.3) + b / (speed + 1.0) + c / (speed + 3.0) + d / (speed + 10.0)
-    return quadratic * speed + appears * speed + thinning / (1.0 + speed)
+    added = quadratic * speed + appears * speed + thinning / (1.0 + speed)
+    return added + asymmetry * direction(omega) * (nominal + added)
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
     """Torque of the whole viscous friction [N m] at the speed x [rad/s]."""
-    return float((q[6] + damping(q, x)) * x)
+    return float((q[7] + damping(q, x)) * x)
 
 
 _APPEARS = tuple(
@@ -48,6 +51,16 @@ _THINNING = Parameter(
     2e-3,
     law=True,
 )
+_ASYMMETRY = Parameter(
+    "viscous_friction.asymmetry",
+    -0.9,
+    0.9,
+    "law: share more when flexing, less when extending",
+    1.0,
+    0.0,
+    0.3,
+    law=True,
+)
 EFFECT = Effect(
     name="viscous_friction",
     place="joint",
@@ -55,6 +68,7 @@ EFFECT = Effect(
         Parameter("viscous_friction.quadratic_nm_s2_per_rad2", 0.0, 1.0, "torque per squared speed", 1.0, 0.0, 1e-3),
         *_APPEARS,
         _THINNING,
+        _ASYMMETRY,
     ),
     reads=("dynamics.viscous_friction_nm_s_per_rad",),
     hooks={"damping": damping},
@@ -69,9 +83,11 @@ EFFECT = Effect(
         acts_on="torque of the joint",
         sign="against the motion",
         passive=True,
-        monotone="the torque rises with the speed: convex, but for a part that thins with the rate",
+        monotone="the torque rises with the speed: convex, but for a part that thins with the rate; not less than"
+        " a twentieth in one direction of what it is in the other",
         over=("speed",),
-        coefficients=tuple(parameter.key for parameter in (*_APPEARS, _THINNING)),
+        coefficients=tuple(parameter.key for parameter in (*_APPEARS, _THINNING, _ASYMMETRY)),
+        needs={_ASYMMETRY.key: "soft_material"},
         quantity="the viscous {torque}",
         unit="nm",
         curve=curve,

@@ -132,8 +132,8 @@ def test_parts_that_are_wrong_are_refused(tmp_path: Path, has: object, line: str
         model(tmp_path, 30.0, has=has)
 
 
-def test_gravity_turns_with_a_neighbour_only_where_there_is_one(tmp_path: Path) -> None:
-    """Fails when the law of an axis has a coefficient of which its data know nothing, or that of a hand lacks it."""
-    models = (model(tmp_path, 30.0, motion="rotary"), load_hand(default_model()))
-    axis, hand = (next(each for each in effects_without([], of) if each.name == "gravity") for of in models)
-    assert set(hand.coefficients) - set(axis.coefficients) == {"gravity.carried"}
+def test_damping_differs_by_direction_only_in_soft_material(tmp_path: Path) -> None:
+    """Fails when an axis gets the law of silicone walls next to directional_friction, or a hand lacks it."""
+    models = (model(tmp_path, 30.0), load_hand(default_model()))
+    axis, hand = (next(each for each in effects_without([], of) if each.name == "viscous_friction") for of in models)
+    assert set(hand.coefficients) - set(axis.coefficients) == {"viscous_friction.asymmetry"}

@@ -22,7 +22,7 @@ from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.effects import CATALOGUE, EFFECTS, class_table
 from hand_model.effects.constitution import STATES, Constitution
-from hand_model.effects.effect import ANGLE, EXOGENOUS, HOOKS, INFLOW, NEIGHBOUR, SPEED, TIME, Effect, hook_arguments
+from hand_model.effects.effect import ANGLE, EXOGENOUS, HOOKS, INFLOW, SPEED, TIME, Effect, hook_arguments
 from hand_model.kernel.closed_loop import ClosedLoop
 from hand_model.kernel.hooks import compose, has_laws
 from hand_model.kernel.inline import Equation
@@ -335,14 +335,18 @@ def test_friction_under_load_falls_with_the_speed_and_rises_with_the_torques() -
 
 
 def test_viscous_friction_rises_with_the_speed() -> None:
-    """Fails when a torque falls with the speed, or acts with it."""
+    """Fails when a torque falls with the speed, or acts with it, or differs by direction in another share."""
     effect = EFFECTS["viscous_friction"]
     for q in drawn("viscous_friction", 2):
+        q = (*q[:6], 0.0, *q[7:])
         speeds = np.linspace(0.0, 30.0, 400)
         torque = np.array([call(effect, "damping", q, omega) * omega for omega in speeds])
         assert torque[0] == 0.0
         assert np.diff(torque).min() > 0.0
         assert call(effect, "damping", q, -2.0) == call(effect, "damping", q, 2.0) > 0.0
+        uneven = (*q[:6], 0.25, *q[7:])
+        flexing, extending = (q[7] + call(effect, "damping", uneven, omega) for omega in (2.0, -2.0))
+        assert flexing / extending == approx(1.25 / 0.75)
     alone = numbers(effect, from_3_nm_s_per_rad=2e-3)
     assert call(effect, "damping", alone, 7.0) == approx(2e-3 * 7.0 / (7.0 + 3.0))
     assert call(effect, "damping", alone, 3.0) == approx(1e-3)
@@ -678,16 +682,6 @@ def test_slow_changes_follow_use_and_attitude() -> None:
     q = numbers(gravity, sine_nm=0.02, turning_rad_per_s=0.01)
     later = tuple(30.0 if column == TIME else 0.0 for column in range(EXOGENOUS))
     assert call(gravity, "torque", q, 0.5, 0.0, 0.0, 0.0, later)[0] == approx(-0.02 * np.sin(0.8), rel=1e-5)
-
-
-def test_a_link_hangs_on_its_neighbour() -> None:
-    """Fails when the weight does not turn with a share of the neighbour's angle, or its stiffness is no derivative."""
-    gravity = EFFECTS["gravity"]
-    q = numbers(gravity, sine_nm=0.02, cosine_nm=0.01, carried=0.6)
-    bent = tuple(0.4 if column == NEIGHBOUR else 0.0 for column in range(EXOGENOUS))
-    torque, stiffness = call(gravity, "torque", q, 0.5, 0.0, 0.0, 0.0, bent)
-    assert torque == approx(-0.02 * np.sin(0.74) - 0.01 * np.cos(0.74), rel=1e-5)
-    assert stiffness == approx(0.02 * np.cos(0.74) - 0.01 * np.sin(0.74), rel=1e-5)
 
 
 def test_heat_of_friction_bends_and_a_hand_sways() -> None:

@@ -64,7 +64,6 @@ def test_names_end_in_their_unit() -> None:
         ".damping",
         "_hz",
         ".at_load",
-        ".carried",
     )
     units += ("_per_rad",)
     for parameter in JOINT_PARAMETERS:
