@@ -743,6 +743,18 @@ def test_a_reservoir_with_a_limited_refill_empties_and_fills_at_a_constant_rate(
     assert (1.0 - low[0]) / H == approx(1.0 / tau, rel=2e-3)
 
 
+def test_a_supply_that_sags_slows_valves_that_fill() -> None:
+    """Fails when the rate of filling falls by another share, venting becomes slower, or a sag lifts no regulator."""
+    effect, sag, p = EFFECTS["supply_droop"], 1e5, 1.2e5
+    q = numbers(effect, resistance_s=0.2, time_constant_s=1e6, slowing=0.5)
+    lost = 0.5 * sag / SUPPLY_PA
+    for u, share in ((3e5, 1.0 - lost), (0.5e5, 1.0)):
+        found, _ = call(effect, "set_point", q, (sag,), u, p, REST, H)
+        assert found - p == approx(share * (u - p), rel=1e-6)
+    rising = numbers(effect, resistance_s=0.2, time_constant_s=1e6, share=-0.1)
+    assert call(effect, "set_point", rising, (sag,), 3e5, p, REST, H)[0] == approx(3e5 + 0.1 * sag, rel=1e-6)
+
+
 @pytest.mark.parametrize(("follows", "inner", "innermost"), [(0.4, 0.0, 0.0), (0.0, 0.7, 0.5), (0.3, 0.5, 1.0)])
 def test_a_valve_of_several_plays_stays_behind_by_their_sum(follows: float, inner: float, innermost: float) -> None:
     """Fails when a play has another width or share, the valve goes back, or the plotted loop is another one."""
