@@ -84,7 +84,7 @@ EFFECT = Effect(
         (0.0, 0.05, 0.05, 0.7, 0.0),
         (0.0, 0.05, 0.3, 0.0, 0.7),
         (0.0, 1.0, 20.0, 0.0, 0.7),
-        (0.0, 0.3, 0.3, -0.1, 0.0),
+        (0.0, 0.1, 0.3, -0.1, 0.0),
     ),
     spread={"supply_droop.time_constant_s": 1.0},
     shape=("supply_droop.time_constant_s",),

@@ -48,6 +48,8 @@ def test_names_end_in_their_unit() -> None:
         ".knee_8",
         ".offset",
         ".limited",
+        ".asymmetry",
+        ".slowing",
         ".follows",
         ".inner",
         ".innermost",
