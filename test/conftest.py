@@ -1,14 +1,13 @@
-"""All tests: tests in real time run alone.
+"""All tests: tests in real time run one at a time, and nothing delays them.
 
 `make test` runs the tests in several processes (pytest-xdist). A test in real time keeps deadlines, and a process that
-is delayed by 0.1 s makes the hand vent. So one process runs all of these at the end, and the processes share a lock:
-tests in real time hold it alone, all other tests hold it together. A separate process measures how long the machine
-itself stalls; a failed test states it.
+is delayed by 0.1 s makes the hand vent. So the first process runs all of these, and the others take what it leaves of
+the machine: the kernel interrupts their scheduling class for any other process that becomes ready (sched(7)). A
+separate process measures how long the machine itself stalls; a failed test states it.
 """
 
 from __future__ import annotations
 
-import fcntl
 import gc
 import math
 import os
@@ -24,6 +23,7 @@ import pytest
 from hypothesis import settings
 from xdist.remote import Producer
 from xdist.scheduler import LoadScopeScheduling
+from xdist.workermanage import WorkerController
 
 from hand_ros.memory import lock_memory
 from test.repeating import REPEATED
@@ -43,8 +43,10 @@ REAL_TIME = (
     "driver/test_c_board",
 )
 """Tests of processes that keep deadlines, by the beginning of their path below test/."""
-FIRST = ("validation/", "diagnosis/")
-"""Where the longest tests are: at the end they would run while the other processes have nothing left."""
+FIRST = ("validation/test_faults.py", "diagnosis/", "machine/", "validation/")
+"""Tests in this order come first. The first file compiles what nodes start with; the diagnosis only computes, next to
+tests in real time. At the end, the longest files would run while the other processes have nothing left.
+"""
 WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
 # A domain per test process, before rclpy is imported: nodes of another process must not be heard.
 _DOMAIN = int(os.environ.get("ROS_DOMAIN_ID") or os.getpid() % 90 + 10)
@@ -65,7 +67,7 @@ def in_real_time(nodeid: str) -> bool:
 
 
 class Files(LoadScopeScheduling):
-    """Gives whole files to test processes, in their order; all tests in real time, the last ones, to one of them."""
+    """Gives whole files to test processes in order; all tests in real time to the first process, after one file."""
 
     def __init__(self, config: pytest.Config, log: Producer | None = None) -> None:
         """Begin without tests."""
@@ -75,39 +77,20 @@ class Files(LoadScopeScheduling):
     def _split_scope(self, nodeid: str) -> str:
         return "real time" if in_real_time(nodeid) else nodeid.split("::", maxsplit=1)[0]
 
+    def _assign_work_unit(self, node: WorkerController) -> None:
+        if "real time" in self.workqueue:
+            first = node.gateway.id == "gw0"
+            self.workqueue.move_to_end("real time", last=not (first and self.assigned_work[node]))
+            if not first and len(self.workqueue) == 1:
+                return
+        super()._assign_work_unit(node)
+
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Files:
     return Files(config, log)
 
 
-class Lock:
-    """Held by one process alone or by several together; who waits for it alone is served before later ones."""
-
-    def __init__(self, folder: Path) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
-        flags = os.O_RDWR | os.O_CREAT
-        self._files = [os.open(folder / name, flags) for name in ("queue.lock", "machine.lock")]
-        self._held = ""
-
-    def take(self, how: str) -> None:
-        """Wait until it is held in this way: "alone" or "together"."""
-        if self._held == how:
-            return
-        self.release()
-        queue, machine = self._files
-        fcntl.flock(queue, fcntl.LOCK_EX)
-        fcntl.flock(machine, fcntl.LOCK_EX if how == "alone" else fcntl.LOCK_SH)
-        fcntl.flock(queue, fcntl.LOCK_UN)
-        self._held = how
-
-    def release(self) -> None:
-        if self._held:
-            fcntl.flock(self._files[1], fcntl.LOCK_UN)
-            self._held = ""
-
-
-LOCK = Lock(ROOT / ".pytest_cache")
 STALL_CODE = """
 import os, time
 parent = os.getppid()
@@ -158,14 +141,23 @@ STALL_WATCH: list[StallWatch] = []
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    config.addinivalue_line("markers", "real_time: keeps deadlines and therefore runs alone (by its path, conftest.py)")
+    config.addinivalue_line("markers", "real_time: keeps deadlines, as its path says (conftest.py)")
+    if WORKER:
+        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if in_real_time(item.nodeid):
             item.add_marker(pytest.mark.real_time)
-    items.sort(key=lambda item: (in_real_time(item.nodeid), not item.nodeid.removeprefix("test/").startswith(FIRST)))
+    items.sort(key=lambda item: _turn(item.nodeid))
+
+
+def _turn(nodeid: str) -> int:
+    """The place of a test in the order of FIRST; tests in real time are the last."""
+    if in_real_time(nodeid):
+        return len(FIRST) + 1
+    return next((k for k, first in enumerate(FIRST) if nodeid.removeprefix("test/").startswith(first)), len(FIRST))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
@@ -205,18 +197,14 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> Iterator[None]:
-    """Hold the lock during a test; tests in real time keep it, because their fixtures keep processes running."""
-    alone = item.get_closest_marker("real_time") is not None
-    LOCK.take("alone" if alone else "together")
-    if alone:  # a collection takes seconds in a process that has run thousands of tests, and messages wait meanwhile
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Collect no garbage from before a test in real time: that takes seconds, and messages wait meanwhile."""
+    if item.get_closest_marker("real_time") is not None:
         gc.freeze()
     try:
         return (yield)
     finally:
         gc.unfreeze()
-        if not (alone and nextitem is not None and nextitem.get_closest_marker("real_time") is not None):
-            LOCK.release()
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
