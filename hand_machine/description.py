@@ -10,8 +10,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from hand_machine.column_description import LARGEST, Column, columns_of, pressure_columns
-from hand_machine.wording import units_of
+from hand_machine.wording import units_of, wording_of_volume
 from hand_model.kernel.rows import JOINT_PARAMETERS
+from hand_model.quantities import UnitMap
 from hand_model.yaml_loader import DescriptionError, load_yaml
 from hand_model.yaml_reader import Section, read_yaml
 
@@ -154,7 +155,7 @@ def load_description(path: Path) -> MachineDescription:
         has=_parts(top, linear=linear),
         columns=columns_of(top, imposed),
         tolerances={key: tolerance for key, (_, tolerance) in read.items() if tolerance is not None},
-        effects=_effects(top, linear=linear),
+        effects=_effects(top, units_of(linear, per_torque=1.0, per_angle=1.0, per_input=1.0)),
         recordings=_recordings(top, linear=linear),
         sizes=_sizes(top),
         derivative_window_s=_derivative_window_s(top),
@@ -184,7 +185,7 @@ def _volume(top: Section, path: Path) -> MachineDescription:
         has=_parts(top, linear=True) | {"chamber"},
         columns=pressure_columns(top),
         tolerances={},
-        effects=_effects(top, linear=True),
+        effects=_effects(top, wording_of_volume().units),
         recordings={},
         sizes=_sizes(top),
         per_kelvin={},
@@ -225,11 +226,10 @@ def _recordings(top: Section, *, linear: bool) -> dict[str, dict[str, float]]:
     return found
 
 
-def _effects(top: Section, *, linear: bool) -> dict[str, float]:
+def _effects(top: Section, units: UnitMap) -> dict[str, float]:
     """Values by key, in the machine's units; the range of each is checked where the sizes are known."""
     if "effects" not in top:
         return {}
-    units = units_of(linear, per_torque=1.0, per_angle=1.0, per_input=1.0)
     keys = [units.quantity(parameter.key).key for parameter in JOINT_PARAMETERS]
     section = top.section("effects", keys)
     found = {}

@@ -22,10 +22,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 from xdist.remote import Producer
-from xdist.scheduler import LoadScopeScheduling
-from xdist.workermanage import WorkerController
 
 from hand_ros.memory import lock_memory
+from test.order import Files, in_real_time, turn
 from test.repeating import REPEATED
 
 # How long an example takes is the machine's business.
@@ -34,19 +33,6 @@ settings.load_profile("untimed")
 
 ROOT = Path(__file__).resolve().parent.parent
 
-REAL_TIME = (
-    "nodes/",
-    "tool/test_demo",
-    "recording/test_recorder_live",
-    "driver/test_emulator.py",
-    "driver/test_can_",
-    "driver/test_c_board",
-)
-"""Tests of processes that keep deadlines, by the beginning of their path below test/."""
-FIRST = ("validation/test_faults.py", "diagnosis/", "machine/", "validation/")
-"""Tests in this order come first. The first file compiles what nodes start with; the diagnosis only computes, next to
-tests in real time. At the end, the longest files would run while the other processes have nothing left.
-"""
 WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
 # A domain per test process, before rclpy is imported: nodes of another process must not be heard.
 _DOMAIN = int(os.environ.get("ROS_DOMAIN_ID") or os.getpid() % 90 + 10)
@@ -59,31 +45,6 @@ os.environ["ROS_HOME"] = str(ROOT / ".pytest_cache" / "ros" / str(os.getpid()))
 # A shell that starts the tests in the background lets them ignore SIGINT, and so would every process under test.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-def in_real_time(nodeid: str) -> bool:
-    """Whether a test keeps deadlines, by its path."""
-    return nodeid.removeprefix("test/").startswith(REAL_TIME)
-
-
-class Files(LoadScopeScheduling):
-    """Gives whole files to test processes in order; all tests in real time to the first process, after one file."""
-
-    def __init__(self, config: pytest.Config, log: Producer | None = None) -> None:
-        """Begin without tests."""
-        super().__init__(config, log)
-        config.option.loadscopereorder = False  # the file with most tests is not the longest
-
-    def _split_scope(self, nodeid: str) -> str:
-        return "real time" if in_real_time(nodeid) else nodeid.split("::", maxsplit=1)[0]
-
-    def _assign_work_unit(self, node: WorkerController) -> None:
-        if "real time" in self.workqueue:
-            first = node.gateway.id == "gw0"
-            self.workqueue.move_to_end("real time", last=not (first and self.assigned_work[node]))
-            if not first and len(self.workqueue) == 1:
-                return
-        super()._assign_work_unit(node)
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -141,7 +102,7 @@ STALL_WATCH: list[StallWatch] = []
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    config.addinivalue_line("markers", "real_time: keeps deadlines, as its path says (conftest.py)")
+    config.addinivalue_line("markers", "real_time: keeps deadlines, as its path says (test/order.py)")
     if WORKER:
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 
@@ -150,14 +111,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if in_real_time(item.nodeid):
             item.add_marker(pytest.mark.real_time)
-    items.sort(key=lambda item: _turn(item.nodeid))
-
-
-def _turn(nodeid: str) -> int:
-    """The place of a test in the order of FIRST; tests in real time are the last."""
-    if in_real_time(nodeid):
-        return len(FIRST) + 1
-    return next((k for k, first in enumerate(FIRST) if nodeid.removeprefix("test/").startswith(first)), len(FIRST))
+    items.sort(key=lambda item: turn(item.nodeid))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -18,6 +18,7 @@ from hand_identification.joint_data import joint_problem
 from hand_identification.joint_problem import STAGES
 from hand_machine.description import load_description
 from hand_machine.machine import Machine, load_machine
+from hand_model.kernel.rows import ROW
 from hand_model.yaml_loader import DescriptionError
 
 ATMOSPHERE_PA, VOLUME_M3, HEAT_J_KG = 101325.0, 1e-4, 287.0 * 293.15
@@ -81,6 +82,15 @@ def test_a_leak_is_named_and_predicts_another_filling(tmp_path: Path, kind: str)
         scores = predict(loaded.signals, loaded.model, wording=loaded.wording).joints[0].scores
         errors.append(next(score.rmse for score in scores if STAGES[score.stage] == "pressure"))
     assert errors[1] < 0.05 * errors[0]
+
+
+def test_numbers_of_effects_are_in_pascal_as_the_report_gives_them(tmp_path: Path) -> None:
+    """Fails when a file that names the offset of a sensor by its unit is refused, as that of an axis would be."""
+    machine(tmp_path, "none", (4e5,), 5)
+    content = FILE | {"effects": {"pressure_offset.offset_pa": 750.0}}
+    (tmp_path / "bellows.yaml").write_text(json.dumps(content), encoding="utf-8")
+    loaded = load_machine(tmp_path / "bellows.yaml", [tmp_path / "from_4_bar.npz"])
+    assert loaded.model.parameters[ROW["pressure_offset.offset_pa"], 0] == pytest.approx(750.0)
 
 
 def test_a_tight_volume_agrees(tmp_path: Path) -> None:
