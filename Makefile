@@ -14,7 +14,7 @@ CHECKING := requirements-analysis.txt requirements-studio.txt requirements-valid
 # WHEELHOUSE=folder: install from this folder alone, without a network; `make wheelhouse` fills it.
 WHEELHOUSE ?=
 OFFLINE := $(if $(WHEELHOUSE),--wheelhouse $(WHEELHOUSE))
-# Test processes. Tests in real time run one at a time, and before all others, whatever this is.
+# Test processes. Tests in real time run one at a time whatever this is.
 WORKERS ?= 2
 # Files or folders of tests to run alone: make test TESTS=test/model
 TESTS ?=

@@ -247,8 +247,9 @@ class Effect:
         return tuple(key for key in known.coefficients if known.needs.get(key) not in self.lacks) if known else ()
 
     def on_machine(self, lacks: frozenset[str]) -> Effect:
-        """The effect as it is on a machine that lacks some of NEEDS."""
-        return replace(self, lacks=lacks)
+        """The effect as it is on a machine that lacks some of NEEDS; itself where that changes nothing."""
+        needs = self.constitution.needs.values() if self.constitution else ()
+        return self if lacks.isdisjoint(needs) else replace(self, lacks=lacks)
 
     def _error(self, what: str, given: str, allowed: Iterable[str]) -> ValueError:
         return ValueError(f"effect {self.name}: {what} is '{given}'; it must be one of {', '.join(allowed)}")

@@ -337,8 +337,7 @@ def test_friction_under_load_falls_with_the_speed_and_rises_with_the_torques() -
 def test_viscous_friction_rises_with_the_speed() -> None:
     """Fails when a torque falls with the speed, or acts with it, or differs by direction in another share."""
     effect = EFFECTS["viscous_friction"]
-    for q in drawn("viscous_friction", 2):
-        q = (*q[:6], 0.0, *q[7:])
+    for q in drawn("viscous_friction", 2, asymmetry=0.0):
         speeds = np.linspace(0.0, 30.0, 400)
         torque = np.array([call(effect, "damping", q, omega) * omega for omega in speeds])
         assert torque[0] == 0.0
@@ -452,9 +451,7 @@ def test_gas_and_leak_stay_passive() -> None:
         2.0 * call(gas, "pressure_source", straight, 3e5, bent)
     )
     for q in drawn("leak", 6, rate_per_s=0.5, turbulent=0.3):
-        assert (
-            np.diff([call(leak, "pressure_source", q, p, REST) for p in np.linspace(0.0, SUPPLY_PA, 30)]).max() <= 0.0
-        )
+        assert np.diff([call(leak, "pressure_source", q, p, REST) for p in np.linspace(0.0, SUPPLY_PA, 30)]).max() < 0.0
     half = numbers(leak, rate_per_s=0.5, with_pressure=2.0)
     assert call(leak, "pressure_source", half, 3e5, REST) == approx(-0.5 * 3e5 * 2.0)
     plain_gas, twice = numbers(gas, exponent=1.0), numbers(gas, exponent=1.0, with_pressure=2.0)
