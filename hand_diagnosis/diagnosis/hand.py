@@ -175,11 +175,10 @@ def _reads_through_curve(
     straight = [without_sensor_curve(recording, hand) for recording in signals]
     gains = []
     for joint in chosen:
-        (bent_cost, explained), (cost, also) = (
-            _plain_cost(candidate, hand, joint, tolerance) for candidate in (signals, straight)
-        )
-        if explained or also:
-            gains.append(float(np.log(max(bent_cost, 1e-12) / max(cost, 1e-12))))  # no usable sample costs nothing
+        tried = [_plain_cost(candidate, hand, joint, tolerance) for candidate in (signals, straight)]
+        if any(explained for _, explained in tried):
+            as_angle, as_reading = (max(cost, 1e-12) for cost, _ in tried)  # no usable sample costs nothing
+            gains.append(float(np.log(as_angle / as_reading)))
     if gains and abs(np.median(gains)) > SETTINGS.curve_vote_margin:
         return bool(np.median(gains) > 0.0)
     gained = 0.0
