@@ -230,8 +230,14 @@ class Settings(LawSettings):
     rough_onset_s: float = setting(
         0.3, "s", "Error of the first time of an onset; samples within it are left out at first.", CHOICE,
         "A joint that is still moving to its new place looks like other effects.", "Quick effects are seen too little.")
+    end_prior: float = setting(
+        0.2, "-", "Prior odds of an effect that ends inside a recording against one that begins there.", CHOICE,
+        "Effects that end are taken for others that begin.", "Effects that begin are taken for others that end.")
     onset_steps: int = setting(
-        20, "-", "Times tried on each side of the first one, with a plant that changes there.", CHOICE,
+        41, "-", "Times tried over a recording with a plant that changes there, then again near the best one.", CHOICE,
+        "Times between which the fit is better are missed.", "Slower, no other result.")
+    onset_grids: int = setting(
+        3, "-", "Grids of such times, each within a step of the best time of the one before.", CHOICE,
         "Coarse times.", "Slower, no other result.")
     onset_candidates: int = setting(
         2, "-", "Times at which a search with an onset is tried.", CHOICE,

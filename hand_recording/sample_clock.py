@@ -7,7 +7,7 @@ the stamps are right, it is the other way round. The readings decide: at the rig
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,24 +48,46 @@ def on_steady_clock(recording: Recording, ticks: Ticks, rate_hz: float) -> tuple
     return replace(recording, topics=topics), 0.0, [line + OUTCOMES[steady]]
 
 
-def steady_times(time_s: Array, grid_s: Array, values: Array) -> tuple[Array, Array, float, list[str]]:
-    """Rising times (N,) [s] of a table and their grid (T,) [s], moved to a steady clock where that is right.
+@dataclass(frozen=True, slots=True)
+class TableClock:
+    """Rising times (N,) [s] of the rows of a table, the uniform grid (T,) [s] for them, and the tick of each row.
 
-    values: (N, J) readings by which this is decided.  Also the standard deviation [s] of the error of the times that is
-    left, and lines for the reader.
+    tick_s: (N,) times of the rows on the steady clock that they have; their own times where there is none.  jitter_s:
+    standard deviation of the error of the times that is left.  notes: lines for the reader.
     """
+
+    time_s: Array
+    grid_s: Array
+    tick_s: Array
+    jitter_s: float = 0.0
+    notes: tuple[str, ...] = ()
+
+
+def steady_times(time_s: Array, grid_s: Array, values: Array) -> TableClock:
+    """The clock of a table, its rows moved to the ticks of a steady clock where that is right.
+
+    time_s: (N,) rising [s].  grid_s: (T,) [s], of their usual period.  values: (N, J) readings by which this is
+    decided. Times that differ from a steady clock by no more than a rounding are put on it.
+    """
+    unsteady = TableClock(time_s, grid_s, time_s)
     stamps = np.rint((time_s - time_s[0]) * 1e9).astype(np.int64)
     if np.any(np.diff(stamps) <= 0):
-        return time_s, grid_s, 0.0, []
+        return unsteady
     ticks = rebuild_ticks(stamps, 1.0 / float(grid_s[1] - grid_s[0]))
     scatter_s = stamp_scatter_s(stamps, ticks)
-    if not READING.min_scatter_periods * ticks.period_s < scatter_s < READING.max_scatter_periods * ticks.period_s:
-        return time_s, grid_s, 0.0, []
-    steady, line = steadier(stamps, ticks, values), _scatter_line("its times", scatter_s)
-    if not steady:
-        return time_s, grid_s, scatter_s if steady is None else 0.0, [line + OUTCOMES[steady]]
+    if scatter_s >= READING.max_scatter_periods * ticks.period_s:
+        return unsteady
     clock = time_s[0] + 1e-9 * ticks.stamp_ns
-    return clock[ticks.number], clock, 0.0, [line + OUTCOMES[steady]]
+    moved = TableClock(clock[ticks.number], clock, clock[ticks.number])
+    if np.abs(time_s - moved.tick_s).max() <= 2.0 * READING.min_scatter_periods * ticks.period_s:
+        return moved
+    if scatter_s <= READING.min_scatter_periods * ticks.period_s:
+        return unsteady
+    steady = steadier(stamps, ticks, values)
+    notes = (_scatter_line("its times", scatter_s) + OUTCOMES[steady],)
+    if steady:
+        return replace(moved, notes=notes)
+    return TableClock(time_s, clock, moved.tick_s, scatter_s if steady is None else 0.0, notes)
 
 
 def has_reading(grid_s: Array, time_s: Array) -> Flags:

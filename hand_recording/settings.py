@@ -86,6 +86,12 @@ class ReadingSettings:
     part_s: float = setting(
         2.5e-3, "s", "Parts of a sample in which set-points act where the ticks of the board are unknown.", CHOICE,
         "Slower.", "Set-points act later, up to one such part.")
+    lost_step_pa: float = setting(
+        5e3, "Pa", "Change of a set-point over a missing row of a table, beyond its slope: a lost step.", CHOICE,
+        "Fast but smooth set-points are left out, too.", "Steps at unknown times count as errors of the model.")
+    lost_step_s: float = setting(
+        0.3, "s", "Time after a lost step for which the readings of its joint are left out.", CHOICE,
+        "Slow valves have not settled.", "More readings are left out than need be.")
     late_commands_s: float = setting(
         0.02, "s", "Set-points sent later than this after the stamp of their frame are reported.", CHOICE,
         "Controllers of normal speed are reported.", "Busy hosts are not reported.")

@@ -24,12 +24,13 @@ from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.yaml_reader import Section, read_yaml
 from hand_recording.hand_signals import hand_signals
-from hand_recording.interpolation import bridge, in_force, interpolate, longest_gap_s
+from hand_recording.interpolation import bridge, interpolate, longest_gap_s
 from hand_recording.loader import load_recording
 from hand_recording.recording_files import RecordingError
 from hand_recording.sample_clock import has_reading, steady_times
 from hand_recording.settings import READING
 from hand_recording.signals import Signals, on_calendar, samples_on_grid
+from hand_recording.table_commands import set_points_between
 from hand_recording.table_file import TABLES, UNITS, read_table
 from hand_sim.sample_ticks import usual_period
 
@@ -62,18 +63,31 @@ def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
     time_s = time_s[kept]
     joints = _joints(top, hand, mapping)
     angles = [_column(s.section("angle", COLUMN), path, columns, "deg", signed=True) for _, s in joints]
-    time_s, grid, jitter_s, notes = steady_times(time_s, grid, np.column_stack(angles)[kept])
+    clock = steady_times(time_s, grid, np.column_stack(angles)[kept])
+    grid, rows = clock.grid_s, len(clock.time_s)
     data = {name: np.full((len(grid), len(joints)), np.nan) for name in QUANTITIES}
+    sent = np.full((rows, len(joints)), np.nan)
     for j, (_, section) in enumerate(joints):
         for name, unit in QUANTITIES.items():
             if name in section:
                 part = section.section(name, COLUMN)
                 values = _column(part, path, columns, unit, signed=True)[kept]
-                data[name][:, j] = _on_grid(grid, time_s, values, held=name == "set_point")
-    signals = _signals(path, tuple(name for name, _ in joints), float(grid[1] - grid[0]), data, len(time_s) / len(grid))
-    read = signals.known & has_reading(grid, time_s)[:, None]
-    start_s = on_calendar(float(time_s[0]))
-    return replace(signals, known=read, notes=tuple(notes), jitter_s=jitter_s, start_s=start_s)
+                if name == "set_point":
+                    sent[:, j] = values
+                else:
+                    data[name][:, j] = _on_grid(grid, clock.time_s, values)
+    between, parts, unknown = set_points_between(clock, sent, data["pressure"])
+    data["set_point"] = between[::parts]
+    names, share = tuple(name for name, _ in joints), rows / len(grid)
+    signals = _signals(path, names, float(grid[1] - grid[0]), data, share)
+    return replace(
+        signals,
+        known=signals.known & has_reading(grid, clock.time_s)[:, None] & ~unknown,
+        notes=clock.notes,
+        jitter_s=clock.jitter_s,
+        start_s=on_calendar(float(clock.time_s[0])),
+        between_pa=np.nan_to_num(between) if parts > 1 else None,
+    )
 
 
 def uniform_clock(path: Path, time_s: Array) -> tuple[NDArray[np.intp], Array]:
@@ -125,12 +139,9 @@ def _column(section: Section, path: Path, columns: dict[str, Array], unit: str, 
     return scaled
 
 
-def _on_grid(grid: Array, time_s: Array, values: Array, *, held: bool) -> Array:
-    """At the times of a grid: interpolated where the samples are close enough, or held from the last one."""
+def _on_grid(grid: Array, time_s: Array, values: Array) -> Array:
+    """At the times of a grid: interpolated where the samples are close enough."""
     known = np.isfinite(values)
-    if held:
-        held_values: Array = values[known][np.maximum(in_force(grid + 1e-9, time_s[known]), 0)]
-        return held_values
     # The last time of a grid may lie a rounding error behind the last sample.
     within = np.clip(grid, time_s[known][0], time_s[known][-1]) if len(grid) else grid
     close = np.where(np.abs(within - grid) < grid[1] - grid[0], within, grid)

@@ -85,29 +85,42 @@ def search_with_onset(
     of_the_hand = {parameter.row for parameter in search.base.free} - {p.row for p in search.nominal.free}
     others = {ROW[key] for effect in effects for key in effect.keys}
     rows = sorted({*others, *search.own_rows} - of_the_hand)
-    best: tuple[float, JointSearch, Onset] | None = None
-    for candidate in _candidates(search, results):
-        problem = replace(search.problem, nominal=_sound_side(search, candidate, rows))
-        switched = with_onset(problem, candidate, rows)
-        found = again(_without_change(switched, candidate), False)
-        if not found.own_rows:  # what shows for a short time only is not seen without the samples around the change
-            found = again(switched, False)
-        if not found.own_rows and (moved := _by_leader(problem, found, candidate, rows)) is not None:
-            found = again(with_onset(problem, moved, rows), False)
-        if not found.own_rows:
-            continue
-        found, onset, evidence = _refined(problem, found, candidate, rows)
-        if best is None or evidence > best[0]:
-            best = evidence, found, onset
+    tries = [_tried(search, candidate, rows, again) for candidate in _candidates(search, results)]
+    always = _evidence(problem, search)
+    best = _best(tries, always)
     if best is None:
         return None
-    always = _evidence(problem, search)
-    probability = _probability(best[0] - always)
-    if probability <= SETTINGS.min_onset_probability:
-        return None
+    # A time shows from both sides; the effect may as well be on the other one.
+    other = replace(best[2], begins=not best[2].begins)
+    best = _best([best, _tried(search, other, rows, again)], always) or best
     evidence, found, onset = _with_laws(replace(problem, nominal=best[1].problem.nominal), best, again, rows)
     probability = min(_probability(evidence - always), 1.0 - SETTINGS.min_probability)
     return _released(search, found), replace(onset, probability=probability)
+
+
+def _tried(
+    search: JointSearch, candidate: Onset, rows: Sequence[int], again: Callable[[JointProblem, bool], JointSearch]
+) -> tuple[float, JointSearch, Onset] | None:
+    """Log evidence, search and onset that a candidate leads to; None where no effect is found with it."""
+    problem = replace(search.problem, nominal=_sound_side(search, candidate, rows))
+    switched = with_onset(problem, candidate, rows)
+    found = again(_without_change(switched, candidate), False)
+    if not found.own_rows:  # what shows for a short time only is not seen without the samples around the change
+        found = again(switched, False)
+    if not found.own_rows and (moved := _by_leader(problem, found, candidate, rows)) is not None:
+        found = again(with_onset(problem, moved, rows), False)
+    if not found.own_rows:
+        return None
+    found, onset, evidence = _refined(problem, found, candidate, rows)
+    return evidence + (0.0 if onset.begins else float(np.log(SETTINGS.end_prior))), found, onset
+
+
+def _best(
+    tries: Sequence[tuple[float, JointSearch, Onset] | None], always: float
+) -> tuple[float, JointSearch, Onset] | None:
+    """The most evident try, where it is more probable than effects that are there all the time, of that evidence."""
+    best = max((each for each in tries if each is not None), key=lambda each: each[0], default=None)
+    return best if best is not None and _probability(best[0] - always) > SETTINGS.min_onset_probability else None
 
 
 def _probability(gain: float) -> float:
@@ -136,6 +149,7 @@ def _with_laws(
     if not learned.own_rows:
         return best
     learned, moved, evidence = _refined(problem, learned, onset, rows)
+    evidence += 0.0 if moved.begins else float(np.log(SETTINGS.end_prior))
     evidence, found, onset = max((best, (evidence, learned, moved)), key=lambda each: each[0])
     return evidence, found if needed else replace(found, problem=_without_change(found.problem, onset)), onset
 
@@ -210,22 +224,20 @@ def _refined(
     problem: JointProblem, found: JointSearch, onset: Onset, rows: Sequence[int]
 ) -> tuple[JointSearch, Onset, float]:
     """The search at the best time of the onset, that time, and the log evidence, summed over all times."""
-    own = found.own_rows
     # Its pressure may have been shaped during the search.
     shaped = zip(found.problem.segments, problem.segments, strict=True)
     problem = replace(problem, segments=[replace(each, use=whole.use, acts=None) for each, whole in shaped])
     fit, occam = found.final, 0.0
     for _ in range(SETTINGS.onset_refinements):
-        on, off = _both(problem, fit, own)
-        times, score = _profile(problem, on, off, onset.begins)
-        weights = np.exp(score - score.max())
-        occam = float(np.log(weights.mean()))
+        times, score = _changing(problem, fit, rows, onset)
+        width = np.gradient(times)
+        weights = np.exp(score - score.max()) * width
+        occam = float(np.log(weights.sum() / width.sum()))
         weights /= weights.sum()
         std_s = float(np.sqrt(weights @ (times - float(times @ weights)) ** 2))
         # Between two contacts with a new obstacle, say, every time fits: then the middle one of all is stated.
         best = np.argmax(score) if std_s < SETTINGS.rough_onset_s else np.searchsorted(np.cumsum(weights), 0.5)
         onset = replace(onset, at_s=float(times[int(best)]), std_s=std_s)
-        onset = _sharpened(problem, fit, rows, onset)
         switched = with_onset(problem, onset, rows)
         fit = map_fit(switched, fit.free, fit.z, SETTINGS.nominal_iterations)
     evidence = log_evidence(switched, fit, amounts(fit)) + occam
@@ -234,17 +246,25 @@ def _refined(
     return replace(found, problem=switched, nominal=nominal, accepted=accepted), onset, evidence
 
 
-def _sharpened(problem: JointProblem, fit: MapFit, rows: Sequence[int], onset: Onset) -> Onset:
-    """The onset at the best time near it of the plant that changes and moves on, which takes a while to follow."""
-    period_s = problem.segments[0].period_s
-    steps = np.arange(-SETTINGS.onset_steps, SETTINGS.onset_steps + 1)
-    near = np.unique((steps * SETTINGS.rough_onset_s / SETTINGS.onset_steps / period_s).round()) * period_s
+def _changing(problem: JointProblem, fit: MapFit, rows: Sequence[int], onset: Onset) -> tuple[Array, Array]:
+    """Times (n,) [s] and log likelihoods (n,) of a plant that changes there and moves on; finer near the best time."""
+    segment = problem.segments[0]
+    period_s, counts = segment.period_s, _independent(problem)
     columns, starts = problem.columns(fit.free, fit.z[None])
-    tried = [replace(onset, at_s=float(onset.at_s + away_s)) for away_s in near]
-    squares = [with_onset(problem, each, rows).residuals(columns, starts)[0][0] ** 2 for each in tried]
-    counts = _independent(problem)
-    scores = [-0.5 * float((counts * np.log1p(problem.weight * s.sum(axis=1) / counts)).sum()) for s in squares]
-    return tried[int(np.argmax(scores))]
+    first, last = SETTINGS.min_onset_s, len(segment.angle_rad) * period_s - SETTINGS.min_onset_s
+    low, high = first, last
+    scores: dict[float, float] = {}
+    for _ in range(SETTINGS.onset_grids):
+        times = np.unique(np.linspace(low, high, SETTINGS.onset_steps).round(decimals=9) // period_s) * period_s
+        for at_s in times:
+            if float(at_s) not in scores:
+                changes = with_onset(problem, replace(onset, at_s=float(at_s)), rows)
+                squares = (changes.residuals(columns, starts)[0][0] ** 2).sum(axis=1) * problem.weight
+                scores[float(at_s)] = -0.5 * float((counts * np.log1p(squares / counts)).sum())
+        best, step = max(scores, key=scores.__getitem__), (high - low) / (SETTINGS.onset_steps - 1)
+        low, high = max(best - step, first), min(best + step, last)
+    times = np.array(sorted(scores))
+    return times, np.array([scores[float(at_s)] for at_s in times])
 
 
 def _both(problem: JointProblem, fit: MapFit, rows: Sequence[int]) -> tuple[Array, Array]:
@@ -290,7 +310,7 @@ def _candidates(search: JointSearch, results: Sequence[StageResult]) -> list[Ons
             times, score = _profile(problem, on, off, begins)
             if score.max() > always + SETTINGS.min_onset_gain:
                 found.append((float(score.max()) - always, Onset(float(times[score.argmax()]), 0.0, begins, 0.0)))
-    if any(result.excess_after > result.floor for result in results):
+    if search.accepted or any(result.excess_after > result.floor for result in results):
         for begins in (True, False):
             found += [each for each in (_change(problem, search.nominal, begins),) if each is not None]
     found.sort(key=lambda pair: -pair[0])

@@ -20,6 +20,7 @@ import numpy as np
 
 from hand_model.arrays import Array
 from hand_model.compile_cache import carray, is_kept, njit, prange
+from hand_model.effects import CATALOGUE
 from hand_model.effects.effect import (
     ACCELERATION,
     ANGLE,
@@ -56,7 +57,7 @@ from hand_model.kernel.layout import (
     prepare_rows,
 )
 from hand_model.kernel.narrow_loops import NarrowLoops
-from hand_model.kernel.rows import ROW, STARTS, STATES, STEP_S
+from hand_model.kernel.rows import ROW, STARTS, STATES, STEP_S, memory_rows
 from hand_model.kernel.step import assemble, deliver, steps_per_sample, whole_below
 from hand_model.kernel.terms import terms
 
@@ -301,6 +302,10 @@ _OTHERS = [own for effect in OPEN_EFFECTS if effect not in HAND_EFFECTS for own 
 _OTHER_ROWS, _OTHER_NEUTRAL = [ROW[own.key] for own in _OTHERS], np.array([own.neutral_si for own in _OTHERS])
 
 
+_OWN = {effect.name: [ROW[own.key] for own in effect.parameters] for effect in CATALOGUE}
+"""Rows of the parameters of each effect."""
+
+
 _BLOCK = "(f8[:,::1], f8[::1], i8, f8[::1], f8[:,::1], f8, i8, f8, b1, f8, i8, i8, f8[:,:,::1])"
 _LANES = "(f8[:,:,::1], f8[::1], i8, f8[::1], f8[:,::1], f8, i8, f8, b1, f8, i8, i8, f8[:,:,::1])"
 
@@ -359,7 +364,7 @@ def open_loop(
     force sensor [m].  step_s: largest integration step [s].  driven: the motion is imposed, and the force is predicted.
     effects: those compiled in, in the order of the catalogue; by default those that act, or all that a fit may vary
     (`NarrowLoops`), without those of other machines where none of them acts.  changed: a sample from which on other
-    parameter sets, of the same shape, hold; the state goes on.
+    parameter sets, of the same shape, hold; the state goes on, and the effects that change begin as at a first sample.
     """
     count, samples = len(columns), len(inputs.surroundings)
     blocks = -(-count // LANES)
@@ -379,8 +384,26 @@ def open_loop(
         periods = [(0, changed[0], columns), (changed[0], samples - 1, changed[1])]
     loop = _loop_for(np.concatenate([each for _, _, each in periods]), effects, blocks * samples * steps)
     for begin, end, holding in periods:
+        if begin > 0:
+            e = _begun(work, columns, holding, p[(len(p) - 1) // max(samples - 1, 1) * begin], e, begin)
         lanes = np.concatenate([holding, np.repeat(holding[-1:], blocks * LANES - count, axis=0)])
         work[:, : len(ROW)] = lanes.reshape(blocks, LANES, len(ROW)).transpose(0, 2, 1)
         prepare_rows(work, inputs.period_s / steps)
         loop(work, u, parts, p, e, inputs.period_s, steps, lever_m, driven, inputs.late_s, begin, end, out)
     return out[:count]
+
+
+def _begun(work: Array, before: Array, after: Array, pressure_pa: float, e: Array, sample: int) -> Array:
+    """Give the memory of the effects that change at a sample its start, in place; returns the surroundings from there.
+
+    work: (blocks, WORK, LANES).  before, after: parameter sets (columns, rows).  pressure_pa: measured then.  e: the
+    surroundings (samples, EXOGENOUS); their time begins at the sample, too, where nothing else acts.
+    """
+    begun = [effect for effect in CATALOGUE if np.any(before[:, _OWN[effect.name]] != after[:, _OWN[effect.name]])]
+    for effect in begun:
+        for row, start in zip(memory_rows(effect), effect.starts.values(), strict=True):
+            work[:, row] = work[:, X + PHI] if start == "angle" else pressure_pa if start == "pressure" else 0.0
+    if set(active_effects(after.T)) <= set(begun):
+        e = e.copy()
+        e[:, TIME] -= e[sample, TIME]
+    return e

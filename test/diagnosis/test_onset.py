@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from hand_diagnosis.diagnosis import diagnose
+from hand_diagnosis.judgement import onset
+from hand_diagnosis.settings import SETTINGS
 from hand_model.description import Hand
 from hand_model.effects import CATALOGUE
 from hand_recording.signals import Signals
@@ -67,11 +70,11 @@ def test_a_leak_that_begins_or_ends_is_found_with_its_time(begins: bool, at_s: f
     model = off_by_a_little(hand, rng)
     result = diagnose([signals], model, tolerance=0.05, seed=0, joints=[JOINT], without=WITHOUT, sensor_curve=False)
     assert [finding.effect for finding in result.findings] == ["leak"], result.findings
-    onset = result.findings[0].onset
-    assert onset is not None
-    assert onset.begins is begins
-    assert abs(onset.at_s - at_s) < max(0.3, 4.0 * onset.std_s)
-    assert onset.probability > 0.9
+    found = result.findings[0].onset
+    assert found is not None
+    assert found.begins is begins
+    assert abs(found.at_s - at_s) < max(0.3, 4.0 * found.std_s)
+    assert found.probability > 0.9
     assert ("It begins at" if begins else "It ends at") in result.findings[0].statement
 
 
@@ -84,9 +87,9 @@ def test_a_load_that_begins_moves_the_joint_to_a_new_place(hand: Hand) -> None:
     without = [effect.name for effect in CATALOGUE if effect.name not in kept]
     result = diagnose([signals], model, tolerance=0.05, seed=0, joints=[JOINT], without=without, sensor_curve=False)
     assert [finding.effect for finding in result.findings] == ["constant_load"], result.findings
-    onset = result.findings[0].onset
-    assert onset is not None and onset.begins
-    assert abs(onset.at_s - 10.4) < max(0.02, 4.0 * onset.std_s)
+    found = result.findings[0].onset
+    assert found is not None and found.begins
+    assert abs(found.at_s - 10.4) < max(0.02, 4.0 * found.std_s)
 
 
 def test_a_number_of_the_plain_plant_that_changes_is_named(hand: Hand) -> None:
@@ -120,10 +123,10 @@ def test_an_obstacle_that_begins_while_it_is_not_met_gets_the_middle_of_the_time
     model = off_by_a_little(hand, rng)
     result = diagnose([signals], model, tolerance=0.05, seed=0, joints=[JOINT], without=without, sensor_curve=False)
     assert [finding.effect for finding in result.findings] == ["contact"], result.findings
-    onset = result.findings[0].onset
-    assert onset is not None and onset.begins
-    assert abs(onset.at_s - 0.5 * (last_s + first_s)) < 0.25 * (first_s - last_s)
-    assert onset.std_s > 0.2 * (first_s - last_s)
+    found = result.findings[0].onset
+    assert found is not None and found.begins
+    assert abs(found.at_s - 0.5 * (last_s + first_s)) < 0.25 * (first_s - last_s)
+    assert found.std_s > 0.2 * (first_s - last_s)
 
 
 def test_a_leak_that_is_always_there_has_no_onset(hand: Hand) -> None:
@@ -136,3 +139,24 @@ def test_a_leak_that_is_always_there_has_no_onset(hand: Hand) -> None:
     result = diagnose([signals], model, tolerance=0.05, seed=0, joints=[JOINT], without=WITHOUT, sensor_curve=False)
     assert result.findings
     assert all(finding.onset is None for finding in result.findings)
+
+
+def test_a_law_that_leaves_nothing_does_not_end_the_search_for_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when no time is sought because an effect without an onset, with a flexible law, fits the training data."""
+    seen = onset.Onset(7.5, 0.0, begins=True, probability=0.0)
+    monkeypatch.setattr(onset, "_change", lambda problem, nominal, begins: (9.0, seen) if begins else None)
+    search = SimpleNamespace(problem=None, nominal=None, own_rows=(), accepted=["stiffening"])
+    assert onset._candidates(search, []) == [seen]  # type: ignore[arg-type]
+    search.accepted = []
+    assert onset._candidates(search, []) == []  # type: ignore[arg-type]
+
+
+def test_of_equal_evidence_an_effect_begins() -> None:
+    """Fails when an effect that ends is as likely as one that begins, or much evidence for an end does not count."""
+    always, prior = -50.0, float(np.log(SETTINGS.end_prior))
+    begins, ends = (onset.Onset(7.5, 0.1, side, 0.0) for side in (True, False))
+    for gain, expected in ((-0.5 * prior, begins), (-1.5 * prior, ends)):
+        tries = [(-20.0, None, begins), (-20.0 + gain + prior, None, ends)]
+        best = onset._best(tries, always)  # type: ignore[arg-type]
+        assert best is not None and best[2] is expected
+    assert onset._best([None, (always + 1.0, None, begins)], always) is None  # type: ignore[list-item]

@@ -134,6 +134,29 @@ def test_parameters_that_change_on_the_way_leave_the_state(hand: Hand) -> None:
     np.testing.assert_allclose(late[1, -50:], always[0, 1, -50:], atol=np.radians(0.5))
 
 
+BEGINNING = {
+    "ageing.strength_per_h": 0.01,
+    "thermal_drift.torque_nm": 0.05,
+}
+"""Effects with time or memory, and values (SI) that move the joint within seconds."""
+
+
+@pytest.mark.parametrize("key", BEGINNING)
+def test_an_effect_that_begins_has_no_past(hand: Hand, key: str) -> None:
+    """Fails when an effect that begins has aged, warmed or crept before, so that the joint jumps at that time."""
+    commands = np.full((1600, 11), 2e5)
+    states = closed(hand, commands, ())[:-1]
+    inputs = measured(states, 4, -1, commands, PERIOD_S)
+    plain = hand.parameters[:, [4]].T
+    begun, start, at = plain.copy(), states[0][:, [4]].T, 800
+    begun[:, ROW[key]] = BEGINNING[key]
+    before = open_loop(plain, start, inputs)[0, 1]
+    away = np.degrees(open_loop(plain, start, inputs, changed=(at, begun))[0, 1] - before)
+    always = np.degrees(open_loop(begun, start, inputs)[0, 1] - before)
+    assert np.all(away[: at + 1] == 0.0)
+    assert np.abs(away[at : at + 10]).max() < 0.05 < 0.2 < max(np.abs(always[at]), np.abs(away[-1]))
+
+
 def drawn_sets(count: int) -> list[tuple[Effect, ...]]:
     """Sets of one or two effects of a hand, drawn at random."""
     seed = int(np.random.SeedSequence().generate_state(1)[0])

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from hand_recording.sample_clock import has_reading, stamp_scatter_s, steadier, steady_times
+from hand_recording.signal_files import uniform_clock
 from hand_sim.sample_ticks import rebuild_ticks, usual_period
 
 RATE_HZ, COUNT = 100.0, 3000
@@ -92,11 +95,25 @@ def test_the_readings_say_whose_times_are_right(true_at_ticks: bool, expected: b
     resting = steadier(stamps, ticks, noise)
     assert resting is None, "a joint at rest cannot say whose times are right"
     grid = stamped[0] + np.arange(COUNT) / RATE_HZ
-    _, _, jitter_s, lines = steady_times(stamped, grid, values)
-    assert jitter_s == 0.0
-    assert "1.7 ms" in lines[0]
-    assert steady_times(stamped, grid, noise)[2] == pytest.approx(3e-3 / np.sqrt(3.0), rel=0.05)
-    assert steady_times(at_ticks, at_ticks, values)[3] == []
+    clock = steady_times(stamped, grid, values)
+    assert clock.jitter_s == 0.0
+    assert "1.7 ms" in clock.notes[0]
+    assert np.array_equal(clock.time_s, stamped) is not expected
+    np.testing.assert_allclose(clock.tick_s - clock.tick_s[0], at_ticks, atol=2e-4)
+    assert steady_times(stamped, grid, noise).jitter_s == pytest.approx(3e-3 / np.sqrt(3.0), rel=0.05)
+    assert steady_times(at_ticks, at_ticks, values).notes == ()
+
+
+@pytest.mark.parametrize(("rate_hz", "digits"), [(30.0, 6), (70.0, 9), (150.0, 4)])
+def test_rounded_times_of_a_table_are_those_of_its_clock(rate_hz: float, digits: int) -> None:
+    """Fails when times that are rounded to the digits of a file get a grid of another rate, or are not on it."""
+    exact = np.arange(COUNT) / rate_hz
+    rounded = exact.round(digits)
+    _, grid = uniform_clock(Path("table.csv"), rounded)
+    clock = steady_times(rounded, grid, motion(exact))
+    assert len(clock.grid_s) == COUNT
+    np.testing.assert_allclose(clock.grid_s, exact, atol=0.6 * 10.0**-digits)
+    np.testing.assert_array_equal(clock.time_s, clock.grid_s)
 
 
 def test_lost_samples_have_no_reading() -> None:

@@ -1,0 +1,86 @@
+"""Set-points of a table: in force when they were sent, and known where a row is missing, or left out."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from hand_model.arrays import Array, Flags
+from hand_recording.sample_clock import steady_times
+from hand_recording.table_commands import set_points_between
+
+RATE_HZ, COUNT, TAU_S = 80.0, 2400, 0.05
+SCATTER_S = 1.5e-3
+
+
+def steps(rng: np.random.Generator) -> Array:
+    """Set-points (COUNT,) [Pa] that step every 20 rows."""
+    return np.repeat(rng.uniform(0.0, 4e5, COUNT // 20), 20)
+
+
+def pressure_at(at_s: Array, sent_s: Array, sent_pa: Array) -> Array:
+    """Pressure (n,) [Pa] of a valve with one time constant, at rising times, after set-points sent at rising times."""
+    fine_s = np.arange(0.0, at_s[-1] + 1e-4, 1e-4)
+    u = sent_pa[np.maximum(np.searchsorted(sent_s, fine_s, side="right") - 1, 0)]
+    p, decay = np.zeros(len(fine_s)), math.exp(-1e-4 / TAU_S)
+    for k in range(1, len(fine_s)):
+        p[k] = u[k - 1] + (p[k - 1] - u[k - 1]) * decay
+    return np.interp(at_s, fine_s, p)
+
+
+def read(time_s: Array, sent_pa: Array, pressure_pa: Array) -> tuple[Array, int, Flags, Array]:
+    """What is made of a table of one joint, and the grid; the readings alone say that their stamps are right."""
+    smooth = np.sin(2.0 * np.pi * time_s)[:, None]
+    clock = steady_times(time_s, time_s[0] + np.arange(COUNT) / RATE_HZ, smooth)
+    on_grid = np.interp(clock.grid_s, time_s, pressure_pa)[:, None]
+    return *set_points_between(clock, sent_pa[:, None], on_grid), clock.grid_s
+
+
+@pytest.mark.parametrize("steady", [True, False])
+def test_the_pressures_say_when_set_points_were_sent(steady: bool) -> None:
+    """Fails when set-points of a steady clock are put at the uneven stamps of their rows, or the others are not."""
+    print("seed 91")
+    rng = np.random.default_rng(91)
+    ticks = np.arange(COUNT) / RATE_HZ
+    stamps = ticks + np.append(0.0, np.clip(SCATTER_S * rng.standard_normal(COUNT - 1), -4e-3, 4e-3))
+    sent_s, sent = ticks if steady else stamps, steps(rng)
+    pressure = pressure_at(stamps, sent_s, sent) + 100.0 * rng.standard_normal(COUNT)
+    between, parts, unknown, grid = read(stamps, sent, pressure)
+    assert (parts == 1) is steady
+    assert not unknown.any()
+    if steady:
+        np.testing.assert_array_equal(between[:, 0], sent[: len(between)])
+        return
+    changes = np.flatnonzero(np.diff(between[:, 0])) + 1
+    late_s = grid[0] + changes / (parts * RATE_HZ) - stamps[np.flatnonzero(np.diff(sent)) + 1]
+    assert late_s.min() > -1e-4 and late_s.max() < 1.0 / RATE_HZ / parts + 1e-4
+
+
+def test_a_step_that_was_lost_is_left_out_and_a_slope_is_bridged() -> None:
+    """Fails when a set-point is held over a missing row although it moves, or a step at an unknown time is believed."""
+    print("seed 92")
+    rng = np.random.default_rng(92)
+    ticks = np.arange(COUNT) / RATE_HZ
+    slope, sent = 1e5 + 2e4 * np.sin(ticks), steps(rng)
+    kept = np.ones(COUNT, dtype=bool)
+    kept[[410, 500, 505]] = False  # within a step, and at one
+    for values, lost in ((slope, []), (sent, [500])):
+        between, parts, unknown, grid = read(ticks[kept], values[kept], pressure_at(ticks, ticks, values)[kept])
+        assert parts == 1 and len(grid) == COUNT
+        if not lost:
+            np.testing.assert_allclose(between[:, 0], values, atol=50.0)
+        expected = np.zeros(COUNT, dtype=bool)
+        for tick in lost:
+            expected[tick : tick + 25] = True  # from the row itself to 0.3 s after the row behind it
+        np.testing.assert_array_equal(np.delete(unknown[:, 0], 525), np.delete(expected, 525))  # that is 0.3 s
+
+
+def test_a_set_point_that_is_written_when_it_changes_holds() -> None:
+    """Fails when an empty cell loses the set-point before it, or becomes a line to the next one."""
+    ticks, sent = np.arange(COUNT) / RATE_HZ, np.full(COUNT, np.nan)
+    sent[::400] = 1e5 * np.arange(6)
+    between, _, unknown, _ = read(ticks, sent, np.full(COUNT, 1e5))
+    np.testing.assert_array_equal(between[:, 0], np.repeat(1e5 * np.arange(6), 400))
+    assert not unknown.any()
