@@ -39,6 +39,10 @@ PERIOD_S = (1e-6, 1.0)
 LATEST_S = 1e12
 """Largest time of a table: beyond any epoch, and small enough for differences of a microsecond."""
 COLUMN = ("column", "unit", "sign")
+TOO_FEW_ROWS = (
+    "its pressure changes before the set-points of the rows do, because these stepped between the rows; record every"
+    " set-point, as a rosbag2 does, or more rows a second"
+)
 QUANTITIES = {"set_point": "pa", "pressure": "pa", "angle": "deg", "force": "n"}
 
 
@@ -76,17 +80,18 @@ def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
                     sent[:, j] = values
                 else:
                     data[name][:, j] = _on_grid(grid, clock.time_s, values)
-    between, parts, unknown = set_points_between(clock, sent, data["pressure"])
-    data["set_point"] = between[::parts]
+    commands = set_points_between(clock, sent, data["pressure"])
+    data["set_point"] = commands.between_pa[:: commands.parts]
     names, share = tuple(name for name, _ in joints), rows / len(grid)
     signals = _signals(path, names, float(grid[1] - grid[0]), data, share)
     return replace(
         signals,
-        known=signals.known & has_reading(grid, clock.time_s)[:, None] & ~unknown,
+        known=signals.known & has_reading(grid, clock.time_s)[:, None] & ~commands.unknown,
         notes=clock.notes,
         jitter_s=clock.jitter_s,
         start_s=on_calendar(float(clock.time_s[0])),
-        between_pa=np.nan_to_num(between) if parts > 1 else None,
+        between_pa=np.nan_to_num(commands.between_pa) if commands.parts > 1 else None,
+        refused=tuple((name, TOO_FEW_ROWS) for name, at_fault in zip(names, commands.refused, strict=True) if at_fault),
     )
 
 

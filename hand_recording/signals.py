@@ -52,6 +52,7 @@ class Signals:
     band_s: window over which a measured force and its prediction are smoothed alike, because the motion shows nothing
     faster; 0: neither is.
     start_s: the first stamp since 1970 [s]; None where stamps count from another time, see on_calendar.
+    refused: joints whose readings cannot be compared with a model, and why.
     """
 
     name: str
@@ -76,6 +77,7 @@ class Signals:
     derivative_s: float = READING.smoothing_s
     band_s: float = 0.0
     start_s: float | None = None
+    refused: tuple[tuple[str, str], ...] = ()
 
     @property
     def commanded_pa(self) -> Array:

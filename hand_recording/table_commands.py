@@ -1,18 +1,22 @@
-"""When the set-points of a table came into force: at the stamps of its rows, or at the ticks of a steady clock.
+"""When the set-points of a table came into force: at its rows, at the ticks of a steady clock, or between its rows.
 
 A row says which set-point is in force, and its stamp when its readings were taken. Where rows are stamped at uneven
-times, the set-point may still have been sent by a steady clock. The measured pressures decide which of the two they
-follow; where they do not, the stamp counts.
+times, the set-point may still have been sent by a steady clock. Where a table has fewer rows than there were commands,
+the set-points moved between the rows: along a straight line where they are smooth, or by steps at unknown times, with
+which nothing can be compared. The measured pressures decide what they follow; where they do not, the stamp counts.
 
-A row that is missing takes its set-point with it. A straight line between its neighbours replaces it; where they differ
-by more than their slopes say, a step was lost with it, and the readings until the pressure has settled are left out.
+A row that is missing takes its set-point with it. A straight line between its neighbours replaces it. Where these
+differ by more than their slopes say, a step came at an unknown time, and the readings until the pressure has settled
+are left out.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hand_model.arrays import Array, Flags
 from hand_recording.interpolation import in_force, longest_gap_s
@@ -21,56 +25,87 @@ from hand_recording.settings import READING
 
 ROUNDING = 1e-3
 """Part of a period by which a time may miss its tick because it was rounded."""
-CHANCE = 3.0
+CHANCE = 2.0
 """Difference of two errors, in units of the scatter of one over the square root of the samples, beyond chance."""
+MOST_STEPS = 0.02
+"""Share of readings after steps between the rows up to which they are left out; beyond, a joint is not compared."""
 
 
-def set_points_between(clock: TableClock, sent_pa: Array, pressure_pa: Array) -> tuple[Array, int, Flags]:
-    """Set-points in force (parts (T - 1) + 1, J) [Pa], the number of parts of each sample, and readings to leave out.
+@dataclass(frozen=True, slots=True)
+class TableCommands:
+    """Set-points in force, between_pa (parts (T - 1) + 1, J) [Pa], and what cannot be compared with them.
 
-    sent_pa: (N, J) of the rows; NaN where none is given.  pressure_pa: (T, J) measured, on the grid of the clock; NaN
-    where there is none.  The last result are flags (T, J) of readings after a step that was lost.
+    unknown: (T, J) readings after a step that came at an unknown time.  refused: (J,) joints all of whose steps did.
     """
-    grid, period_s = clock.grid_s, float(clock.grid_s[1] - clock.grid_s[0])
-    rows, added, lost = _bridged(clock.tick_s, sent_pa, period_s)
-    own_s, tick_s = (np.interp(rows, np.arange(len(each)), each) for each in (clock.time_s, clock.tick_s))
-    unknown = np.zeros((len(grid), sent_pa.shape[1]), dtype=bool)
-    for row, joint in lost:
-        since = grid - clock.time_s[row + 1]
-        unknown[(since > clock.time_s[row] - clock.time_s[row + 1]) & (since < READING.lost_step_s), joint] = True
-    if _is_on(grid, clock.time_s):
-        return _held(grid, own_s, added), 1, unknown
+
+    between_pa: Array
+    parts: int
+    unknown: Flags
+    refused: Flags
+
+
+def set_points_between(clock: TableClock, sent_pa: Array, pressure_pa: Array) -> TableCommands:
+    """When set-points sent_pa (N, J) [Pa] of the rows of a table came into force; NaN where none is given.
+
+    pressure_pa: (T, J) measured, on the grid of the clock; NaN where there is none.
+    """
+    grid, rows = clock.grid_s, np.arange(len(clock.time_s), dtype=np.float64)
+    period_s = float(grid[-1] - grid[0]) / (len(grid) - 1)
     parts = max(math.ceil(period_s / READING.part_s), 1)
     fine = grid[0] + period_s / parts * np.arange(parts * (len(grid) - 1) + 1)
-    own = _held(fine, own_s, added)
-    if _is_on(grid, clock.tick_s):
-        ticked = _held(grid, tick_s, added)
-        clearly = 1.0 - CHANCE / math.sqrt(len(grid))
-        if _error(ticked, 1, pressure_pa) < clearly * _error(own, parts, pressure_pa):
-            return ticked, 1, unknown
-    return own, parts, unknown
+    sent = _held(rows, rows, sent_pa)
+    missing = np.maximum(np.rint(np.diff(clock.tick_s) / period_s).astype(np.int64) - 1, 0)
+    places, added = _with_missing(sent, missing)
+    clearly = 1.0 - CHANCE / math.sqrt(len(grid))
+
+    def held(at_rows_s: Array) -> Array:
+        return _held(fine, np.interp(places, rows, at_rows_s), added)
+
+    between, slow = held(clock.time_s), np.zeros(sent.shape[1], dtype=bool)
+    errors = _errors(between, parts, pressure_pa)
+    if np.array_equal(clock.time_s, clock.tick_s):
+        slow = _errors(between, parts, pressure_pa, ahead=True) < clearly * errors
+    else:
+        ticked = held(clock.tick_s)
+        if _errors(ticked, parts, pressure_pa).sum() < clearly * errors.sum():
+            between = ticked
+    line = np.column_stack([np.interp(fine, clock.tick_s, column) for column in sent.T])
+    stepped = _after_lost_steps(clock, sent, missing, every_row=True)
+    refused = slow & (stepped.mean(axis=0) > MOST_STEPS)
+    smooth = slow & ~refused & (_errors(line, parts, pressure_pa) < errors)
+    unknown = np.where(smooth, stepped, _after_lost_steps(clock, sent, missing))
+    between = np.where(smooth, line, between)
+    if np.array_equal(between[:-1], np.repeat(between[:-1:parts], parts, axis=0), equal_nan=True):
+        between, parts = between[::parts], 1
+    return TableCommands(between, parts, unknown, refused)
 
 
-def _bridged(time_s: Array, sent_pa: Array, period_s: float) -> tuple[Array, Array, list[tuple[int, int]]]:
-    """Places (M,) and set-points (M, J) of all rows and of those that are missing between them, and the lost steps.
+def _with_missing(sent_pa: Array, missing: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Places (M,) and set-points (M, J) of all rows and of those that are missing between them.
 
-    A place is the number of a row, or lies between two; a lost step is the row before it and its joint.
+    A place is the number of a row, or lies between two.
     """
-    count = len(time_s)
-    rows = np.arange(count)
-    missing = np.maximum(np.rint(np.diff(time_s) / period_s).astype(int) - 1, 0)
+    rows = np.arange(len(sent_pa), dtype=np.float64)
     added = [row + np.arange(1, missing[row] + 1) / (missing[row] + 1.0) for row in np.flatnonzero(missing)]
-    places = np.sort(np.concatenate([rows.astype(np.float64), *added]))
-    filled = _held(rows.astype(np.float64), rows.astype(np.float64), sent_pa)
-    between = np.column_stack([np.interp(places, rows, column) for column in filled.T])
-    lost = []
-    for row in np.flatnonzero(missing).tolist():
-        before, after = filled[row], filled[row + 1]
-        slope = 0.5 * (before - filled[max(row - 1, 0)] + filled[min(row + 2, count - 1)] - after)
-        long = time_s[row + 1] - time_s[row] > longest_gap_s(period_s)
-        stepped = long | (np.abs(after - before - slope * (missing[row] + 1)) > READING.lost_step_pa)
-        lost += [(row, int(joint)) for joint in np.flatnonzero(stepped)]
-    return places, between, lost
+    places = np.sort(np.concatenate([rows, *added]))
+    return places, np.column_stack([np.interp(places, rows, column) for column in sent_pa.T])
+
+
+def _after_lost_steps(
+    clock: TableClock, sent_pa: Array, missing: NDArray[np.int64], *, every_row: bool = False
+) -> Flags:
+    """Flags (T, J) of the readings after a step at an unknown time: where rows are missing (N - 1,), or at any row."""
+    grid, time_s, last = clock.grid_s, clock.time_s, len(sent_pa) - 1
+    flags = np.zeros((len(grid), sent_pa.shape[1]), dtype=bool)
+    long_s = longest_gap_s(float(grid[1] - grid[0]))
+    for row in np.flatnonzero(missing + every_row).tolist():
+        before, after = sent_pa[row], sent_pa[row + 1]
+        slope = 0.5 * (before - sent_pa[max(row - 1, 0)] + sent_pa[min(row + 2, last)] - after)
+        more = (after - before) - slope * (missing[row] + 1)
+        stepped = (np.abs(more) > READING.lost_step_pa) | (time_s[row + 1] - time_s[row] > long_s)
+        first, end = np.searchsorted(grid, [time_s[row] + 1e-9, time_s[row + 1] + READING.lost_step_s])
+        flags[first:end, stepped] = True
+    return flags
 
 
 def _is_on(grid_s: Array, time_s: Array) -> bool:
@@ -90,20 +125,20 @@ def _held(at_s: Array, time_s: Array, values: Array) -> Array:
     return held
 
 
-def _error(between_pa: Array, parts: int, pressure_pa: Array) -> float:
-    """RMS error of the change of pressure from sample to sample, by a line over set-points and pressure; relative.
+def _errors(between_pa: Array, parts: int, pressure_pa: Array, *, ahead: bool = False) -> Array:
+    """Relative RMS errors (J,) of the change of pressure from sample to sample, by a line over set-points and pressure.
 
-    A valve of any speed lets the change depend on the mean set-points of this sample and of those before it.
+    A valve of any speed lets the change depend on the mean set-points of this sample and of those before it. ahead:
+    it may depend on those of the next sample, too, which no valve knows (Granger, Econometrica 37(3), 1969).
     """
     mean = between_pa[:-1].reshape(-1, parts, between_pa.shape[1]).mean(axis=1)
-    left = scale = 0.0
-    for u, p in zip(mean.T, pressure_pa.T, strict=True):
-        change = np.diff(p)[2:]
-        causes = np.column_stack([u[2:], u[1:-1], u[:-2], p[2:-1], p[1:-2], np.ones(len(change))])
+    errors = np.zeros(mean.shape[1])
+    for j, (u, p) in enumerate(zip(mean.T, pressure_pa.T, strict=True)):
+        change = np.diff(p)[2:-1]
+        causes = np.column_stack([u[2:-1], u[1:-2], u[:-3], p[2:-2], p[1:-3], np.ones(len(change)), u[3:]])
+        causes = causes if ahead else causes[:, :-1]
         usable = np.isfinite(change) & np.isfinite(causes).all(axis=1)
-        if usable.sum() <= causes.shape[1]:
-            continue
-        answer, *_ = np.linalg.lstsq(causes[usable], change[usable], rcond=None)
-        left += float(np.sum((change[usable] - causes[usable] @ answer) ** 2))
-        scale += float(np.sum(change[usable] ** 2))
-    return math.sqrt(left / scale) if scale > 0.0 else 0.0
+        if usable.sum() > causes.shape[1] and np.ptp(change[usable]) > 0.0:
+            answer, *_ = np.linalg.lstsq(causes[usable], change[usable], rcond=None)
+            errors[j] = np.std(change[usable] - causes[usable] @ answer) / np.std(change[usable])
+    return errors

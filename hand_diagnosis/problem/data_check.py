@@ -47,7 +47,8 @@ def check(signals: Signals, model: JointModel) -> Checked:
     lines, unusable = [], set[str]()
     if signals.machine:
         return Checked(signals, (), frozenset())
-    for joint, line in (*_missing(signals), *_units(signals, model), *_swapped(signals)):
+    refused = [(joint, f"{joint}: {why}") for joint, why in signals.refused]
+    for joint, line in (*refused, *_missing(signals), *_units(signals, model), *_swapped(signals)):
         lines.append(f"{signals.name}: {line}; excluded")
         unusable.add(joint)
     kept, spikes = _without_spikes(signals, unusable)

@@ -100,7 +100,8 @@ def not_judged(checked: Sequence[Checked], diagnosed: Sequence[str], asked: Sequ
         for joint in asked or each.signals.joints:
             if joint not in each.signals.joints or joint in diagnosed:
                 continue
-            own = [line.removeprefix(f"{joint}: ") for line in each.lines if line.startswith(f"{joint}: ")]
+            lines = [line.removeprefix(f"{each.signals.name}: ") for line in each.lines]
+            own = [line.removeprefix(f"{joint}: ") for line in lines if line.startswith(f"{joint}: ")]
             unusable = joint in each.unusable and own
             reasons[joint] = own[-1] if unusable else "moved too little"
     return reasons

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hand_diagnosis.diagnosis import diagnose
-from hand_diagnosis.problem import check
+from hand_diagnosis.problem import check, not_judged
 from hand_model.description import Hand
 from hand_model.effects import EFFECTS
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
@@ -61,6 +61,14 @@ def test_swapped_channels_are_named(signals: Signals, hand: Hand) -> None:
     found = check(replace(signals, pressure_pa=signals.pressure_pa[:, order]), hand)
     assert {hand.joints[JOINT], hand.joints[9]} <= found.unusable
     assert any("swapped" in line and hand.joints[9] in line for line in found.lines)
+
+
+def test_a_joint_that_the_reader_refused_is_not_judged_for_its_reason(signals: Signals, hand: Hand) -> None:
+    """Fails when a joint whose set-points came between the rows is diagnosed, or the reason given is another one."""
+    joint, why = signals.joints[4], "its set-points stepped between the rows"
+    checked = check(replace(signals, refused=((joint, why),)), hand)
+    assert checked.unusable == {joint}
+    assert not_judged([checked], [], [joint]) == {joint: f"{why}; excluded"}
 
 
 def test_spikes_rails_and_gaps_are_left_out(signals: Signals, hand: Hand) -> None:

@@ -35,7 +35,8 @@ def read(time_s: Array, sent_pa: Array, pressure_pa: Array) -> tuple[Array, int,
     smooth = np.sin(2.0 * np.pi * time_s)[:, None]
     clock = steady_times(time_s, time_s[0] + np.arange(COUNT) / RATE_HZ, smooth)
     on_grid = np.interp(clock.grid_s, time_s, pressure_pa)[:, None]
-    return *set_points_between(clock, sent_pa[:, None], on_grid), clock.grid_s
+    found = set_points_between(clock, sent_pa[:, None], on_grid)
+    return found.between_pa, found.parts, found.unknown, clock.grid_s
 
 
 @pytest.mark.parametrize("steady", [True, False])
@@ -67,7 +68,8 @@ def test_a_step_that_was_lost_is_left_out_and_a_slope_is_bridged() -> None:
     kept = np.ones(COUNT, dtype=bool)
     kept[[410, 500, 505]] = False  # within a step, and at one
     for values, lost in ((slope, []), (sent, [500])):
-        between, parts, unknown, grid = read(ticks[kept], values[kept], pressure_at(ticks, ticks, values)[kept])
+        pressure = pressure_at(ticks, ticks, values) + 100.0 * rng.standard_normal(COUNT)
+        between, parts, unknown, grid = read(ticks[kept], values[kept], pressure[kept])
         assert parts == 1 and len(grid) == COUNT
         if not lost:
             np.testing.assert_allclose(between[:, 0], values, atol=50.0)
@@ -84,3 +86,31 @@ def test_a_set_point_that_is_written_when_it_changes_holds() -> None:
     between, _, unknown, _ = read(ticks, sent, np.full(COUNT, 1e5))
     np.testing.assert_array_equal(between[:, 0], np.repeat(1e5 * np.arange(6), 400))
     assert not unknown.any()
+
+
+@pytest.mark.parametrize("every", [2, 3])
+def test_steps_between_the_rows_of_a_slow_table_are_refused(every: int) -> None:
+    """Fails when set-points that came before their rows are compared with the pressures, or all rows are refused."""
+    print("seed 93")
+    rng = np.random.default_rng(93)
+    ticks, sent = np.arange(COUNT) / RATE_HZ, np.roll(steps(rng), 7)
+    pressure = pressure_at(ticks, ticks, sent) + 200.0 * rng.standard_normal(COUNT)
+    for kept, expected in ((slice(None, None, every), True), (slice(None), False)):
+        clock = steady_times(ticks[kept], ticks[kept], np.sin(2.0 * np.pi * ticks[kept])[:, None])
+        found = set_points_between(clock, sent[kept, None], pressure[kept, None])
+        assert found.refused.tolist() == [expected]
+        assert found.parts == 1
+
+
+def test_smooth_set_points_between_the_rows_of_a_slow_table_are_bridged() -> None:
+    """Fails when smooth set-points of a fast board are held from row to row, a half of a period late."""
+    print("seed 94")
+    rng = np.random.default_rng(94)
+    ticks = np.arange(COUNT) / RATE_HZ
+    sent = 2e5 + 1.5e5 * np.sin(2.0 * np.pi * 1.1 * ticks)
+    pressure = pressure_at(ticks, ticks, sent) + 200.0 * rng.standard_normal(COUNT)
+    rows = ticks[::3]
+    found = set_points_between(steady_times(rows, rows, np.sin(rows)[:, None]), sent[::3, None], pressure[::3, None])
+    assert not found.refused.any() and not found.unknown.any()
+    fine = np.interp(np.linspace(rows[0], rows[-1], len(found.between_pa)), ticks, sent)
+    assert np.abs(found.between_pa[:, 0] - fine).max() < 5e3
