@@ -63,7 +63,7 @@ def test_swapped_channels_are_named(signals: Signals, hand: Hand) -> None:
     assert any("swapped" in line and hand.joints[9] in line for line in found.lines)
 
 
-def test_a_joint_that_the_reader_refused_is_not_judged_for_its_reason(signals: Signals, hand: Hand) -> None:
+def test_a_joint_that_the_reader_refused_is_left_out_for_its_reason(signals: Signals, hand: Hand) -> None:
     """Fails when a joint whose set-points came between the rows is diagnosed, or the reason given is another one."""
     joint, why = signals.joints[4], "its set-points stepped between the rows"
     checked = check(replace(signals, refused=((joint, why),)), hand)
