@@ -123,6 +123,9 @@ class FitSettings:
     tolerance_factors: tuple[float, ...] = setting(
         (2.0, 4.0), "-", "Larger tolerances that are tried, relative to the given one.", CHOICE,
         "Numbers that are far off look like effects.", "Small effects pass as wrong numbers.")
+    rough_leaders: int = setting(
+        3, "hypotheses", "Of one or two joints: effects that are fitted on before a larger tolerance is believed.",
+        CHOICE, "An effect passes as wrong numbers.", "Slower, no other result.")
     # Screening and fitting of hypotheses
     probes_at_once: int = setting(
         32, "probes", "Probes simulated together.", CHOICE, "Slower on many cores.", "More memory.")

@@ -70,14 +70,13 @@ def set_points_between(clock: TableClock, sent_pa: Array, pressure_pa: Array) ->
         if _errors(ticked, parts, pressure_pa).sum() < clearly * errors.sum():
             between = ticked
     line = np.column_stack([np.interp(fine, clock.tick_s, column) for column in sent.T])
-    stepped = _after_lost_steps(clock, sent, missing, every_row=True)
+    stepped = _after_steps(clock, sent, missing, slow)
     refused = slow & (stepped.mean(axis=0) > MOST_STEPS)
     smooth = slow & ~refused & (_errors(line, parts, pressure_pa) < errors)
-    unknown = np.where(smooth, stepped, _after_lost_steps(clock, sent, missing))
     between = np.where(smooth, line, between)
     if np.array_equal(between[:-1], np.repeat(between[:-1:parts], parts, axis=0), equal_nan=True):
         between, parts = between[::parts], 1
-    return TableCommands(between, parts, unknown, refused)
+    return TableCommands(between, parts, stepped, refused)
 
 
 def _with_missing(sent_pa: Array, missing: NDArray[np.int64]) -> tuple[Array, Array]:
@@ -91,27 +90,22 @@ def _with_missing(sent_pa: Array, missing: NDArray[np.int64]) -> tuple[Array, Ar
     return places, np.column_stack([np.interp(places, rows, column) for column in sent_pa.T])
 
 
-def _after_lost_steps(
-    clock: TableClock, sent_pa: Array, missing: NDArray[np.int64], *, every_row: bool = False
-) -> Flags:
-    """Flags (T, J) of the readings after a step at an unknown time: where rows are missing (N - 1,), or at any row."""
-    grid, time_s, last = clock.grid_s, clock.time_s, len(sent_pa) - 1
+def _after_steps(clock: TableClock, sent_pa: Array, missing: NDArray[np.int64], slow: Flags) -> Flags:
+    """Flags (T, J) of the readings after a step at an unknown time.
+
+    missing: (N - 1,) rows that are missing behind each.  slow: (J,) joints whose set-points came between any two rows.
+    """
+    grid, time_s = clock.grid_s, clock.time_s
+    change = np.diff(sent_pa, axis=0)
+    before, after = change[np.maximum(np.arange(len(change)) - 1, 0)], np.vstack([change[1:], change[-1:]])
+    more = np.abs(change - 0.5 * (before + after) * (missing + 1)[:, None])
+    long = np.diff(time_s) > longest_gap_s(float(grid[1] - grid[0]))
+    lost = ((more > READING.lost_step_pa) | long[:, None]) & ((missing > 0)[:, None] | slow)
     flags = np.zeros((len(grid), sent_pa.shape[1]), dtype=bool)
-    long_s = longest_gap_s(float(grid[1] - grid[0]))
-    for row in np.flatnonzero(missing + every_row).tolist():
-        before, after = sent_pa[row], sent_pa[row + 1]
-        slope = 0.5 * (before - sent_pa[max(row - 1, 0)] + sent_pa[min(row + 2, last)] - after)
-        more = (after - before) - slope * (missing[row] + 1)
-        stepped = (np.abs(more) > READING.lost_step_pa) | (time_s[row + 1] - time_s[row] > long_s)
+    for row in np.flatnonzero(lost.any(axis=1)).tolist():
         first, end = np.searchsorted(grid, [time_s[row] + 1e-9, time_s[row + 1] + READING.lost_step_s])
-        flags[first:end, stepped] = True
+        flags[first:end, lost[row]] = True
     return flags
-
-
-def _is_on(grid_s: Array, time_s: Array) -> bool:
-    """Whether every time (N,) is one of a uniform grid (T,), but for roundings."""
-    places = (time_s - grid_s[0]) / (grid_s[-1] - grid_s[0]) * (len(grid_s) - 1)
-    return bool(np.abs(places - np.rint(places)).max() < ROUNDING)
 
 
 def _held(at_s: Array, time_s: Array, values: Array) -> Array:
