@@ -39,6 +39,7 @@ class Terminal(Stack):
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
         self.client = Client()
+        self.begun: list[subprocess.Popen[str]] = []
         self.up = self.start("hand", "up", "--sim")
 
     def ready(self) -> None:
@@ -51,7 +52,8 @@ class Terminal(Stack):
     def begin(self, *words: str) -> subprocess.Popen[str]:
         environment = os.environ | {"ROS_HOME": str(self.folder), "COLUMNS": "80"}
         pipe = subprocess.PIPE
-        return subprocess.Popen([*TOOL, *words], stdout=pipe, stderr=pipe, text=True, env=environment)
+        self.begun.append(subprocess.Popen([*TOOL, *words], stdout=pipe, stderr=pipe, text=True, env=environment))
+        return self.begun[-1]
 
     def hand(self, *words: str) -> Answer:
         return end(self.begin(*words))
@@ -62,7 +64,12 @@ class Terminal(Stack):
         return next((line for line in STALLED if self.client.said("controller", "safety", line)), "")
 
     def begin_again(self) -> None:
-        """The hand goes on to run, and is driven again."""
+        """The hand goes on to run, and is driven again; a command that a failed try has left ends."""
+        for process in self.begun:
+            if process.returncode is None:
+                process.kill()
+                process.communicate()
+        self.begun.clear()
         self.enable()
 
     def enable(self) -> None:
