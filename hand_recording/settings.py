@@ -92,6 +92,12 @@ class ReadingSettings:
     lost_step_s: float = setting(
         0.3, "s", "Time after a lost step for which the readings of its joint are left out.", CHOICE,
         "Slow valves have not settled.", "More readings are left out than need be.")
+    clearly_beyond_chance: float = setting(
+        2.0, "-", "Relative difference of two errors, times the root of the samples, that is no chance.", CHOICE,
+        "Chance decides when set-points came into force.", "The stamps of rows count although pressures differ.")
+    most_between_rows: float = setting(
+        0.02, "-", "Share of readings after steps between the rows of a table up to which they are left out.", CHOICE,
+        "Joints with a few such steps are not diagnosed.", "Joints with little left are diagnosed.")
     late_commands_s: float = setting(
         0.02, "s", "Set-points sent later than this after the stamp of their frame are reported.", CHOICE,
         "Controllers of normal speed are reported.", "Busy hosts are not reported.")

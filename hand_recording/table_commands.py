@@ -25,10 +25,6 @@ from hand_recording.settings import READING
 
 ROUNDING = 1e-3
 """Part of a period by which a time may miss its tick because it was rounded."""
-CHANCE = 2.0
-"""Difference of two errors, in units of the scatter of one over the square root of the samples, beyond chance."""
-MOST_STEPS = 0.02
-"""Share of readings after steps between the rows up to which they are left out; beyond, a joint is not compared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +52,7 @@ def set_points_between(clock: TableClock, sent_pa: Array, pressure_pa: Array) ->
     sent = _held(rows, rows, sent_pa)
     missing = np.maximum(np.rint(np.diff(clock.tick_s) / period_s).astype(np.int64) - 1, 0)
     places, added = _with_missing(sent, missing)
-    clearly = 1.0 - CHANCE / math.sqrt(len(grid))
+    clearly = 1.0 - READING.clearly_beyond_chance / math.sqrt(len(grid))
 
     def held(at_rows_s: Array) -> Array:
         return _held(fine, np.interp(places, rows, at_rows_s), added)
@@ -69,11 +65,11 @@ def set_points_between(clock: TableClock, sent_pa: Array, pressure_pa: Array) ->
         ticked = held(clock.tick_s)
         if _errors(ticked, parts, pressure_pa).sum() < clearly * errors.sum():
             between = ticked
-    line = np.column_stack([np.interp(fine, clock.tick_s, column) for column in sent.T])
     stepped = _after_steps(clock, sent, missing, slow)
-    refused = slow & (stepped.mean(axis=0) > MOST_STEPS)
-    smooth = slow & ~refused & (_errors(line, parts, pressure_pa) < errors)
-    between = np.where(smooth, line, between)
+    refused = slow & (stepped.mean(axis=0) > READING.most_between_rows)
+    if np.any(slow & ~refused):
+        line = np.column_stack([np.interp(fine, clock.tick_s, column) for column in sent.T])
+        between = np.where(slow & ~refused & (_errors(line, parts, pressure_pa) < errors), line, between)
     if np.array_equal(between[:-1], np.repeat(between[:-1:parts], parts, axis=0), equal_nan=True):
         between, parts = between[::parts], 1
     return TableCommands(between, parts, stepped, refused)

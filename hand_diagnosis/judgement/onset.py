@@ -112,7 +112,7 @@ def _tried(
     if not found.own_rows:
         return None
     found, onset, evidence = _refined(problem, found, candidate, rows)
-    return evidence + (0.0 if onset.begins else float(np.log(SETTINGS.end_prior))), found, onset
+    return evidence, found, onset
 
 
 def _best(
@@ -149,7 +149,6 @@ def _with_laws(
     if not learned.own_rows:
         return best
     learned, moved, evidence = _refined(problem, learned, onset, rows)
-    evidence += 0.0 if moved.begins else float(np.log(SETTINGS.end_prior))
     evidence, found, onset = max((best, (evidence, learned, moved)), key=lambda each: each[0])
     return evidence, found if needed else replace(found, problem=_without_change(found.problem, onset)), onset
 
@@ -223,7 +222,10 @@ def _evidence(problem: JointProblem, search: JointSearch) -> float:
 def _refined(
     problem: JointProblem, found: JointSearch, onset: Onset, rows: Sequence[int]
 ) -> tuple[JointSearch, Onset, float]:
-    """The search at the best time of the onset, that time, and the log evidence, summed over all times."""
+    """The search at the best time of the onset, that time, and the log evidence, summed over all times.
+
+    The evidence contains the prior of an effect that begins or ends.
+    """
     # Its pressure may have been shaped during the search.
     shaped = zip(found.problem.segments, problem.segments, strict=True)
     problem = replace(problem, segments=[replace(each, use=whole.use, acts=None) for each, whole in shaped])
@@ -240,7 +242,8 @@ def _refined(
         onset = replace(onset, at_s=float(times[int(best)]), std_s=std_s)
         switched = with_onset(problem, onset, rows)
         fit = map_fit(switched, fit.free, fit.z, SETTINGS.nominal_iterations)
-    evidence = log_evidence(switched, fit, amounts(fit)) + occam
+    prior = 0.0 if onset.begins else float(np.log(SETTINGS.end_prior))
+    evidence = log_evidence(switched, fit, amounts(fit)) + occam + prior
     accepted = [*found.accepted[:-1], replace(found.accepted[-1], fit=fit)]
     nominal = map_fit(switched, found.nominal.free, found.nominal.z, SETTINGS.nominal_iterations)
     return replace(found, problem=switched, nominal=nominal, accepted=accepted), onset, evidence

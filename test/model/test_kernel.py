@@ -143,7 +143,7 @@ BEGINNING = {
 
 @pytest.mark.parametrize("key", BEGINNING)
 def test_an_effect_that_begins_has_no_past(hand: Hand, key: str) -> None:
-    """Fails when an effect that begins has aged, warmed or crept before, so that the joint jumps at that time."""
+    """Fails when an effect that begins has aged or warmed before, so that the joint jumps at that time."""
     commands = np.full((1600, 11), 2e5)
     states = closed(hand, commands, ())[:-1]
     inputs = measured(states, 4, -1, commands, PERIOD_S)
