@@ -65,14 +65,16 @@ def set_points_between(clock: TableClock, sent_pa: Array, pressure_pa: Array) ->
         ticked = held(clock.tick_s)
         if _errors(ticked, parts, pressure_pa).sum() < clearly * errors.sum():
             between = ticked
-    stepped = _after_steps(clock, sent, missing, slow)
-    refused = slow & (stepped.mean(axis=0) > READING.most_between_rows)
-    if np.any(slow & ~refused):
+    refused = slow & (_after_steps(clock, sent, missing, slow).mean(axis=0) > READING.most_between_rows)
+    smooth = slow & ~refused
+    if smooth.any():
         line = np.column_stack([np.interp(fine, clock.tick_s, column) for column in sent.T])
-        between = np.where(slow & ~refused & (_errors(line, parts, pressure_pa) < errors), line, between)
+        smooth &= _errors(line, parts, pressure_pa) < errors
+        between = np.where(smooth, line, between)
+    unknown = _after_steps(clock, sent, missing, smooth)
     if np.array_equal(between[:-1], np.repeat(between[:-1:parts], parts, axis=0), equal_nan=True):
         between, parts = between[::parts], 1
-    return TableCommands(between, parts, stepped, refused)
+    return TableCommands(between, parts, unknown, refused)
 
 
 def _with_missing(sent_pa: Array, missing: NDArray[np.int64]) -> tuple[Array, Array]:

@@ -100,6 +100,7 @@ def test_steps_between_the_rows_of_a_slow_table_are_refused(every: int) -> None:
         found = set_points_between(clock, sent[kept, None], pressure[kept, None])
         assert found.refused.tolist() == [expected]
         assert found.parts == 1
+        assert not found.unknown.any(), "a joint that is refused has its readings; no frame is missing"
 
 
 def test_smooth_set_points_between_the_rows_of_a_slow_table_are_bridged() -> None:
