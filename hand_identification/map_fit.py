@@ -43,6 +43,10 @@ class MapFit:
         """The same fit without its large arrays, for hypotheses that are reported and not used further."""
         return replace(self, residuals=(), sensitivity=())
 
+    def without_slopes(self) -> MapFit:
+        """The same fit without its largest arrays, which `with_slopes` computes again."""
+        return replace(self, sensitivity=())
+
     @property
     def by_row(self) -> dict[int, float]:
         """The coordinates [-] by the row of their parameter."""
@@ -110,6 +114,11 @@ def map_fit(
         sensitivity=tuple(sensitivity),
         iterations=done,
     )
+
+
+def with_slopes(problem: JointProblem, fit: MapFit) -> MapFit:
+    """A fit with the slopes of its residuals, computed again where they were not kept."""
+    return fit if fit.sensitivity or not fit.free else map_fit(problem, fit.free, fit.z, 1)
 
 
 def point_at(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> Point:

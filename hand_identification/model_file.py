@@ -21,6 +21,8 @@ Changes = Mapping[str, Mapping[str, float]]
 """Numbers by joint (with its prefix) and key of JOINT_PARAMETERS, SI."""
 SAME = 1e-9
 """Relative difference up to which a number counts as unchanged."""
+LIMIT_SHARE = 5e-3
+"""Share of the angle up to which pressure flexes a joint by which a limit stays below it; numbers are rounded."""
 EXACT = 1e-7
 """Relative resolution of a number that follows from others, and the distance that it keeps from its limit."""
 
@@ -72,13 +74,21 @@ def _texts(nominal: Mapping[str, float], values: Mapping[str, float], known: Map
 
 
 def _reachable(hand: Hand, joint: str, values: Mapping[str, float]) -> dict[str, float]:
-    """Limits [degree] of a joint that must move to its end stops, because these are found well inside them."""
+    """Limits [degree] of a joint that must move: to a stop found well inside, or to where pressure still flexes it."""
     column, moved = hand.joints.index(joint), {}
     limits = (("low_deg", hand.limits.low_rad, 1.0), ("high_deg", hand.limits.high_rad, -1.0))
     for name, limit, inward in limits:
         stop = values.get(f"end_stop.{name}")
         if stop is not None and inward * (stop - limit[column]) / DEGREE > 0.9 * STOP_MARGIN_DEG:
             moved[name] = stop / DEGREE
+    slope, change = (
+        values.get(key, float(hand.parameters[ROW[key], column]))
+        for key in ("statics.a2_nm_per_pa", "statics.a3_nm_per_pa_rad")
+    )
+    if change < 0.0:
+        flexing = (1.0 - LIMIT_SHARE) * slope / -change  # beyond -a2/a3, pressure would extend the joint (Eq. 6)
+        if moved.get("high_deg", hand.limits.high_rad[column] / DEGREE) > flexing / DEGREE:
+            moved["high_deg"] = math.floor(flexing / DEGREE * 10.0) / 10.0
     return moved
 
 

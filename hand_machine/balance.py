@@ -10,6 +10,9 @@ from hand_machine.reading import Readings
 from hand_machine.settings import MACHINE
 from hand_model.arrays import Array
 
+MIN_WINDOW = 5
+"""Samples; a cubic through four follows their noise."""
+
 
 def balance(described: MachineDescription, table: Readings) -> tuple[Array, Array] | None:
     """Force of the input and passive force of the nominal model (T,) each [N or N m]; None for a short recording."""
@@ -24,7 +27,7 @@ def balance(described: MachineDescription, table: Readings) -> tuple[Array, Arra
 def motion(table: Readings) -> tuple[Array, Array, Array] | None:
     """Position, speed and acceleration (T,) each, SI; None for a short recording."""
     window = _window(table)
-    if window < 5:
+    if window < MIN_WINDOW:
         return None
     x, v, a = (savgol_filter(table.signals["position"], window, 3, deriv=k, delta=table.period_s) for k in range(3))
     return x, v, a
@@ -33,9 +36,10 @@ def motion(table: Readings) -> tuple[Array, Array, Array] | None:
 def smoothed(table: Readings, values: Array) -> Array:
     """A signal (T,) [any unit] of a recording, smoothed as its motion is."""
     window = _window(table)
-    return values if window < 5 else np.asarray(savgol_filter(values, window, 3))
+    return values if window < MIN_WINDOW else np.asarray(savgol_filter(values, window, 3))
 
 
 def _window(table: Readings) -> int:
-    """Odd number of samples."""
-    return min(2 * round(MACHINE.balance_half_window_s / table.period_s) + 1, (len(table.time_s) - 1) // 2 * 2 + 1)
+    """Odd number of samples; of slow readings the fewest that a cubic does not simply follow."""
+    wanted = 2 * round(MACHINE.balance_half_window_s / table.period_s) + 1
+    return min(max(wanted, MIN_WINDOW), (len(table.time_s) - 1) // 2 * 2 + 1)

@@ -20,6 +20,7 @@ from hand_machine.found_model import PARAMETER, WEIGHT, put_effects
 from hand_machine.plausible import check_loads, check_plausible
 from hand_machine.reading import Readings, read_machine
 from hand_machine.settings import MACHINE
+from hand_machine.thinning import thinned
 from hand_machine.wording import AXIS, VOLUME, wording_of, wording_of_volume
 from hand_model.arrays import Array
 from hand_model.effects import EFFECTS
@@ -110,8 +111,8 @@ class Machine:
 def load_machine(path: Path, recordings: Sequence[Path], *, to_fit: bool = False) -> Machine:
     """Read a machine's description and recordings (CSV, Parquet, NPZ or MAT).
 
-    to_fit: whether a model is fitted to the recordings. The measured force then may choose the window of derivatives,
-    and it is evaluated in the band of the motion; where it is predicted, neither.
+    to_fit: whether a model is fitted to the recordings. Means of groups of samples then may stand for them, the
+    measured force may choose the window of derivatives, and it is evaluated in the band of the motion.
     Raises DescriptionError or RecordingError, one line, for what cannot be used.
     """
     described = load_description(path)
@@ -121,6 +122,8 @@ def load_machine(path: Path, recordings: Sequence[Path], *, to_fit: bool = False
     for recording, table in zip(recordings, tables, strict=True):
         check_plausible(described.with_load_of(recording), recording, table)
     check_loads(described, recordings, tables)
+    if to_fit:
+        tables = thinned(tables)
     if to_fit and described.imposed and described.derivative_window_s is None:
         described = replace(described, derivative_window_s=fitting_window_s(described, tables))
     scales = _scales(described, recordings, tables)
@@ -213,10 +216,18 @@ def _scales(described: MachineDescription, recordings: Sequence[Path], tables: S
         for each, table in zip(loaded, tables, strict=True)
     )
     lacking = max(_lacking(each, table) for each, table in zip(loaded, tables, strict=True))
-    per_torque = max(described.gain * largest / TORQUE, lacking / (MACHINE.effect_share * TORQUE), 1e-12)
+    acting = described.gain * largest or max(_at_rest(each, table) for each, table in zip(loaded, tables, strict=True))
+    per_torque = max(acting / TORQUE, lacking / (MACHINE.effect_share * TORQUE), 1e-12)
     # An input at rest still has a usual gain.
     per_input = (largest or TORQUE * per_torque / described.gain) / INPUT
     return Scales(per_torque, per_angle, per_input)
+
+
+def _at_rest(described: MachineDescription, table: Readings) -> float:
+    """Largest force [N] or torque [N m] of spring and weight of the nominal model over the recorded positions."""
+    x = table.signals["position"]
+    force = described.stiffness * x + (0.0 if described.linear else described.weight * np.sin(x))
+    return float(np.quantile(np.abs(force[table.known]), MACHINE.lacking_quantile)) if table.known.any() else 0.0
 
 
 def _lacking(described: MachineDescription, table: Readings) -> float:
@@ -241,12 +252,14 @@ def _lacking(described: MachineDescription, table: Readings) -> float:
     found = np.linalg.lstsq(columns[known], lacking[known], rcond=1e-9)[0]
     found[-1] = 0.0
     by_state = np.quantile(np.abs(columns[known] @ found), MACHINE.lacking_quantile)
-    return float(max(by_state, np.quantile(np.abs(lacking[known]), 0.5)))
+    half, most = np.quantile(np.abs(lacking[known]), (0.5, MACHINE.lacking_quantile))
+    # Of a swing, position and acceleration are alike: a fit may set large parts of both against each other.
+    return float(max(min(by_state, most), half))
 
 
 def _model(described: MachineDescription, scales: Scales, longest_s: float, units: UnitMap) -> AxisModel:
     scale = scales.angle / scales.torque
-    no_damping = 0.0 if described.tolerances.get("damping") == 0.0 else MACHINE.least_damping
+    no_damping = 0.0 if described.tolerances.get("damping") == 0.0 else _least_damping(described, scale, longest_s)
     own = {
         "statics.a1_nm_per_rad": -(described.stiffness * scale or MACHINE.least_stiffness),
         "statics.a2_nm_per_pa": described.gain * scales.input / scales.torque,
@@ -272,6 +285,13 @@ def _model(described: MachineDescription, scales: Scales, longest_s: float, unit
         }
         | _over_travel(described),
     )
+
+
+def _least_damping(described: MachineDescription, scale: float, longest_s: float) -> float:
+    """Damping that nobody sees [N m s/rad of the model]: of a free axis, by what it loses in its longest recording."""
+    if described.imposed or described.inertia == 0.0:
+        return MACHINE.least_damping
+    return min(MACHINE.least_damping, MACHINE.least_speed_loss * described.inertia * scale / longest_s)
 
 
 def _over_travel(described: MachineDescription) -> dict[str, float]:

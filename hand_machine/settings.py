@@ -84,6 +84,16 @@ class MachineSettings:
         3, "passes", "Passes over a position; each removes the nearest spike of a group.", CHOICE, "Groups remain.",
         "Slower.")
 
+    # Many samples
+    most_samples: int = setting(
+        10000, "samples", "Samples of all recordings together from which means of groups are used.", CHOICE,
+        "Faster; coarser times.", "Slower.")
+    min_thinned_samples: int = setting(
+        2000, "samples", "Fewest means of a recording.", CHOICE, "Coarser times of short recordings.", "Slower.")
+    thinned_share: float = setting(
+        0.005, "-", "Share of a signal's range that means may lose, as the practical noise floor of a force.", CHOICE,
+        "Slower.", "Fast changes are lost.")
+
     # Derivatives
     balance_half_window_s: float = setting(
         0.05, "s", "Half the window of derivatives for the balance of forces.", CHOICE, "Noisier balance.",
@@ -125,6 +135,9 @@ class MachineSettings:
         1e-4, "N m s/rad", "Damping of a finger where the file gives none; a start of fits.", CHOICE,
         "No other result.",
         "No other result.")
+    least_speed_loss: float = setting(
+        1e-3, "-", "Share of its speed that a free axis loses by this damping in its longest recording, at most.",
+        CHOICE, "No other result.", "No other result.")
     least_stiffness: float = setting(
         1e-6, "N m/rad", "The same of the stiffness.", CHOICE, "No other result.", "No other result.")
     least_inertia: float = setting(

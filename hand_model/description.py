@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -156,7 +156,7 @@ def load_hand(path: str | Path, joint_prefix: str = "") -> Hand:
         joints=tuple(prefix + name for name in names),
         parameters=parameters,
         partner=partner,
-        limits=_limits([joint.section("limits", _LIMITS) for joint in joints], parameters, supply_pressure_pa),
+        limits=_limits(names, [joint.section("limits", _LIMITS) for joint in joints], parameters, supply_pressure_pa),
         rate_hz=rate_hz,
         watchdog_s=watchdog_s,
         supply_pressure_pa=supply_pressure_pa,
@@ -197,11 +197,11 @@ def _check_joint(groups: dict[str, Section], value: dict[str, float]) -> None:
         raise groups["statics"].error("a3_nm_per_pa_rad", problem)
 
 
-def _limits(sections: list[Section], parameters: Array, supply_pressure_pa: float) -> Limits:
+def _limits(joints: Sequence[str], sections: list[Section], parameters: Array, supply_pressure_pa: float) -> Limits:
     """What a command may ask, checked against the statics: pressure must flex the joint at every angle allowed."""
     rows = []
     a2, a3 = parameters[ROW["statics.a2_nm_per_pa"]], parameters[ROW["statics.a3_nm_per_pa_rad"]]
-    for section, slope, change, values in zip(sections, a2, a3, parameters.T, strict=True):
+    for joint, section, slope, change, values in zip(joints, sections, a2, a3, parameters.T, strict=True):
         low, high = section.number("low_deg", -180.0, 180.0), section.number("high_deg", -180.0, 360.0)
         if low >= high:
             raise section.error("low_deg", f"is {low:g}; it must be below high_deg, which is {high:g}")
@@ -210,7 +210,7 @@ def _limits(sections: list[Section], parameters: Array, supply_pressure_pa: floa
         for key, angle in (("low_deg", low), ("high_deg", high)):
             if leverage.py_func(np.radians(angle), slope, change) <= 0.0:
                 bound = np.degrees(-slope / change)
-                problem = f"is {angle:g}; pressure flexes the joint only on the near side of {bound:.4g} (-a2/a3)"
+                problem = f"is {angle:g}; pressure flexes {joint} only on the near side of {bound:.4g} (-a2/a3)"
                 raise section.error(key, problem)
         pressure = section.number("max_pressure_pa", 1e3, supply_pressure_pa)
         rows.append((np.radians(low), np.radians(high), pressure, section.number("max_torque_nm", 1e-3, 10.0)))

@@ -244,7 +244,7 @@ def described(law: RemainderLaw, wording: Wording) -> LawCurve:
     turn = 1.0 / law.values()[placed.key] if placed.turns else placed.high - placed.low
     state = turn * x if placed.turns else placed.low + turn * x
     draws = np.random.default_rng(SETTINGS.noise_seed).multivariate_normal(
-        fit.z, posterior_covariance(law.problem, fit), SETTINGS.law_draws, method="cholesky"
+        fit.z, posterior_covariance(law.problem, fit), SETTINGS.law_draws, method="eigh"
     )
     here, drawn = _curves(law, fit.z[None], x)[0], _curves(law, draws, x)
     ends = np.quantile(drawn, SETTINGS.law_band, axis=0)

@@ -36,7 +36,7 @@ from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import shape_driving
 from hand_identification.free_parameters import FreeParameter
 from hand_identification.joint_problem import STAGES, JointProblem
-from hand_identification.map_fit import MapFit, map_fit, residual_is_correlated
+from hand_identification.map_fit import MapFit, map_fit, residual_is_correlated, with_slopes
 from hand_model.arrays import Array
 from hand_model.effects.effect import Effect
 from hand_model.kernel.rows import ROW
@@ -145,7 +145,7 @@ def _best_of_round(
         best, scatter = _from_other_starts(problem, current, best, rng)
         taken = max(_error_taken(problem, current, best, rmse) for rmse in (validation_rmse, fitted_rmse))
         if taken >= scatter:
-            return _with_textbook(problem, best)
+            return _with_textbook(problem, replace(best, fit=with_slopes(problem, best.fit)))
         found.not_claimable.append(NotClaimable(best.effect, best.stage, taken, scatter, SCATTER))
     found.not_claimable += _too_small(problem, current, hypotheses)
     return None
@@ -189,9 +189,14 @@ def _round(
             near = [h for h in near if h.log_evidence > ranked[0].log_evidence - SETTINGS.max_evidence_gap]
         elif near and _leaves_much(problem, current, near[0].fit):
             near = [restarted(problem, current, hypothesis, fit_pass, rng) for hypothesis in near]
-        further = [refined(problem, current, hypothesis, fit_pass, rng) for hypothesis in near]
+        further = [_without_slopes(refined(problem, current, each, fit_pass, rng)) for each in near]
         ranked = _ranked(further + ranked[len(near) :])
     return ranked
+
+
+def _without_slopes(hypothesis: Hypothesis) -> Hypothesis:
+    """A hypothesis that may not be chosen keeps no slopes: those of a dozen would be most of the memory."""
+    return replace(hypothesis, fit=hypothesis.fit.without_slopes())
 
 
 def _with_best_laws(

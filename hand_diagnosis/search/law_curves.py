@@ -67,7 +67,7 @@ def describe(
     first = _grid(problem, known.over[0], effect, chosen)
     second = _grid(problem, known.over[1], effect, chosen)[[0, -1]] if len(known.over) > 1 else np.zeros(2)
     draws = np.random.default_rng(SETTINGS.noise_seed).multivariate_normal(
-        chosen.z, posterior_covariance(problem, chosen), SETTINGS.law_draws, method="cholesky"
+        chosen.z, posterior_covariance(problem, chosen), SETTINGS.law_draws, method="eigh"
     )
 
     def values(fit: MapFit, z: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
-from hand_model.effects.effect import Effect, assemble
+from hand_model.effects.effect import OTHER_MACHINES, Effect, assemble
 
 ORDER: tuple[str, ...] = (
     "supply_droop",
@@ -78,7 +78,8 @@ def markdown_table() -> str:
         if effect.keys or effect.place == "timing":  # the others are choices of the description
             shown = ", ".join(effect.experiments) or "-"
             rows.append(f"| {effect.place} | `{effect.name}` | {effect.doc} | {shown} | {effect.source} |")
-    return "\n".join(rows) + "\n"
+    foreign = [f"`{effect.name}`" for effect in CATALOGUE if not OTHER_MACHINES.isdisjoint(effect.needs)]
+    return "\n".join(rows) + f"\n\nNot offered to a hand, but to other machines: {', '.join(foreign)}.\n"
 
 
 def class_table() -> str:

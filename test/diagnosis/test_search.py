@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +10,9 @@ import pytest
 
 from hand_diagnosis.diagnosis import diagnose
 from hand_diagnosis.problem import Task, fit_part
-from hand_diagnosis.search import refit_below_floor
+from hand_diagnosis.search import joint_search, refit_below_floor, search_joint
 from hand_diagnosis.search.completion import separated_below_floor
-from hand_diagnosis.search.hypotheses import fit_roughly, promising, screen
+from hand_diagnosis.search.hypotheses import Hypothesis, fit_roughly, promising, screen
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.map_fit import map_fit
 from hand_model.description import Hand
@@ -141,3 +142,28 @@ def test_names_for_one_claim_are_separated_below_floor_below_the_floor(
     assert [h.effect.name for h in separated_below_floor(problem, current, near, rng)] == ["tube_lag", "angle_lag"]
     far = [replace(sensor, log_evidence=2.0), replace(tube, log_evidence=1.0 - SETTINGS.near_log_evidence)]
     assert separated_below_floor(problem, current, far, rng) == far
+
+
+def test_hypotheses_that_are_compared_keep_no_slopes(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Broken by a search whose memory grows with the number of its hypotheses, or a chosen one without its slopes."""
+    seen: list[list[bool]] = []
+    ranked = joint_search._ranked
+
+    def spied(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+        seen.append([bool(hypothesis.fit.sensitivity) for hypothesis in hypotheses])
+        return ranked(hypotheses)
+
+    monkeypatch.setattr(joint_search, "_ranked", spied)
+    rubbed = changed(hand, JOINT, coulomb_friction__torque_nm=0.012)
+    signals = [record(rubbed, np.random.default_rng(92))]
+    ready = Task(signals=signals, model=hand, joints=[JOINT], effects=[], tolerance=0.05, seed=0, floors={}).prepare(
+        JOINT
+    )
+    effects = [EFFECTS[name] for name in ("coulomb_friction", "viscous_friction", "stiffening", "backlash")]
+    found = search_joint(
+        fit_part(ready.problem), effects, ready.free, np.random.default_rng(0), ready.start, laws=False
+    )
+    assert [hypothesis.effect.name for hypothesis in found.accepted] == ["coulomb_friction"]
+    assert any(len(kept) > 1 for kept in seen)
+    assert not any(kept for each in seen for kept in each)
+    assert found.final.sensitivity

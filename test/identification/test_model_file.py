@@ -158,3 +158,15 @@ def test_friction_identified_as_zero_is_written_as_the_least(tmp_path: Path) -> 
     patched = write_model(hand, changes, tmp_path / "model.yaml", "")
     friction = patched.row("dynamics.viscous_friction_nm_s_per_rad")[hand.joints.index("index_distal")]
     assert 0.0 < friction < 1e-5
+
+
+def test_a_limit_stays_where_pressure_flexes_the_joint(tmp_path: Path) -> None:
+    """Broken by a model whose statics turn round within the limits, which its own loader refuses."""
+    hand = load_hand(CONFIG)
+    joint, a2 = hand.joints.index("index_distal"), hand.row("statics.a2_nm_per_pa")
+    changes = {"index_distal": {"statics.a3_nm_per_pa_rad": float(-a2[joint] / np.radians(90.0))}}
+    patched = write_model(hand, changes, tmp_path / "model.yaml", "")
+    assert 88.0 < np.degrees(patched.limits.high_rad[joint]) < 90.0
+    assert patched.row("statics.a3_nm_per_pa_rad")[joint] == pytest.approx(-a2[joint] / np.radians(90.0), rel=1e-5)
+    others = np.arange(len(hand.joints)) != joint
+    np.testing.assert_array_equal(patched.limits.high_rad[others], hand.limits.high_rad[others])

@@ -1,0 +1,85 @@
+"""A released pendulum: a swing loses little compared with its weight, and small errors of its period add up."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from hand_diagnosis.diagnosis import Diagnosis, diagnose
+from hand_machine.machine import Machine, load_machine
+from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
+
+SEED = 11
+INERTIA, WEIGHT = 3.3e-3, 0.214
+"""kg m^2 and N m: a period of 0.78 s."""
+
+
+def _swings(
+    folder: Path, rate_hz: float, seconds: float, viscous: float, dry: float, starts: tuple[float, ...]
+) -> Path:
+    """Recordings of releases from the angles given [rad], by an integrator of scipy; dry friction is a steep ramp."""
+    rng = np.random.default_rng(SEED)
+    time_s = np.arange(0.0, seconds, 1.0 / rate_hz)
+
+    def slope(_: float, state: np.ndarray) -> list[float]:
+        friction = viscous * state[1] + dry * np.tanh(state[1] / 0.01)
+        return [state[1], -(WEIGHT * np.sin(state[0]) + friction) / INERTIA]
+
+    for number, start in enumerate(starts):
+        solved = solve_ivp(slope, (0.0, seconds), [start, 0.0], t_eval=time_s, rtol=1e-8, atol=1e-9, max_step=0.01)
+        angle = solved.y[0] + 1e-3 * rng.standard_normal(len(time_s))
+        np.savez(folder / f"run_{number}.npz", t=time_s, u=0.0 * time_s, x=angle)
+    content = {
+        "schema": 1,
+        "name": "swing",
+        "motion": "rotary",
+        "gain": {"value": 1.0, "exact": True},
+        "inertia": {"value": INERTIA, "exact": True},
+        "weight": {"value": 1.01 * WEIGHT, "tolerance": 0.02},
+        "columns": {"time": {"column": "t"}, "input": {"column": "u"}, "position": {"column": "x"}},
+    }
+    path = folder / "swing.yaml"
+    path.write_text(json.dumps(content), encoding="utf-8")
+    return path
+
+
+def _loaded(path: Path) -> Machine:
+    return load_machine(path, sorted(path.parent.glob("run_*.npz")), to_fit=True)
+
+
+def _diagnosed(machine: Machine) -> Diagnosis:
+    return diagnose(machine.signals, machine.model, tolerance=0.05, seed=SEED, wording=machine.wording)
+
+
+@pytest.mark.parametrize("rate_hz", [20.0, 200.0])
+def test_the_numbers_of_a_released_pendulum_have_the_size_of_those_of_a_finger(tmp_path: Path, rate_hz: float) -> None:
+    """Broken by a scale from forces that a slow recording does not show, or that a fit sets against each other."""
+    parameters = _loaded(_swings(tmp_path, rate_hz, 8.0, 2e-4, 5e-4, (1.2,))).model.parameters[:, 0]
+    assert 0.2 < parameters[ROW["gravity.sine_nm"]] < 2.0
+    for key in ("dynamics.inertia_kg_m2", "gravity.sine_nm", "statics.a2_nm_per_pa"):
+        row = JOINT_PARAMETERS[ROW[key]]
+        assert row.low * row.scale < parameters[ROW[key]] < row.high * row.scale, key
+
+
+def test_a_damping_that_is_not_stated_is_too_small_to_see(tmp_path: Path) -> None:
+    """Broken by a start of the fits that brakes a light pendulum more than its own friction does."""
+    machine = _loaded(_swings(tmp_path, 100.0, 8.0, 2e-4, 0.0, (1.2,)))
+    parameters = machine.model.parameters[:, 0]
+    decay_per_s = parameters[ROW["dynamics.viscous_friction_nm_s_per_rad"]] / parameters[ROW["dynamics.inertia_kg_m2"]]
+    assert 0.0 < 8.0 * decay_per_s <= 1.01e-3
+    assert decay_per_s < 0.01 * 2e-4 / INERTIA
+
+
+def test_the_viscous_friction_of_a_released_pendulum_is_named(tmp_path: Path) -> None:
+    """Broken by a search that loses the phase of the swings and finds nothing, or something else."""
+    print(f"seed {SEED}")
+    machine = _loaded(_swings(tmp_path, 100.0, 9.0, 2e-4, 0.0, (1.2, -0.7)))
+    result = _diagnosed(machine)
+    assert result.verdict == "explained"
+    first = result.findings[0]
+    assert first.effect == "viscous_friction"
+    assert first.probability > 0.5
