@@ -172,8 +172,16 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def take(run: Path) -> None:
-    """Store a long run's results, and a trial's pictures. Raises ValueError for what is no run."""
+    """Store a long run's results, and a trial's pictures; a shorter trial does not replace a longer one.
+
+    Raises ValueError for what is no run.
+    """
     found = read_run(run)
+    kept = load().get("trial", {}).get("results", {}).get("recordings", 0)
+    if "trial" in found and found["trial"]["results"]["recordings"] < kept:
+        new = found["trial"]["results"]["recordings"]
+        print(f"{run}: a trial of {new} recordings does not replace the one of {kept} that is stored")
+        return
     if "trial" in found:
         for name, kept in PICTURES.items():
             (STORE.parent / kept).write_bytes((run / name).read_bytes())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import pytest
 from hand_model.description import load_hand
 from hand_model.geometry import link_poses
 from validation import hand_picture
-from validation.figures import PARTS, Part, check, fill, layout, main, pages, quick_fault, sections
+from validation.figures import PARTS, Part, check, fill, layout, main, pages, quick_fault, sections, take
 from validation.mutation.tables import kind_of, kinds
 from validation.results import ROOT, STORE, load
 
@@ -129,6 +130,17 @@ def test_bad_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert len(lines) == 2 and "no results of benches" in lines[0] and "nowhere" in lines[1]
     assert STORE.read_bytes() == before
     assert ROOT in STORE.parents
+
+
+def test_a_shorter_trial_does_not_replace_a_longer_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Broken by a short `make proof WRITE=1` that overwrites the scores and pictures of the long trial."""
+    before = STORE.read_bytes()
+    stored = load()["trial"]["results"]
+    short = {**stored, "made": {}, "recordings": stored["recordings"] - 1}
+    (tmp_path / "scores.json").write_text(json.dumps(short), encoding="utf-8")
+    take(tmp_path)
+    assert "does not replace" in capsys.readouterr().out
+    assert STORE.read_bytes() == before
 
 
 def test_survivors_of_mutation_runs_get_the_reason_of_their_kind() -> None:
