@@ -177,7 +177,7 @@ class StateMeans:
 
 
 def state_means(joint: JointDiagnosis, stage: int) -> StateMeans | None:
-    """Mean residuals over the state on which they depend most; None where the recording is too short."""
+    """Mean residuals over the state on which they depend most; None where it is constant, or the recording short."""
     wording, segment = joint.wording, joint.search.problem.segments[0]
     use, standing = segment.use[stage], SETTINGS.standing_rad_s
     if use.sum() <= SETTINGS.figure_bins:
@@ -188,6 +188,8 @@ def state_means(joint: JointDiagnosis, stage: int) -> StateMeans | None:
     factor, unit = _state_unit(name, wording)
     values, speed = factor * states[name], states["speed"]
     edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, SETTINGS.figure_bins + 1)))
+    if len(edges) < 2:
+        return None
     rows = []
     for label, fit in (("off", off), ("on", joint.search.final)):
         residual = wording.signal_units[stage][0] * fit.residuals[0][stage][use]

@@ -290,7 +290,8 @@ def judged(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, 
     """A fit with an effect, compared with the current one on the validation data, and on all that is fitted.
 
     An event, as a stop that is met once, may lie between two validation blocks. Where the plant changes inside the
-    recording, strong evidence stands against an effect that is a part of the machine's build.
+    recording, strong evidence stands against an effect that is a part of the machine's build; and where nothing is
+    there that it refines, against a finer form.
     """
     with np.errstate(invalid="ignore"):
         gains = [
@@ -299,8 +300,20 @@ def judged(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, 
         ]
     stage = int(np.argmax(np.nan_to_num(gains).max(axis=0)))
     fall = block_bootstrap(problem, current.squares, fit.squares, stage, rng)
-    changed_build = SETTINGS.strong_log_evidence if effect.lasting and problem.switched else 0.0
-    return Hypothesis(effect, fit, log_evidence(problem, fit, amounts(fit)) - changed_build, stage, fall)
+    unlikely = (effect.lasting and problem.switched) or not _has_refined(problem, current, effect)
+    against = SETTINGS.strong_log_evidence if unlikely else 0.0
+    return Hypothesis(effect, fit, log_evidence(problem, fit, amounts(fit)) - against, stage, fall)
+
+
+def _has_refined(problem: JointProblem, current: MapFit, effect: Effect) -> bool:
+    """Whether the current model, or the nominal numbers, have an effect of which this one is a finer form, if it is."""
+    found = {parameter.key.partition(".")[0] for parameter in current.free}
+    given = (own for name in effect.refines for own in EFFECTS[name].parameters)
+    return (
+        not effect.refines
+        or not found.isdisjoint(effect.refines)
+        or any(problem.nominal[ROW[own.key]] != own.neutral_si for own in given)
+    )
 
 
 def amounts(fit: MapFit) -> list[list[int]]:

@@ -32,6 +32,7 @@ EFFECT = Effect(
     name="directional_friction",
     place="joint",
     needs=("one_axis",),
+    refines=("coulomb_friction", "viscous_friction"),
     parameters=(
         Parameter(
             "directional_friction.torque_nm", -5.0, 5.0, "more level forward; negative: more back", 1.0, 0.0, 0.005

@@ -169,6 +169,7 @@ class Effect:
     absent: typical size, in the key's unit, of a number of the plain plant that a machine may lack: far below it, the
     prior is linear, and factors of probes act on it.
     lasting: whether it is a part of the machine's build, so that it hardly begins or ends inside a recording.
+    refines: names of effects of which it is a finer form; without one of them it is hardly there.
     alike: names of effects with the same equation, which no other set-points separate from it.
     scanned: the key of a period that is found in the data before the search; "" for none.
     shape: keys that set where, when or in which form the effect acts and not its size.
@@ -210,6 +211,7 @@ class Effect:
     needs: tuple[str, ...] = ()
     scanned: str = ""
     lasting: bool = False
+    refines: tuple[str, ...] = ()
     alike: tuple[str, ...] = ()
     lacks: frozenset[str] = frozenset()
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from hand_diagnosis.diagnosis import Diagnosis, diagnose
+from hand_diagnosis.pages import page_plots
 from hand_machine.machine import Machine, load_machine
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 
@@ -74,12 +76,16 @@ def test_a_damping_that_is_not_stated_is_too_small_to_see(tmp_path: Path) -> Non
     assert decay_per_s < 0.01 * 2e-4 / INERTIA
 
 
-def test_the_viscous_friction_of_a_released_pendulum_is_named(tmp_path: Path) -> None:
-    """Broken by a search that loses the phase of the swings and finds nothing, or something else."""
+def test_the_viscous_friction_of_a_released_pendulum_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Broken by a search that loses the phase of the swings, or that takes one with two numbers for a friction that
+    differs by direction; and by a figure over a state that is constant, as the input is here.
+    """
     print(f"seed {SEED}")
-    machine = _loaded(_swings(tmp_path, 100.0, 9.0, 2e-4, 0.0, (1.2, -0.7)))
+    machine = _loaded(_swings(tmp_path, 50.0, 8.0, 2e-4, 0.0, (1.2,)))
     result = _diagnosed(machine)
     assert result.verdict == "explained"
     first = result.findings[0]
     assert first.effect == "viscous_friction"
     assert first.probability > 0.5
+    monkeypatch.setattr(page_plots, "describe", lambda *_: SimpleNamespace(state="pressure"))
+    assert page_plots.state_means(result.joints[0], 1) is None
