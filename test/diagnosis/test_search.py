@@ -155,11 +155,11 @@ def test_hypotheses_that_are_compared_keep_no_slopes(hand: Hand, monkeypatch: py
 
     monkeypatch.setattr(joint_search, "_ranked", spied)
     rubbed = changed(hand, JOINT, coulomb_friction__torque_nm=0.012)
-    signals = [record(rubbed, np.random.default_rng(92))]
+    signals = [record(rubbed, np.random.default_rng(92), 16.0)]
     ready = Task(signals=signals, model=hand, joints=[JOINT], effects=[], tolerance=0.05, seed=0, floors={}).prepare(
         JOINT
     )
-    effects = [EFFECTS[name] for name in ("coulomb_friction", "viscous_friction", "stiffening", "backlash")]
+    effects = [EFFECTS[name] for name in ("coulomb_friction", "viscous_friction", "backlash")]
     found = search_joint(
         fit_part(ready.problem), effects, ready.free, np.random.default_rng(0), ready.start, laws=False
     )
