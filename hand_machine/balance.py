@@ -40,6 +40,8 @@ def smoothed(table: Readings, values: Array) -> Array:
 
 
 def _window(table: Readings) -> int:
-    """Odd number of samples; of slow readings the fewest that a cubic does not simply follow."""
+    """Odd number of samples; of slow readings the fewest that a cubic does not simply follow, unless they last long."""
     wanted = 2 * round(MACHINE.balance_half_window_s / table.period_s) + 1
-    return min(max(wanted, MIN_WINDOW), (len(table.time_s) - 1) // 2 * 2 + 1)
+    if (MIN_WINDOW - 1) * table.period_s <= MACHINE.longest_window_s:
+        wanted = max(wanted, MIN_WINDOW)
+    return min(wanted, (len(table.time_s) - 1) // 2 * 2 + 1)

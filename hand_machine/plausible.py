@@ -131,6 +131,8 @@ def _fitted(described: MachineDescription, table: Readings) -> tuple[dict[str, f
     target = described.gain * table.signals["input"][table.known]
     if described.imposed:
         target = target - table.signals["force"][table.known]
+    if not np.ptp(target) > 0.0:  # a released axis shows no force
+        return None
     terms = {"stiffness": x, "damping": v, "inertia": a}
     terms |= {"weight": np.sin(x)} if described.weight > 0.0 else {}
     columns = np.column_stack([*terms.values(), np.sign(v), np.ones(len(x))])
