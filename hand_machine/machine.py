@@ -226,7 +226,7 @@ def _scales(described: MachineDescription, recordings: Sequence[Path], tables: S
 def _at_rest(described: MachineDescription, table: Readings) -> float:
     """Largest force [N] or torque [N m] of spring and weight of the nominal model over the recorded positions."""
     x = table.signals["position"]
-    force = described.stiffness * x + (0.0 if described.linear else described.weight * np.sin(x))
+    force = described.stiffness * x + described.weight * np.sin(x)
     return float(np.quantile(np.abs(force[table.known]), MACHINE.lacking_quantile)) if table.known.any() else 0.0
 
 

@@ -177,12 +177,13 @@ def take(run: Path) -> None:
     Raises ValueError for what is no run.
     """
     found = read_run(run)
-    kept = load().get("trial", {}).get("results", {}).get("recordings", 0)
-    if "trial" in found and found["trial"]["results"]["recordings"] < kept:
-        new = found["trial"]["results"]["recordings"]
-        print(f"{run}: a trial of {new} recordings does not replace the one of {kept} that is stored")
-        return
     if "trial" in found:
+        stored = load()
+        old = stored["trial"]["results"]["recordings"] if "trial" in stored else 0
+        new = found["trial"]["results"]["recordings"]
+        if new < old:
+            print(f"{run}: a trial of {new} recordings does not replace the one of {old} that is stored")
+            return
         for name, kept in PICTURES.items():
             (STORE.parent / kept).write_bytes((run / name).read_bytes())
     store(found)

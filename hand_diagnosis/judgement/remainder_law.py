@@ -19,7 +19,7 @@ from hand_diagnosis.search import (
     at_floor,
     in_words,
     period_of_torque,
-    posterior_covariance,
+    posterior_draws,
     training_evidence,
 )
 from hand_diagnosis.settings import SETTINGS
@@ -243,9 +243,7 @@ def described(law: RemainderLaw, wording: Wording) -> LawCurve:
     x = np.linspace(0.0, 1.0, SETTINGS.law_points)
     turn = 1.0 / law.values()[placed.key] if placed.turns else placed.high - placed.low
     state = turn * x if placed.turns else placed.low + turn * x
-    draws = np.random.default_rng(SETTINGS.noise_seed).multivariate_normal(
-        fit.z, posterior_covariance(law.problem, fit), SETTINGS.law_draws, method="eigh"
-    )
+    draws = posterior_draws(law.problem, fit)
     here, drawn = _curves(law, fit.z[None], x)[0], _curves(law, draws, x)
     ends = np.quantile(drawn, SETTINGS.law_band, axis=0)
     unit, over_unit = (

@@ -14,7 +14,7 @@ from hand_diagnosis.search.hypotheses import Hypothesis, Probes, amounts, probes
 from hand_diagnosis.search.isolability import Isolability, isolability
 from hand_diagnosis.search.joint_search import rough_evidence, search_joint
 from hand_diagnosis.search.law_curves import LawCurve, describe, in_words
-from hand_diagnosis.search.laws import LearnedLaw, learn_law, posterior_covariance, training_evidence
+from hand_diagnosis.search.laws import LearnedLaw, learn_law, posterior_covariance, posterior_draws, training_evidence
 from hand_diagnosis.search.tolerance import is_explained, moved, tolerant
 from hand_diagnosis.search.turns import period_of_torque
 
@@ -39,6 +39,7 @@ __all__ = [
     "on_everything",
     "period_of_torque",
     "posterior_covariance",
+    "posterior_draws",
     "probes_at",
     "refit_below_floor",
     "rough_evidence",

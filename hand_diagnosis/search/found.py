@@ -103,10 +103,10 @@ class JointSearch:
 
     def forget_sensitivities(self) -> None:
         """Drop the large sensitivities; residuals are still needed for figures."""
-        self.nominal = replace(self.nominal, sensitivity=())
+        self.nominal = self.nominal.without_slopes()
         if self.accepted:
             last = self.accepted[-1]
-            self.accepted[-1] = replace(last, fit=replace(last.fit, sensitivity=()))
+            self.accepted[-1] = replace(last, fit=last.fit.without_slopes())
 
 
 def fit_without(found: JointSearch, *left_out: int) -> tuple[float, MapFit]:

@@ -307,13 +307,11 @@ def judged(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, 
 
 def _has_refined(problem: JointProblem, current: MapFit, effect: Effect) -> bool:
     """Whether the current model, or the nominal numbers, have an effect of which this one is a finer form, if it is."""
+    if not effect.refines:
+        return True
     found = {parameter.key.partition(".")[0] for parameter in current.free}
     given = (own for name in effect.refines for own in EFFECTS[name].parameters)
-    return (
-        not effect.refines
-        or not found.isdisjoint(effect.refines)
-        or any(problem.nominal[ROW[own.key]] != own.neutral_si for own in given)
-    )
+    return not found.isdisjoint(effect.refines) or any(problem.nominal[ROW[own.key]] != own.neutral_si for own in given)
 
 
 def amounts(fit: MapFit) -> list[list[int]]:

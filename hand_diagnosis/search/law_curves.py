@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hand_diagnosis.search.laws import posterior_covariance
+from hand_diagnosis.search.laws import posterior_draws
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit
@@ -66,9 +66,7 @@ def describe(
         raise ValueError(f"the effect {effect.name} has no learned law")
     first = _grid(problem, known.over[0], effect, chosen)
     second = _grid(problem, known.over[1], effect, chosen)[[0, -1]] if len(known.over) > 1 else np.zeros(2)
-    draws = np.random.default_rng(SETTINGS.noise_seed).multivariate_normal(
-        chosen.z, posterior_covariance(problem, chosen), SETTINGS.law_draws, method="eigh"
-    )
+    draws = posterior_draws(problem, chosen)
 
     def values(fit: MapFit, z: Array) -> Array:
         return _curves(problem, effect, fit, z, first, second)

@@ -127,6 +127,16 @@ def posterior_covariance(problem: JointProblem, fit: MapFit) -> Array:
     return np.asarray(np.linalg.inv(precision), dtype=np.float64)
 
 
+def posterior_draws(problem: JointProblem, fit: MapFit) -> Array:
+    """Coordinates (draws, free) [-] as the data leave them open, also where they leave some to the prior.
+
+    By eigenvalues: rounding can make a covariance that is nearly singular indefinite.
+    """
+    rng = np.random.default_rng(SETTINGS.noise_seed)
+    covariance = posterior_covariance(problem, fit)
+    return rng.multivariate_normal(fit.z, covariance, SETTINGS.law_draws, method="eigh")
+
+
 def _shrink(problem: JointProblem, fit: MapFit) -> float:
     """Ratio of the floor's variance to that of the error."""
     train = ~problem.validation
