@@ -195,7 +195,7 @@ def _round(
 
 
 def _without_slopes(hypothesis: Hypothesis) -> Hypothesis:
-    """A hypothesis that may not be chosen keeps no slopes: those of a dozen would be most of the memory."""
+    """A hypothesis that may not be chosen keeps no slopes: those of a dozen take much memory."""
     return replace(hypothesis, fit=hypothesis.fit.without_slopes())
 
 
