@@ -44,6 +44,9 @@ class Settings(LawSettings):
     tie_recordings: int = setting(
         10, "recordings", "Recordings of one experiment that may be asked for to break a tie.",
         CHOICE, "More ties are left without an experiment.", "Experiments are proposed that nobody repeats so often.")
+    shorter_correlation: float = setting(
+        0.7, "-", "Share of a machine's correlation time below which that of its best model's errors replaces it, in a"
+        " second search.", CHOICE, "Short recordings show less.", "Machines are searched twice for little.")
     min_relative_improvement: float = setting(
         0.03, "-", "Fall of the validation error, relative to itself, that an effect must bring.", CHOICE,
         "Effects of no practical size are claimed.", "Small effects next to larger ones are missed.")

@@ -26,7 +26,7 @@ LAST = ("nice", "-n", "19")
 KEEP_LAST = ("setpriv", "--bounding-set", "-sys_nice", "--inh-caps", "-sys_nice")
 """Without a graphics card the browser takes every core that it gets, and the hand under test keeps deadlines. So it has
 the lowest priority, and where it runs as root, it loses the right to raise that of the process that draws."""
-WAIT_S = 30.0
+WAIT_S = 90.0
 
 
 def changed(first: bytes, second: bytes) -> float:

@@ -40,6 +40,7 @@ from hand_diagnosis.search import (
     isolability,
     on_everything,
     search_joint,
+    second_look,
     with_cause,
     with_validation,
 )
@@ -120,14 +121,17 @@ def _searched(
         free, start = unswitched(changed, ready.free, ready.start)
         return search_joint(changed, effects, free, rng, start, laws=laws, begin=begin)
 
+    machine = task.signals[0].machine
     search = again(problem, laws=True)
+    if machine:
+        search = second_look(search, partial(again, laws=True))
+        problem, whole = (replace(each, correlation_s=search.problem.correlation_s) for each in (problem, whole))
     results = stage_results(problem, search.nominal, search.final, len(search.accepted))
     switched, onset = search_with_onset(search, results, effects, again), None
     if switched is not None:
         search, onset = switched
         problem = search.problem
         whole = replace(with_onset(whole, onset, problem.switched), nominal=problem.nominal)
-    machine = task.signals[0].machine
     free_axis = swings_freely(whole)
     withdrawn = () if machine else without_repeating(search)  # what repeats in a machine has a name: cogging
     confirm_laws(whole, search, free_axis=free_axis)

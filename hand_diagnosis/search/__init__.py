@@ -15,6 +15,7 @@ from hand_diagnosis.search.isolability import Isolability, isolability
 from hand_diagnosis.search.joint_search import rough_evidence, search_joint
 from hand_diagnosis.search.law_curves import LawCurve, describe, in_words
 from hand_diagnosis.search.laws import LearnedLaw, learn_law, posterior_covariance, posterior_draws, training_evidence
+from hand_diagnosis.search.second_look import second_look
 from hand_diagnosis.search.tolerance import is_explained, moved, tolerant
 from hand_diagnosis.search.turns import period_of_torque
 
@@ -44,6 +45,7 @@ __all__ = [
     "refit_below_floor",
     "rough_evidence",
     "search_joint",
+    "second_look",
     "standard_errors",
     "tolerant",
     "training_evidence",

@@ -33,7 +33,7 @@ from test.repeating import STALLED
 NODES = Path(get_package_prefix("fluidic_hand")) / "lib" / "fluidic_hand"
 TOOL = (sys.executable, "-m", "hand_tool")
 BEST_EFFORT = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
-WAIT_S = 30.0
+WAIT_S = 90.0
 HEARD_S = 3.0
 """Time in which nodes that have started together hear of each other; discovery takes up to 2.7 s."""
 Started = subprocess.Popen[bytes]

@@ -40,10 +40,11 @@ CLIENT = """
 import sys
 from hand_client.node import HandClient, NoHandError
 def use(call, *given):
-    try:
-        call(*given)
-    except NoHandError as error:
-        print(error, file=sys.stderr)
+    for _ in range(5):  # all start at once, and a hand that is not found in a few seconds is not asked further
+        try:
+            return call(*given)
+        except NoHandError as error:
+            print(error, file=sys.stderr)
 with HandClient("hand", sys.argv[1]) as c:
     {uses}
     c.spin(60.0)

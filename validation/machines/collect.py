@@ -63,12 +63,15 @@ def _show(clone: Path, commit: str, path: str) -> bytes:
 def read_columns(content: bytes, recording: Mapping[str, Any]) -> Columns:
     """Columns of one recording, by its entry in published.yaml. ValueError: a column that is not there.
 
-    Formats: csv (a header, commas), table (white space, `names`), mat, json (rows under `key`, `names`).
+    Formats: csv (a header, commas; `names` in place of it), table (white space or `delimiter`, `names`), mat (`places`
+    of nested values), json (rows under `key`, `names`). `constants` are columns with one value.
     """
     columns = _FORMATS[recording["format"]](content, recording)
+    count = len(next(iter(columns.values())))
+    columns |= {name: np.full(count, float(value)) for name, value in recording.get("constants", {}).items()}
     period = recording.get("sample_period_s")
     if period is not None:
-        columns["t"] = period * np.arange(len(next(iter(columns.values()))), dtype=np.float64)
+        columns["t"] = period * np.arange(count, dtype=np.float64)
     wanted = [*recording["columns"], *(["t"] if period is not None else [])]
     absent = [name for name in wanted if name not in columns]
     if absent:
@@ -85,19 +88,33 @@ def _blocks(values: Array, block: int) -> Array:
 
 
 def _csv(content: bytes, recording: Mapping[str, Any]) -> Columns:
-    del recording
-    head, _, body = content.decode().replace('"', "").replace(",", " ").partition("\n")
-    return _named(head.split(), np.loadtxt(io.StringIO(body), ndmin=2))
+    head, _, body = content.decode().replace('"', "").partition("\n")
+    delimiter = "," if "," in head else None
+    names = recording.get("names") or [name.strip() for name in head.split(delimiter)]
+    return _named(names, np.genfromtxt(io.StringIO(body), delimiter=delimiter, ndmin=2))  # an empty place is NaN
 
 
 def _table(content: bytes, recording: Mapping[str, Any]) -> Columns:
-    return _named(recording["names"], np.loadtxt(io.BytesIO(content), ndmin=2))
+    delimiter, comments = recording.get("delimiter"), recording.get("comments", "#")
+    return _named(
+        recording["names"], np.loadtxt(io.BytesIO(content), delimiter=delimiter, comments=comments, ndmin=2)
+    )
 
 
 def _mat(content: bytes, recording: Mapping[str, Any]) -> Columns:
-    del recording
-    read = scipy.io.loadmat(io.BytesIO(content))
-    return {name: np.ravel(values).astype(np.float64) for name, values in read.items() if not name.startswith("__")}
+    read = scipy.io.loadmat(io.BytesIO(content), squeeze_me=True, struct_as_record=False)
+    places = recording.get("places") or {name: [name] for name in read if not name.startswith("__")}
+    return {name: np.ravel(_nested(read, place)).astype(np.float64) for name, place in places.items()}
+
+
+def _nested(value: Any, place: Sequence[str | int]) -> Any:
+    """What lies at a place within nested structures and cells: names of fields, numbers of cells."""
+    for part in place:
+        if isinstance(value, Mapping) or isinstance(part, int):
+            value = value[part]
+        else:
+            value = getattr(value, part)
+    return value
 
 
 def _json(content: bytes, recording: Mapping[str, Any]) -> Columns:
