@@ -9,6 +9,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyfit
 
 from hand_identification.joint_problem import (
+    FORCE,
     JointProblem,
     Segment,
     block_numbers,
@@ -28,6 +29,7 @@ from hand_recording.signals import (
     derivatives,
     half_window,
     in_band,
+    noise_in_band,
     slopes_over,
     smoothing_span,
     white_noise,
@@ -73,12 +75,11 @@ def _trusted(segments: Sequence[Segment], signals: Sequence[Signals]) -> list[Se
     """
     stage = 2 if signals[0].driven else 1
     readings = [(each.force_n if each.driven else each.angle_rad)[:, 0] for each in signals]
-    # A cubic over n samples leaves 1.5 / sqrt(n) of white noise (Savitzky and Golay, 1964).
-    kept = [1.5 * (each.period_s / each.band_s) ** 0.5 if each.band_s > each.period_s else 1.0 for each in signals]
-    sizes = [
-        float(np.hypot(share * white_noise(np.nan_to_num(values)), FITS.floor[stage]))
-        for share, values in zip(kept, readings, strict=True)
+    noises = [
+        segment.kept_noise_n or white_noise(np.nan_to_num(values))
+        for segment, values in zip(segments, readings, strict=True)
     ]
+    sizes = [float(np.hypot(noise, FITS.floor[stage])) for noise in noises]
     return [replace(segment, trust=min(sizes) / size) for segment, size in zip(segments, sizes, strict=True)]
 
 
@@ -109,6 +110,7 @@ def _segment(signals: Signals, hand: JointModel, joint: str, first_block: int) -
         added=_added(signals.added),
         derivative_s=signals.derivative_s,
         band_s=signals.band_s,
+        kept_noise_n=noise_in_band(np.nan_to_num(signals.force_n[:, j]), signals.period_s, signals.band_s),
     )
 
 
@@ -182,6 +184,7 @@ def _use(signals: Signals, j: int, force: Array) -> Flags:
 def _noise(segment: Segment) -> Array:
     """Standard deviation of the noise of each measured signal (OUTPUTS,), SI: white noise, and speed times jitter."""
     white = np.array([white_noise(signal) for signal in segment.measured])
+    white[FORCE] = max(white[FORCE], segment.kept_noise_n)
     if segment.jitter_s == 0.0:
         return white
     speeds = np.gradient(segment.measured, segment.period_s, axis=1)

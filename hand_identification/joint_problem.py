@@ -34,6 +34,7 @@ class Segment:
     late_s: by how much the pressures were read after the other signals.  jitter_s: standard deviation of the times at
     which the samples were taken.  added: (rows,) what the load of this recording adds to the parameters; None: nothing.
     derivative_s: window of the derivatives of the angle.  band_s: window of the force, see Signals.band_s.
+    kept_noise_n: white noise of the force that this window keeps [N]; 0: nothing is smoothed.
     acts: (T,) samples at which JointProblem.switched act; None: at all.
     trust: factor of its residuals in the cost, below 1 where the recording is noisier than another.
     use: (OUTPUTS, T) samples that count.  block: (T,) number of the block of each sample, over all recordings.
@@ -59,6 +60,7 @@ class Segment:
     added: Array | None = None
     derivative_s: float = READING.smoothing_s
     band_s: float = 0.0
+    kept_noise_n: float = 0.0
     trust: float = 1.0
 
     @property

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hand_identification.free_parameters import START_CREEP, FreeParameter
-from hand_identification.joint_problem import JointProblem
+from hand_identification.joint_problem import FORCE, JointProblem
 from hand_identification.settings import FITS
 from hand_model.arrays import Array
 from hand_model.compile_cache import njit
@@ -306,7 +306,8 @@ def residual_is_correlated(problem: JointProblem, fit: MapFit, ratio: float) -> 
     for segment, residual in zip(problem.segments, fit.residuals, strict=True):
         for stage in np.flatnonzero(segment.use.any(axis=1)):
             left = residual[stage][segment.use[stage]]
-            if float(np.sqrt(np.mean(left**2))) > ratio * white_noise(left):
+            noise = max(white_noise(left), segment.kept_noise_n if stage == FORCE else 0.0)
+            if float(np.sqrt(np.mean(left**2))) > ratio * noise:
                 return True
     return False
 

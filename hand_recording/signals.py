@@ -112,10 +112,23 @@ def derivatives(angle_rad: Array, period_s: float, window_s: float = READING.smo
 
 def in_band(force: Array, period_s: float, window_s: float) -> Array:
     """Forces (..., T) [N] by a cubic over a moving window, as accelerations are computed; as they are for no window."""
-    window = min(2 * half_window(period_s, window_s) + 1, (force.shape[-1] - 1) // 2 * 2 + 1)
-    if window_s == 0.0 or window < LEAST_WINDOW:
-        return force
-    return np.asarray(savgol_filter(force, window, 3, axis=-1), dtype=np.float64)
+    window = _band_samples(force.shape[-1], period_s, window_s)
+    return np.asarray(savgol_filter(force, window, 3, axis=-1), dtype=np.float64) if window else force
+
+
+def noise_in_band(force: Array, period_s: float, window_s: float) -> float:
+    """White noise [N] of a force (T,) that `in_band` keeps; 0 where it changes nothing.
+
+    What it keeps is not white any more, and its third differences show a part of it only.
+    """
+    window = _band_samples(len(force), period_s, window_s)
+    return white_noise(force) * float(np.linalg.norm(savgol_coeffs(window, 3))) if window else 0.0
+
+
+def _band_samples(samples: int, period_s: float, window_s: float) -> int:
+    """Samples of the window of `in_band`; 0 where nothing is smoothed."""
+    window = min(2 * half_window(period_s, window_s) + 1, (samples - 1) // 2 * 2 + 1)
+    return 0 if window_s == 0.0 or window < LEAST_WINDOW else window
 
 
 def white_noise(values: Array, known: Flags | None = None) -> float:

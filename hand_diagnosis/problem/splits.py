@@ -21,7 +21,7 @@ from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import shape_driving
 from hand_identification.free_parameters import START_CREEP
 from hand_identification.joint_data import crept, speed_at_start
-from hand_identification.joint_problem import JointProblem, Segment
+from hand_identification.joint_problem import FORCE, JointProblem, Segment
 from hand_identification.map_fit import MapFit
 from hand_identification.settings import FITS
 from hand_model.arrays import Array, Flags
@@ -340,7 +340,11 @@ def _noise(
 
 def _laws(segment: Segment, predicted: Array) -> list[tuple[float, float]]:
     """`noise_law` of every reading of a segment, by its predictions (OUTPUTS, T)."""
-    return [noise_law(m - p, p, use) for m, p, use in zip(segment.measured, predicted, segment.use, strict=True)]
+    laws = [noise_law(m - p, p, use) for m, p, use in zip(segment.measured, predicted, segment.use, strict=True)]
+    still, by_slope = laws[FORCE]
+    steep = by_slope * float(np.mean(_slopes(predicted[FORCE]) ** 2))
+    laws[FORCE] = max(still, segment.kept_noise_n**2 - steep), by_slope
+    return laws
 
 
 def _slopes(predicted: Array) -> Array:

@@ -35,7 +35,7 @@ columns:
   position: {column: x}
   force: {column: f}
 """
-ALLOWED = {"Apache-2.0", "MIT", "BSD-3-Clause", "CC0-1.0"}
+ALLOWED = {"Apache-2.0", "MIT", "BSD-3-Clause", "CC0-1.0", "CC-BY-SA-4.0", "ODbL-1.0", "GPL-3.0", "AGPL-3.0"}
 
 
 def recorded(seed: int, frequency_hz: float) -> dict[str, np.ndarray]:
@@ -95,6 +95,31 @@ def test_columns_of_every_format() -> None:
     assert timed["t"].tolist() == [1.25, 2.25]
     with pytest.raises(ValueError, match="file has no column c; it has: a, b"):
         read_columns(contents["table"], common | {"format": "table", "columns": ["c"]})
+
+
+def test_columns_of_unusual_files() -> None:
+    """Fails when given names, an empty place, another delimiter, comments, nested values or constants are read wrongly."""
+    given = {"path": "file", "format": "csv", "names": ["x", "y"], "columns": ["y", "u"], "constants": {"u": 2.0}}
+    found = read_columns(b"Trial 1_x,Trial 1_y\n0,5\n1,\n", given)
+    assert found["y"][0] == 5.0 and np.isnan(found["y"][1])
+    assert found["u"].tolist() == [2.0, 2.0]
+    spaced = read_columns(b"Time/s,Angle of it\n0,5\n1,6\n", {"path": "f", "format": "csv", "columns": ["Angle of it"]})
+    assert spaced["Angle of it"].tolist() == [5.0, 6.0]
+    table = {
+        "path": "file",
+        "format": "table",
+        "delimiter": ",",
+        "comments": "%",
+        "names": ["a", "b"],
+        "columns": ["b"],
+    }
+    assert read_columns(b"%head\n1,2\n3,4\n", table)["b"].tolist() == [2.0, 4.0]
+    mat, cells = io.BytesIO(), np.empty(2, dtype=object)
+    cells[:] = [np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([[5.0, 6.0], [7.0, 8.0]])]
+    scipy.io.savemat(mat, {"runs": cells, "log": {"signals": {"values": np.arange(2.0)}}})
+    places = {"x": ["runs", 1, 0], "t": ["log", "signals", "values"]}
+    nested = read_columns(mat.getvalue(), {"path": "f", "format": "mat", "places": places, "columns": ["x", "t"]})
+    assert [nested["x"].tolist(), nested["t"].tolist()] == [[5.0, 6.0], [0.0, 1.0]]
 
 
 def test_recordings_come_from_the_commit_of_a_clone(tmp_path: Path) -> None:
@@ -158,6 +183,7 @@ def test_every_described_machine_can_be_read() -> None:
         for recording in case.recordings.values():
             made = {"t"} if "sample_period_s" in recording else set()
             assert wanted <= {*recording["columns"], *made}, case.name
+            assert set(recording.get("constants", {})) <= set(recording["columns"]), case.name
 
 
 def test_a_simulated_oscillator_is_the_closed_form() -> None:

@@ -96,9 +96,7 @@ def _csv(content: bytes, recording: Mapping[str, Any]) -> Columns:
 
 def _table(content: bytes, recording: Mapping[str, Any]) -> Columns:
     delimiter, comments = recording.get("delimiter"), recording.get("comments", "#")
-    return _named(
-        recording["names"], np.loadtxt(io.BytesIO(content), delimiter=delimiter, comments=comments, ndmin=2)
-    )
+    return _named(recording["names"], np.loadtxt(io.BytesIO(content), delimiter=delimiter, comments=comments, ndmin=2))
 
 
 def _mat(content: bytes, recording: Mapping[str, Any]) -> Columns:
@@ -110,10 +108,7 @@ def _mat(content: bytes, recording: Mapping[str, Any]) -> Columns:
 def _nested(value: Any, place: Sequence[str | int]) -> Any:
     """What lies at a place within nested structures and cells: names of fields, numbers of cells."""
     for part in place:
-        if isinstance(value, Mapping) or isinstance(part, int):
-            value = value[part]
-        else:
-            value = getattr(value, part)
+        value = value[part] if isinstance(value, Mapping) or isinstance(part, int) else getattr(value, part)
     return value
 
 
