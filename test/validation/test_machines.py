@@ -98,7 +98,7 @@ def test_columns_of_every_format() -> None:
 
 
 def test_columns_of_unusual_files() -> None:
-    """Fails when given names, an empty place, another delimiter, comments, nested values or constants are read wrongly."""
+    """Fails when given names, an empty place, a delimiter, comments, nested values or constants are read wrongly."""
     given = {"path": "file", "format": "csv", "names": ["x", "y"], "columns": ["y", "u"], "constants": {"u": 2.0}}
     found = read_columns(b"Trial 1_x,Trial 1_y\n0,5\n1,\n", given)
     assert found["y"][0] == 5.0 and np.isnan(found["y"][1])
