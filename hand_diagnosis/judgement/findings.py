@@ -21,6 +21,7 @@ from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit
 from hand_identification.settings import FITS
+from hand_model.effects import EFFECTS
 from hand_model.effects.effect import Effect
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 from hand_model.quantities import Wording
@@ -146,15 +147,22 @@ def _lost(recording: Signals) -> float:
 def joint_findings(result: JointResult) -> list[Finding]:
     """A finding for every accepted effect of a joint that is claimed.
 
-    In the order of acceptance; those of one signal change places so that what explains most of it comes first.
+    In the order of acceptance, but for those of one signal, see `in_order`.
     """
-    found = [_finding(result, index) for index in result.claimed()]
+    return in_order([_finding(result, index) for index in result.claimed()])
+
+
+def in_order(found: Sequence[Finding]) -> list[Finding]:
+    """Findings of a joint; of those of one signal the largest comes first, and a finer form after what it refines."""
+    ranked = list(found)
     for signal in {finding.signal for finding in found}:
+        own = [finding for finding in found if finding.signal == signal]
+        names = {finding.effect for finding in own}
+        own.sort(key=lambda each: (not names.isdisjoint(EFFECTS[each.effect].refines), -each.explains))
         places = [k for k, finding in enumerate(found) if finding.signal == signal]
-        by_share = sorted((found[k] for k in places), key=lambda finding: -finding.explains)
-        for k, finding in zip(places, by_share, strict=True):
-            found[k] = finding
-    return found
+        for k, finding in zip(places, own, strict=True):
+            ranked[k] = finding
+    return ranked
 
 
 def _finding(result: JointResult, index: int) -> Finding:

@@ -247,7 +247,9 @@ def test_the_same_seed_gives_the_same_answer(hand: Hand) -> None:
     rng = np.random.default_rng(60)
     signals = record(changed(hand, JOINT, backlash__gap_deg=0.02), rng, 12.0)
     nominal = off_by_a_little(hand, rng)
-    first, second = run(signals, nominal, JOINT), run(signals, nominal, JOINT)
+    tried = ("backlash", *TORQUE_RIVALS)
+    others = tuple(each.name for each in CATALOGUE if each.keys and each.name not in tried)
+    first, second = (run(signals, nominal, JOINT, without=others) for _ in range(2))
     assert first.findings
     assert [f.statement for f in first.findings] == [f.statement for f in second.findings]
 

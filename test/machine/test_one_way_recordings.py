@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hand_diagnosis.found_machine import write_machine_model
+from hand_diagnosis.judgement.findings import in_order
 from hand_diagnosis.judgement.left_out import covered
 from hand_diagnosis.report import document
 from hand_identification.joint_data import joint_problem
@@ -67,6 +69,18 @@ def test_a_direction_of_one_recording_alone_is_not_left_out(
     segments = joint_problem(machine.signals, machine.model, "axis").segments
     tested = covered(segments)
     assert [name for k, name in enumerate(names) if k not in tested] == alone
+
+
+def test_a_finer_form_comes_after_what_it_refines() -> None:
+    """Fails when friction by direction stands before the friction that it refines, or others change their places."""
+
+    def finding(effect: str, explains: float, signal: str = "angle") -> Any:
+        return SimpleNamespace(effect=effect, signal=signal, explains=explains)
+
+    found = [finding("directional_friction", 0.6), finding("leak", 0.1, "pressure"), finding("coulomb_friction", 0.3)]
+    assert [each.effect for each in in_order(found)] == ["coulomb_friction", "leak", "directional_friction"]
+    alone = [finding("stiffening", 0.3), finding("directional_friction", 0.6)]
+    assert [each.effect for each in in_order(alone)] == ["directional_friction", "stiffening"]
 
 
 def test_friction_of_each_direction_is_kept_and_predicts_others(tmp_path: Path) -> None:
