@@ -14,12 +14,12 @@ from hand_diagnosis.problem.evidence import (
     weighted_by_rest,
     white_parts,
 )
+from hand_diagnosis.problem.noise import noise_law
 from hand_diagnosis.problem.splits import (
     ErrorsOnTest,
     evaluate_test,
     exchanged,
     fit_part,
-    noise_law,
     noise_on,
     noise_on_test,
     predict_test,
