@@ -308,6 +308,8 @@ def examined(folder: Path, command: list[str]) -> dict[str, Any]:
     assert "- Rig: no data" in text
     first = {"results": [{**found, "first_run": {"date": "2026-01-01", "commit": "abc"}}]}
     assert "| Axis | 2026-01-01 | abc |" in tables.first_runs_table(first)
+    first["results"][0]["ours"] = None  # no model that predicts
+    assert tables.first_runs_table(first).endswith("| none |  |")
     return found
 
 

@@ -122,7 +122,10 @@ def total_rows(machines: Sequence[Machine]) -> list[tuple[str, ...]]:
 
 
 def first_runs_table(entry: Entry) -> str:
-    """The first run of each machine, which is the one that counts: no part of the tool had seen it."""
+    """The first run of each machine, which is the one that counts: no part of the tool had seen it.
+
+    A run that ended without a model that predicts has no error (`ours` is None).
+    """
     rows = [
         (
             each["title"],
@@ -131,10 +134,11 @@ def first_runs_table(entry: Entry) -> str:
             each["verdict"],
             ", ".join(f"`{row['effect']}`" for row in each["effects"]) or "none",
             _right(each),
-            f"{number(each['ours'])} {each['unit']}",
-            f"{ratio(each):.2f}",
+            f"{number(each['ours'])} {each['unit']}" if predicted else "none",
+            f"{ratio(each):.2f}" if predicted else "",
         )
         for each in entry["results"]
+        for predicted in [each["ours"] is not None]
     ]
     header = ("machine", "first run", "commit", "verdict", "effects named", "first right", "test error")
     return markdown((*header, "diagnosis / best rival"), rows)
