@@ -26,8 +26,8 @@ FRAME_S = 0.04
 """Period of the pictures."""
 VALUES_S = 0.25
 """Period of the values in the panel."""
-CURVES_S = 0.1
-"""Period of the curves."""
+CURVES_S = 0.25
+"""Period of the curves; a browser without a graphics card draws ten in a second late, and ever later."""
 DELAY_NS = 40_000_000
 """Age from which everything that belongs to a frame has been received."""
 GHOST = (0, 114, 178)

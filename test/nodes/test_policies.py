@@ -29,7 +29,7 @@ USES = {
     "hand_client": EVERYTHING,
     "hand_enable": "use(c.enable, True)",
     "hand_grasp": "use(c.grasp, 'open', 1.0, 0.0, int)",
-    "hand_move": "c.move({'a': 0.0}, 1.0); c.hold(['a'])",
+    "hand_move": "use(c.move, {'a': 0.0}, 1.0); c.hold(['a'])",
     "hand_stop": "c.send_stop()",
     "hand_studio": EVERYTHING,
     "hand_up": "",
@@ -47,7 +47,7 @@ def use(call, *given):
             print(error, file=sys.stderr)
 with HandClient("hand", sys.argv[1]) as c:
     {uses}
-    c.spin(60.0)
+    c.spin(600.0)  # the test ends it
 """
 NODES = ("driver", "simulation", "controller", "frame_publisher", "recorder")
 LIVE = {
