@@ -9,7 +9,6 @@ import numpy as np
 from numpy.polynomial.polynomial import polyfit
 
 from hand_identification.joint_problem import (
-    FORCE,
     JointProblem,
     Segment,
     block_numbers,
@@ -183,8 +182,7 @@ def _use(signals: Signals, j: int, force: Array) -> Flags:
 
 def _noise(segment: Segment) -> Array:
     """Standard deviation of the noise of each measured signal (OUTPUTS,), SI: white noise, and speed times jitter."""
-    white = np.array([white_noise(signal) for signal in segment.measured])
-    white[FORCE] = max(white[FORCE], segment.kept_noise_n)
+    white = np.array([segment.white_noise(stage, signal) for stage, signal in enumerate(segment.measured)])
     if segment.jitter_s == 0.0:
         return white
     speeds = np.gradient(segment.measured, segment.period_s, axis=1)

@@ -16,7 +16,7 @@ from hand_model.kernel.layout import CREEP, OMEGA
 from hand_model.kernel.open_loop import OUTPUTS, READINGS, MeasuredInputs, open_loop
 from hand_recording.local_smoothing import Windows
 from hand_recording.settings import READING
-from hand_recording.signals import in_band
+from hand_recording.signals import in_band, white_noise
 
 STAGES = READINGS
 """The signal that each stage predicts, in the order of the model's outputs."""
@@ -67,6 +67,10 @@ class Segment:
     def measured(self) -> Array:
         """(OUTPUTS, T), SI."""
         return np.array([self.pressure_pa, self.angle_rad, np.nan_to_num(self.force_n)])
+
+    def white_noise(self, stage: int, values: Array) -> float:
+        """White noise [SI] of samples (n,) of a reading or of what a model leaves, no less than a window keeps."""
+        return max(white_noise(values), self.kept_noise_n if stage == FORCE else 0.0)
 
 
 @dataclass(slots=True)

@@ -14,11 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hand_identification.free_parameters import START_CREEP, FreeParameter
-from hand_identification.joint_problem import FORCE, JointProblem
+from hand_identification.joint_problem import JointProblem
 from hand_identification.settings import FITS
 from hand_model.arrays import Array
 from hand_model.compile_cache import njit
-from hand_recording.signals import white_noise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -306,8 +305,7 @@ def residual_is_correlated(problem: JointProblem, fit: MapFit, ratio: float) -> 
     for segment, residual in zip(problem.segments, fit.residuals, strict=True):
         for stage in np.flatnonzero(segment.use.any(axis=1)):
             left = residual[stage][segment.use[stage]]
-            noise = max(white_noise(left), segment.kept_noise_n if stage == FORCE else 0.0)
-            if float(np.sqrt(np.mean(left**2))) > ratio * noise:
+            if float(np.sqrt(np.mean(left**2))) > ratio * segment.white_noise(int(stage), left):
                 return True
     return False
 

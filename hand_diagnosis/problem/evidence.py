@@ -14,11 +14,10 @@ from itertools import combinations
 import numpy as np
 
 from hand_diagnosis.settings import SETTINGS
-from hand_identification.joint_problem import FORCE, JointProblem
+from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit
 from hand_identification.shared_fit import SharedFit
 from hand_model.arrays import Array, Flags
-from hand_recording.signals import white_noise
 
 
 def log_likelihood(problem: JointProblem, squares: Array, blocks: Flags) -> float:
@@ -143,8 +142,7 @@ def white_parts(problem: JointProblem, fit: MapFit) -> Array:
     for segment, residual in zip(problem.segments, fit.residuals, strict=True):
         for stage, (values, use) in enumerate(zip(residual, segment.use, strict=True)):
             if use.sum() > SETTINGS.min_stage_samples:
-                kept = segment.kept_noise_n if stage == FORCE else 0.0
-                found[stage] = max(found[stage], white_noise(values[use]), kept)
+                found[stage] = max(found[stage], segment.white_noise(stage, values[use]))
     return found
 
 

@@ -189,6 +189,11 @@ TORQUE_RIVALS = ("hysteresis", "coulomb_friction", "viscous_friction", "constant
 PRESSURE_RIVALS = ("valve_lag", "valve_deadband", "pressure_offset")
 
 
+def all_but(*tried: str) -> tuple[str, ...]:
+    """The effects of the catalogue without those named."""
+    return tuple(each.name for each in CATALOGUE if each.keys and each.name not in tried)
+
+
 @pytest.mark.parametrize(
     ("effect", "values"),
     [
@@ -204,7 +209,7 @@ def test_what_the_catalogue_lacks_is_unknown(effect: str, values: dict[str, floa
     rng = np.random.default_rng(30)
     signals = record(changed(hand, JOINT, **values), rng, 24.0)
     rivals = PRESSURE_RIVALS if effect == "pressure_gain" else TORQUE_RIVALS
-    others = tuple(each.name for each in CATALOGUE if each.keys and (each.name not in rivals or each.name == effect))
+    others = all_but(*(name for name in rivals if name != effect))
     result = run(signals, off_by_a_little(hand, rng), JOINT, without=others)
     named = [(f.effect, f.probability) for f in result.findings]
     assert result.remainder or (named and max(probability for _, probability in named) < 0.6), named
@@ -247,8 +252,7 @@ def test_the_same_seed_gives_the_same_answer(hand: Hand) -> None:
     rng = np.random.default_rng(60)
     signals = record(changed(hand, JOINT, backlash__gap_deg=0.02), rng, 12.0)
     nominal = off_by_a_little(hand, rng)
-    tried = ("backlash", *TORQUE_RIVALS)
-    others = tuple(each.name for each in CATALOGUE if each.keys and each.name not in tried)
+    others = all_but("backlash", *TORQUE_RIVALS)
     first, second = (run(signals, nominal, JOINT, without=others) for _ in range(2))
     assert first.findings
     assert [f.statement for f in first.findings] == [f.statement for f in second.findings]

@@ -13,13 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hand_diagnosis.diagnosis import Diagnosis, diagnose
+from hand_diagnosis.diagnosis import Diagnosis
 from hand_machine.machine import load_machine
-from hand_model.effects import CATALOGUE
+from test.machine import loaded
 
 PERIOD_S, SECONDS, FRICTION_N, NOISE_N = 0.01, 20.0, 3.0, 1.5
-TRIED = {"coulomb_friction", "viscous_friction", "spring", "hysteresis"}
-OTHERS = [effect.name for effect in CATALOGUE if effect.name not in TRIED]
+TRIED = ("coulomb_friction", "viscous_friction", "spring", "hysteresis")
 RIG = {
     "schema": 1,
     "name": "slide",
@@ -43,7 +42,7 @@ def diagnosed(folder: Path, wave_n: float, seed: int) -> Diagnosis:
     np.savez(folder / "run.npz", t=t, x=x, f=force)
     (folder / "rig.yaml").write_text(json.dumps(RIG), encoding="utf-8")
     axis = load_machine(folder / "rig.yaml", [folder / "run.npz"], to_fit=True)
-    return diagnose(axis.signals, axis.model, tolerance=0.1, seed=0, without=OTHERS, wording=axis.wording)
+    return loaded.diagnosed(axis, *TRIED)
 
 
 def test_white_noise_counts_as_white_once_friction_is_found(tmp_path: Path) -> None:
