@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
@@ -238,15 +239,13 @@ def test_viewers_get_the_description_and_the_frames_of_the_hand(terminal: Termin
     (still,) = latched(client, TFMessage, "/tf_static")
     moved: list[Any] = []
     client.node.create_subscription(TFMessage, "/tf", moved.append, 50)
-    client.until(lambda: len(moved) >= 20)
-    stamp = moved[-1].transforms[0].header.stamp
-    client.until(lambda: any(message.header.stamp == stamp for message in client.joints))
-    (joints,) = (message for message in client.joints if message.header.stamp == stamp)
+    client.joints.clear()
+    frames, joints = in_one_moment(client, moved)
     angle = dict(zip(joints.name, joints.position, strict=True))
     hand = load_hand(default_model())
     expected = link_poses(hand, np.array([angle[joint] for joint in hand.joints]))
     poses = {BASE: np.eye(4)}
-    for transform in (*still.transforms, *moved[-1].transforms, *still.transforms):  # parents come first
+    for transform in (*still.transforms, *frames.transforms, *still.transforms):  # parents come first
         if transform.header.frame_id in poses:
             poses[transform.child_frame_id] = poses[transform.header.frame_id] @ matrix(transform.transform)
     assert poses.keys() - {BASE} == expected.keys()
@@ -254,6 +253,20 @@ def test_viewers_get_the_description_and_the_frames_of_the_hand(terminal: Termin
         np.testing.assert_allclose(poses[name][:3, 3], pose[:3, 3], atol=1e-6, err_msg=name)
     (info,) = client.node.get_publishers_info_by_topic("/tf")
     assert str(info.topic_type_hash) == definition("tf2_msgs/msg/TFMessage").type_hash
+
+
+def in_one_moment(client: Client, moved: list[TFMessage]) -> tuple[TFMessage, JointState]:
+    """The first frames and joint states of one stamp; a client that comes late loses either of some stamps."""
+    found: list[tuple[TFMessage, JointState]] = []
+
+    def arrived() -> bool:
+        joints = {(m.header.stamp.sec, m.header.stamp.nanosec): m for m in client.joints}
+        stamps = [(m, m.transforms[0].header.stamp) for m in moved]
+        found.extend((m, joints[s.sec, s.nanosec]) for m, s in stamps if (s.sec, s.nanosec) in joints)
+        return bool(found)
+
+    client.until(arrived)
+    return found[0]
 
 
 def matrix(transform: Any) -> Any:
