@@ -185,7 +185,7 @@ def _reads_through_curve(
     for candidate, sign in ((signals, -1.0), (straight, 1.0)):
         for joint in chosen:
             problem, free = _nominal_problem(candidate, hand, joint, tolerance)
-            gained += sign * rough_evidence(problem, effects, free, np.random.default_rng(0))
+            gained += sign * rough_evidence(problem, effects, free, np.random.default_rng(0))[0]
     return gained > 0.0
 
 

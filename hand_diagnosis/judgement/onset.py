@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hand_diagnosis.judgement.stage_errors import StageResult
-from hand_diagnosis.problem import log_evidence
+from hand_diagnosis.problem import log_evidence, most_to_gain
 from hand_diagnosis.search import JointSearch, amounts, refit_below_floor
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import FreeParameter, fixed
@@ -77,10 +77,9 @@ def search_with_onset(
     are enough to find a time.  Only for one recording: between recordings, no time is known.
     """
     problem = search.problem
-    if (
-        len(problem.segments) != 1
-        or len(problem.segments[0].angle_rad) * problem.segments[0].period_s < SETTINGS.min_onset_recording_s
-    ):
+    if len(problem.segments) != 1 or _leaves_nothing(search):
+        return None
+    if len(problem.segments[0].angle_rad) * problem.segments[0].period_s < SETTINGS.min_onset_recording_s:
         return None
     of_the_hand = {parameter.row for parameter in search.base.free} - {p.row for p in search.nominal.free}
     others = {ROW[key] for effect in effects for key in effect.keys}
@@ -96,6 +95,15 @@ def search_with_onset(
     evidence, found, onset = _with_laws(replace(problem, nominal=best[1].problem.nominal), best, again, rows)
     probability = min(_probability(evidence - always), 1.0 - SETTINGS.min_probability)
     return _released(search, found), replace(onset, probability=probability)
+
+
+def _leaves_nothing(search: JointSearch) -> bool:
+    """Whether one effect in its textbook form leaves nothing that an onset, which has a number more, could explain.
+
+    A learned law may imitate an effect that begins, and several effects may.
+    """
+    one = len(search.accepted) == 1 and not search.accepted[0].freed
+    return one and most_to_gain(search.problem, search.final) < SETTINGS.min_onset_gain
 
 
 def _tried(

@@ -39,7 +39,7 @@ def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[Sequence
     if not np.isfinite(fit.normal).all():
         return -np.inf
     precision = np.eye(len(fit.z)) + _shrink(problem, fit) * fit.normal
-    whole = _fitted_likelihood(problem, fit) + _laplace(fit.z, precision)
+    whole = _fitted_likelihood(problem, fit.squares) + _laplace(fit.z, precision)
     covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
     return whole + sum(_mean_over_subsets(fit.z, covariance, group) for group in optional)
 
@@ -62,7 +62,7 @@ def shared_log_evidence(
         shrink.append(_shrink(problem, fit))
         private = len(fit.z) - count
         precision = np.eye(private) + shrink[-1] * fit.normal[:private, :private]
-        total += _fitted_likelihood(problem, fit) + _laplace(fit.z[:private], precision)
+        total += _fitted_likelihood(problem, fit.squares) + _laplace(fit.z[:private], precision)
         covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
         total += sum(_mean_over_subsets(fit.z[:private], covariance, group) for group in groups)
     precision = found.precision(shrink)
@@ -79,10 +79,17 @@ def _shrink(problem: JointProblem, fit: MapFit) -> float:
     return float((counts.sum()) / (counts.sum() + chi2.sum()))
 
 
-def _fitted_likelihood(problem: JointProblem, fit: MapFit) -> float:
-    """Log likelihood of training and validation blocks: p(all) = p(train) p(val | train)."""
+def most_to_gain(problem: JointProblem, fit: MapFit) -> float:
+    """Log likelihood [nats] by which a model that leaves nothing but white noise would surpass a fit, at least 0."""
+    noise = white_parts(problem, fit)[:, None] ** 2 * problem.block_counts
+    best = _fitted_likelihood(problem, np.minimum(fit.squares, noise))
+    return best - _fitted_likelihood(problem, fit.squares)
+
+
+def _fitted_likelihood(problem: JointProblem, squares: Array) -> float:
+    """Log likelihood of training and validation blocks, from squares (OUTPUTS, blocks): p(train) p(val | train)."""
     train = ~problem.validation
-    return log_likelihood(problem, fit.squares, train) + log_likelihood(problem, fit.squares, ~train)
+    return log_likelihood(problem, squares, train) + log_likelihood(problem, squares, ~train)
 
 
 def _laplace(z: Array, precision: Array) -> float:

@@ -103,13 +103,15 @@ def _begun(found: JointSearch, begin: Sequence[Beginning], rng: np.random.Genera
 
 def rough_evidence(
     problem: JointProblem, effects: Sequence[Effect], base: Sequence[FreeParameter], rng: np.random.Generator
-) -> float:
-    """Log evidence [nats] of the best model with one effect at most; the best few of the coarse pass are fitted on."""
+) -> tuple[float, MapFit]:
+    """Log evidence [nats] and fit of the best model with one effect at most; the best few of the coarse pass are fitted
+    on.
+    """
     nominal = map_fit(problem, base, np.zeros(len(base)), SETTINGS.nominal_iterations)
     plain = log_evidence(problem, nominal)
     fits = _ranked([fit_roughly(problem, nominal, each, rng) for each in promising(problem, nominal, effects)])
     if not fits or fits[0].log_evidence < plain:
-        return plain
+        return plain, nominal
     # Numbers that have moved to imitate an effect may keep its fit away from it: each begins at the nominal ones, too.
     moved = [parameter.row for parameter in base]
     leaders = fits[: SETTINGS.rough_leaders]
@@ -118,7 +120,8 @@ def rough_evidence(
         for each in leaders
     ]
     ended = [refined(problem, nominal, each, SETTINGS.passes[-1], rng) for each in (*leaders, *begun)]
-    return max(each.log_evidence for each in (fits[0], *ended))
+    best = _ranked([*ended, fits[0]])[0]
+    return best.log_evidence, best.fit
 
 
 def _best_of_round(

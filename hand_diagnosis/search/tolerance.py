@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hand_diagnosis.problem import Task, log_evidence, validation_rmse, white_parts
+from hand_diagnosis.problem import Task, log_evidence, most_to_gain, validation_rmse, white_parts
 from hand_diagnosis.search.joint_search import rough_evidence
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import JointProblem
@@ -61,9 +61,12 @@ def _of_few_joints(task: Task, known: Fits) -> Task:
     Here no other joint separates wrong numbers from an effect. But one effect explains more than numbers that are a
     little more free, and several wrong numbers are no one effect.
     """
-    best, most = task, _evidence_with_effects(task, known) + SETTINGS.strong_log_evidence
+    evidence, to_gain = _evidence_with_effects(task, known)
+    best, most = task, evidence + SETTINGS.strong_log_evidence
+    if to_gain <= SETTINGS.strong_log_evidence:
+        return best
     for tried in _more_tolerant(task):
-        other = _evidence_with_effects(tried, tried.nominal_fits())
+        other, _ = _evidence_with_effects(tried, tried.nominal_fits())
         if other > most:
             best, most = tried, other
     return best
@@ -76,10 +79,19 @@ def _more_tolerant(task: Task) -> list[Task]:
     ]
 
 
-def _evidence_with_effects(task: Task, fits: Fits) -> float:
-    """Log evidence [nats] of all joints, each with the one effect that explains most, or none."""
+def _evidence_with_effects(task: Task, fits: Fits) -> tuple[float, float]:
+    """Log evidence [nats] of all joints, each with the one effect that explains most, or none, and what it may gain.
+
+    A larger tolerance takes away the penalty of the numbers at most, and the fit then leaves white noise at best.
+    """
     rng = np.random.default_rng(task.seed)
-    return sum(rough_evidence(problem, task.effects, fit.free, rng) for problem, fit in fits)
+    evidence = to_gain = 0.0
+    for problem, plain in fits:
+        found, best = rough_evidence(problem, task.effects, plain.free, rng)
+        numbers = {parameter.row for parameter in plain.free}
+        penalty = 0.5 * sum(z**2 for row, z in best.by_row.items() if row in numbers)
+        evidence, to_gain = evidence + found, to_gain + most_to_gain(problem, best) + penalty
+    return evidence, to_gain
 
 
 def is_explained(problem: JointProblem, fit: MapFit) -> bool:
