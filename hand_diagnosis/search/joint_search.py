@@ -120,8 +120,8 @@ def rough_evidence(
         for each in leaders
     ]
     ended = [refined(problem, nominal, each, SETTINGS.passes[-1], rng) for each in (*leaders, *begun)]
-    best = _ranked([*ended, fits[0]])[0]
-    return best.log_evidence, best.fit
+    best = _ranked(ended)[0]
+    return max(best.log_evidence, fits[0].log_evidence), best.fit
 
 
 def _best_of_round(

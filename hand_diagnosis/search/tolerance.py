@@ -89,7 +89,7 @@ def _evidence_with_effects(task: Task, fits: Fits) -> tuple[float, float]:
     for problem, plain in fits:
         found, best = rough_evidence(problem, task.effects, plain.free, rng)
         numbers = {parameter.row for parameter in plain.free}
-        penalty = 0.5 * sum(z**2 for row, z in best.by_row.items() if row in numbers)
+        penalty = sum(z**2 for row, z in best.by_row.items() if row in numbers) / 2.0
         evidence, to_gain = evidence + found, to_gain + most_to_gain(problem, best) + penalty
     return evidence, to_gain
 
