@@ -134,6 +134,7 @@ class Controller:
         self._refusal: tuple[int, str] | None = None
         self._remark: tuple[int, str] | None = None
         self._none = np.zeros(count, dtype=np.bool_)
+        self._no_pressure = np.zeros(count)
         self._starved = ""
         self._grasp: Grasping | None = None
         self.goals = RunningGoals()
@@ -375,7 +376,8 @@ class Controller:
         measured = position, velocity, pressure
         if self.safety.phase is Phase.ACTIVE:
             self._starved = ""
-            found = self._watch.check(measured, self._law.watched, self._max_jump_rad, elapsed_s)
+            in_force = self._no_pressure if self.board.vented else self._law.watched
+            found = self._watch.check(measured, in_force, self._max_jump_rad, elapsed_s)
             if found is not NOTHING:
                 self._react(found, measured, times.host_ns)
         elif self.safety.phase is Phase.ARMING:

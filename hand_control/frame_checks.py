@@ -58,7 +58,8 @@ LEAST_STEP_PA, NOISES, NOISE_S, STEP_SHARE = 4.0e3, 8.0, 1.0, 0.25
 CALM_S, CALM_FRAME_S = 0.05, 0.012
 """A step changes the difference to the expectation between two frames by STEP_PA and STEP_LAGS times what the valve
 gives, lately, plus what the motion displaces. Half of it is still there after STEP_S: a spike is none. A dead time
-delays what the valve gives, and after a gap the set-points in force are not known.
+delays what the valve gives, and after a gap of more than CALM_FRAME_S the set-points in force are not known: the board
+vents by itself where it has got none.
 A smaller step counts where it changes the pressure by STEP_SHARE, as another scale or another sensor does, and exceeds
 LEAST_STEP_PA and NOISES times the mean second difference of NOISE_S; what the motion displaces then counts by its
 change between two frames. Frames have come every CALM_FRAME_S for CALM_S."""
@@ -260,7 +261,10 @@ def _steps(s, v, i, asked, p, expected, turned, dt):  # type: ignore[no-untyped-
         if (off - s[_BEFORE, i]) / s[_STEP, i] < 0.5:
             s[_STEP, i] = 0.0
         return s[_STEP, i] != 0.0 and s[_STEP_AGE, i] > STEP_S
-    drive = max(abs(asked - s[_PRESSURE, i]) * min(dt * v[_PER_TAU, i], 1.0), abs(expected))
+    toward = abs(asked - s[_PRESSURE, i])
+    if dt > CALM_FRAME_S:
+        toward = max(toward, s[_PRESSURE, i])
+    drive = max(toward * min(dt * v[_PER_TAU, i], 1.0), abs(expected))
     s[_DRIVE, i] = max(drive, s[_DRIVE, i] * DRIVE_S / (dt + DRIVE_S))
     if dt > 0.0 and _is_step(s, v, i, off - before, bend, turned, p, dt):
         s[_STEP, i], s[_STEP_AGE, i], s[_BEFORE, i] = off - before, 0.0, before

@@ -12,8 +12,11 @@ from hand_control.board_watch import LOST_S, OVER_PRESSURE, VENTED, VENTED_S, Bo
 from hand_control.controller import Controller, Times
 from hand_control.declared import Settings
 from hand_control.supervisor import Phase
+from hand_driver.board import Frame
+from hand_driver.measurement import Converter
 from hand_messages.health import Level
 from hand_model.description import load_hand
+from hand_sim.plant import SimulatedPlant
 
 HAND = load_hand(Path(__file__).parents[2] / "config" / "hand.yaml")
 COUNT = len(HAND.joints)
@@ -148,3 +151,45 @@ def test_a_fault_of_the_driver_trips_the_controller_and_forbids_enabling() -> No
         controller.enable(True)
     controller.board.state(0, 2, "", now_ns)
     controller.enable(True)
+
+
+@pytest.mark.parametrize(("lost", "reported"), [(0, True), (2, False), (4, False), (8, False)])
+def test_a_board_that_vents_explains_pressures_that_fall(lost: int, reported: bool) -> None:
+    """Fails when a board that gets no set-points for 0.15 s is taken for a broken pressure sensor.
+
+    lost: frames that are missing when it vents.  reported: whether it says that it has.
+    """
+    plant = SimulatedPlant(HAND, 200.0, seed=3)
+    controller = Controller(HAND, Settings.of(HAND, {}))
+    controller.enable(True)
+    converter = Converter(HAND, 0.01)
+    asked, lowest = np.zeros(HAND.valve_count), np.inf
+    for k in range(1, 601):
+        now_ns, silent = k * 5_000_000, 400 <= k < 430
+        counts, supply_v, status = plant.step(0.0 * asked if silent else asked)
+        measured = converter.convert(Frame(k, now_ns // 1000, supply_v, status, counts, now_ns))
+        lowest = min(lowest, float(measured.pressure.max())) if silent else lowest
+        if 400 <= k < 400 + lost:
+            continue
+        controller.board.state(VENTED if silent and reported else 0, 2, "", now_ns)
+        now = Times(now_ns, now_ns, now_ns)
+        tick = controller.frame(now, measured.position, measured.velocity, measured.pressure)
+        assert tick is not None
+        asked = tick.pressure_command.copy()
+        if k == 10:
+            controller.command(Times(0, now_ns, now_ns), HAND.joints, [1.0] * COUNT, [])
+    assert lowest < 5e4  # the pressures did fall
+    assert controller.safety.fault == ""
+    assert measured.position == pytest.approx(np.full(COUNT, 1.0), abs=0.02)
+
+
+def test_a_board_that_says_it_vents_and_presses_on_is_found() -> None:
+    """Fails when the report of a vented board excuses a pressure that stays."""
+    controller, _ = armed(1.2e5)
+    position, zero = np.full(COUNT, np.pi / 4), np.zeros(COUNT)
+    for k in range(201, 301):
+        now_ns = k * 5_000_000
+        controller.board.state(VENTED, 2, "", now_ns)
+        controller.frame(Times(now_ns, now_ns, now_ns), position, zero, np.full(COUNT, 1.2e5))
+    assert controller.safety.phase is Phase.VENTED
+    assert "pressure" in controller.safety.fault
