@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hand_diagnosis.problem import Task, log_evidence, weighted_by_rest
+from hand_diagnosis.problem import Task, log_evidence, log_likelihood, most_to_gain, weighted_by_rest
 from hand_diagnosis.search import search_joint, training_evidence
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import effect_free_parameters, merged
@@ -43,6 +43,23 @@ def test_numbers_that_data_do_not_ask_for_cost_little(hand: Hand) -> None:
     alone = log_evidence(problem, plain)
     assert log_evidence(problem, full) < alone - 4.0  # what they would cost
     assert abs(log_evidence(problem, full, [amounts]) - alone) < 3.0
+
+
+def test_no_model_gains_more_than_what_is_above_the_white_noise(hand: Hand) -> None:
+    """Fails when a fit that leaves friction may gain less than the right model does, or the right one much."""
+    right, task, _ = _fit(hand, extra=False)
+    ready = task.prepare(JOINT)
+    problem = ready.problem
+    plain = map_fit(problem, ready.free, np.zeros(len(ready.free)), 12)
+
+    def likelihood(fit: MapFit) -> float:
+        parts = (~problem.validation, problem.validation)
+        return sum(log_likelihood(problem, fit.squares, part) for part in parts)
+
+    gained = likelihood(right) - likelihood(plain)
+    assert gained > 20.0
+    assert gained <= most_to_gain(problem, plain) < gained + 5.0
+    assert 0.0 <= most_to_gain(problem, right) < 2.0
 
 
 def test_validation_blocks_are_evidence(hand: Hand) -> None:

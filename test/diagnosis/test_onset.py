@@ -151,6 +151,24 @@ def test_a_law_that_leaves_nothing_does_not_end_the_search_for_a_time(monkeypatc
     assert onset._candidates(search, []) == []  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(
+    ("freed", "accepted", "gain", "sought"),
+    [((), 1, 0.5, False), ((), 1, 1.5, True), (("stiffening.law_1",), 1, 0.5, True), ((), 2, 0.5, True)],
+    ids=["nothing is left", "something is left", "by a law", "by two effects"],
+)
+def test_a_time_is_sought_where_it_could_explain_more(
+    freed: tuple[str, ...], accepted: int, gain: float, sought: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fails when a time is sought that cannot explain more than one textbook effect does, or is not sought otherwise.
+
+    gain: what it could explain, relative to what is asked for.
+    """
+    monkeypatch.setattr(onset, "most_to_gain", lambda problem, fit: gain * SETTINGS.min_onset_gain)
+    found = [SimpleNamespace(freed=freed)] * accepted
+    search = SimpleNamespace(problem=None, final=None, accepted=found)
+    assert onset._leaves_nothing(search) is not sought  # type: ignore[arg-type]
+
+
 def test_of_equal_evidence_an_effect_begins() -> None:
     """Fails when an effect that ends is as likely as one that begins, or much evidence for an end does not count."""
     always, prior = -50.0, float(np.log(SETTINGS.end_prior))

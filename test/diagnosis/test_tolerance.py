@@ -12,6 +12,8 @@ from hand_diagnosis.diagnosis import diagnose
 from hand_diagnosis.diagnosis.hand import _reads_through_curve as reads_through_curve
 from hand_diagnosis.problem import Task, effects_without
 from hand_diagnosis.search import tolerant
+from hand_diagnosis.search.tolerance import _evidence_with_effects as evidence_with_effects
+from hand_diagnosis.search.tolerance import _more_tolerant as more_tolerant
 from hand_identification.free_parameters import NOMINAL_KEYS
 from hand_model.description import Hand
 from hand_model.effects.effect import Effect
@@ -90,6 +92,20 @@ def test_an_effect_of_few_joints_changes_no_tolerance(hand: Hand) -> None:
         true = changed(hand, JOINTS[0], **change)
         for seed in (SEED, 8, 10):
             assert tolerance_of(true, hand, 0.03, JOINTS[:1], effects, seed) == TOLERANCE, (change, seed)
+
+
+def test_a_larger_tolerance_gains_no_more_than_is_said(hand: Hand) -> None:
+    """Fails when the evidence with a larger tolerance rises by more than the gain up to which none is tried."""
+    signals, model = recorded(hand, hand, 0.2)
+    effects = effects_without((), hand)
+    task = Task(
+        signals=[signals], model=model, joints=JOINTS[:1], effects=effects, tolerance=TOLERANCE, seed=0, floors={}
+    )
+    evidence, to_gain = evidence_with_effects(task, task.nominal_fits())
+    for tried in more_tolerant(task):
+        other, left = evidence_with_effects(tried, tried.nominal_fits())
+        assert 10.0 < other - evidence < to_gain
+        assert left < to_gain
 
 
 def test_effects_of_all_joints_are_no_wrong_numbers(hand: Hand) -> None:
