@@ -16,6 +16,8 @@ WORTH_STEPS = 10_000_000
 
 They take about 4 s there. Its own loop is several times as fast and stays on disk; to compile it takes about 3 s.
 """
+LOOKED_UP_SHARE = 0.01
+"""Share of these steps from which the disk is asked for a loop of its own; the answer takes as long as they do."""
 LAW_STEPS = 2
 """A step with laws counts as so many."""
 WORTH_OF_MORE = 2
@@ -41,14 +43,16 @@ class NarrowLoops:
     def loop(self, acting: tuple[Effect, ...], every: tuple[Effect, ...], laws: bool, steps: int) -> Any:
         """The loop of the effects that act, or of every one, for a call that takes so many steps of blocks."""
         own = acting, laws
-        if own not in self._done:
-            self._done[own] = math.inf if self._is_kept(*own) else 0.0
-        self._done[own] += steps * (LAW_STEPS if laws else 1)
-        if self._done[own] < math.inf and self._is_worth(*own):
-            self._done[own] = math.inf
+        before = self._done.get(own, 0.0)
+        done = before + steps * (LAW_STEPS if laws else 1)
+        if before < LOOKED_UP_SHARE * self._worth <= done and self._is_kept(*own):
+            done = math.inf
+        elif done < math.inf and self._is_worth(acting, done):
+            done = math.inf
             self._compiled += 1
-        return self._compile(*own) if self._done[own] == math.inf else self._compile(every, laws)
+        self._done[own] = done
+        return self._compile(*own) if done == math.inf else self._compile(every, laws)
 
-    def _is_worth(self, acting: tuple[Effect, ...], laws: bool) -> bool:
+    def _is_worth(self, acting: tuple[Effect, ...], done: float) -> bool:
         worth = self._worth * (WORTH_OF_MORE if len(acting) > 1 else 1)
-        return self._done[acting, laws] > worth and self._compiled < MOST_COMPILED
+        return done > worth and self._compiled < MOST_COMPILED

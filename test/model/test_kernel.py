@@ -199,6 +199,20 @@ def test_a_set_of_effects_gets_a_loop_of_its_own_when_it_is_worth_compiling() ->
     assert own == MOST_COMPILED - 3 + 2  # three were compiled before; two are there already
 
 
+def test_the_disk_is_asked_for_a_loop_once_and_not_for_a_few_steps() -> None:
+    """Fails when sets of effects that are simulated once cost a look at the disk, or one on the disk is not used."""
+    leak, asked = (EFFECTS["leak"],), []
+
+    def is_kept(effects: tuple[Effect, ...], laws: bool) -> bool:
+        asked.append((effects, laws))
+        return True
+
+    loops = NarrowLoops(lambda effects, laws: effects, is_kept, worth_steps=1_000)
+    given = [loops.loop(leak, HAND_EFFECTS, False, 4) for _ in range(5)]
+    assert given == [HAND_EFFECTS] * 2 + [leak] * 3
+    assert asked == [(leak, False)]
+
+
 def test_a_description_without_effects_is_the_plain_plant(hand: Hand) -> None:
     """Fails when neutral parameters count as an effect, or an effect is not seen."""
     assert active_effects(hand.parameters) == ()
