@@ -17,8 +17,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import numba
-
 from hand_diagnosis.api import diagnose
 from hand_diagnosis.machine_report import write_machine_report
 from hand_diagnosis.pages.headline import words_of
@@ -191,18 +189,12 @@ def run_fleet(jobs: Sequence[Job], workers: int, cluster: Cluster | None) -> Ite
     try:
         where = (local, None) if cluster is None else (cluster.address, cluster.security())
         with Client(where[0], security=where[1], timeout=20) as client:
-            waiting = client.map(_run_beside_others, list(jobs), pure=False)
+            waiting = client.map(run_job, list(jobs), pure=False)
             for future in as_completed(waiting):
                 yield future.result()
     finally:
         if local is not None:
             local.close()
-
-
-def _run_beside_others(job: Job) -> list[dict[str, Any]]:
-    """Use one thread: the processes share the cores already, and numba reads its environment only at the start."""
-    numba.set_num_threads(1)
-    return run_job(job)
 
 
 def write_table(rows: Sequence[dict[str, Any]], out: Path) -> dict[str, Any]:

@@ -12,12 +12,13 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from numba import carray, njit, prange
+from numba import carray, get_num_threads, njit, prange, set_num_threads
 from numba.core import caching
 
 without_arrays = njit(cache=True, _nrt=False, error_model="numpy")
@@ -35,6 +36,20 @@ def sources_digest(package: str) -> str:
         for path in sorted((_ROOT / folder).rglob("*.py")):
             digest.update(path.relative_to(_ROOT).as_posix().encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Compiled loops called here use this thread alone, and leave the other cores to other recordings or a hand.
+
+    The few parameter sets of a fit make a parallel loop little faster where two cores of a machine are threads of one.
+    """
+    before = get_num_threads()
+    set_num_threads(1)
+    try:
+        yield
+    finally:
+        set_num_threads(before)
 
 
 class CacheFile(caching.IndexDataCacheFile):  # type: ignore[misc]
@@ -91,4 +106,4 @@ if caching.IndexDataCacheFile is not CacheFile:
     _located = caching._SourceFileBackedLocatorMixin
     _located.get_source_stamp = _with_sources(_located.get_source_stamp)
 
-__all__ = ["CacheFile", "carray", "is_kept", "njit", "prange", "sources_digest", "without_arrays"]
+__all__ = ["CacheFile", "carray", "is_kept", "njit", "one_thread", "prange", "sources_digest", "without_arrays"]

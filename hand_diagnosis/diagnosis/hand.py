@@ -39,6 +39,7 @@ from hand_identification.free_parameters import FreeParameter, nominal_free_para
 from hand_identification.joint_data import joint_problem
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import map_fit
+from hand_model.compile_cache import one_thread
 from hand_model.description import Hand
 from hand_model.effects.effect import Effect
 from hand_model.joint_model import JointModel
@@ -66,6 +67,7 @@ class Diagnosis:
     starts_s: tuple[float | None, ...] = ()
 
 
+@one_thread()
 def diagnose(
     signals: Sequence[Signals],
     model: JointModel,
