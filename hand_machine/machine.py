@@ -6,6 +6,7 @@ finger, so that tolerances, floors and typical sizes of effects fit; the wording
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -140,6 +141,8 @@ def load_machine(path: Path, recordings: Sequence[Path], *, to_fit: bool = False
     model = _model(described, scales, longest, wording.units)
     if not any(np.ptp(table.signals["input"]) > 0.0 for table in tables):
         model = replace(model, lacks=model.lacks | {"drive"})
+    if not described.linear and described.stiffness == 0.0 and _turns_on(signals):
+        model = replace(model, lacks=model.lacks | {"elastic_part"})
     if not _is_between_stops(signals):
         model = _without_stops(described, model)
     return Machine(described, model, signals, wording)
@@ -191,6 +194,11 @@ def _is_between_stops(signals: Sequence[Signals]) -> bool:
     """Whether all positions are between the stops that are out of a finger's reach; a wheel turns further."""
     low, high = WITHOUT_PART["end_stop.low_deg"], WITHOUT_PART["end_stop.high_deg"]
     return all(low < each.angle_rad.min() and each.angle_rad.max() < high for each in signals)
+
+
+def _turns_on(signals: Sequence[Signals]) -> bool:
+    """Whether an axis turns further than a full turn in a recording, so that nothing elastic returns it."""
+    return any(float(np.ptp(each.angle_rad)) > math.tau for each in signals)
 
 
 def _without_stops(described: MachineDescription, model: AxisModel) -> AxisModel:
@@ -309,7 +317,7 @@ def _lacks(described: MachineDescription, longest_s: float) -> frozenset[str]:
     has |= {"long_recording"} if longest_s >= MACHINE.warming_s else set()
     has |= {"two_clocks"} if "input_sensor" in has else set()
     has |= {"fluid"} if not has.isdisjoint(FLUID) else {"drive"} if "input" in described.columns else set()
-    has |= {"one_axis"}
+    has |= {"one_axis", "elastic_part"}
     has |= set() if any("added_inertia" in own for own in described.recordings.values()) else {"one_load"}
     has |= {"inexact_stiffness"} if described.tolerances.get("stiffness") != 0.0 else set()
     has |= {"inexact_gain"} if described.controller or described.tolerances.get("gain") != 0.0 else set()

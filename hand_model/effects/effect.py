@@ -91,6 +91,7 @@ NEEDS: dict[str, str] = {
     "chamber": "a chamber with a fluid",
     "fluid": "a fluid between supply and joint",
     "soft_material": "soft material, as silicone or rubber",
+    "elastic_part": "a part that the motion bends; an axis that turns on and on has none",
     "other_joint": "a neighbouring joint",
     "rotation": "an axis that turns",
     "magnetic_sensor": "an angle sensor with a magnet",

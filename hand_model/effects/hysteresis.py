@@ -102,6 +102,7 @@ _STOPS = tuple(
 EFFECT = Effect(
     name="hysteresis",
     place="material",
+    needs=("elastic_part",),
     parameters=(
         Parameter("hysteresis.torque_nm", 0.0, 1.0, "half the height of the loop", 1.0, 0.0, 0.01),
         Parameter("hysteresis.scale_deg", 2.0, 60.0, "motion after which the loop is closed to 1/e", DEGREE, 8.0, 6.0),

@@ -17,7 +17,7 @@ def torque(q, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
 EFFECT = Effect(
     name="spring",
     place="joint",
-    needs=("one_axis", "inexact_stiffness"),
+    needs=("one_axis", "inexact_stiffness", "elastic_part"),
     parameters=(
         Parameter("spring.stiffness_nm_per_rad", -100.0, 100.0, "in addition; negative: pushes away", 1.0, 0.0, 0.03),
     ),

@@ -73,6 +73,7 @@ _PRESSED = (
 EFFECT = Effect(
     name="stiffening",
     place="material",
+    needs=("elastic_part",),
     parameters=(
         Parameter("stiffening.quadratic_nm_per_rad2", -1.0, 1.0, "elastic torque per squared angle", 1.0, 0.0, 0.01),
         Parameter("stiffening.cubic_nm_per_rad3", -1.0, 1.0, "elastic torque per cubed angle", 1.0, 0.0, 0.01),

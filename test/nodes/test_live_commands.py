@@ -32,6 +32,8 @@ from test.repeating import STALLED, TRIES, again_after_a_stall
 
 LATCHED_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 Answer = tuple[int, str, str]
+RATE_HZ = 100
+"""Half of the described rate: here commands are tested, and each takes seconds of a processor next to the hand."""
 
 
 class Terminal(Stack):
@@ -41,7 +43,11 @@ class Terminal(Stack):
         super().__init__(folder)
         self.client = Client()
         self.begun: list[subprocess.Popen[str]] = []
-        self.up = self.start("hand", "up", "--sim")
+        model = folder / "hand.yaml"
+        described = default_model().read_text(encoding="utf-8")
+        assert "rate_hz: 200\n" in described
+        model.write_text(described.replace("rate_hz: 200\n", f"rate_hz: {RATE_HZ}\n"), encoding="utf-8")
+        self.up = self.start("hand", "up", "--sim", "--model", str(model))
 
     def ready(self) -> None:
         """Wait until the hand runs and is driven."""

@@ -17,6 +17,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from hand_recording.installed import default_model
+from test.nodes.stack import PRIORITY
 from test.nodes.viewer_paths import check_foxglove, check_plotjuggler, newest_of
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -28,7 +29,18 @@ QUIET = ("--disable-background-networking", "--disable-component-update", "--dis
 def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a demo that has run."""
     folder = tmp_path_factory.mktemp("demo")
-    command = [sys.executable, "-m", "hand_tool", "demo", "--out", str(folder / "out"), "--json", "--seed", "5"]
+    command = [
+        *PRIORITY,
+        sys.executable,
+        "-m",
+        "hand_tool",
+        "demo",
+        "--out",
+        str(folder / "out"),
+        "--json",
+        "--seed",
+        "5",
+    ]
     ran = subprocess.run(command, capture_output=True, text=True, timeout=240, check=False)
     assert ran.returncode == 0, ran.stderr
     summary = json.loads(ran.stdout)
