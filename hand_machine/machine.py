@@ -198,7 +198,7 @@ def _is_between_stops(signals: Sequence[Signals]) -> bool:
 
 def _turns_on(signals: Sequence[Signals]) -> bool:
     """Whether an axis turns further than a full turn in a recording, so that nothing elastic returns it."""
-    return any(float(np.ptp(each.angle_rad)) > math.tau for each in signals)
+    return any(float(np.ptp(each.angle_rad[each.known])) > math.tau for each in signals if each.known.any())
 
 
 def _without_stops(described: MachineDescription, model: AxisModel) -> AxisModel:
