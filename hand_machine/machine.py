@@ -141,7 +141,7 @@ def load_machine(path: Path, recordings: Sequence[Path], *, to_fit: bool = False
     model = _model(described, scales, longest, wording.units)
     if not any(np.ptp(table.signals["input"]) > 0.0 for table in tables):
         model = replace(model, lacks=model.lacks | {"drive"})
-    if not described.linear and described.stiffness == 0.0 and _turns_on(signals):
+    if not described.linear and described.stiffness == described.weight == 0.0 and _turns_on(signals):
         model = replace(model, lacks=model.lacks | {"elastic_part"})
     if not _is_between_stops(signals):
         model = _without_stops(described, model)
@@ -197,7 +197,7 @@ def _is_between_stops(signals: Sequence[Signals]) -> bool:
 
 
 def _turns_on(signals: Sequence[Signals]) -> bool:
-    """Whether an axis turns further than a full turn in a recording, so that nothing elastic returns it."""
+    """Whether an axis, which no weight returns, turns further than a full turn in a recording: nothing elastic does."""
     return any(float(np.ptp(each.angle_rad[each.known])) > math.tau for each in signals if each.known.any())
 
 

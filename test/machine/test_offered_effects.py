@@ -41,17 +41,18 @@ def test_an_axis_that_turns_on_has_no_elastic_part(tmp_path: Path) -> None:
     """Fails when a loop or a spring of soft material stands for the friction of a wheel, or an arm has none."""
     elastic = {"hysteresis", "stiffening", "spring"}
     time = np.arange(0.0, 30.0, 0.1)
-    for turned, motion, stiffness, expected in (
-        (6.2, "rotary", 0.0, elastic),
-        (6.4, "rotary", 0.0, set()),
-        (6.4, "rotary", 0.5, elastic),  # a spring of several turns is described
-        (6.4, "linear", 0.0, elastic),
+    for turned, motion, more, expected in (
+        (6.2, "rotary", {}, elastic),
+        (6.4, "rotary", {}, set()),
+        (6.4, "rotary", {"stiffness": 0.5}, elastic),  # a spring of several turns is described
+        (6.4, "rotary", {"weight": 0.5}, elastic),
+        (6.4, "linear", {}, elastic),
     ):
         np.savez(tmp_path / "run.npz", t=time, u=np.ones_like(time), x=turned / 29.9 * time)
-        keys = {"motion": motion, "columns": COLUMNS, "stiffness": stiffness}
+        keys = {"motion": motion, "columns": COLUMNS} | more
         (tmp_path / "machine.yaml").write_text(json.dumps(SLIDE | keys), encoding="utf-8")
         axis = load_machine(tmp_path / "machine.yaml", [tmp_path / "run.npz"]).model
-        assert offered(axis) & elastic == expected, (turned, motion, stiffness)
+        assert offered(axis) & elastic == expected, (turned, motion, more)
 
 
 def test_a_wheel_that_turns_further_than_a_finger_has_no_stops(tmp_path: Path) -> None:
