@@ -8,7 +8,6 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from hand_recording.installed import default_model
-from test.nodes.stack import PRIORITY
+from test.nodes.stack import PRIORITY, TOOL
 from test.nodes.viewer_paths import check_foxglove, check_plotjuggler, newest_of
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -29,18 +28,7 @@ QUIET = ("--disable-background-networking", "--disable-component-update", "--dis
 def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a demo that has run."""
     folder = tmp_path_factory.mktemp("demo")
-    command = [
-        *PRIORITY,
-        sys.executable,
-        "-m",
-        "hand_tool",
-        "demo",
-        "--out",
-        str(folder / "out"),
-        "--json",
-        "--seed",
-        "5",
-    ]
+    command = [*PRIORITY, *TOOL, "demo", "--out", str(folder / "out"), "--json", "--seed", "5"]
     ran = subprocess.run(command, capture_output=True, text=True, timeout=240, check=False)
     assert ran.returncode == 0, ran.stderr
     summary = json.loads(ran.stdout)

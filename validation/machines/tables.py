@@ -11,7 +11,7 @@ from validation.tables import Entry, markdown, number, source_line
 GOAL_RATIO = 1.1
 """Largest test error, relative to the best rival's, that counts as reached."""
 WITH_REMAINDER = ("partly_explained", "unknown_physics")
-"""Verdicts next to which the report names a remainder."""
+"""Verdicts of a report that says that the findings do not explain all, by a remainder or a broken certificate."""
 FOUND = (
     "machine",
     "verdict",
