@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +14,7 @@ from hand_diagnosis.fleet import report_folder
 from hand_model.description import load_hand
 from hand_recording.replay import record_offline
 from hand_tool.cli import app
+from test.diagnosis.clusters import cluster
 from test.diagnosis.recordings import CONFIG, changed, excitation
 
 
@@ -54,22 +52,8 @@ def test_a_cluster_of_processes_gives_the_table_and_resumes(recordings: list[Pat
     fleet(recordings[:1], out, "--each")
     folders = [report_folder(path, out) for path in recordings]
     done = (folders[0] / "report.json").stat().st_mtime_ns
-    address = "tcp://127.0.0.1:" + str(20000 + time.monotonic_ns() % 20000)
-    python = [sys.executable, "-m"]
-    port = address.rpartition(":")[2]
-    scheduler = [*python, "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard"]
-    worker = [*python, "distributed.cli.dask_worker", address, "--nthreads", "1", "--nworkers", "2", "--no-dashboard"]
-    running = []
-    try:
-        for command in (scheduler, worker):
-            running.append(
-                subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=tmp_path)
-            )
+    with cluster(tmp_path, workers=2) as address:
         summary = fleet(recordings[::-1], out, "--scheduler", address)  # another order, and more of them
-    finally:
-        for process in reversed(running):
-            process.terminate()
-            process.wait(timeout=20)
     reports = [json.loads((folder / "report.json").read_text("utf-8")) for folder in folders[:3]]
     assert [bool(report["detection_limits"]) for report in reports] == [False, True, False]
     assert 'id="limits"' in (folders[1] / "report.html").read_text("utf-8")

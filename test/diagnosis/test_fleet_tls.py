@@ -5,9 +5,6 @@ from __future__ import annotations
 import datetime
 import ipaddress
 import json
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 from cryptography import x509
@@ -18,6 +15,7 @@ from typer.testing import CliRunner
 
 from hand_diagnosis.fleet import Cluster
 from hand_tool.cli import app
+from test.diagnosis.clusters import cluster
 from test.diagnosis.recordings import CONFIG
 
 TLS_FILES = ("--tls-ca", "--tls-cert", "--tls-key")
@@ -61,27 +59,11 @@ def options(*paths: Path) -> list[str]:
 def test_a_recording_is_diagnosed_over_tls(tmp_path: Path) -> None:
     """Fails when the certificates do not reach dask, or the connection is not encrypted on demand of the scheduler."""
     pem, key = certificate(tmp_path, "node")
-    port = str(20000 + time.monotonic_ns() % 20000)
-    address = f"tls://127.0.0.1:{port}"
-    files = ["--tls-ca-file", str(pem), "--tls-cert", str(pem), "--tls-key", str(key), "--no-dashboard"]
-    start = [sys.executable, "-m"]
-    commands = (
-        [*start, "distributed.cli.dask_scheduler", "--host", address.rpartition(":")[0], "--port", port, *files],
-        [*start, "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny", *files],
-    )
+    files = ["--tls-ca-file", str(pem), "--tls-cert", str(pem), "--tls-key", str(key)]
     bad = tmp_path / "bad.mcap"
     bad.write_text("nothing\n", encoding="utf-8")
-    running = []
-    try:
-        for command in commands:
-            running.append(
-                subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=tmp_path)
-            )
+    with cluster(tmp_path, *files, scheme="tls") as address:
         code, line = diagnose(bad, tmp_path / "out", "--scheduler", address, *options(pem, pem, key))
-    finally:
-        for process in reversed(running):
-            process.terminate()
-            process.wait(timeout=20)
     assert code == 0, line
     assert json.loads(line)["verdicts"] == {"unusable": 1}
 
