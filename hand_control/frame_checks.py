@@ -297,7 +297,9 @@ def watch_pressures(table, command, pressure, position, dt):  # type: ignore[no-
     s, valve = table[:_ROWS], table[_ROWS:]
     verdict, worst = FOLLOWING, 0
     for i in range(len(command)):
-        asked, turned = command[i] + s[_HELD_BACK, i], position[i] - s[_ANGLE, i]
+        # A set-point in force of 0 Pa was not reduced by `hold`: the board has vented by itself.
+        asked = command[i] + s[_HELD_BACK, i] if command[i] > 0.0 else 0.0
+        turned = position[i] - s[_ANGLE, i]
         before = s[EXPECTED, i]
         below, above = _expect(s, valve, i, asked, position[i], dt)
         least = min(s[EXPECTED, i], s[_SLOW, i])

@@ -227,6 +227,21 @@ def test_no_set_point_rises_while_a_pressure_is_too_low_and_it_returns_along_a_r
     assert sent[-1] == 3e5 and not limited[-1]
 
 
+def test_a_board_that_vents_is_expected_without_pressure_although_a_set_point_was_reduced() -> None:
+    """Fails when what `hold` took off a set-point is expected on while the board lets all pressure out."""
+    watch = PressureWatch(HAND)
+    watch.start(full(0.0))
+    for _ in range(60):  # no pressure comes: after 0.1 s the set-points are reduced
+        asked = full(3e5)
+        watch.hold(asked, DT_S)
+        watch.check(asked, full(0.0), DT_S)
+    assert asked[2] < 1e5 and watch.expected[2] > 2e5
+    for _ in range(round(8.0 * LAG_S / DT_S)):
+        watch.hold(full(3e5), DT_S)
+        watch.check(full(0.0), full(0.0), DT_S)
+    assert watch.expected == pytest.approx(full(0.0), abs=1e3)
+
+
 def test_the_expectation_is_the_set_point_through_the_lag_of_the_valve() -> None:
     """Fails when a pressure that follows a step as the valve does is called stuck, or a dead valve is not noticed."""
     command, pressure, readings = 3e5, 0.0, []
