@@ -14,7 +14,7 @@ from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit
 from hand_model.arrays import Array
 from hand_model.effects.constitution import STATES
-from hand_model.effects.effect import INFLOW, SPEED, Effect
+from hand_model.effects.effect import INFLOW, NEIGHBOUR, SPEED, Effect
 from hand_model.kernel.rows import ROW, effect_rows
 from hand_model.quantities import HAND, Wording, amount
 
@@ -171,6 +171,10 @@ def _grid(problem: JointProblem, state: str, effect: Effect, fit: MapFit) -> Arr
             float(end) for end in np.quantile(angles, (1.0 - SETTINGS.law_range_share, SETTINGS.law_range_share))
         )
         return np.linspace(low, high, SETTINGS.law_points)
+    if state == "angle difference":
+        own = problem.columns(fit.free, fit.z[None])[0][0, ROW["joint_coupling.ratio"]]
+        apart = np.concatenate([segment.exogenous[:, NEIGHBOUR] - own * segment.angle_rad for segment in segments])
+        return np.linspace(float(apart.min()), float(apart.max()), SETTINGS.law_points)
     if state == "state of the loop":
         return np.linspace(-1.0, 1.0, SETTINGS.law_points)
     if state == "direction":

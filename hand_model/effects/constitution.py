@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 STATES = {
     "angle": "rad",
+    "angle difference": "rad",
     "speed": "rad_per_s",
     "pressure": "pa",
     "set-point": "pa",

@@ -4,10 +4,33 @@ from __future__ import annotations
 
 from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect, Times
+from hand_model.effects.force_curves import engaged, pressed, stop_law
+from hand_model.kernel.inline import inline
 
+
+@inline
+def torque(q, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
+    """What the law adds to the springs of both stops, and its stiffness."""
+    stiffness, engagement, low, high = q[4:]
+    up, steep_up = pressed(phi - high, engagement, high - low, q[:4])
+    down, steep_down = pressed(low - phi, engagement, high - low, q[:4])
+    return stiffness * (down - up), stiffness * (steep_down + steep_up)
+
+
+def curve(q, x, y):  # type: ignore[no-untyped-def]
+    """Torque of the stops [N m] at rest at the angle x [rad]; that towards extension is positive."""
+    stiffness, engagement, low, high = q[4:]
+    up, down = (engaged(depth, engagement, 1.0 / engagement)[0] for depth in (x - high, low - x))
+    return float(stiffness * (up - down) - torque(q, x, 0.0, 0.0, 0.0, ())[0])
+
+
+_STEEPER = stop_law("end_stop")
 EFFECT = Effect(
     name="end_stop",
     place="joint",
+    parameters=_STEEPER,
+    reads=("end_stop.stiffness_nm_per_rad", "end_stop.engagement_deg", "end_stop.low_deg", "end_stop.high_deg"),
+    hooks={"torque": torque},
     keys=(
         "end_stop.high_deg",
         "end_stop.low_deg",
@@ -35,6 +58,11 @@ EFFECT = Effect(
         passive=True,
         monotone="rises with the depth; a stop never pulls",
         over=("angle", "speed"),
-        source="Hunt and Crossley, J. Appl. Mech. 42, 1975",
+        coefficients=tuple(parameter.key for parameter in _STEEPER),
+        quantity="the {torque} of the stops",
+        unit="nm",
+        curve=curve,
+        source="Hunt and Crossley, J. Appl. Mech. 42, 1975; the force rises with the depth, in proportion to a power of"
+        " it: Johnson, Contact Mechanics, 1985, ch. 4",
     ),
 )

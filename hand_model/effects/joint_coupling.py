@@ -4,19 +4,42 @@ from __future__ import annotations
 
 from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import NEIGHBOUR, Effect
+from hand_model.effects.force_curves import steeper
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import Parameter
+
+DIFFERENCES_RAD = (0.05, 0.15, 0.5)
+"""Differences of the angles at which the slope of the law changes."""
 
 
 @inline
 def torque(q, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
-    """A spring from the neighbour to this joint, whose arm may change with the angle."""
-    stiffness, ratio, softening = q
+    """A spring from the neighbour to this joint, whose arm may change with the angle.
+
+    By the law it is steeper or flatter by a share for each range of differences of the angles, on either side: with
+    play, slack on one side, or harder the further they part.
+    """
+    stiffness, ratio, softening = q[:3]
     x = e[NEIGHBOUR] - ratio * phi
     square = softening * x * x
-    return stiffness * (1.0 - square) * x, stiffness * ratio * (1.0 - 3.0 * square)
+    ahead, ahead_slope = steeper(max(x, 0.0), DIFFERENCES_RAD, q[3:7])
+    behind, behind_slope = steeper(max(-x, 0.0), DIFFERENCES_RAD, q[7:11])
+    slope = 1.0 - 3.0 * square + (ahead_slope if x > 0.0 else behind_slope)
+    return stiffness * ((1.0 - square) * x + (ahead - behind)), stiffness * ratio * slope
 
 
+def curve(q, x, y):  # type: ignore[no-untyped-def]
+    """Torque [N m] where the neighbour is ahead by x [rad]."""
+    around = (0.0,) * NEIGHBOUR + (x,)
+    return float(torque(q, 0.0, 0.0, 0.0, 0.0, around)[0])
+
+
+_WHERE = (*(f"up to {edge:g} rad" for edge in DIFFERENCES_RAD), "beyond")
+_STEEPER = tuple(
+    Parameter(f"joint_coupling.{side}_{k}", -1.0, 50.0, f"law: share steeper {where}", 1.0, 0.0, 1.0, law=True)
+    for side in ("ahead", "behind")
+    for k, where in enumerate(_WHERE, 1)
+)
 EFFECT = Effect(
     name="joint_coupling",
     place="joint",
@@ -25,6 +48,7 @@ EFFECT = Effect(
         Parameter("joint_coupling.stiffness_nm_per_rad", -5.0, 5.0, "torque per neighbour's angle", 1.0, 0.0, 0.01),
         Parameter("joint_coupling.ratio", 0.0, 3.0, "of its own angle that relieves it", 1.0, 0.0, 0.3),
         Parameter("joint_coupling.softening", -1.0, 1.0, "share of the pull lost at 1 rad", 1.0, 0.0, 0.1),
+        *_STEEPER,
     ),
     hooks={"torque": torque},
     keys=("joint_coupling.stiffness_nm_per_rad", "joint_coupling.ratio", "joint_coupling.softening"),
@@ -39,8 +63,12 @@ EFFECT = Effect(
         acts_on="torque of the joint",
         sign="towards the neighbour's motion",
         passive=True,
-        monotone="in proportion to the difference of the angles",
-        over=("angle",),
-        source="Betti's reciprocity of elastic structures",
+        monotone="rises with the difference of the angles, in proportion to it by the textbook",
+        over=("angle difference",),
+        coefficients=tuple(parameter.key for parameter in _STEEPER),
+        quantity="the {torque} of the coupling",
+        unit="nm",
+        curve=curve,
+        source="Betti's reciprocity of elastic structures; an elastic string pulls and does not push",
     ),
 )

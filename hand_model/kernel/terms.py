@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from hand_model.effects.force_curves import engaged
 from hand_model.kernel.hooks import Hooks
 from hand_model.kernel.inline import inline, inlined
 from hand_model.kernel.layout import EXTENSION, PER_CONTACT, PER_STOP, PER_TAU, RECOVERY
@@ -60,10 +61,8 @@ def one_sided_parts(depth, speed, stiffness, damping, engagement, per_engagement
     engages with it, and the stop never pulls (Hunt and Crossley, J. Appl. Mech. 42, 1975). All are 0 outside.
     per_engagement: 1 / engagement.
     """
-    inside = max(depth, 0.0)
-    soft = min(inside, engagement)
-    share = soft * per_engagement
-    total = stiffness * (0.5 * soft * share + (inside - soft)) + damping * share * speed
+    pressed, share = engaged(depth, engagement, per_engagement)
+    total = stiffness * pressed + damping * share * speed
     acting = share if total > 0.0 else 0.0
     return max(total, 0.0), stiffness * acting, damping * acting
 

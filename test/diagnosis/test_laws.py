@@ -55,6 +55,7 @@ TRUTHS: Mapping[str, Mapping[str, float]] = {
     "hall_misalignment": {"sine_deg": 0.02, "cosine_3_deg": 0.02},
     "gravity": {"sine_nm": 0.03, "turning_rad_per_s": 0.03},
     "valve_hysteresis": {"width_pa": 1.2e4, "follows": 0.4, "inner": 0.5},
+    "contact": {"angle_deg": 0.7, "stiffness_nm_per_rad": 0.02, "steeper_2": 3.0, "steeper_3": 20.0},
 }
 """Own parameters of the plant by effect, SI; their names without the effect."""
 

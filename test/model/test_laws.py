@@ -29,36 +29,12 @@ from hand_model.kernel.inline import Equation
 from hand_model.kernel.plant_rows import Parameter
 from hand_model.kernel.rows import JOINT_PARAMETERS, MEMORY_ROW, ROW, STARTS, WORK_ROWS
 from hand_model.kernel.rows import STATES as STATE_ROWS
+from test.model.plain_numbers import PLAIN as PLAIN_NUMBERS
+from test.model.plain_numbers import SUPPLY_PA
 
 H = 1e-3
-SUPPLY_PA = 6e5
 ATMOSPHERE_PA = 101325.0
-PLAIN = {
-    "supply.pressure_pa": SUPPLY_PA,
-    "valve.fill_rate_pa_per_s": 4e6,
-    "valve.vent_rate_pa_per_s": 3e6,
-    "valve.time_constant_s": 0.02,
-    "statics.a0_nm": -0.01,
-    "statics.a1_nm_per_rad": -0.05,
-    "statics.a2_nm_per_pa": 4e-7,
-    "statics.a3_nm_per_pa_rad": -1e-7,
-    "dynamics.viscous_friction_nm_s_per_rad": 2e-3,
-    "end_stop.low_deg": -0.2,
-    "end_stop.high_deg": 1.7,
-    "material.phi_max_deg": 0.5,
-    "material.p_min_pa": 5e4,
-    "material.b1_per_pa": 1.8e-6,
-    "material.extension_time_s": 25.0,
-    "gravity.sine_nm": 0.06,
-    "gravity.cosine_nm": -0.02,
-    "spring.stiffness_nm_per_rad": 0.0,
-    "constant_load.torque_nm": 0.0,
-    "drive_gain.error": 0.0,
-    "drive_saturation.limit_nm": 1e3,
-    "drive_saturation.stiffness_nm_per_rad": 0.0,
-    "drive_saturation.damping_nm_s_per_rad": 0.0,
-}
-"""Numbers of the plain plant and of other effects that equations read, SI."""
+PLAIN = PLAIN_NUMBERS | {"spring.stiffness_nm_per_rad": 0.0, "constant_load.torque_nm": 0.0}
 LEARNED = [effect for effect in CATALOGUE if effect.coefficients]
 REST = (0.0,) * EXOGENOUS
 DRAWS = 40
@@ -123,7 +99,7 @@ def test_every_effect_of_the_catalogue_states_its_class() -> None:
         assert f"| `{effect.name}` | {effect.constitution.acts_on} |" in table
         own = [own.key for own in law_parameters(effect)]
         assert set(own) <= set(effect.coefficients)
-    assert len(LEARNED) == 22
+    assert len(LEARNED) == 25
 
 
 @pytest.mark.parametrize(
@@ -241,7 +217,7 @@ def responses(effect: Effect, q: tuple[float, ...]) -> Array:
     phi = 0.2
     for _ in range(150):
         s = signals(rng)
-        s["before"], phi = phi, float(rng.uniform(max(phi - 0.3, -0.2), min(phi + 0.3, 1.7)))
+        s["before"], phi = phi, float(rng.uniform(max(phi - 0.3, -0.6), min(phi + 0.3, 2.1)))
         s["phi"] = s["after"] = phi
         row: list[float] = []
         for hook in effect.hooks:
