@@ -1,6 +1,6 @@
 """Every number that decides something in the diagnosis, in one frozen class.
 
-Those up to the fits are in fit_settings, those of the learned laws in law_settings.
+Those up to the fits are in fit_settings, those of the learned laws in law_settings, those of pages in page_settings.
 
 Each setting states its meaning, its unit, where it comes from, and what changes when it is halved or doubled. Settings
 whose source is TRIALS were adjusted on blind trials whose effects and seeds are not those of the published proof. The
@@ -13,14 +13,14 @@ import math
 from dataclasses import dataclass
 
 from hand_diagnosis.fit_settings import FitPass
-from hand_diagnosis.law_settings import LawSettings
+from hand_diagnosis.page_settings import PageSettings
 from hand_recording.settings import CHOICE, FORMS, TRIALS, setting
 
 __all__ = ["SETTINGS", "FitPass", "Settings"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings(LawSettings):
+class Settings(PageSettings):
     """The settings of a diagnosis; `about` of a field is its documentation. SI units."""
 
     # fmt: off
@@ -315,33 +315,6 @@ class Settings(LawSettings):
     stated_parts: int = setting(3, "parts", "Numbers that were put back to their nominal values return by one part of"
         " so many, and one, at a time, until the evidence is that of the fit.", CHOICE,
         "Numbers are stated that are not needed.", "Slower.")
-    # Pages
-    missed_share: float = setting(0.5, "-", "Share of the largest error of a block from which a page shows the block as"
-        " one in which the effect is missed.", CHOICE, "Most of the recording is shown.", "Only the largest errors.")
-    missed_gap_blocks: float = setting(0.5, "blocks", "Stretches nearer than this are shown as one.", CHOICE,
-        "More and shorter stretches.", "Stretches include blocks without the effect.")
-    even_probability: float = setting(0.5, "-", "Probability below which a finding follows what remains, and is called"
-        " possible.", CHOICE, "Improbable findings come first.", "Only certain findings come first.")
-    same_commands_pa: float = setting(1000.0, "Pa", "RMS difference of two set-points above which recordings are of"
-        " different motions.", CHOICE, "Delays of commands count as another motion.", "Other motions are compared.")
-    page_samples: int = setting(700_000, "samples", "Samples of all curves over time of a page.", CHOICE,
-        "Coarser curves.", "Pages above 3 MB.")
-    page_noise: float = setting(1.5, "-", "Multiple of the noise up to which a page calls an error noise.",
-        CHOICE, "Errors of noise are called large.", "Small errors are called noise.")
-    page_curves: int = setting(5, "curves", "Curves over time of a signal that are counted for it.", CHOICE,
-        "Larger pages.", "Coarser curves.")
-    full_tint: float = setting(100.0, "-", "Error in multiples of the noise from which the tint of a joint is full.",
-        CHOICE, "Stronger tints.", "Weaker tints.")
-    strongest_tint: float = setting(0.55, "-", "Opacity of the full tint.", CHOICE, "Tints are hardly seen.",
-        "Text on it is not readable.")
-    unjudged_tint: float = setting(0.5, "-", "Opacity of the grey of a joint that was not diagnosed.", CHOICE,
-        "It is hardly seen.", "It looks like a finding.")
-    chart_low: float = setting(0.5, "-", "The axis of errors begins there at the latest, in multiples of the noise.",
-        CHOICE, "Shorter bars.", "No visible change.")
-    chart_high: float = setting(2.0, "-", "The axis of errors ends there at the earliest, in multiples of the noise.",
-        CHOICE, "No visible change.", "Shorter bars.")
-    drawing_margin_mm: float = setting(12.0, "mm", "Margin of the drawing of the hand.", CHOICE, "No visible change.",
-        "A smaller hand.")
     # Certificates
     certificate_share: float = setting(0.1, "-", "Share of the test error that an attack must take away.", CHOICE,
         "Differences of form make findings partial.", "Half of a second effect passes.")
@@ -381,16 +354,6 @@ class Settings(LawSettings):
         " found.", CHOICE, "The fit ends at the bound.", "Another harmonic may be taken.")
     remainder_turn: float = setting(0.25, "turns", "Prior deviation of a harmonic over the whole range.", CHOICE,
         "The frequency found by the residual stays.", "A neighbouring minimum may be taken.")
-    # Pages
-    likelihood_limits: tuple[float, float, float] = setting((0.9, 0.66, 0.33), "-", "Least probability that is called"
-        " very probable, probable and possible.", "Mastrandrea et al., Guidance note for lead authors of the IPCC fifth"
-        " assessment report, 2010, Table 1", "Weak findings sound certain.", "Not possible above 1.")
-    compared_motion_s: float = setting(20.0, "s", "Duration of the simulated motion of two compared models.", CHOICE,
-        "Creep is not seen.", "Slower.")
-    compared_motion_pa: float = setting(4e5, "Pa", "Its largest set-point, as that of `hand excite`.", CHOICE,
-        "Joints move over a part of their range.", "Limited by the supply.")
-    compared_least: tuple[float, float] = setting((0.05, 0.3), "deg, kPa", "RMS differences of angle and pressure from"
-        " which a joint is drawn.", "the practical floor", "Plots of equal curves.", "Small differences are not drawn.")
     # fmt: on
 
 

@@ -71,6 +71,7 @@ def title(report: Report, whole: str = "the hand", axis: str = "joint") -> str:
     more = len(report["findings"]) + len(report["remainder"]) - len(parts)
     if more > 0:
         parts.append(f"and {more} more")
+    parts += _hardly_checked(report)
     missing = len(report["not_judged"])
     if not parts and report["fit"]:
         parts.append(_agreement(report, missing, axis))
@@ -105,6 +106,26 @@ def _agreement(report: Report, missing: int, axis: str) -> str:
     if len(joints) <= NAMED:
         return f"{' and '.join(joints)} agree{'s' if len(joints) == 1 else ''} with the model"
     return f"{counted(len(joints), axis)} agree with the model"
+
+
+def _hardly_checked(report: Report) -> list[str]:
+    """Of signals with findings: those of which the fit leaves so much open that test data are hardly a check."""
+    named = {(finding["joint"], finding["where"]["signal"]) for finding in report["findings"]}
+    worst: dict[str, Report] = {}
+    for row in report["fit"]:
+        about = row["split"] == "test" and (row["joint"], row["signal"]) in named
+        if about and _open_share(row) > max(_open_share(worst.get(row["joint"])), SETTINGS.hardly_checked):
+            worst[row["joint"]] = row
+    return [
+        f"test data hardly check {joint}: the fit leaves {row['undetermined']:.2g} {row['unit']} of the"
+        f" {row['signal']} open"
+        for joint, row in worst.items()
+    ]
+
+
+def _open_share(row: Report | None) -> float:
+    """Share of the error before the findings that the fit leaves open; 0 without a row."""
+    return row.get("undetermined", 0.0) / max(row["rmse_before"], 1e-300) if row else 0.0
 
 
 def _share(finding: Report) -> float:

@@ -32,7 +32,7 @@ REMAINDER = {"joint": "index_distal", "signal": "angle", "rms": 0.83, "unit": "d
 
 
 def row(joint: str, before: float, after: float, split: str = "test") -> dict[str, Any]:
-    errors = {"rmse_before": before, "rmse_after": after, "noise_floor": 0.01}
+    errors = {"rmse_before": before, "rmse_after": after, "noise_floor": 0.01, "undetermined": 0.0}
     return {"joint": joint, "signal": "angle", "unit": "deg", "split": split} | errors
 
 
@@ -85,6 +85,17 @@ SLOW = FRICTION | {
 def test_the_title_is_the_answer(parts: dict[str, Any], expected: str) -> None:
     """Fails when a tie is named as certain, an unlikely name comes first, or a joint is left out in silence."""
     assert title(report(**parts)) == expected
+
+
+def test_the_title_says_where_test_data_hardly_check_the_findings() -> None:
+    """Fails when a fit that leaves most of the prediction open reads like one that test data confirm."""
+    free, sure = row("index_distal", 2.8, 2.7) | {"undetermined": 2.6}, row("index_distal", 2.8, 0.03)
+    line = "test data hardly check index_distal: the fit leaves 2.6 deg of the angle open"
+    assert title(report(findings=[FRICTION], fit=[sure, free])) == f"{ANSWER}; {line}"
+    for other in (free | {"undetermined": 1.3}, free | {"split": "train"}, free | {"joint": "ring_distal"}):
+        assert title(report(findings=[FRICTION], fit=[sure, other])) == ANSWER
+    pressure = free | {"signal": "pressure"}
+    assert title(report(findings=[FRICTION], fit=[sure, pressure])) == ANSWER
 
 
 def test_every_tie_comes_with_its_command_or_the_reason_for_none() -> None:

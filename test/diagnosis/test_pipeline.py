@@ -16,7 +16,8 @@ ARCHITECTURE = ROOT / "docs" / "architecture.md"
 HEADING = "## From a recording to a sentence"
 LONGEST = 9
 PACKAGE = "hand_diagnosis"
-SETTINGS = {f"{PACKAGE}/{name}.py" for name in ("settings", "settings_table", "fit_settings", "law_settings")}
+SETTINGS_MODULES = ("settings", "settings_table", "fit_settings", "law_settings", "page_settings")
+SETTINGS = {f"{PACKAGE}/{name}.py" for name in SETTINGS_MODULES}
 OTHERS = {
     f"{PACKAGE}/{name}"
     for name in (
