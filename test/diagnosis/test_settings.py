@@ -119,7 +119,8 @@ def test_a_bare_number_is_seen(source: str) -> None:
 def test_every_deciding_number_is_a_setting(path: Path) -> None:
     """Fails when a module on the way to a report has a threshold of its own instead of one of the settings."""
     if path.stem in {"settings", "fit_settings", "law_settings", "page_settings"}:
-        assert len(re.findall(r"^class (?:Fit|Law|Page)?Settings\b", path.read_text(encoding="utf-8"), re.MULTILINE)) == 1
+        source = path.read_text(encoding="utf-8")
+        assert len(re.findall(r"^class (?:Fit|Law|Page)?Settings\b", source, re.MULTILINE)) == 1
         return
     known = UNITS | (set() if path.is_relative_to(ROOT / "hand_diagnosis") else ORDERS)
     known |= {0.5} if path.stem in HALVES else set()
