@@ -302,7 +302,7 @@ def summary_lines(content: dict[str, Any], out: Path, *, ask: bool) -> list[str]
         names += [f"{name} ({shares.get(name, 0.0):.0%})" for name in finding["tied_with"]]
         lines.append(f"{finding['rank']}. {' or '.join(names)}: {finding['statement']}")
     lines += [f"remainder ({left['probability']:.0%}): {left['statement']}" for left in content["remainder"]]
-    if content["verdict"] == "agrees":
+    if content["verdict"] in {"agrees", "unusable"}:
         lines.append(title(content, *words_of(content)))
     last = []
     following = content["next_experiment"]

@@ -50,7 +50,7 @@ from hand_recording.signals import Signals
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnosis:
-    """All of it. verdict: agrees, explained, partly_explained or unknown_physics.  check: lines of the data check.
+    """All of it. verdict: agrees, explained, partly_explained, unknown_physics or unusable.  check: its lines.
 
     remainder: what is left that is probably other physics.  not_judged: joints without a diagnosis, and why.
     starts_s: first stamp of each recording since 1970 [s]; None where its stamps do not give the date.
@@ -137,7 +137,7 @@ def diagnose(
     findings, left = ranked_findings(done, signals), remainders(done)
     reasons = not_judged(checked, [result.joint for result in done], joints) | failed
     return Diagnosis(
-        verdict=_certain(verdict(findings, left), done),
+        verdict=_certain(verdict(findings, left, len(done)), done),
         findings=tuple(findings),
         remainder=tuple(left),
         not_judged=tuple(reasons.items()),

@@ -73,10 +73,10 @@ def title(report: Report, whole: str = "the hand", axis: str = "joint") -> str:
         parts.append(f"and {more} more")
     parts += _hardly_checked(report)
     missing = len(report["not_judged"])
-    if not parts and report["fit"]:
-        parts.append(_agreement(report, missing, axis))
+    if not report["fit"]:
+        parts.insert(0, "Nothing could be diagnosed")
     elif not parts:
-        parts.append("Nothing could be diagnosed")
+        parts.append(_agreement(report, missing, axis))
     if missing:
         total = missing + len({row["joint"] for row in report["fit"]})
         parts.append(f"{missing} of {total} {plural(axis)} not diagnosed")

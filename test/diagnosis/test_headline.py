@@ -47,6 +47,7 @@ def report(**parts: Any) -> dict[str, Any]:
     return empty | parts
 
 
+LOST = FRICTION | {"joint": None, "effect": "dropped_frames", "probability": 0.99, "parameters": {}}
 NOTHING = {"value": 0.0, "std": 0.005, "unit": "s", "determined": True}
 SLOW = FRICTION | {
     "effect": "valve_lag",
@@ -77,10 +78,14 @@ SLOW = FRICTION | {
             {"fit": [], "not_judged": [{"joint": "a", "reason": "b"}]},
             "Nothing could be diagnosed; 1 of 1 joints not diagnosed",
         ),
+        (
+            {"findings": [LOST], "fit": [], "not_judged": [{"joint": "a", "reason": "b"}]},
+            "Nothing could be diagnosed; the hand: dropped frames (99%); 1 of 1 joints not diagnosed",
+        ),
         ({"not_judged": RESTING}, "index_distal agrees with the model; 5 of 6 joints not diagnosed"),
         ({"findings": [FRICTION] * 3}, f"{ANSWER}; {ANSWER}; and 1 more"),
     ],
-    ids=["named", "second number", "no number", "tied", "unlikely", "agrees", "nothing", "a part", "many"],
+    ids=["named", "second number", "no number", "tied", "unlikely", "agrees", "nothing", "stamps", "a part", "many"],
 )
 def test_the_title_is_the_answer(parts: dict[str, Any], expected: str) -> None:
     """Fails when a tie is named as certain, an unlikely name comes first, or a joint is left out in silence."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from hand_diagnosis.judgement import Excess, StageResult
+from hand_diagnosis.judgement import Excess, StageResult, verdict
 from hand_diagnosis.settings import SETTINGS
 
 FLOOR, NOISE = 1.0, 0.2
@@ -27,6 +27,12 @@ def result(before: float, after: float) -> StageResult:
         effects=1,
         independent=40.0,
     )
+
+
+def test_a_recording_in_which_nothing_is_judged_does_not_agree() -> None:
+    """Fails when joints that could not be compared with the model pass for joints that agree with it."""
+    assert verdict([], [], 0) == "unusable"
+    assert verdict([], [], 1) == "agrees"
 
 
 def test_a_name_that_leaves_much_is_improbable() -> None:

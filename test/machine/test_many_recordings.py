@@ -82,6 +82,12 @@ def test_what_concerns_the_whole_machine_is_not_put_on_a_hand(folder: Path, tmp_
     (tmp_path / KEY).write_text(job.key, encoding="utf-8")
     assert write_table(run_job(job), tmp_path)["by_joint"] == {"machine: supply_droop": 1}
     resting = [{"joint": "axis", "reason": "it rests"}]
-    agrees = content | {"verdict": "agrees", "findings": [], "fit": [], "not_judged": resting, "next_experiment": None}
-    lines = summary_lines(agrees | {"not_claimable": [], "data_check": []}, tmp_path, ask=False)
-    assert lines[1] == "Nothing could be diagnosed; 1 of 1 axes not diagnosed"
+    nothing = content | {
+        "verdict": "unusable",
+        "findings": [],
+        "fit": [],
+        "not_judged": resting,
+        "next_experiment": None,
+    }
+    lines = summary_lines(nothing | {"not_claimable": [], "data_check": []}, tmp_path, ask=False)
+    assert lines[:2] == ["verdict: unusable", "Nothing could be diagnosed; 1 of 1 axes not diagnosed"]
