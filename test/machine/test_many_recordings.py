@@ -89,5 +89,5 @@ def test_what_concerns_the_whole_machine_is_not_put_on_a_hand(folder: Path, tmp_
         "not_judged": resting,
         "next_experiment": None,
     }
-    lines = summary_lines(nothing | {"not_claimable": [], "data_check": []}, tmp_path, ask=False)
+    lines = summary_lines(content | nothing | {"not_claimable": [], "data_check": []}, tmp_path, ask=False)
     assert lines[:2] == ["verdict: unusable", "Nothing could be diagnosed; 1 of 1 axes not diagnosed"]
