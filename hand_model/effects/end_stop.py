@@ -9,28 +9,48 @@ from hand_model.kernel.inline import inline
 
 
 @inline
+def _pressed(q, phi, omega):  # type: ignore[no-untyped-def]
+    """Push of the stop of flexion and of that of extension, their stiffness and their damping."""
+    low, high = q[8:]
+    up = pressed(phi - high, omega, q[5:8], high - low, q[:5])
+    down = pressed(low - phi, -omega, q[5:8], high - low, q[:5])
+    return up[0], down[0], up[1] + down[1], up[2] + down[2]
+
+
+@inline
 def torque(q, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
-    """What the law adds to the springs of both stops, and its stiffness."""
-    stiffness, engagement, low, high = q[4:]
-    up, steep_up = pressed(phi - high, engagement, high - low, q[:4])
-    down, steep_down = pressed(low - phi, engagement, high - low, q[:4])
-    return stiffness * (down - up), stiffness * (steep_down + steep_up)
+    """What the law adds to the springs and dampers of both stops, and its stiffness."""
+    up, down, stiffness, _ = _pressed(q, phi, omega)
+    return down - up, stiffness
+
+
+@inline
+def torque_damping(q, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
+    """Damping that is part of it."""
+    return _pressed(q, phi, omega)[3]
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
     """Torque of the stops [N m] at rest at the angle x [rad]; that towards extension is positive."""
-    stiffness, engagement, low, high = q[4:]
+    stiffness, _, engagement, low, high = q[5:]
     up, down = (engaged(depth, engagement, 1.0 / engagement)[0] for depth in (x - high, low - x))
-    return float(stiffness * (up - down) - torque(q, x, 0.0, 0.0, 0.0, ())[0])
+    more_up, more_down, _, _ = _pressed(q, x, 0.0)
+    return float(stiffness * (up - down) + (more_up - more_down))
 
 
-_STEEPER = stop_law("end_stop")
+_LAW = stop_law("end_stop")
 EFFECT = Effect(
     name="end_stop",
     place="joint",
-    parameters=_STEEPER,
-    reads=("end_stop.stiffness_nm_per_rad", "end_stop.engagement_deg", "end_stop.low_deg", "end_stop.high_deg"),
-    hooks={"torque": torque},
+    parameters=_LAW,
+    reads=(
+        "end_stop.stiffness_nm_per_rad",
+        "end_stop.damping_nm_s_per_rad",
+        "end_stop.engagement_deg",
+        "end_stop.low_deg",
+        "end_stop.high_deg",
+    ),
+    hooks={"torque": torque, "torque_damping": torque_damping},
     keys=(
         "end_stop.high_deg",
         "end_stop.low_deg",
@@ -56,9 +76,9 @@ EFFECT = Effect(
         acts_on="torque of the joint",
         sign="pushes back into the range",
         passive=True,
-        monotone="rises with the depth; a stop never pulls",
+        monotone="rises with the depth, and by a factor with the speed into it; a stop never pulls",
         over=("angle", "speed"),
-        coefficients=tuple(parameter.key for parameter in _STEEPER),
+        coefficients=tuple(parameter.key for parameter in _LAW),
         quantity="the {torque} of the stops",
         unit="nm",
         curve=curve,

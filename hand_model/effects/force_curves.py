@@ -40,17 +40,30 @@ def steeper(x, edges, shares):  # type: ignore[no-untyped-def]
 
 
 @inline
-def pressed(depth, engagement, span, shares):  # type: ignore[no-untyped-def]
-    """What the law of a stop of stiffness 1 adds at a depth [rad], and its slope. span: range of the joint [rad]."""
+def pressed(depth, speed, spring, span, law):  # type: ignore[no-untyped-def]
+    """What the law of a stop adds to its push at a depth [rad] and a speed into it [rad/s]: push, slope and damping.
+
+    spring: stiffness, damping and engagement of the stop.  span: range of the joint [rad].  law: shares as in
+    `steeper`, and the damping over the push [s/rad], by which the push may vanish and never pulls.
+    """
+    stiffness, damping, engagement = spring
+    first, second, third, beyond, per_push = law
     x, share = engaged(depth, engagement, 1.0 / engagement)
-    gained, slope = steeper(x, (DEPTHS[0] * span, DEPTHS[1] * span, DEPTHS[2] * span), shares)
-    return gained, slope * share
+    edges = DEPTHS[0] * span, DEPTHS[1] * span, DEPTHS[2] * span
+    gained, slope = steeper(x, edges, (first, second, third, beyond))
+    plain = max(stiffness * x + damping * share * speed, 0.0)
+    whole, steep = stiffness * (x + gained), stiffness * (share + slope * share)
+    push = stiffness * gained + per_push * speed * whole
+    acts = 1.0 if push > -plain else 0.0
+    return max(push, -plain), acts * (stiffness * slope * share + per_push * speed * steep), acts * (per_push * whole)
 
 
 def stop_law(effect: str) -> tuple[Parameter, ...]:
-    """Coefficients of a law of `pressed`. None is negative: with its damper a stop could pull otherwise."""
+    """Coefficients of a law of `pressed`. None is negative: the curve rises, and the damping takes energy."""
     up_to = [f"up to {share:.0%} of the range" for share in DEPTHS]
-    return tuple(
+    slopes = tuple(
         Parameter(f"{effect}.steeper_{k}", 0.0, 200.0, f"law: share steeper {where}", 1.0, 0.0, 3.0, law=True)
         for k, where in enumerate((*up_to, "further in"), 1)
     )
+    damping = f"{effect}.per_push_s_per_rad"
+    return (*slopes, Parameter(damping, 0.0, 10.0, "law: damping over the push", 1.0, 0.0, 0.1, law=True))

@@ -6,26 +6,29 @@ from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import NEIGHBOUR, Effect
 from hand_model.effects.force_curves import steeper
 from hand_model.kernel.inline import inline
-from hand_model.kernel.plant_rows import Parameter
+from hand_model.kernel.plant_rows import DEGREE, Parameter
 
 DIFFERENCES_RAD = (0.05, 0.15, 0.5)
-"""Differences of the angles at which the slope of the law changes."""
+"""Differences of the angles beyond the gap at which the slope of the law changes."""
 
 
 @inline
 def torque(q, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     """A spring from the neighbour to this joint, whose arm may change with the angle.
 
-    By the law it is steeper or flatter by a share for each range of differences of the angles, on either side: with
-    play, slack on one side, or harder the further they part.
+    By the law it is slack over a gap on either side, and beyond it steeper or flatter by a share for each range of
+    differences of the angles: a skin that is loose at first, a string that pulls one way, or harder the further.
     """
-    stiffness, ratio, softening = q[:3]
-    x = e[NEIGHBOUR] - ratio * phi
+    stiffness, ratio, softening, ahead_gap, behind_gap = q[:5]
+    apart = e[NEIGHBOUR] - ratio * phi
+    ahead, behind = max(apart - ahead_gap, 0.0), max(-apart - behind_gap, 0.0)
+    x = ahead - behind
     square = softening * x * x
-    ahead, ahead_slope = steeper(max(x, 0.0), DIFFERENCES_RAD, q[3:7])
-    behind, behind_slope = steeper(max(-x, 0.0), DIFFERENCES_RAD, q[7:11])
+    gained, ahead_slope = steeper(ahead, DIFFERENCES_RAD, q[5:9])
+    lost, behind_slope = steeper(behind, DIFFERENCES_RAD, q[9:13])
     slope = 1.0 - 3.0 * square + (ahead_slope if x > 0.0 else behind_slope)
-    return stiffness * ((1.0 - square) * x + (ahead - behind)), stiffness * ratio * slope
+    slack = apart < ahead_gap and -apart < behind_gap
+    return stiffness * ((1.0 - square) * x + (gained - lost)), 0.0 if slack else stiffness * ratio * slope
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
@@ -35,7 +38,10 @@ def curve(q, x, y):  # type: ignore[no-untyped-def]
 
 
 _WHERE = (*(f"up to {edge:g} rad" for edge in DIFFERENCES_RAD), "beyond")
-_STEEPER = tuple(
+_LAW = tuple(
+    Parameter(f"joint_coupling.{side}_gap_deg", 0.0, 180.0, f"law: slack, neighbour {side}", DEGREE, 0.0, 5.0, law=True)
+    for side in ("ahead", "behind")
+) + tuple(
     Parameter(f"joint_coupling.{side}_{k}", -1.0, 50.0, f"law: share steeper {where}", 1.0, 0.0, 1.0, law=True)
     for side in ("ahead", "behind")
     for k, where in enumerate(_WHERE, 1)
@@ -48,7 +54,7 @@ EFFECT = Effect(
         Parameter("joint_coupling.stiffness_nm_per_rad", -5.0, 5.0, "torque per neighbour's angle", 1.0, 0.0, 0.01),
         Parameter("joint_coupling.ratio", 0.0, 3.0, "of its own angle that relieves it", 1.0, 0.0, 0.3),
         Parameter("joint_coupling.softening", -1.0, 1.0, "share of the pull lost at 1 rad", 1.0, 0.0, 0.1),
-        *_STEEPER,
+        *_LAW,
     ),
     hooks={"torque": torque},
     keys=("joint_coupling.stiffness_nm_per_rad", "joint_coupling.ratio", "joint_coupling.softening"),
@@ -65,7 +71,7 @@ EFFECT = Effect(
         passive=True,
         monotone="rises with the difference of the angles, in proportion to it by the textbook",
         over=("angle difference",),
-        coefficients=tuple(parameter.key for parameter in _STEEPER),
+        coefficients=tuple(parameter.key for parameter in _LAW),
         quantity="the {torque} of the coupling",
         unit="nm",
         curve=curve,

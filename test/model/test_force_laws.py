@@ -27,6 +27,7 @@ LOW, HIGH = PLAIN["end_stop.low_deg"], PLAIN["end_stop.high_deg"]
 SPAN = HIGH - LOW
 WALL, ENGAGEMENT = PLAIN["contact.angle_deg"], PLAIN["contact.engagement_deg"]
 DRAWS = 40
+SPRING = ("stiffness_nm_per_rad", "damping_nm_s_per_rad", "engagement_deg")
 
 
 def numbers(name: str, **given: float) -> tuple[float, ...]:
@@ -42,10 +43,12 @@ def drawn(name: str, rng: np.random.Generator) -> dict[str, float]:
     return {each.key.partition(".")[2]: each.low + (each.high - each.low) * rng.uniform() ** 4 for each in laws}
 
 
-def torque(name: str, q: tuple[float, ...], phi: float, neighbour: float = 0.0) -> tuple[float, float]:
+def torque(
+    name: str, q: tuple[float, ...], phi: float, neighbour: float = 0.0, omega: float = 0.0
+) -> tuple[float, float]:
     around = (0.0,) * NEIGHBOUR + (neighbour,)
     function: Any = EFFECTS[name].hooks["torque"]
-    added, stiffness = getattr(function, "py_func", function)(q, phi, 0.0, 0.0, 0.0, around)
+    added, stiffness = getattr(function, "py_func", function)(q, phi, omega, 0.0, 0.0, around)
     return float(added), float(stiffness)
 
 
@@ -67,6 +70,30 @@ def test_a_stop_pushes_and_rises_with_the_depth_whatever_its_law(name: str, x: A
         pushed = curve(name, q, x)
         assert pushed[0] == 0.0 and np.all(np.diff(pushed) > 0.0)
         assert torque(name, q, float(x[0]) - 0.05) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("name", ["contact", "end_stop"])
+def test_a_stop_with_damping_never_pulls_and_takes_energy(name: str) -> None:
+    """Fails when a stop pulls a joint that leaves it, its damping helps the motion, or is not the slope over speed."""
+    rng = np.random.default_rng(5)
+    begins = WALL if name == "contact" else HIGH
+    stiffness, damping, width = (PLAIN[f"{name}.{key}"] for key in SPRING)
+    for _ in range(DRAWS):
+        q = numbers(name, **drawn(name, rng))
+        depth, omega = float(rng.uniform(0.0, 0.5)), float(rng.uniform(-20.0, 20.0))
+        x, share = engaged(depth, width, 1.0 / width)
+        plain = max(stiffness * x + damping * share * omega, 0.0)
+        pushes = [
+            plain_at - torque(name, q, begins + depth, omega=speed)[0]
+            for speed, plain_at in ((omega, plain), (0.0, stiffness * x))
+        ]
+        assert pushes[0] >= -1e-12
+        assert (pushes[0] - pushes[1]) * omega >= -1e-9
+        slower, faster = (torque(name, q, begins + depth, omega=omega + side)[0] for side in (-1e-6, 1e-6))
+        hook: Any = EFFECTS[name].hooks["torque_damping"]
+        given = getattr(hook, "py_func", hook)(q, begins + depth, omega, 0.0, 0.0, ())
+        if pushes[0] > 1e-6:
+            assert given == approx(-(faster - slower) / 2e-6, rel=1e-3, abs=1e-6)
 
 
 def test_a_stop_with_a_law_is_alike_at_both_ends() -> None:
@@ -107,9 +134,10 @@ def test_a_coupling_with_a_law_rises_and_may_be_slack() -> None:
     for _ in range(DRAWS):
         q = numbers("joint_coupling", stiffness_nm_per_rad=0.02, **drawn("joint_coupling", rng))
         assert np.all(np.diff(curve("joint_coupling", q, x)) >= -1e-12)
-    play = dict.fromkeys(("ahead_1", "ahead_2", "behind_1", "behind_2"), -1.0)
-    pulled = curve("joint_coupling", numbers("joint_coupling", stiffness_nm_per_rad=0.02, **play), x)
-    np.testing.assert_allclose(pulled, 0.02 * np.sign(x) * np.maximum(np.abs(x) - 0.15, 0.0), atol=1e-12)
+    gaps = {"ahead_gap_deg": 0.15, "behind_gap_deg": 0.3}
+    pulled = curve("joint_coupling", numbers("joint_coupling", stiffness_nm_per_rad=0.02, **gaps), x)
+    expected = 0.02 * (np.maximum(x - 0.15, 0.0) - np.maximum(-x - 0.3, 0.0))
+    np.testing.assert_allclose(pulled, expected, atol=1e-12)
     slack = {f"behind_{k}": -1.0 for k in range(1, 5)}
     pulled = curve("joint_coupling", numbers("joint_coupling", stiffness_nm_per_rad=0.02, **slack), x)
     np.testing.assert_allclose(pulled, 0.02 * np.maximum(x, 0.0), atol=1e-12)
@@ -123,7 +151,7 @@ def test_a_joint_rests_where_the_obstacle_balances_it() -> None:
     given = {"steeper_2": 4.0, "steeper_3": 15.0}
     obstacle = {key.partition(".")[2]: PLAIN[key] for key in EFFECTS["contact"].reads if key.startswith("contact.")}
     column[ROW["end_stop.low_deg"]], column[ROW["end_stop.high_deg"]] = LOW, HIGH
-    for key, value in (given | obstacle | {"damping_nm_s_per_rad": 1e-3}).items():
+    for key, value in (given | obstacle).items():
         column[ROW[f"contact.{key}"]] = value
     loop = ClosedLoop(column[None], np.array([-1]), np.zeros((1, 4, 1)), 0.01)
     angle = float(loop.advance(np.full((1, 600, 1), 3e5))[0][-1, 1, 0])
