@@ -46,7 +46,7 @@ class Report:
 
     @property
     def verdict(self) -> str:
-        """agrees, explained, partly_explained, unknown_physics, or unusable where no joint was judged."""
+        """agrees, explained, partly_explained, unknown_physics, or unusable where no joint was diagnosed."""
         return str(self.content["verdict"])
 
     @property

@@ -16,6 +16,7 @@ import numpy as np
 
 from hand_identification.free_parameters import FreeParameter
 from hand_identification.joint_problem import JointProblem, Segment
+from hand_identification.step_times import place_steps
 from hand_model.arrays import Array, Flags
 from hand_model.effects.effect import PARTNER
 from hand_model.kernel.layout import resting_states
@@ -31,6 +32,7 @@ def shape_driving(problem: JointProblem, free: Sequence[FreeParameter], z: Array
     """
     if problem.driven:
         return
+    place_steps(problem, free, z)
     finer = math.lcm(*(_parts(segment) for segment in problem.segments))
     finer *= max(1, math.ceil(problem.segments[0].period_s / finer / problem.step_s - 1e-9))
     columns, starts = problem.columns(free, z[None])

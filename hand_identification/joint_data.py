@@ -15,6 +15,7 @@ from hand_identification.joint_problem import (
     initial_weights,
 )
 from hand_identification.settings import FITS
+from hand_identification.step_times import place_steps
 from hand_model.arrays import Array, Flags
 from hand_model.joint_model import JointModel
 from hand_model.kernel.layout import OMEGA, PHI, P
@@ -55,7 +56,7 @@ def joint_problem(
     if signals[0].machine:
         segments = _trusted(segments, [recording for recording in signals if joint in recording.joints])
         noise = np.min(noises, axis=0)
-    return JointProblem(
+    problem = JointProblem(
         joint,
         segments,
         hand.parameters[:, index].copy(),
@@ -65,6 +66,8 @@ def joint_problem(
         floor=np.asarray(floor),
         machine=signals[0].machine,
     )
+    place_steps(problem, (), np.zeros(0))
+    return problem
 
 
 def _trusted(segments: Sequence[Segment], signals: Sequence[Signals]) -> list[Segment]:
@@ -102,6 +105,7 @@ def _segment(signals: Signals, hand: JointModel, joint: str, first_block: int) -
         exogenous=_surroundings(signals, hand, joint),
         known=signals.known[:, j],
         use=_use(signals, j, force),
+        loose=None if signals.loose is None else signals.loose[:, j],
         block=block_numbers(signals.samples, signals.period_s, first_block),
         start=start,
         late_s=signals.pressure_late_s,
@@ -170,6 +174,8 @@ def _use(signals: Signals, j: int, force: Array) -> Flags:
     known = signals.known[:, j] & settled
     use = np.zeros((OUTPUTS, signals.samples), dtype=bool)
     use[0] = known & bool(signals.has_set_point[j]) & bool(signals.has_pressure[j])
+    if signals.loose is not None:  # the reading behind such a step says when it came, see step_times.py
+        use[0, 1:] &= ~signals.loose[:, j]
     use[1] = known & bool(signals.has_pressure[j]) & (not signals.still)
     if signals.driven:
         # Derivatives at the end of a recording are extrapolated by the last whole window.

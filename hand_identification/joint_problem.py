@@ -37,6 +37,7 @@ class Segment:
     kept_noise_n: white noise of the force that this window keeps [N]; 0: nothing is smoothed.
     acts: (T,) samples at which JointProblem.switched act; None: at all.
     trust: factor of its residuals in the cost, below 1 where the recording is noisier than another.
+    loose: (T - 1,) samples within which a set-point stepped at an unknown time, see step_times.py; None: nowhere.
     use: (OUTPUTS, T) samples that count.  block: (T,) number of the block of each sample, over all recordings.
     """
 
@@ -57,6 +58,7 @@ class Segment:
     late_s: float = 0.0
     jitter_s: float = 0.0
     acts: Flags | None = None
+    loose: Flags | None = None
     added: Array | None = None
     derivative_s: float = READING.smoothing_s
     band_s: float = 0.0

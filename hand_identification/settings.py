@@ -102,6 +102,17 @@ class IdentificationSettings:
         8.0, "prior standard deviations", "Largest coordinate of a fit.", CHOICE, "Very large effects are not reached.",
         "Fits leave the range of their numbers.")
 
+    # Steps between the rows of a table
+    step_shares: tuple[tuple[float, ...], ...] = setting(
+        ((-0.45, -0.15, 0.15, 0.45), (-0.15, 0.0, 0.15), (-0.05, 0.0, 0.05)), "rows",
+        "Times of a step at an unknown time that are tried, around the best one of the round before.", CHOICE,
+        "Steps are placed less exactly.", "Slower.")
+    step_window_s: float = setting(
+        0.1, "s", "Readings behind such a step that say when it came.", CHOICE,
+        "Noise of the readings moves the steps.", "What the valve lacks moves the steps.")
+    step_samples: int = setting(
+        3, "samples", "Readings that do at least.", CHOICE, "As above.", "As above.")
+
     # Steps of a fit
     integration_step_s: float = setting(
         2.6e-3, "s", "Largest integration step where a fit names none.", CHOICE, "Slower.", "Less exact.")

@@ -96,8 +96,8 @@ class ReadingSettings:
         2.0, "-", "Relative difference of two errors, times the root of the samples, that is no chance.", CHOICE,
         "Chance decides when set-points came into force.", "The stamps of rows count although pressures differ.")
     most_between_rows: float = setting(
-        0.02, "-", "Share of readings after steps between the rows of a table up to which they are left out.", CHOICE,
-        "Joints with a few such steps are not diagnosed.", "Joints with little left are diagnosed.")
+        0.15, "-", "Share of the rows of a table between which set-points step, up to which the pressures say when.",
+        CHOICE, "Joints with quick steps are not diagnosed.", "Hardly a reading is left that does not place a step.")
     late_commands_s: float = setting(
         0.02, "s", "Set-points sent later than this after the stamp of their frame are reported.", CHOICE,
         "Controllers of normal speed are reported.", "Busy hosts are not reported.")

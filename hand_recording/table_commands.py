@@ -2,8 +2,9 @@
 
 A row says which set-point is in force, and its stamp when its readings were taken. Where rows are stamped at uneven
 times, the set-point may still have been sent by a steady clock. Where a table has fewer rows than there were commands,
-the set-points moved between the rows: along a straight line where they are smooth, or by steps at unknown times, with
-which nothing can be compared. The measured pressures decide what they follow; where they do not, the stamp counts.
+the set-points moved between the rows: along a straight line where they are smooth, or by steps at unknown times, which
+the model of the valve places (hand_identification/step_times.py) where they are not too many. The measured pressures
+decide what they follow; where they do not, the stamp counts.
 
 A row that is missing takes its set-point with it. A straight line between its neighbours replaces it. Where these
 differ by more than their slopes say, a step came at an unknown time, and the readings until the pressure has settled
@@ -31,12 +32,14 @@ ROUNDING = 1e-3
 class TableCommands:
     """Set-points in force, between_pa (parts (T - 1) + 1, J) [Pa], and what cannot be compared with them.
 
-    unknown: (T, J) readings after a step that came at an unknown time.  refused: (J,) joints all of whose steps did.
+    unknown: (T, J) readings after a step that was lost with its row.  loose: (T - 1, J) samples within which a step
+    came at an unknown time.  refused: (J,) joints with too many of these.
     """
 
     between_pa: Array
     parts: int
     unknown: Flags
+    loose: Flags
     refused: Flags
 
 
@@ -65,16 +68,23 @@ def set_points_between(clock: TableClock, sent_pa: Array, pressure_pa: Array) ->
         ticked = held(clock.tick_s)
         if _errors(ticked, parts, pressure_pa).sum() < clearly * errors.sum():
             between = ticked
-    refused = slow & (_after_steps(clock, sent, missing, slow).mean(axis=0) > READING.most_between_rows)
-    smooth = slow & ~refused
-    if smooth.any():
+    stepped = _stepped(sent, missing)
+    between_rows = stepped & slow & (missing == 0)[:, None] & (np.abs(np.diff(sent, axis=0)) > READING.lost_step_pa)
+    refused = between_rows.mean(axis=0) > READING.most_between_rows
+    if (slow & ~refused).any():
         line = np.column_stack([np.interp(fine, clock.tick_s, column) for column in sent.T])
-        smooth &= _errors(line, parts, pressure_pa) < errors
+        smooth = slow & ~refused & ((_errors(line, parts, pressure_pa) < errors) | between_rows.any(axis=0))
         between = np.where(smooth, line, between)
-    unknown = _after_steps(clock, sent, missing, smooth)
+    loose = np.zeros((len(grid) - 1, sent.shape[1]), dtype=bool)
+    ticks = np.rint((clock.tick_s[:-1] - grid[0]) / period_s).astype(np.int64)
+    loose[np.clip(ticks, 0, len(grid) - 2)] = between_rows & ~refused
+    long = np.diff(clock.time_s) > longest_gap_s(period_s)
+    unknown = _after_lost(clock, (stepped | long[:, None]) & (missing > 0)[:, None])
+    if loose.any():
+        return TableCommands(between, parts, unknown, loose, refused)
     if np.array_equal(between[:-1], np.repeat(between[:-1:parts], parts, axis=0), equal_nan=True):
         between, parts = between[::parts], 1
-    return TableCommands(between, parts, unknown, refused)
+    return TableCommands(between, parts, unknown, loose, refused)
 
 
 def _with_missing(sent_pa: Array, missing: NDArray[np.int64]) -> tuple[Array, Array]:
@@ -88,18 +98,20 @@ def _with_missing(sent_pa: Array, missing: NDArray[np.int64]) -> tuple[Array, Ar
     return places, np.column_stack([np.interp(places, rows, column) for column in sent_pa.T])
 
 
-def _after_steps(clock: TableClock, sent_pa: Array, missing: NDArray[np.int64], slow: Flags) -> Flags:
-    """Flags (T, J) of the readings after a step at an unknown time.
+def _stepped(sent_pa: Array, missing: NDArray[np.int64]) -> Flags:
+    """Flags (N - 1, J): between which rows a set-point changed otherwise than by its slope.
 
-    missing: (N - 1,) rows that are missing behind each.  slow: (J,) joints whose set-points came between any two rows.
+    missing: (N - 1,) rows that are missing behind each.
     """
-    grid, time_s = clock.grid_s, clock.time_s
     change = np.diff(sent_pa, axis=0)
     before, after = change[np.maximum(np.arange(len(change)) - 1, 0)], np.vstack([change[1:], change[-1:]])
-    more = np.abs(change - 0.5 * (before + after) * (missing + 1)[:, None])
-    long = np.diff(time_s) > longest_gap_s(float(grid[1] - grid[0]))
-    lost = ((more > READING.lost_step_pa) | long[:, None]) & ((missing > 0)[:, None] | slow)
-    flags = np.zeros((len(grid), sent_pa.shape[1]), dtype=bool)
+    return np.abs(change - 0.5 * (before + after) * (missing + 1)[:, None]) > READING.lost_step_pa
+
+
+def _after_lost(clock: TableClock, lost: Flags) -> Flags:
+    """Flags (T, J) of the readings after a step that was lost with its row. lost: (N - 1, J) behind which row."""
+    grid, time_s = clock.grid_s, clock.time_s
+    flags = np.zeros((len(grid), lost.shape[1]), dtype=bool)
     for row in np.flatnonzero(lost.any(axis=1)).tolist():
         first, end = np.searchsorted(grid, [time_s[row] + 1e-9, time_s[row + 1] + READING.lost_step_s])
         flags[first:end, lost[row]] = True

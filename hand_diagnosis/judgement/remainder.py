@@ -65,9 +65,9 @@ def remainders(joints: Sequence[JointResult]) -> list[Remainder]:
     return [remainder(result, stage) for result, stage in left]
 
 
-def verdict(findings: Sequence[Finding], left: Sequence[Remainder], judged: int) -> str:
-    """agrees, explained, partly_explained or unknown_physics; unusable where none was judged of the joints."""
-    if judged == 0:
+def verdict(findings: Sequence[Finding], left: Sequence[Remainder], joints: int) -> str:
+    """agrees, explained, partly_explained or unknown_physics; unusable where no joint was diagnosed."""
+    if joints == 0:
         return "unusable"
     if left:
         return "partly_explained" if any(f.effect != "dropped_frames" for f in findings) else "unknown_physics"

@@ -122,6 +122,7 @@ def slice_of(segment: Segment, begin: int, end: int) -> Segment:
         use=segment.use[:, part],
         block=segment.block[part],
         acts=None if segment.acts is None else segment.acts[part],
+        loose=None if segment.loose is None else segment.loose[begin : end - 1],
     )
 
 

@@ -29,7 +29,7 @@ def result(before: float, after: float) -> StageResult:
     )
 
 
-def test_a_recording_in_which_nothing_is_judged_does_not_agree() -> None:
+def test_a_recording_without_a_diagnosed_joint_does_not_agree() -> None:
     """Fails when joints that could not be compared with the model pass for joints that agree with it."""
     assert verdict([], [], 0) == "unusable"
     assert verdict([], [], 1) == "agrees"

@@ -9,7 +9,8 @@ import pytest
 
 from hand_model.arrays import Array, Flags
 from hand_recording.sample_clock import steady_times
-from hand_recording.table_commands import set_points_between
+from hand_recording.settings import READING
+from hand_recording.table_commands import TableCommands, set_points_between
 
 RATE_HZ, COUNT, TAU_S = 80.0, 2400, 0.05
 SCATTER_S = 1.5e-3
@@ -88,19 +89,35 @@ def test_a_set_point_that_is_written_when_it_changes_holds() -> None:
     assert not unknown.any()
 
 
+def slow_table(sent: Array, every: int, rng: np.random.Generator) -> TableCommands:
+    """What is made of every n-th row of a table of one joint."""
+    ticks = np.arange(COUNT) / RATE_HZ
+    pressure = pressure_at(ticks, ticks, sent) + 200.0 * rng.standard_normal(COUNT)
+    rows = ticks[::every]
+    clock = steady_times(rows, rows, np.sin(2.0 * np.pi * rows)[:, None])
+    return set_points_between(clock, sent[::every, None], pressure[::every, None])
+
+
 @pytest.mark.parametrize("every", [2, 3])
-def test_steps_between_the_rows_of_a_slow_table_are_refused(every: int) -> None:
-    """Fails when set-points that came before their rows are compared with the pressures, or all rows are refused."""
+def test_steps_between_the_rows_of_a_slow_table_are_loose(every: int) -> None:
+    """Fails when a step that came before its row counts as one at its row, or another sample is called loose."""
     print("seed 93")
     rng = np.random.default_rng(93)
-    ticks, sent = np.arange(COUNT) / RATE_HZ, np.roll(steps(rng), 7)
-    pressure = pressure_at(ticks, ticks, sent) + 200.0 * rng.standard_normal(COUNT)
-    for kept, expected in ((slice(None, None, every), True), (slice(None), False)):
-        clock = steady_times(ticks[kept], ticks[kept], np.sin(2.0 * np.pi * ticks[kept])[:, None])
-        found = set_points_between(clock, sent[kept, None], pressure[kept, None])
-        assert found.refused.tolist() == [expected]
-        assert found.parts == 1
-        assert not found.unknown.any(), "a joint that is refused has its readings; no frame is missing"
+    sent = np.roll(np.repeat(rng.uniform(0.0, 4e5, COUNT // 40), 40), 7)
+    found = slow_table(sent, every, rng)
+    assert not found.refused.any() and not found.unknown.any() and found.parts > 1
+    np.testing.assert_array_equal(found.loose[:, 0], np.abs(np.diff(sent[::every])) > READING.lost_step_pa)
+    assert not slow_table(sent, 1, rng).loose.any()
+
+
+def test_a_table_with_a_step_at_every_other_row_is_refused() -> None:
+    """Fails when hardly a reading is left that does not place a step, and the joint is diagnosed."""
+    print("seed 95")
+    rng = np.random.default_rng(95)
+    found = slow_table(np.roll(np.repeat(rng.uniform(0.0, 4e5, COUNT // 6), 6), 1), 3, rng)
+    assert found.refused.tolist() == [True]
+    assert not found.loose.any()
+    assert not found.unknown.any(), "a joint that is refused has its readings; no frame is missing"
 
 
 def test_smooth_set_points_between_the_rows_of_a_slow_table_are_bridged() -> None:

@@ -1,0 +1,97 @@
+"""When set-points stepped of which a table shows only that they did between two of its rows.
+
+The valve's model says which pressures follow a step at each time within the row before; the step is put where they
+differ least from the readings. The first reading behind a step is spent on that and does not count as a comparison.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hand_identification.free_parameters import FreeParameter
+from hand_identification.joint_problem import JointProblem, Segment
+from hand_identification.settings import FITS
+from hand_model.arrays import Array
+
+Places = NDArray[np.intp]
+
+
+def place_steps(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> None:
+    """Put the loose steps of every segment where the valve's model at the coordinates z (free,) [-] sees them.
+
+    Neighbouring steps are placed in turn, since the pressure after one depends on the one before.
+    """
+    places = [_places(segment) for segment in problem.segments]
+    if problem.driven or not any(len(at) for at in places):
+        return
+    columns, starts = problem.columns(free, z[None])
+
+    def stepped(shares: Sequence[Array]) -> list[Segment]:
+        return [_stepped(each, at, share) for each, at, share in zip(problem.segments, places, shares, strict=True)]
+
+    def residuals(shares: Sequence[Array]) -> list[Array]:
+        segments = stepped(shares)
+        predicted = replace(problem, segments=segments).predict(columns, starts)
+        return [
+            np.where(segment.known, segment.pressure_pa - readings[0, 0], 0.0)
+            for segment, readings in zip(segments, predicted, strict=True)
+        ]
+
+    shares = [np.full(len(at), 0.5) for at in places]
+    for tried in FITS.step_shares:
+        for turn in (0, 1):
+            moved = [np.clip(share[None] + np.array(tried)[:, None], 0.0, 1.0) for share in shares]
+            for share, candidates in zip(shares, moved, strict=True):
+                candidates[:, 1 - turn :: 2] = share[1 - turn :: 2]
+            errors = [residuals([candidates[k] for candidates in moved]) for k in range(len(tried))]
+            for n, (segment, at) in enumerate(zip(problem.segments, places, strict=True)):
+                squares = np.array([_after(segment, at, each[n]) for each in errors])
+                shares[n][turn::2] = _lowest(moved[n], squares)[turn::2]
+    problem.segments[:] = stepped(shares)
+
+
+def _places(segment: Segment) -> Places:
+    """Samples (n,) behind which a step came at an unknown time."""
+    return np.flatnonzero(segment.loose) if segment.loose is not None else np.zeros(0, dtype=np.intp)
+
+
+def _stepped(segment: Segment, at: Places, shares: Array) -> Segment:
+    """The segment with each set-point in force for the last share of its sample; a part in between has the mean."""
+    if not len(at):
+        return segment
+    parts = (len(segment.commanded_pa) - 1) // (len(segment.angle_rad) - 1)
+    commanded, before = segment.commanded_pa.copy(), segment.set_point_pa[at]
+    after = segment.set_point_pa[at + 1]
+    for part in range(parts):
+        in_force = np.clip(part + 1.0 - parts * (1.0 - shares), 0.0, 1.0)
+        commanded[parts * at + part] = before + in_force * (after - before)
+    return replace(segment, commanded_pa=commanded)
+
+
+def _after(segment: Segment, at: Places, residual: Array) -> Array:
+    """Sums of squared residuals (n,) [Pa^2] behind each step, up to the next one."""
+    window = max(round(FITS.step_window_s / segment.period_s), FITS.step_samples)
+    ends = np.minimum(at + 1 + window, np.append(at[1:] + 1, len(residual)))
+    total = np.concatenate([[0.0], np.cumsum(residual**2)])
+    return np.asarray(total[ends] - total[at + 1], dtype=np.float64)
+
+
+def _lowest(shares: Array, squares: Array) -> Array:
+    """Shares (n,) of the least squares (candidates, n), by a parabola through the best candidate and its neighbours."""
+    count, steps = squares.shape
+    best = np.clip(np.argmin(squares, axis=0), 1, count - 2)
+    every = np.arange(steps)
+    (x0, x1, x2), (y0, y1, y2) = (
+        (values[best - 1, every], values[best, every], values[best + 1, every]) for values in (shares, squares)
+    )
+    left, right = (x1 - x0) * (y1 - y2), (x1 - x2) * (y1 - y0)
+    bend = left - right
+    with np.errstate(divide="ignore", invalid="ignore"):
+        lowest = x1 - 0.5 * ((x1 - x0) * left - (x1 - x2) * right) / bend
+    least = shares[np.argmin(squares, axis=0), every]
+    inside = np.isfinite(lowest) & (bend < 0.0) & (np.abs(lowest - x1) <= np.maximum(x2 - x1, x1 - x0))
+    return np.asarray(np.where(inside, lowest, least), dtype=np.float64)
