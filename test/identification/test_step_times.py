@@ -92,7 +92,7 @@ def test_readings_that_place_a_step_count_as_no_comparison() -> None:
     assert use[1:][~loose].mean() > 0.9
 
 
-def test_another_model_of_the_valve_places_them_anew() -> None:
+def test_another_model_of_the_valve_places_them_again() -> None:
     """Fails when steps stay where a wrong valve put them: the right one would leave errors."""
     hand = load_hand(CONFIG)
     signals, loose, share = recorded(hand, 20, 33)
