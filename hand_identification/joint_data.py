@@ -15,7 +15,7 @@ from hand_identification.joint_problem import (
     initial_weights,
 )
 from hand_identification.settings import FITS
-from hand_identification.step_times import place_steps
+from hand_identification.step_times import settle_steps
 from hand_model.arrays import Array, Flags
 from hand_model.joint_model import JointModel
 from hand_model.kernel.layout import OMEGA, PHI, P
@@ -66,7 +66,8 @@ def joint_problem(
         floor=np.asarray(floor),
         machine=signals[0].machine,
     )
-    place_steps(problem, (), np.zeros(0))
+    if any(segment.loose is not None and segment.loose.any() for segment in segments):
+        settle_steps(problem)
     return problem
 
 
@@ -174,8 +175,6 @@ def _use(signals: Signals, j: int, force: Array) -> Flags:
     known = signals.known[:, j] & settled
     use = np.zeros((OUTPUTS, signals.samples), dtype=bool)
     use[0] = known & bool(signals.has_set_point[j]) & bool(signals.has_pressure[j])
-    if signals.loose is not None:  # the reading behind such a step says when it came, see step_times.py
-        use[0, 1:] &= ~signals.loose[:, j]
     use[1] = known & bool(signals.has_pressure[j]) & (not signals.still)
     if signals.driven:
         # Derivatives at the end of a recording are extrapolated by the last whole window.

@@ -110,6 +110,10 @@ class IdentificationSettings:
     step_window_s: float = setting(
         0.1, "s", "Readings behind such a step that say when it came.", CHOICE,
         "Noise of the readings moves the steps.", "What the valve lacks moves the steps.")
+    step_gain: float = setting(
+        0.8, "-", "Squared errors behind the steps of a table, over those with the steps at their rows, below which the"
+        " steps came between the rows.", CHOICE,
+        "Steps between rows count as errors of the model.", "Delays of the valve move the steps.")
     step_samples: int = setting(
         3, "samples", "Readings that do at least.", CHOICE, "As above.", "As above.")
 

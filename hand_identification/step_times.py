@@ -1,7 +1,8 @@
 """When set-points stepped of which a table shows only that they did between two of its rows.
 
-The valve's model says which pressures follow a step at each time within the row before; the step is put where they
+The valve's model says which pressures follow a step at each time since the row before; the step is put where they
 differ least from the readings. The first reading behind a step is spent on that and does not count as a comparison.
+Steps stay at their rows where the readings follow them there about as well: whoever logs its own commands has them so.
 """
 
 from __future__ import annotations
@@ -20,6 +21,22 @@ from hand_model.arrays import Array
 Places = NDArray[np.intp]
 
 
+def settle_steps(problem: JointProblem) -> None:
+    """Place the loose steps of every segment by the nominal model, or leave them at their rows and loose no longer."""
+    at_rows = [_stepped(each, _places(each), np.zeros(len(_places(each)))) for each in problem.segments]
+    place_steps(problem, (), np.zeros(0))
+    errors = [_squares(replace(problem, segments=segments)) for segments in (at_rows, problem.segments)]
+    for n, (held, placed) in enumerate(zip(*errors, strict=True)):
+        segment = problem.segments[n]
+        spent = 1.0 - 1.0 / _window(segment)  # a step that is placed anywhere takes one reading of its window with it
+        if placed < FITS.step_gain * spent * held:
+            use = segment.use.copy()
+            use[0, 1:] &= ~segment.loose if segment.loose is not None else True
+            problem.segments[n] = replace(segment, use=use)
+        else:
+            problem.segments[n] = replace(at_rows[n], loose=None)
+
+
 def place_steps(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> None:
     """Put the loose steps of every segment where the valve's model at the coordinates z (free,) [-] sees them.
 
@@ -36,10 +53,7 @@ def place_steps(problem: JointProblem, free: Sequence[FreeParameter], z: Array) 
     def residuals(shares: Sequence[Array]) -> list[Array]:
         segments = stepped(shares)
         predicted = replace(problem, segments=segments).predict(columns, starts)
-        return [
-            np.where(segment.known, segment.pressure_pa - readings[0, 0], 0.0)
-            for segment, readings in zip(segments, predicted, strict=True)
-        ]
+        return [_residual(segment, readings[0, 0]) for segment, readings in zip(segments, predicted, strict=True)]
 
     shares = [np.full(len(at), 0.5) for at in places]
     for tried in FITS.step_shares:
@@ -72,10 +86,28 @@ def _stepped(segment: Segment, at: Places, shares: Array) -> Segment:
     return replace(segment, commanded_pa=commanded)
 
 
+def _squares(problem: JointProblem) -> list[float]:
+    """Sum of squared residuals [Pa^2] behind the loose steps of each segment, by the nominal model."""
+    columns, starts = problem.columns((), np.zeros((1, 0)))
+    return [
+        float(_after(segment, _places(segment), _residual(segment, predicted[0, 0])).sum())
+        for segment, predicted in zip(problem.segments, problem.predict(columns, starts), strict=True)
+    ]
+
+
+def _residual(segment: Segment, pressure_pa: Array) -> Array:
+    """What a prediction (T,) leaves of the pressures that were read [Pa]."""
+    return np.where(segment.known, segment.pressure_pa - pressure_pa, 0.0)
+
+
+def _window(segment: Segment) -> int:
+    """Readings behind a step that say when it came."""
+    return max(round(FITS.step_window_s / segment.period_s), FITS.step_samples)
+
+
 def _after(segment: Segment, at: Places, residual: Array) -> Array:
     """Sums of squared residuals (n,) [Pa^2] behind each step, up to the next one."""
-    window = max(round(FITS.step_window_s / segment.period_s), FITS.step_samples)
-    ends = np.minimum(at + 1 + window, np.append(at[1:] + 1, len(residual)))
+    ends = np.minimum(at + 1 + _window(segment), np.append(at[1:] + 1, len(residual)))
     total = np.concatenate([[0.0], np.cumsum(residual**2)])
     return np.asarray(total[ends] - total[at + 1], dtype=np.float64)
 

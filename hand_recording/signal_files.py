@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_model.arrays import Array, Flags
+from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_model.yaml_reader import Section, read_yaml
 from hand_recording.hand_signals import hand_signals
@@ -42,10 +42,6 @@ COLUMN = ("column", "unit", "sign")
 TOO_FEW_ROWS = (
     "its pressure changes before the set-points of the rows do, because these stepped between the rows; record every"
     " set-point, as a rosbag2 does, or more rows a second"
-)
-PLACED = (
-    "set-points stepped between the rows; the readings after each step say when, by the model of the valve: record"
-    " every set-point, as a rosbag2 does, to see how the valve begins"
 )
 QUANTITIES = {"set_point": "pa", "pressure": "pa", "angle": "deg", "force": "n"}
 
@@ -74,7 +70,7 @@ def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
     clock = steady_times(time_s, grid, np.column_stack(angles)[kept])
     grid, rows = clock.grid_s, len(clock.time_s)
     data = {name: np.full((len(grid), len(joints)), np.nan) for name in QUANTITIES}
-    sent = np.full((rows, len(joints)), np.nan)
+    sent, read_pa = (np.full((rows, len(joints)), np.nan) for _ in range(2))
     for j, (_, section) in enumerate(joints):
         for name, unit in QUANTITIES.items():
             if name in section:
@@ -84,26 +80,22 @@ def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
                     sent[:, j] = values
                 else:
                     data[name][:, j] = _on_grid(grid, clock.time_s, values)
-    commands = set_points_between(clock, sent, data["pressure"])
+                if name == "pressure":
+                    read_pa[:, j] = values
+    commands = set_points_between(clock, sent, read_pa)
     data["set_point"] = commands.between_pa[:: commands.parts]
     names, share = tuple(name for name, _ in joints), rows / len(grid)
     signals = _signals(path, names, float(grid[1] - grid[0]), data, share)
     return replace(
         signals,
         known=signals.known & has_reading(grid, clock.time_s)[:, None] & ~commands.unknown,
-        notes=(*clock.notes, *_placed(path, names, commands.loose)),
+        notes=clock.notes,
         jitter_s=clock.jitter_s,
         start_s=on_calendar(float(clock.time_s[0])),
         between_pa=np.nan_to_num(commands.between_pa) if commands.parts > 1 else None,
         loose=commands.loose if commands.loose.any() else None,
         refused=tuple((name, TOO_FEW_ROWS) for name, at_fault in zip(names, commands.refused, strict=True) if at_fault),
     )
-
-
-def _placed(path: Path, names: tuple[str, ...], loose: Flags) -> list[str]:
-    """A line about the joints with steps at unknown times, loose (T - 1, J)."""
-    joints = [name for name, steps in zip(names, loose.T, strict=True) if steps.any()]
-    return [f"{path.name}: {', '.join(joints)}: {PLACED}"] if joints else []
 
 
 def uniform_clock(path: Path, time_s: Array) -> tuple[NDArray[np.intp], Array]:

@@ -46,7 +46,7 @@ class Signals:
     machine: the signals are those of another machine than a hand, to which the ranges of a hand do not apply.
     pressure_late_s: time from the reading of the angles of a sample to that of its pressures, by their stamps.
     between_pa: (parts (T - 1) + 1, J) set-points in force, `parts` evenly over each sample; None where they change at
-    samples only.  loose: (T - 1, J) samples within which a set-point stepped at an unknown time; None: nowhere.
+    samples only.  loose: (T - 1, J) samples within which a set-point may have stepped at any time; None: nowhere.
     jitter_s: standard deviation of the error of the samples' times that is left.
     added: what the load of this recording adds to parameters of the model, by key, SI.
     derivative_s: window over which speeds and accelerations are computed.

@@ -2,9 +2,9 @@
 
 A row says which set-point is in force, and its stamp when its readings were taken. Where rows are stamped at uneven
 times, the set-point may still have been sent by a steady clock. Where a table has fewer rows than there were commands,
-the set-points moved between the rows: along a straight line where they are smooth, or by steps at unknown times, which
-the model of the valve places (hand_identification/step_times.py) where they are not too many. The measured pressures
-decide what they follow; where they do not, the stamp counts.
+the set-points moved between the rows, along a straight line where they are smooth. The measured pressures decide what
+they follow; where they do not, the stamp counts. A step may have come at any time since the row before; where the
+pressures say so, the model of the valve says when (hand_identification/step_times.py).
 
 A row that is missing takes its set-point with it. A straight line between its neighbours replaces it. Where these
 differ by more than their slopes say, a step came at an unknown time, and the readings until the pressure has settled
@@ -33,7 +33,7 @@ class TableCommands:
     """Set-points in force, between_pa (parts (T - 1) + 1, J) [Pa], and what cannot be compared with them.
 
     unknown: (T, J) readings after a step that was lost with its row.  loose: (T - 1, J) samples within which a step
-    came at an unknown time.  refused: (J,) joints with too many of these.
+    may have come at any time.  refused: (J,) joints whose steps came between the rows, and too often to say when.
     """
 
     between_pa: Array
@@ -46,7 +46,7 @@ class TableCommands:
 def set_points_between(clock: TableClock, sent_pa: Array, pressure_pa: Array) -> TableCommands:
     """When set-points sent_pa (N, J) [Pa] of the rows of a table came into force; NaN where none is given.
 
-    pressure_pa: (T, J) measured, on the grid of the clock; NaN where there is none.
+    pressure_pa: (N, J) measured; NaN where there is none.
     """
     grid, rows = clock.grid_s, np.arange(len(clock.time_s), dtype=np.float64)
     period_s = float(grid[-1] - grid[0]) / (len(grid) - 1)
@@ -60,24 +60,28 @@ def set_points_between(clock: TableClock, sent_pa: Array, pressure_pa: Array) ->
     def held(at_rows_s: Array) -> Array:
         return _held(fine, np.interp(places, rows, at_rows_s), added)
 
-    between, slow = held(clock.time_s), np.zeros(sent.shape[1], dtype=bool)
-    errors = _errors(between, parts, pressure_pa)
-    if np.array_equal(clock.time_s, clock.tick_s):
-        slow = _errors(between, parts, pressure_pa, ahead=True) < clearly * errors
-    else:
+    def misses(between_pa: Array, *, ahead: bool = False) -> Array:
+        return _errors(_means(fine, between_pa, clock.time_s), clock.time_s, pressure_pa, ahead=ahead)
+
+    between = held(clock.time_s)
+    errors = misses(between)
+    if not np.array_equal(clock.time_s, clock.tick_s):
         ticked = held(clock.tick_s)
-        if _errors(ticked, parts, pressure_pa).sum() < clearly * errors.sum():
-            between = ticked
+        on_ticks = misses(ticked)
+        if on_ticks.sum() < clearly * errors.sum():
+            between, errors = ticked, on_ticks
+    slow = misses(between, ahead=True) < clearly * errors
     stepped = _stepped(sent, missing)
-    between_rows = stepped & slow & (missing == 0)[:, None] & (np.abs(np.diff(sent, axis=0)) > READING.lost_step_pa)
-    refused = between_rows.mean(axis=0) > READING.most_between_rows
+    between_rows = stepped & (missing == 0)[:, None] & (np.abs(np.diff(sent, axis=0)) > READING.lost_step_pa)
+    many = between_rows.mean(axis=0) > READING.most_between_rows
+    refused = slow & many
     if (slow & ~refused).any():
         line = np.column_stack([np.interp(fine, clock.tick_s, column) for column in sent.T])
-        smooth = slow & ~refused & ((_errors(line, parts, pressure_pa) < errors) | between_rows.any(axis=0))
+        smooth = slow & ~refused & (misses(line) < errors)
         between = np.where(smooth, line, between)
     loose = np.zeros((len(grid) - 1, sent.shape[1]), dtype=bool)
     ticks = np.rint((clock.tick_s[:-1] - grid[0]) / period_s).astype(np.int64)
-    loose[np.clip(ticks, 0, len(grid) - 2)] = between_rows & ~refused
+    loose[np.clip(ticks, 0, len(grid) - 2)] = between_rows & ~many
     long = np.diff(clock.time_s) > longest_gap_s(period_s)
     unknown = _after_lost(clock, (stepped | long[:, None]) & (missing > 0)[:, None])
     if loose.any():
@@ -129,19 +133,29 @@ def _held(at_s: Array, time_s: Array, values: Array) -> Array:
     return held
 
 
-def _errors(between_pa: Array, parts: int, pressure_pa: Array, *, ahead: bool = False) -> Array:
-    """Relative RMS errors (J,) of the change of pressure from sample to sample, by a line over set-points and pressure.
+def _means(fine_s: Array, between_pa: Array, time_s: Array) -> Array:
+    """Mean set-points (N - 1, J) between rows at times (N,), of those in force from evenly spaced times (F,) on."""
+    area = np.vstack([np.zeros(between_pa.shape[1]), np.cumsum(between_pa[:-1] * (fine_s[1] - fine_s[0]), axis=0)])
+    at_rows = np.column_stack([np.interp(time_s, fine_s, column) for column in area.T])
+    return np.asarray(np.diff(at_rows, axis=0) / np.diff(time_s)[:, None], dtype=np.float64)
 
-    A valve of any speed lets the change depend on the mean set-points of this sample and of those before it. ahead:
-    it may depend on those of the next sample, too, which no valve knows (Granger, Econometrica 37(3), 1969).
+
+def _errors(mean_pa: Array, time_s: Array, pressure_pa: Array, *, ahead: bool = False) -> Array:
+    """Relative RMS errors (J,) of the rate of the pressure from row to row, by a line over set-points and pressure.
+
+    mean_pa: (N - 1, J) between the rows.  A valve of any speed lets the rate depend on the mean set-points of this
+    step and of those before it. ahead: it may depend on those of the next one, too, which no valve knows (Granger,
+    Econometrica 37(3), 1969).
     """
-    mean = between_pa[:-1].reshape(-1, parts, between_pa.shape[1]).mean(axis=1)
-    errors = np.zeros(mean.shape[1])
-    for j, (u, p) in enumerate(zip(mean.T, pressure_pa.T, strict=True)):
-        change = np.diff(p)[2:-1]
+    step_s = np.diff(time_s)
+    usual = np.abs(step_s - np.median(step_s)) < 0.5 * np.median(step_s)
+    even = usual[3:] & usual[2:-1] & usual[1:-2] & usual[:-3]
+    errors = np.zeros(mean_pa.shape[1])
+    for j, (u, p) in enumerate(zip(mean_pa.T, pressure_pa.T, strict=True)):
+        change = (np.diff(p) / step_s)[2:-1]
         causes = np.column_stack([u[2:-1], u[1:-2], u[:-3], p[2:-2], p[1:-3], np.ones(len(change)), u[3:]])
         causes = causes if ahead else causes[:, :-1]
-        usable = np.isfinite(change) & np.isfinite(causes).all(axis=1)
+        usable = even & np.isfinite(change) & np.isfinite(causes).all(axis=1)
         if usable.sum() > causes.shape[1] and np.ptp(change[usable]) > 0.0:
             answer, *_ = np.linalg.lstsq(causes[usable], change[usable], rcond=None)
             errors[j] = np.std(change[usable] - causes[usable] @ answer) / np.std(change[usable])
