@@ -18,6 +18,10 @@ from hand_identification.joint_problem import JointProblem
 from hand_identification.settings import FITS
 from hand_model.arrays import Array
 from hand_model.compile_cache import njit
+from hand_model.kernel.open_loop import LANES
+
+AT_ONCE = 2 * LANES
+"""Coordinates whose costs are computed at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -287,8 +291,12 @@ def _active_set(hessian, gradient, low, high):  # type: ignore[no-untyped-def]
 
 
 def costs_at(problem: JointProblem, free: Sequence[FreeParameter], points: Array) -> Array:
-    """Costs (k,) [nats] at coordinates (k, free), simulated together; infinite where the simulation is."""
-    return _simulated(problem, free, points)[0]
+    """Costs (k,) [nats] at coordinates (k, free), infinite where the simulation is.
+
+    Some at a time, because the residuals of all of them would fill the memory for a long recording.
+    """
+    parts = [points[k : k + AT_ONCE] for k in range(0, len(points), AT_ONCE)]
+    return np.concatenate([_simulated(problem, free, part)[0] for part in parts]) if parts else np.zeros(0)
 
 
 def _simulated(problem: JointProblem, free: Sequence[FreeParameter], points: Array) -> tuple[Array, Array, list[Array]]:
