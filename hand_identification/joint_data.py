@@ -66,7 +66,7 @@ def joint_problem(
         floor=np.asarray(floor),
         machine=signals[0].machine,
     )
-    if any(segment.loose is not None and segment.loose.any() for segment in segments):
+    if any(segment.loose is not None for segment in segments):
         settle_steps(problem)
     return problem
 

@@ -111,9 +111,9 @@ class IdentificationSettings:
         0.1, "s", "Readings behind such a step that say when it came.", CHOICE,
         "Noise of the readings moves the steps.", "What the valve lacks moves the steps.")
     step_gain: float = setting(
-        0.8, "-", "Squared errors behind the steps of a table, over those with the steps at their rows, below which the"
-        " steps came between the rows.", CHOICE,
-        "Steps between rows count as errors of the model.", "Delays of the valve move the steps.")
+        0.9, "-", "Squared errors of the pressures of a table with set-points between its rows, over those with"
+        " set-points at the rows, from which they stay there.", CHOICE,
+        "Set-points between rows count as errors of the model.", "Not possible above 1.")
     step_samples: int = setting(
         3, "samples", "Readings that do at least.", CHOICE, "As above.", "As above.")
 

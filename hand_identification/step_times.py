@@ -2,7 +2,7 @@
 
 The valve's model says which pressures follow a step at each time since the row before; the step is put where they
 differ least from the readings. The first reading behind a step is spent on that and does not count as a comparison.
-Steps stay at their rows where the readings follow them there about as well: whoever logs its own commands has them so.
+Set-points stay at their rows where the readings follow them there about as well: who logs its own commands has them so.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import Akima1DInterpolator
 
 from hand_identification.free_parameters import FreeParameter
 from hand_identification.joint_problem import JointProblem, Segment
@@ -22,19 +23,23 @@ Places = NDArray[np.intp]
 
 
 def settle_steps(problem: JointProblem) -> None:
-    """Place the loose steps of every segment by the nominal model, or leave them at their rows and loose no longer."""
-    at_rows = [_stepped(each, _places(each), np.zeros(len(_places(each)))) for each in problem.segments]
+    """Decide by the nominal model when the set-points of tables came: as they were read, or between the rows.
+
+    Between the rows they move smoothly but for the loose steps, which are placed. Where that does not fit
+    the pressures better, the steps stay at their rows and are loose no longer.
+    """
+    read = list(problem.segments)
+    problem.segments[:] = [_smooth(segment) for segment in read]
     place_steps(problem, (), np.zeros(0))
-    errors = [_squares(replace(problem, segments=segments)) for segments in (at_rows, problem.segments)]
-    for n, (held, placed) in enumerate(zip(*errors, strict=True)):
-        segment = problem.segments[n]
-        spent = 1.0 - 1.0 / _window(segment)  # a step that is placed anywhere takes one reading of its window with it
-        if placed < FITS.step_gain * spent * held:
-            use = segment.use.copy()
-            use[0, 1:] &= ~segment.loose if segment.loose is not None else True
+    held, between = (_squares(replace(problem, segments=segments)) for segments in (read, problem.segments))
+    for n, segment in enumerate(problem.segments):
+        use, steps = segment.use.copy(), _places(segment)
+        spent = 1.0 - len(steps) / max(int(use[0].sum()), len(steps), 1)  # each step that is placed takes one reading
+        if segment.loose is not None and between[n] < FITS.step_gain * spent * held[n]:
+            use[0, 1 + steps] = False
             problem.segments[n] = replace(segment, use=use)
         else:
-            problem.segments[n] = replace(at_rows[n], loose=None)
+            problem.segments[n] = replace(read[n], loose=None)
 
 
 def place_steps(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> None:
@@ -87,12 +92,23 @@ def _stepped(segment: Segment, at: Places, shares: Array) -> Segment:
 
 
 def _squares(problem: JointProblem) -> list[float]:
-    """Sum of squared residuals [Pa^2] behind the loose steps of each segment, by the nominal model."""
-    columns, starts = problem.columns((), np.zeros((1, 0)))
-    return [
-        float(_after(segment, _places(segment), _residual(segment, predicted[0, 0])).sum())
-        for segment, predicted in zip(problem.segments, problem.predict(columns, starts), strict=True)
-    ]
+    """Sum of squared residuals [Pa^2] of the pressures of each segment that count, by the nominal model."""
+    residuals = problem.residuals(*problem.columns((), np.zeros((1, 0))))
+    return [float(np.sum(residual[0, 0] ** 2)) for residual in residuals]
+
+
+def _smooth(segment: Segment) -> Segment:
+    """The segment with set-points that move smoothly from sample to sample; as it is if it is no table's.
+
+    By cubics that keep to the data next to a jump (Akima, J. ACM 17(4), 1970).
+    """
+    samples = len(segment.angle_rad)
+    if segment.loose is None or samples < 2:
+        return segment
+    parts = (len(segment.commanded_pa) - 1) // (samples - 1)
+    curve = Akima1DInterpolator(np.arange(samples), segment.set_point_pa, method="makima")
+    within = curve((np.arange(parts * (samples - 1)) + 0.5) / parts)
+    return replace(segment, commanded_pa=np.append(within, segment.set_point_pa[-1]))
 
 
 def _residual(segment: Segment, pressure_pa: Array) -> Array:

@@ -89,6 +89,9 @@ class ReadingSettings:
     lost_step_pa: float = setting(
         5e3, "Pa", "Change of a set-point over a missing row of a table, beyond its slope: a lost step.", CHOICE,
         "Fast but smooth set-points are left out, too.", "Steps at unknown times count as errors of the model.")
+    jump_share: float = setting(
+        0.3, "-", "Share of the change of a set-point from row to row, beyond its slope, from which it jumped.", CHOICE,
+        "Fast but smooth set-points are taken for steps.", "Steps that follow each other are taken for slopes.")
     lost_step_s: float = setting(
         0.3, "s", "Time after a lost step for which the readings of its joint are left out.", CHOICE,
         "Slow valves have not settled.", "More readings are left out than need be.")

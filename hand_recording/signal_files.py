@@ -93,7 +93,7 @@ def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
         jitter_s=clock.jitter_s,
         start_s=on_calendar(float(clock.time_s[0])),
         between_pa=np.nan_to_num(commands.between_pa) if commands.parts > 1 else None,
-        loose=commands.loose if commands.loose.any() else None,
+        loose=commands.loose,
         refused=tuple((name, TOO_FEW_ROWS) for name, at_fault in zip(names, commands.refused, strict=True) if at_fault),
     )
 

@@ -71,23 +71,18 @@ def set_points_between(clock: TableClock, sent_pa: Array, pressure_pa: Array) ->
         if on_ticks.sum() < clearly * errors.sum():
             between, errors = ticked, on_ticks
     slow = misses(between, ahead=True) < clearly * errors
-    stepped = _stepped(sent, missing)
-    between_rows = stepped & (missing == 0)[:, None] & (np.abs(np.diff(sent, axis=0)) > READING.lost_step_pa)
+    stepped = _beyond_slope(sent, missing) > READING.lost_step_pa
+    between_rows = stepped & (missing == 0)[:, None] & _is_jump(sent)
     many = between_rows.mean(axis=0) > READING.most_between_rows
     refused = slow & many
     if (slow & ~refused).any():
         line = np.column_stack([np.interp(fine, clock.tick_s, column) for column in sent.T])
-        smooth = slow & ~refused & (misses(line) < errors)
-        between = np.where(smooth, line, between)
+        between = np.where(slow & ~refused, line, between)
     loose = np.zeros((len(grid) - 1, sent.shape[1]), dtype=bool)
     ticks = np.rint((clock.tick_s[:-1] - grid[0]) / period_s).astype(np.int64)
     loose[np.clip(ticks, 0, len(grid) - 2)] = between_rows & ~many
     long = np.diff(clock.time_s) > longest_gap_s(period_s)
     unknown = _after_lost(clock, (stepped | long[:, None]) & (missing > 0)[:, None])
-    if loose.any():
-        return TableCommands(between, parts, unknown, loose, refused)
-    if np.array_equal(between[:-1], np.repeat(between[:-1:parts], parts, axis=0), equal_nan=True):
-        between, parts = between[::parts], 1
     return TableCommands(between, parts, unknown, loose, refused)
 
 
@@ -102,14 +97,20 @@ def _with_missing(sent_pa: Array, missing: NDArray[np.int64]) -> tuple[Array, Ar
     return places, np.column_stack([np.interp(places, rows, column) for column in sent_pa.T])
 
 
-def _stepped(sent_pa: Array, missing: NDArray[np.int64]) -> Flags:
-    """Flags (N - 1, J): between which rows a set-point changed otherwise than by its slope.
+def _beyond_slope(sent_pa: Array, missing: NDArray[np.int64] | int = 0) -> Array:
+    """Changes of set-points (N - 1, J) [Pa] from row to row beyond the mean of the changes around them.
 
     missing: (N - 1,) rows that are missing behind each.
     """
     change = np.diff(sent_pa, axis=0)
     before, after = change[np.maximum(np.arange(len(change)) - 1, 0)], np.vstack([change[1:], change[-1:]])
-    return np.abs(change - 0.5 * (before + after) * (missing + 1)[:, None]) > READING.lost_step_pa
+    return np.asarray(np.abs(change - 0.5 * (before + after) * np.reshape(missing + 1, (-1, 1))))
+
+
+def _is_jump(sent_pa: Array) -> Flags:
+    """Flags (N - 1, J): whether a set-point jumped from row to row, which smooth motions do not, however fast."""
+    change = np.abs(np.diff(sent_pa, axis=0))
+    return (change > READING.lost_step_pa) & (_beyond_slope(sent_pa) > READING.jump_share * change)
 
 
 def _after_lost(clock: TableClock, lost: Flags) -> Flags:

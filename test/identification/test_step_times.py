@@ -22,8 +22,10 @@ JOINT, NOISE_PA, NOISE_RAD = "thumb_opposition", 400.0, 5e-4
 FINE_S, SECONDS = 1e-3, 24.0
 
 
-def recorded(hand: Hand, rows: int, seed: int, *, at_rows: bool = False) -> tuple[Signals, Flags, Array]:
-    """A joint that was driven by steps at any millisecond, or at a row, recorded every `rows` milliseconds.
+def recorded(
+    hand: Hand, rows: int, seed: int, *, at_rows: bool = False, sine: bool = False
+) -> tuple[Signals, Flags, Array]:
+    """A joint driven by steps at any millisecond, or at a row, or by a sine, recorded every `rows` milliseconds.
 
     Also the samples within which a step came, and how long each was in force there, in samples.
     """
@@ -34,27 +36,30 @@ def recorded(hand: Hand, rows: int, seed: int, *, at_rows: bool = False) -> tupl
     at = at[at < count - 400] // rows * rows if at_rows else at[at < count - 400]
     levels = rng.uniform(0.0, 4e5, len(at) + 1)
     sent = levels[np.searchsorted(at, np.arange(count), side="right")]
+    shown = sent
+    if sine:  # a millisecond has the set-point of its middle
+        sent, shown = (2e5 - 1.5e5 * np.cos(8.0 * FINE_S * (np.arange(count) + late)) for late in (0.5, 0.0))
+        at = at[:0]
     loop = ClosedLoop(hand.parameters[:, [index]][None], np.array([-1]), np.zeros((1, 4, 1)), FINE_S)
     states = np.concatenate([np.zeros((1, 4)), loop.advance(sent[None, :-1, None])[0][:, :, 0]])[::rows]
     shape, yes = (len(states), 1), np.ones(1, dtype=bool)
     loose = np.zeros((len(states) - 1, 1), dtype=bool)
-    between = np.full(len(at), True) if at_rows else at % rows != 0
-    loose[at[between] // rows - at_rows] = True
+    loose[(at - 1) // rows] = True  # at a row: at the end of the sample before it
     signals = Signals(
         name="rows",
         joints=(JOINT,),
         period_s=rows * FINE_S,
-        set_point_pa=sent[::rows, None],
+        set_point_pa=shown[::rows, None],
         pressure_pa=states[:, :1] + NOISE_PA * rng.standard_normal(shape),
         angle_rad=states[:, 1:2] + NOISE_RAD * rng.standard_normal(shape),
         force_n=np.full(shape, np.nan),
         known=np.ones(shape, dtype=bool),
         has_set_point=yes,
         has_pressure=yes,
-        between_pa=np.repeat(sent[::rows, None], 8, axis=0)[: 8 * (len(states) - 1) + 1],
+        between_pa=np.repeat(shown[::rows, None], 8, axis=0)[: 8 * (len(states) - 1) + 1],
         loose=loose,
     )
-    return signals, loose[:, 0], 1.0 - (at[between] % rows) / rows
+    return signals, loose[:, 0], 1.0 - ((at - 1) % rows + 1) / rows
 
 
 def in_force(problem: JointProblem, loose: Flags) -> Array:
@@ -104,6 +109,14 @@ def test_another_model_of_the_valve_places_them_again() -> None:
     place_steps(problem, (), np.zeros(0))
     assert np.median(np.abs(in_force(problem, loose) - share)) < 0.5 * wrong
     assert left_pa(problem) < 1.2 * NOISE_PA
+
+
+def test_a_smooth_set_point_moves_between_the_rows() -> None:
+    """Fails when a sine of a fast board is held from row to row, a half of a period late."""
+    hand = load_hand(CONFIG)
+    signals, _, _ = recorded(hand, 20, 36, sine=True)
+    assert left_pa(joint_problem([signals], hand, JOINT)) < 1.2 * NOISE_PA
+    assert left_pa(joint_problem([replace(signals, loose=None)], hand, JOINT)) > 3.0 * NOISE_PA
 
 
 @pytest.mark.parametrize("rows", [5, 20])
