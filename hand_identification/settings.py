@@ -114,6 +114,13 @@ class IdentificationSettings:
         0.9, "-", "Squared errors of the pressures of a table with set-points between its rows, over those with"
         " set-points at the rows, from which they stay there.", CHOICE,
         "Set-points between rows count as errors of the model.", "Not possible above 1.")
+    step_tolerance: float = setting(
+        0.2, "-", "Relative standard deviation of the numbers of the valve while that is decided.", CHOICE,
+        "Wrong numbers look like late set-points.", "Late set-points look like wrong numbers.")
+    step_iterations: int = setting(
+        4, "iterations", "Iterations of those fits.", CHOICE, "As above.", "Slower.")
+    step_rounds: int = setting(
+        2, "rounds", "Rounds in which steps are placed and the numbers fitted.", CHOICE, "Less exact.", "Slower.")
     step_samples: int = setting(
         3, "samples", "Readings that do at least.", CHOICE, "As above.", "As above.")
 

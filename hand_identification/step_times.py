@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 
-from hand_identification.free_parameters import FreeParameter
+from hand_identification.free_parameters import FreeParameter, nominal_free_parameters
 from hand_identification.joint_problem import JointProblem, Segment
+from hand_identification.map_fit import MapFit, map_fit
 from hand_identification.settings import FITS
 from hand_model.arrays import Array
 
@@ -23,15 +24,22 @@ Places = NDArray[np.intp]
 
 
 def settle_steps(problem: JointProblem) -> None:
-    """Decide by the nominal model when the set-points of tables came: as they were read, or between the rows.
+    """Decide by the model when the set-points of tables came: as they were read, or between the rows.
 
-    Between the rows they move smoothly but for the loose steps, which are placed. Where that does not fit
-    the pressures better, the steps stay at their rows and are loose no longer.
+    Between the rows they move smoothly but for the loose steps, which are placed. The numbers of the valve are fitted
+    both ways, since wrong ones look like late set-points. Where set-points between the rows do not fit the pressures
+    better, the steps stay at their rows and are loose no longer.
     """
-    read = list(problem.segments)
+    every = nominal_free_parameters(problem.nominal, FITS.step_tolerance, False)
+    free = [parameter for parameter in every if parameter.key.startswith("valve.")]
+    read, z = list(problem.segments), np.zeros(len(free))
+    held = _squares(map_fit(problem, free, z, FITS.step_iterations))
     problem.segments[:] = [_smooth(segment) for segment in read]
-    place_steps(problem, (), np.zeros(0))
-    held, between = (_squares(replace(problem, segments=segments)) for segments in (read, problem.segments))
+    for _ in range(FITS.step_rounds):
+        place_steps(problem, free, z)
+        fit = map_fit(problem, free, z, FITS.step_iterations)
+        z = fit.z
+    between = _squares(fit)
     for n, segment in enumerate(problem.segments):
         use, steps = segment.use.copy(), _places(segment)
         spent = 1.0 - len(steps) / max(int(use[0].sum()), len(steps), 1)  # each step that is placed takes one reading
@@ -91,10 +99,9 @@ def _stepped(segment: Segment, at: Places, shares: Array) -> Segment:
     return replace(segment, commanded_pa=commanded)
 
 
-def _squares(problem: JointProblem) -> list[float]:
-    """Sum of squared residuals [Pa^2] of the pressures of each segment that count, by the nominal model."""
-    residuals = problem.residuals(*problem.columns((), np.zeros((1, 0))))
-    return [float(np.sum(residual[0, 0] ** 2)) for residual in residuals]
+def _squares(fit: MapFit) -> list[float]:
+    """Sum of squared residuals [Pa^2] of the pressures of each segment that a fit leaves."""
+    return [float(np.sum(residual[0] ** 2)) for residual in fit.residuals]
 
 
 def _smooth(segment: Segment) -> Segment:
