@@ -122,8 +122,9 @@ def test_smooth_set_points_between_the_rows_of_a_slow_table_are_bridged() -> Non
     print("seed 94")
     rng = np.random.default_rng(94)
     ticks = np.arange(COUNT) / RATE_HZ
-    waves = (np.sin(2.0 * np.pi * f * ticks + rng.uniform(0.0, 6.0)) for f in (0.3, 0.7, 1.1, 1.6, 2.1, 2.6))
-    sent = 2e5 + 3e4 * sum(waves)
+    frequencies_hz = np.array([[0.3, 0.7, 1.1, 1.6, 2.1, 2.6]]).T
+    waves = np.sin(2.0 * np.pi * frequencies_hz * ticks + rng.uniform(0.0, 6.0, frequencies_hz.shape))
+    sent = 2e5 + 3e4 * waves.sum(axis=0)
     pressure = pressure_at(ticks, ticks, sent) + 200.0 * rng.standard_normal(COUNT)
     rows = ticks[::3]
     found = set_points_between(steady_times(rows, rows, np.sin(rows)[:, None]), sent[::3, None], pressure[::3, None])
