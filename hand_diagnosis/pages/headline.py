@@ -110,10 +110,10 @@ def _agreement(report: Report, missing: int, axis: str) -> str:
 
 def _hardly_checked(report: Report) -> list[str]:
     """Of signals with findings: those of which the fit leaves so much open that test data are hardly a check."""
-    named = {(finding["joint"], finding["where"]["signal"]) for finding in report["findings"]}
+    named = {(finding["joint"], finding.get("where", {}).get("signal")) for finding in report["findings"]}
     worst: dict[str, Report] = {}
     for row in report["fit"]:
-        about = row["split"] == "test" and (row["joint"], row["signal"]) in named
+        about = row.get("split") == "test" and (row["joint"], row["signal"]) in named
         if about and _open_share(row) > max(_open_share(worst.get(row["joint"])), SETTINGS.hardly_checked):
             worst[row["joint"]] = row
     return [

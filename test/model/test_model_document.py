@@ -66,6 +66,7 @@ def test_names_end_in_their_unit() -> None:
         ".damping",
         "_hz",
         ".at_load",
+        *(f".{curve}_{k}" for curve in ("steeper", "ahead", "behind") for k in range(1, 5)),
     )
     units += ("_per_rad",)
     for parameter in JOINT_PARAMETERS:

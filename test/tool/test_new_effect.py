@@ -43,7 +43,9 @@ def tree(tmp_path: Path) -> Path:
     skipped = shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "hand_model", tmp_path / "hand_model", ignore=skipped)
     (tmp_path / "test" / "model").mkdir(parents=True)
-    shutil.copy(ROOT / "test" / "model" / "test_effects.py", tmp_path / "test" / "model")
+    for name in ("test_effects.py", "plain_numbers.py"):
+        shutil.copy(ROOT / "test" / "model" / name, tmp_path / "test" / "model")
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)  # how tests import each other
     shutil.copytree(ROOT / "docs", tmp_path / "docs", ignore=shutil.ignore_patterns("figures"))
     return tmp_path
 
