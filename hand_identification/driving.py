@@ -33,7 +33,7 @@ def shape_driving(problem: JointProblem, free: Sequence[FreeParameter], z: Array
     if problem.driven:
         return
     place_steps(problem, free, z)
-    finer = math.lcm(*(_parts(segment) for segment in problem.segments))
+    finer = math.lcm(*(segment.parts for segment in problem.segments))
     finer *= max(1, math.ceil(problem.segments[0].period_s / finer / problem.step_s - 1e-9))
     columns, starts = problem.columns(free, z[None])
     fine = replace(problem, segments=[_finer(segment, finer) for segment in problem.segments])
@@ -131,11 +131,6 @@ def _bridged(segment: Segment, residual: Array) -> Array:
     return bridge(np.where(segment.known, residual, np.nan))[0] if segment.known.any() else residual
 
 
-def _parts(segment: Segment) -> int:
-    """Number of set-points of each sample."""
-    return max(1, (len(segment.commanded_pa) - 1) // max(len(segment.angle_rad) - 1, 1))
-
-
 def _finer(segment: Segment, finer: int) -> Segment:
     """The segment with the inputs of the valve stage in steps of a `finer`-th of a sample; other signals stay."""
     pressure = refine(segment.pressure_pa, finer)
@@ -143,7 +138,7 @@ def _finer(segment: Segment, finer: int) -> Segment:
         segment,
         period_s=segment.period_s / finer,
         set_point_pa=np.repeat(segment.set_point_pa, finer)[: len(pressure)],
-        commanded_pa=np.repeat(segment.commanded_pa, finer // _parts(segment))[: len(pressure)],
+        commanded_pa=np.repeat(segment.commanded_pa, finer // segment.parts)[: len(pressure)],
         driving_pa=pressure,
         exogenous=refine(segment.exogenous, finer),
         acts=None if segment.acts is None else np.repeat(segment.acts, finer)[: len(pressure)],

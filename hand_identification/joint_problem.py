@@ -70,6 +70,11 @@ class Segment:
         """(OUTPUTS, T), SI."""
         return np.array([self.pressure_pa, self.angle_rad, np.nan_to_num(self.force_n)])
 
+    @property
+    def parts(self) -> int:
+        """Number of set-points of each sample."""
+        return max(1, (len(self.commanded_pa) - 1) // max(len(self.angle_rad) - 1, 1))
+
     def white_noise(self, stage: int, values: Array) -> float:
         """White noise [SI] of samples (n,) of a reading or of what a model leaves, no less than a window keeps."""
         return max(white_noise(values), self.kept_noise_n if stage == FORCE else 0.0)

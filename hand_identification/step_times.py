@@ -90,7 +90,7 @@ def _stepped(segment: Segment, at: Places, shares: Array) -> Segment:
     """The segment with each set-point in force for the last share of its sample; a part in between has the mean."""
     if not len(at):
         return segment
-    parts = (len(segment.commanded_pa) - 1) // (len(segment.angle_rad) - 1)
+    parts = segment.parts
     commanded, before = segment.commanded_pa.copy(), segment.set_point_pa[at]
     after = segment.set_point_pa[at + 1]
     for part in range(parts):
@@ -112,7 +112,7 @@ def _smooth(segment: Segment) -> Segment:
     samples = len(segment.angle_rad)
     if segment.loose is None or samples < 2:
         return segment
-    parts = (len(segment.commanded_pa) - 1) // (samples - 1)
+    parts = segment.parts
     curve = Akima1DInterpolator(np.arange(samples), segment.set_point_pa, method="makima")
     within = curve((np.arange(parts * (samples - 1)) + 0.5) / parts)
     return replace(segment, commanded_pa=np.append(within, segment.set_point_pa[-1]))

@@ -71,8 +71,10 @@ def set_points_between(clock: TableClock, sent_pa: Array, pressure_pa: Array) ->
         if on_ticks.sum() < clearly * errors.sum():
             between, errors = ticked, on_ticks
     slow = misses(between, ahead=True) < clearly * errors
-    stepped = _beyond_slope(sent, missing) > READING.lost_step_pa
-    between_rows = stepped & (missing == 0)[:, None] & _is_jump(sent)
+    change, beyond = np.abs(np.diff(sent, axis=0)), _beyond_slope(sent, missing)
+    stepped = beyond > READING.lost_step_pa
+    jumped = stepped & (change > READING.lost_step_pa) & (beyond > READING.jump_share * change)
+    between_rows = jumped & (missing == 0)[:, None]
     many = between_rows.mean(axis=0) > READING.most_between_rows
     refused = slow & many
     if (slow & ~refused).any():
@@ -97,20 +99,14 @@ def _with_missing(sent_pa: Array, missing: NDArray[np.int64]) -> tuple[Array, Ar
     return places, np.column_stack([np.interp(places, rows, column) for column in sent_pa.T])
 
 
-def _beyond_slope(sent_pa: Array, missing: NDArray[np.int64] | int = 0) -> Array:
+def _beyond_slope(sent_pa: Array, missing: NDArray[np.int64]) -> Array:
     """Changes of set-points (N - 1, J) [Pa] from row to row beyond the mean of the changes around them.
 
     missing: (N - 1,) rows that are missing behind each.
     """
     change = np.diff(sent_pa, axis=0)
     before, after = change[np.maximum(np.arange(len(change)) - 1, 0)], np.vstack([change[1:], change[-1:]])
-    return np.asarray(np.abs(change - 0.5 * (before + after) * np.reshape(missing + 1, (-1, 1))))
-
-
-def _is_jump(sent_pa: Array) -> Flags:
-    """Flags (N - 1, J): whether a set-point jumped from row to row, which smooth motions do not, however fast."""
-    change = np.abs(np.diff(sent_pa, axis=0))
-    return (change > READING.lost_step_pa) & (_beyond_slope(sent_pa) > READING.jump_share * change)
+    return np.asarray(np.abs(change - 0.5 * (before + after) * (missing + 1)[:, None]))
 
 
 def _after_lost(clock: TableClock, lost: Flags) -> Flags:

@@ -50,8 +50,9 @@ from hand_recording.signals import Signals
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnosis:
-    """All of it. verdict: agrees, explained, partly_explained, unknown_physics or unusable.  check: its lines.
+    """All of it.
 
+    verdict: agrees, explained, partly_explained, unknown_physics or unusable.  check: lines of the data check.
     remainder: what is left that is probably other physics.  not_judged: joints without a diagnosis, and why.
     starts_s: first stamp of each recording since 1970 [s]; None where its stamps do not give the date.
     """
