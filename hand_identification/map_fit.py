@@ -18,7 +18,7 @@ from hand_identification.joint_problem import JointProblem
 from hand_identification.settings import FITS
 from hand_model.arrays import Array
 from hand_model.compile_cache import njit
-from hand_model.kernel.open_loop import LANES
+from hand_model.kernel.open_stages import LANES
 
 AT_ONCE = 2 * LANES
 """Coordinates whose costs are computed at once."""

@@ -13,7 +13,7 @@ from hand_client.node import HandClient, NoHandError
 from hand_model.description import Hand
 from hand_model.kernel.closed_loop import loops
 from hand_model.kernel.hooks import HAND_EFFECTS
-from hand_model.kernel.open_loop import compile_loop
+from hand_model.kernel.open_stages import compile_loop
 from hand_studio.hand_view import HandView
 from hand_studio.inbox import Inbox, Request
 from hand_studio.live_model import LiveModel

@@ -10,7 +10,7 @@ import argparse
 
 from hand_model.kernel.closed_loop import loops
 from hand_model.kernel.hooks import HAND_EFFECTS
-from hand_model.kernel.open_loop import compile_loop
+from hand_model.kernel.open_stages import compile_loop
 
 
 def main() -> None:
