@@ -106,4 +106,14 @@ if caching.IndexDataCacheFile is not CacheFile:
     _located = caching._SourceFileBackedLocatorMixin
     _located.get_source_stamp = _with_sources(_located.get_source_stamp)
 
-__all__ = ["CacheFile", "carray", "is_kept", "njit", "one_thread", "prange", "sources_digest", "without_arrays"]
+__all__ = [
+    "CacheFile",
+    "carray",
+    "get_num_threads",
+    "is_kept",
+    "njit",
+    "one_thread",
+    "prange",
+    "sources_digest",
+    "without_arrays",
+]

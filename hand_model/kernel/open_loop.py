@@ -130,10 +130,8 @@ def open_loop(
                 _begin(work, begun, float(p[finer * begin]))
             work[:, : len(ROW)] = sets.reshape(-1, LANES, len(ROW)).transpose(0, 2, 1)
             prepare_rows(work, inputs.period_s / steps)
-            loop(
-                work, signal, surroundings, per_sample, inputs.period_s, steps, lever_m, driven, inputs.late_s,
-                begin, end, readings,
-            )  # fmt: skip
+            times = (per_sample, inputs.period_s, steps, lever_m, driven, inputs.late_s, begin, end)
+            stage.run(loop, work, readings, signal, surroundings, *times)
         for row, source in enumerate(number):
             out[row, first : first + stage.outputs] = readings[source]
         first += stage.outputs

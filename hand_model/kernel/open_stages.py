@@ -6,13 +6,14 @@ No stage reads what another one predicts, so each has a loop of its own, with th
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from hand_model.arrays import Array
-from hand_model.compile_cache import carray, is_kept, njit, prange
+from hand_model.compile_cache import carray, get_num_threads, is_kept, njit
 from hand_model.effects import CATALOGUE
 from hand_model.effects.effect import ACCELERATION, ANGLE, HOOKS, PARTNER, SPEED, Effect
 from hand_model.kernel.compiled import specialise, stack_doubles
@@ -195,7 +196,6 @@ split_valve_step: Any = None
 free_step: Any = None
 driven_step: Any = None
 read: Any = None
-block_loop: Any = None
 
 
 def _valve_loop(key: str) -> Callable[..., Any]:
@@ -258,20 +258,7 @@ def _joint_loop(key: str) -> Callable[..., Any]:
     return open_joint
 
 
-def _blocks(key: str) -> Callable[..., Any]:
-    """All blocks in parallel, to be specialised; the loop of a block is compiled alone so that it is vectorised."""
-
-    def open_lanes(w, signal, e, parts, dt, steps, lever, driven, late, begin, end, out):  # type: ignore[no-untyped-def]
-        _ = key
-        for block in prange(w.shape[0]):
-            lanes = out[LANES * block : LANES * (block + 1)]
-            block_loop(w[block], signal, e, parts, dt, steps, lever, driven, late, begin, end, lanes)
-
-    return open_lanes
-
-
-_BLOCK = "(f8[:,::1], f8[::1], f8[:,::1], i8, f8, i8, f8, b1, f8, i8, i8, f8[:,:,::1])"
-_LANES = "(f8[:,:,::1], f8[::1], f8[:,::1], i8, f8, i8, f8, b1, f8, i8, i8, f8[:,:,::1])"
+_SIGNATURE = "(f8[:,::1], f8[::1], f8[:,::1], i8, f8, i8, f8, b1, f8, i8, i8, f8[:,:,::1])"
 
 
 class Stage:
@@ -315,26 +302,43 @@ class Stage:
         acting, every = self.of(active_effects(columns.T)), self.of(HAND_EFFECTS)
         return self._narrow.loop(acting, every if set(acting) <= set(every) else self.of(OPEN_EFFECTS), laws, steps)
 
-    def _specialised(self, effects: tuple[Effect, ...], laws: bool) -> tuple[Any, Any]:
-        """The loop of one block and that of all blocks, specialised and not yet compiled."""
+    def run(self, loop: Any, work: Array, readings: Array, *inputs: Any) -> None:
+        """Let a loop compute all blocks of a working array (blocks, WORK, LANES) and their readings, in threads.
+
+        readings: (blocks LANES, outputs, samples).  inputs: the other arguments of the loop.
+        """
+        blocks = [(loop, work[n], readings[n * LANES : (n + 1) * LANES], inputs) for n in range(len(work))]
+        if len(blocks) == 1 or get_num_threads() == 1:
+            for block in blocks:
+                _run_block(block)
+        else:
+            list(_threads().map(_run_block, blocks))
+
+    def _specialised(self, effects: tuple[Effect, ...], laws: bool) -> Any:
+        """The loop of one block of lanes, specialised and not yet compiled."""
         functions, template = self._build
         key = equations_key("open with laws" if laws else "open", *(effect.name for effect in effects))
-        block = njit(cache=True, fastmath=FAST, error_model="numpy")(
-            specialise(template(key), functions(compose(effects, laws)))
-        )
-        lanes = njit(cache=True, parallel=True)(
-            specialise(_blocks(f"{template.__name__} {key}"), {"block_loop": block})
-        )
-        return block, lanes
+        loop = specialise(template(key), functions(compose(effects, laws)))
+        return njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")(loop)
 
     def _compiled(self, effects: tuple[Effect, ...], laws: bool = False) -> Any:
-        block, lanes = self._uncompiled(effects, laws)
-        block.compile(_BLOCK)
-        lanes.compile(_LANES)
-        return lanes
+        loop = self._uncompiled(effects, laws)
+        loop.compile(_SIGNATURE)
+        return loop
 
     def _kept(self, effects: tuple[Effect, ...], laws: bool) -> bool:
-        return is_kept(self._uncompiled(effects, laws)[0], _BLOCK)
+        return is_kept(self._uncompiled(effects, laws), _SIGNATURE)
+
+
+@cache
+def _threads() -> ThreadPoolExecutor:
+    """Threads that compute blocks of lanes; a compiled loop does not hold the interpreter's lock."""
+    return ThreadPoolExecutor(get_num_threads(), thread_name_prefix="open loop")
+
+
+def _run_block(block: tuple[Any, Array, Array, tuple[Any, ...]]) -> None:
+    loop, work, readings, inputs = block
+    loop(work, *inputs, readings)
 
 
 _OF_VALVE = frozenset(("valve", "supply"))
