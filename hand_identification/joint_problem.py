@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hand_identification.free_parameters import START_CREEP, FreeParameter
 from hand_identification.settings import FITS
 from hand_model.arrays import Array, Flags
+from hand_model.compile_cache import without_arrays
 from hand_model.kernel.layout import CREEP, OMEGA
 from hand_model.kernel.open_loop import OUTPUTS, READINGS, MeasuredInputs, open_loop
 from hand_recording.local_smoothing import Windows
@@ -168,9 +169,7 @@ class JointProblem:
         """Measured minus predicted (k, OUTPUTS, T), SI, of every segment; 0 at samples that do not count."""
         residuals = self.predict(columns, starts)
         for segment, predicted in zip(self.segments, residuals, strict=True):
-            np.subtract(segment.measured, predicted, out=predicted)
-            np.clip(predicted, -FITS.diverged, FITS.diverged, out=predicted)
-            predicted[:, ~segment.use] = 0.0
+            _leave(predicted, segment.measured, segment.use, FITS.diverged)
         return residuals
 
     def block_squares(self, residuals: Sequence[Array]) -> Array:
@@ -207,6 +206,17 @@ class JointProblem:
         per_sample = self.segments[0].period_s / self.correlation_s
         counts: Array = self.block_counts[:, blocks].sum(axis=1) * min(per_sample, 1.0)
         return counts
+
+
+@without_arrays
+def _leave(predicted, measured, use, diverged):  # type: ignore[no-untyped-def]
+    """Predictions (k, OUTPUTS, T) in place by what they leave of the measured (OUTPUTS, T); 0 where use is False."""
+    for k in range(predicted.shape[0]):
+        for stage in range(predicted.shape[1]):
+            for n in range(predicted.shape[2]):
+                left = measured[stage, n] - predicted[k, stage, n]
+                left = min(max(left, -diverged), diverged)
+                predicted[k, stage, n] = left if use[stage, n] else 0.0
 
 
 @cache

@@ -23,6 +23,7 @@ def main() -> None:
     loops(HAND_EFFECTS)
     compile_loop(())
     compile_loop(HAND_EFFECTS)
+    compile_loop(HAND_EFFECTS, laws=True)
 
 
 if __name__ == "__main__":

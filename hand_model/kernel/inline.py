@@ -43,7 +43,7 @@ class Equation:
 
     @cached_property
     def _for_python(self) -> Any:
-        return self._compiled()
+        return self._compiled(cache=True)
 
     @property
     def _numba_type_(self) -> Any:

@@ -11,14 +11,14 @@ from typing import Any
 
 from hand_model.effects.effect import Effect
 
-WORTH_STEPS = 10_000_000
+WORTH_STEPS = 8_000_000
 """Steps of blocks that a set of effects may take in the loop of all effects before a loop of its own is compiled.
 
-They take about 3 s longer there, and to compile its own loop takes about 3 s; that stays on disk.
+They take about 2 s longer there. To compile its own loop takes about 2 s, and it stays on disk for later processes.
 """
 LOOKED_UP_SHARE = 0.01
 """Share of these steps from which the disk is asked for a loop of its own; the answer takes as long as they do."""
-LAW_STEPS = 5
+LAW_STEPS = 8
 """A step with laws counts as so many: the loop of all effects reads the coefficients of all laws."""
 WORTH_OF_MORE = 2
 """A set of several effects must take so many times as many: other recordings hardly need the same one."""
@@ -38,33 +38,21 @@ class NarrowLoops:
         """compile_loop, is_kept: the loop of a set of effects, with or without laws, and whether the disk holds it."""
         self._compile, self._is_kept, self._worth = compile_loop, is_kept, worth_steps
         self._done: dict[tuple[tuple[Effect, ...], bool], float] = {}
-        self._there: dict[tuple[Effect, ...], bool] = {}
         self._compiled = 0
 
     def loop(self, acting: tuple[Effect, ...], every: tuple[Effect, ...], laws: bool, steps: int) -> Any:
-        """The loop of the effects that act, or of every one, for a call that takes so many steps of blocks.
-
-        To compile that of every one with laws takes as long as several others; it is taken where the disk has it, or
-        when many others were compiled.
-        """
+        """The loop of the effects that act, or of every one, for a call that takes so many steps of blocks."""
         own = acting, laws
         before = self._done.get(own, 0.0)
         done = before + steps * (LAW_STEPS if laws else 1)
         if before < LOOKED_UP_SHARE * self._worth <= done and self._is_kept(*own):
             done = math.inf
-        elif done < math.inf and self._is_worth(acting, done, laws and not self._is_there(every)):
+        elif done < math.inf and self._is_worth(acting, done):
             done = math.inf
             self._compiled += 1
         self._done[own] = done
         return self._compile(*own) if done == math.inf else self._compile(every, laws)
 
-    def _is_worth(self, acting: tuple[Effect, ...], done: float, alone: bool) -> bool:
-        """alone: whether there is no loop of every effect, either."""
-        worth = 0.0 if alone else self._worth * (WORTH_OF_MORE if len(acting) > 1 else 1)
+    def _is_worth(self, acting: tuple[Effect, ...], done: float) -> bool:
+        worth = self._worth * (WORTH_OF_MORE if len(acting) > 1 else 1)
         return done > worth and self._compiled < MOST_COMPILED
-
-    def _is_there(self, every: tuple[Effect, ...]) -> bool:
-        """Whether the loop of every effect with laws is on disk; asked once."""
-        if every not in self._there:
-            self._there[every] = self._is_kept(every, True)
-        return self._there[every] or self._compiled >= MOST_COMPILED

@@ -114,46 +114,50 @@ def open_loop(
         edges, holding = [0, changed[0], samples - 1], [columns, changed[1]]
         begun = [each for each in CATALOGUE if np.any(columns[:, _OWN[each.name]] != changed[1][:, _OWN[each.name]])]
         around.append(_later(e, changed[0], begun, changed[1]))
-    out = np.empty((len(columns), OUTPUTS, samples))
+    acting = active_effects(np.concatenate(holding).T) if effects is None else effects
+    out = np.empty((-(-len(columns) // LANES) * LANES, OUTPUTS, samples))
     first = 0
     for stage, signal, per_sample in ((VALVE, u, parts), (JOINT, p, finer)):
-        chosen, number = _distinct(stage, start, holding)
-        some = [
-            np.concatenate([sets[chosen], sets[chosen[-1:]].repeat(-len(chosen) % LANES, axis=0)]) for sets in holding
-        ]
-        loop = stage.loop(np.concatenate(some), effects, len(some[0]) // LANES * samples * steps)
-        work, readings = _at_start(start, chosen, float(p[0])), np.empty((len(some[0]), stage.outputs, samples))
+        chosen, kinds = _distinct(stage, acting, start, holding)
+        filled = chosen + chosen[-1:] * (-len(chosen) % LANES)
+        readings = out[: len(filled), first : first + stage.outputs]
+        work = _at_start(start[filled], float(p[0]))
+        some = np.concatenate([sets[chosen] for sets in holding])
+        loop = stage.loop(some, acting, len(work) * samples * steps, fixed=effects is not None)
         readings[:, 0, 0] = work[:, X + stage.states[0]].ravel()
         readings[:, 1:, 0] = 0.0
-        for sets, surroundings, (begin, end) in zip(some, around, pairwise(edges), strict=True):
+        for sets, surroundings, (begin, end) in zip(holding, around, pairwise(edges), strict=True):
             if begin > 0:
                 _begin(work, begun, float(p[finer * begin]))
-            work[:, : len(ROW)] = sets.reshape(-1, LANES, len(ROW)).transpose(0, 2, 1)
+            work[:, : len(ROW)] = sets[filled].reshape(-1, LANES, len(ROW)).transpose(0, 2, 1)
             prepare_rows(work, inputs.period_s / steps)
             times = (per_sample, inputs.period_s, steps, lever_m, driven, inputs.late_s, begin, end)
             stage.run(loop, work, readings, signal, surroundings, *times)
-        for row, source in enumerate(number):
-            out[row, first : first + stage.outputs] = readings[source]
+        for row in reversed(range(len(kinds))):  # a set's kind is no later than itself
+            if kinds[row] != row:
+                out[row, first : first + stage.outputs] = readings[kinds[row]]
         first += stage.outputs
-    return out
+    return out[: len(columns)]
 
 
-def _distinct(stage: Stage, start: Array, holding: Sequence[Array]) -> tuple[list[int], list[int]]:
-    """Parameter sets that a stage can tell apart: the first of each kind, and the number of the kind of every set.
+def _distinct(
+    stage: Stage, acting: tuple[Effect, ...], start: Array, holding: Sequence[Array]
+) -> tuple[list[int], list[int]]:
+    """Parameter sets that differ for a stage: the first of each kind, and the number of the kind of every set.
 
     A fit moves one number at a time, and most numbers change one stage alone.
     """
-    read = np.hstack([start[:, stage.states], *(sets[:, stage.rows] for sets in holding)])
-    kinds: dict[bytes, int] = {}
-    number = [kinds.setdefault(row.tobytes(), len(kinds)) for row in read]
-    return [number.index(kind) for kind in range(len(kinds))], number
+    read = np.concatenate([start[:, stage.states], *(sets[:, stage.rows(acting)] for sets in holding)], axis=1)
+    numbers, size = read.tobytes(), read.itemsize * read.shape[1]
+    known: dict[bytes, int] = {}
+    kinds = [known.setdefault(numbers[at : at + size], len(known)) for at in range(0, len(numbers), size)]
+    return [kinds.index(kind) for kind in range(len(known))], kinds
 
 
-def _at_start(start: Array, chosen: Sequence[int], pressure_pa: float) -> Array:
-    """Working array (blocks, WORK, LANES) of the chosen starts (columns, STATES) before the first sample."""
-    lanes = -(-len(chosen) // LANES) * LANES
-    w = np.zeros((lanes, WORK))
-    w[: len(chosen), X : X + STATES], w[len(chosen) :, X : X + STATES] = start[chosen], start[chosen[-1]]
+def _at_start(start: Array, pressure_pa: float) -> Array:
+    """Working array (blocks, WORK, LANES) of starts (blocks LANES, STATES) before the first sample."""
+    w = np.zeros((len(start), WORK))
+    w[:, X : X + STATES] = start
     for row, kind in STARTS:
         w[:, row] = w[:, X + PHI] if kind == "angle" else pressure_pa
     return np.ascontiguousarray(w.reshape(-1, LANES, WORK).transpose(0, 2, 1))

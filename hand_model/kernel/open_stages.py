@@ -11,13 +11,14 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hand_model.arrays import Array
 from hand_model.compile_cache import carray, get_num_threads, is_kept, njit
 from hand_model.effects import CATALOGUE
 from hand_model.effects.effect import ACCELERATION, ANGLE, HOOKS, PARTNER, SPEED, Effect
 from hand_model.kernel.compiled import specialise, stack_doubles
-from hand_model.kernel.hooks import HAND_EFFECTS, OPEN_EFFECTS, Hooks, active_effects, compose, equations_key
+from hand_model.kernel.hooks import HAND_EFFECTS, OPEN_EFFECTS, Hooks, compose, equations_key
 from hand_model.kernel.inline import FAST, inline
 from hand_model.kernel.layout import (
     ACTUATOR,
@@ -258,7 +259,7 @@ def _joint_loop(key: str) -> Callable[..., Any]:
     return open_joint
 
 
-_SIGNATURE = "(f8[:,::1], f8[::1], f8[:,::1], i8, f8, i8, f8, b1, f8, i8, i8, f8[:,:,::1])"
+_SIGNATURE = "(f8[:,::1], f8[::1], f8[:,::1], i8, f8, i8, f8, b1, f8, i8, i8, f8[:,:,:])"
 
 
 class Stage:
@@ -282,30 +283,35 @@ class Stage:
         elsewhere = [effect for effect in CATALOGUE if effect not in own and effect.hooks]
         unread = {ROW[number.key] for number in PLANT_PARAMETERS if number.key.partition(".")[0] in spared}
         unread |= {ROW[number.key] for effect in elsewhere for number in effect.parameters}
-        unread -= {row for effect in own for row in effect_rows(effect, prepared=False)}
-        self.rows = np.array([row for row in range(len(ROW)) if row not in unread])
-        """Rows of the parameters on which the readings may depend."""
+        self._of_hands, self._of_all = self.of(HAND_EFFECTS), self.of(OPEN_EFFECTS)
+        self._rows = {row for row in range(len(ROW)) if row not in unread}
         laws = {ROW[number.key]: number.neutral_si for effect in own for number in effect.parameters if number.law}
         self._law_rows, self._law_neutral = list(laws), np.array(list(laws.values()))
         self._uncompiled, self.compile = cache(self._specialised), cache(self._compiled)
+        self.rows = cache(self._rows_of)
+        """Rows of the parameters on which the readings depend where given effects act."""
         self._narrow = NarrowLoops(self.compile, self._kept)
 
     def of(self, effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
         """Those of the effects that act in this stage."""
         return tuple(effect for effect in effects if not self._hooks.isdisjoint(effect.hooks))
 
-    def loop(self, columns: Array, effects: tuple[Effect, ...] | None, steps: int) -> Any:
-        """The compiled loop for parameter sets (k, rows), see `open_loop`; steps: of blocks that it will take."""
+    def loop(self, columns: Array, effects: tuple[Effect, ...], steps: int, *, fixed: bool) -> Any:
+        """The compiled loop for parameter sets (k, rows), SI, in which effects act; steps: of blocks that it will take.
+
+        fixed: whether exactly these effects are compiled in, or all that a fit may vary where that saves compiling.
+        """
+        own = self.of(effects)
         laws = bool(np.any(columns[:, self._law_rows] != self._law_neutral))
-        if effects is not None:
-            return self.compile(self.of(effects), laws)
-        acting, every = self.of(active_effects(columns.T)), self.of(HAND_EFFECTS)
-        return self._narrow.loop(acting, every if set(acting) <= set(every) else self.of(OPEN_EFFECTS), laws, steps)
+        if fixed:
+            return self.compile(own, laws)
+        every = self._of_hands if all(effect in self._of_hands for effect in own) else self._of_all
+        return self._narrow.loop(own, every, laws, steps)
 
     def run(self, loop: Any, work: Array, readings: Array, *inputs: Any) -> None:
         """Let a loop compute all blocks of a working array (blocks, WORK, LANES) and their readings, in threads.
 
-        readings: (blocks LANES, outputs, samples).  inputs: the other arguments of the loop.
+        readings: (blocks LANES, outputs, samples), both SI.  inputs: the other arguments of the loop.
         """
         blocks = [(loop, work[n], readings[n * LANES : (n + 1) * LANES], inputs) for n in range(len(work))]
         if len(blocks) == 1 or get_num_threads() == 1:
@@ -313,6 +319,10 @@ class Stage:
                 _run_block(block)
         else:
             list(_threads().map(_run_block, blocks))
+
+    def _rows_of(self, acting: tuple[Effect, ...]) -> NDArray[np.intp]:
+        read = (effect_rows(effect, prepared=False) for effect in self.of(acting))
+        return np.array(sorted(self._rows.union(*read)))
 
     def _specialised(self, effects: tuple[Effect, ...], laws: bool) -> Any:
         """The loop of one block of lanes, specialised and not yet compiled."""

@@ -25,6 +25,7 @@ from hand_model.kernel.hooks import HAND_EFFECTS, OPEN_EFFECTS, active_effects, 
 from hand_model.kernel.layout import OMEGA, PHI, P
 from hand_model.kernel.narrow_loops import MOST_COMPILED, NarrowLoops
 from hand_model.kernel.open_loop import MeasuredInputs, open_loop
+from hand_model.kernel.open_stages import JOINT, VALVE, Stage
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW, STATES, STEP_S
 from hand_sim.plant import HandPlant, resting_state
 
@@ -190,7 +191,7 @@ def test_a_set_of_effects_gets_a_loop_of_its_own_when_it_is_worth_compiling() ->
     loops = NarrowLoops(lambda effects, laws: (effects, laws), lambda effects, laws: effects == leak, worth_steps=100)
     assert loops.loop(leak, HAND_EFFECTS, False, 1) == (leak, False)
     assert [loops.loop(friction, HAND_EFFECTS, False, 40)[0] for _ in range(3)] == [HAND_EFFECTS] * 2 + [friction]
-    assert [loops.loop(friction, HAND_EFFECTS, True, 40) for _ in range(2)] == [(HAND_EFFECTS, True), (friction, True)]
+    assert [loops.loop(friction, HAND_EFFECTS, True, 8) for _ in range(2)] == [(HAND_EFFECTS, True), (friction, True)]
     assert loops.loop((), OPEN_EFFECTS, False, 100) == (OPEN_EFFECTS, False)
     both = (*friction, *leak)
     assert [loops.loop(both, HAND_EFFECTS, False, 101)[0] for _ in range(2)] == [HAND_EFFECTS, both]
@@ -248,6 +249,45 @@ def test_lanes_do_not_mix(hand: Hand) -> None:
     start = np.zeros((20, STATES))
     together = open_loop(columns, start, inputs)
     np.testing.assert_array_equal(together[7], open_loop(columns[7:8], start[:1], inputs)[0])
+
+
+def test_no_stage_takes_two_sets_for_one(hand: Hand) -> None:
+    """Fails when a stage depends on a number that is not among its rows: it would get the readings of another set."""
+    commands = steps(2.0)
+    states = closed(hand, commands, ())[:-1]
+    inputs = replace(measured(states, 4, 3, commands, PERIOD_S), late_s=0.3 * PERIOD_S)
+    nominal = hand.parameters[:, 4]
+    for row, own in enumerate(JOINT_PARAMETERS):
+        columns = np.repeat(nominal[None], 3, axis=0)
+        moved = columns[1, row] + (0.1 * own.typical * own.scale or 0.1 * abs(columns[1, row]) or 0.01 * own.scale)
+        columns[1:, row] = np.clip(moved, own.low * own.scale, own.high * own.scale)
+        start = np.tile(states[0, :, 4], (3, 1))
+        start[2] += [1e3, 0.01, 0.01, 0.01]
+        driven = row % 2 == 0
+        together = open_loop(columns, start, inputs, lever_m=0.03, driven=driven, effects=OPEN_EFFECTS)
+        for k in (1, 2):
+            alone = open_loop(
+                columns[k : k + 1], start[k : k + 1], inputs, lever_m=0.03, driven=driven, effects=OPEN_EFFECTS
+            )
+            np.testing.assert_array_equal(together[k], alone[0], err_msg=own.key)
+
+
+def test_equal_sets_of_a_stage_are_computed_once(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when a fit simulates the valve again for each number of the joint."""
+    commands = steps(2.0)
+    inputs = measured(closed(hand, commands, ())[:-1], 4, 3, commands, PERIOD_S)
+    columns = np.repeat(hand.parameters[:, 4][None], 30, axis=0)
+    columns[:20, ROW["statics.a2_nm_per_pa"]] *= np.linspace(1.01, 1.2, 20)
+    columns[20:, ROW["valve.time_constant_s"]] *= np.linspace(1.01, 1.2, 10)
+    blocks, run = {}, Stage.run
+
+    def counted(stage: Stage, loop: Any, work: Array, *rest: Any) -> None:
+        blocks[stage] = len(work)
+        run(stage, loop, work, *rest)
+
+    monkeypatch.setattr(Stage, "run", counted)
+    open_loop(columns, np.zeros((30, STATES)), inputs, effects=())
+    assert blocks == {VALVE: 2, JOINT: 3}  # 11 and 21 different sets in blocks of 8
 
 
 def scaled(effect: Effect, nominal: Array, probe: dict[int, float], size: float) -> Array:
