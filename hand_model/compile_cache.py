@@ -13,7 +13,7 @@ import hashlib
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -52,15 +52,27 @@ def one_thread() -> Iterator[None]:
         set_num_threads(before)
 
 
+@contextmanager
+def _alone(lock: str) -> Iterator[None]:
+    """Only one process at a time is in here. Without locks (Windows), one of two may have to compile again."""
+    with open(lock, "a", encoding="ascii") as file:  # noqa: PTH123 - numba's paths are texts
+        with suppress(ImportError):
+            import fcntl  # noqa: PLC0415
+
+            fcntl.flock(file, fcntl.LOCK_EX)  # ends when the file is closed
+        yield
+
+
 class CacheFile(caching.IndexDataCacheFile):  # type: ignore[misc]
     """Index and data files of one function."""
 
     def save(self, key: Any, data: Any) -> None:
-        """Keep a compiled variant. Of two processes at once, one may have to compile again at its next start."""
+        """Keep a compiled variant."""
         digest = hashlib.sha256(repr(key).encode()).hexdigest()[:16]
         name = f"{self._index_name.removesuffix('.nbi')}.{digest}.nbc"
         self._save_data(name, data)
-        self._save_index(self._load_index() | {key: name})
+        with _alone(f"{self._index_path}.lock"):
+            self._save_index(self._load_index() | {key: name})
 
 
 def _with_sources(stamp: Callable[[Any], Any]) -> Callable[[Any], Any]:
