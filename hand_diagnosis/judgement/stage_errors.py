@@ -88,7 +88,7 @@ class StageResult:
             (self.floor**2 + after**2) / (self.floor**2 + self._tolerated(before) ** 2)
             for before, after in ((self.excess_before, self.excess_after), (on_test[0], on_test[1]))
         )
-        return float(1.0 / (1.0 + ratio**SETTINGS.name_sharpness))
+        return float(1.0 / (1.0 + (ratio / SETTINGS.name_even_ratio) ** SETTINGS.name_sharpness))
 
     def _tolerated(self, before: float) -> float:
         """Excess error [SI] that a right name may leave of an excess `before` [SI]."""
