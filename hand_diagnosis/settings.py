@@ -259,10 +259,10 @@ class Settings(PageSettings):
     name_excess_floors: float = setting(2.0, "floors", "Error beyond the noise, in repeatability floors, that right"
         " names may leave on data not fitted; a larger one is a remainder.", FORMS,
         "Right effects of another form stand next to a remainder.", "A second effect passes as an error of form.")
-    name_even_ratio: float = setting(6.0, "-", "Mean square left, in those that right names may leave, at which right"
-        " and wrong names are equally frequent.", FORMS, "Timid findings.", "Overconfident stand-ins.")
-    name_sharpness: float = setting(1.5, "-", "How fast the odds of a name fall with that ratio: its power.", FORMS,
-        "Names depend less on what they leave.", "Names depend more on it.")
+    name_sharpness: float = setting(2.0, "-", "How fast the odds of a name fall with that error: power of 1 + its"
+        " square.", FORMS, "Names depend less on what they leave.", "Names depend more on it.")
+    name_least: float = setting(0.2, "-", "Probability of the best name where all of the error is left: a law of"
+        " another form misses much, too.", FORMS, "Timid findings.", "Overconfident stand-ins for missing effects.")
     min_probability: float = setting(
         0.01, "-", "Probabilities of effects stay between it and one minus it.", CHOICE,
         "No visible change.", "No visible change.")

@@ -227,10 +227,9 @@ def normal_equations(
         counted = train[segment.block]
         for stage in np.flatnonzero(segment.use.any(axis=1)):  # stage by stage: smaller arrays
             root = segment.trust * np.sqrt(problem.weight[stage]) * counted
-            moving = np.flatnonzero(slopes[:, stage].any(axis=1))  # most numbers change one stage alone
-            j = slopes[moving, stage] * root
-            normal[np.ix_(moving, moving)] += j @ j.T
-            slope[moving] += j @ (residual[stage] * root)
+            j = slopes[:, stage] * root
+            normal += j @ j.T
+            slope += j @ (residual[stage] * root)
     return normal, slope
 
 

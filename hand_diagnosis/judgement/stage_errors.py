@@ -81,14 +81,16 @@ class StageResult:
         """Probability, 0 ... 1, that no other effect stands behind the names, by what they leave of this signal.
 
         test_before, test_after: errors [SI] of the nominal and the final model on test data, or NaN. The worse split
-        counts: a wrong class with a flexible law fails on what it did not see. Logistic in log(1 + x^2 / floor^2).
+        counts: a wrong class with a flexible law fails on what it did not see. Logistic in log(1 + x^2 / floor^2), and
+        no less than SETTINGS.name_least.
         """
         on_test = [float(np.sqrt(max(np.nan_to_num(x) ** 2 - self.noise**2, 0.0))) for x in (test_before, test_after)]
         ratio = max(
             (self.floor**2 + after**2) / (self.floor**2 + self._tolerated(before) ** 2)
             for before, after in ((self.excess_before, self.excess_after), (on_test[0], on_test[1]))
         )
-        return float(1.0 / (1.0 + (ratio / SETTINGS.name_even_ratio) ** SETTINGS.name_sharpness))
+        least = SETTINGS.name_least
+        return float(least + (1.0 - least) / (1.0 + ratio**SETTINGS.name_sharpness))
 
     def _tolerated(self, before: float) -> float:
         """Excess error [SI] that a right name may leave of an excess `before` [SI]."""
