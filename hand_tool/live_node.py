@@ -23,8 +23,8 @@ from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_ros.node import DEFAULT_NAMESPACE, QUEUED_QOS, RETAINED_QOS, SENSOR_QOS, join_graph, leave_graph
 
-READY_S = 60.0
-"""Longest wait for the controller: discovery takes seconds, a first compile of the kernels some more."""
+READY_S = 180.0
+"""Longest wait for the controller: discovery takes seconds, its first compile up to a minute on a busy machine."""
 RUNNING_S, DISCOVERY_S = 15.0, 1.0
 """Longest wait for a hand that should be running already; what it takes to hear of every other node."""
 TICK_S = 0.1

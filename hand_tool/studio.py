@@ -35,7 +35,8 @@ ALONE_S = 1.0
 """Time in which a hand that runs already is discovered before another one is started; `Watch` finds it later, too."""
 HEARD_S = 4.0
 """Time in which a hand that runs already is heard; discovery takes up to 2.7 s."""
-READY_S = 60.0
+READY_S = 180.0
+"""Longest wait for the first frames: a first start compiles the model, on a busy machine for a minute."""
 CLIENT = "hand_studio"
 """Name of the node of this command, by which another studio is found."""
 

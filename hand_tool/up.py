@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 ALONE_S = 3.0
 """Time in which a hand that runs already is heard; discovery takes up to 2.7 s."""
-READY_S = 60.0
+READY_S = 180.0
+"""Longest wait for the first frames: a first start compiles the model, on a busy machine for a minute."""
 CHECK_S = 0.2
 
 
