@@ -22,9 +22,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from hand_model.arrays import Array
 from hand_model.description import Hand
 from hand_ros.node import DEFAULT_NAMESPACE, QUEUED_QOS, RETAINED_QOS, SENSOR_QOS, join_graph, leave_graph
+from hand_tool.processes import READY_S
 
-READY_S = 180.0
-"""Longest wait for the controller: discovery takes seconds, its first compile up to a minute on a busy machine."""
 RUNNING_S, DISCOVERY_S = 15.0, 1.0
 """Longest wait for a hand that should be running already; what it takes to hear of every other node."""
 TICK_S = 0.1

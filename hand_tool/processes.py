@@ -13,6 +13,8 @@ from types import TracebackType
 
 from hand_ros.starting import WHEN_TOLD
 
+READY_S = 180.0
+"""Longest wait for the first frames of a hand: a first start compiles the model, on a busy machine for a minute."""
 STOP_S = 15.0
 
 

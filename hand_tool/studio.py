@@ -23,7 +23,7 @@ from hand_tool.live import Namespace, Prefix
 from hand_tool.node_commands import Link, frames_command, node_commands
 from hand_tool.options import AsJson, Model, Quiet, Verbose
 from hand_tool.paths import check_folder
-from hand_tool.processes import ProcessError, Processes
+from hand_tool.processes import READY_S, ProcessError, Processes
 from hand_tool.studio_replay import replay
 
 if TYPE_CHECKING:
@@ -35,8 +35,6 @@ ALONE_S = 1.0
 """Time in which a hand that runs already is discovered before another one is started; `Watch` finds it later, too."""
 HEARD_S = 4.0
 """Time in which a hand that runs already is heard; discovery takes up to 2.7 s."""
-READY_S = 180.0
-"""Longest wait for the first frames: a first start compiles the model, on a busy machine for a minute."""
 CLIENT = "hand_studio"
 """Name of the node of this command, by which another studio is found."""
 

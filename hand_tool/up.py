@@ -16,15 +16,13 @@ from hand_tool.console import fail, note, running
 from hand_tool.live import Namespace, Prefix, _client
 from hand_tool.node_commands import Link, frames_command, node_commands
 from hand_tool.options import AsJson, Model, Quiet, Verbose
-from hand_tool.processes import ProcessError, Processes
+from hand_tool.processes import READY_S, ProcessError, Processes
 
 if TYPE_CHECKING:
     from hand_client.node import HandClient
 
 ALONE_S = 3.0
 """Time in which a hand that runs already is heard; discovery takes up to 2.7 s."""
-READY_S = 180.0
-"""Longest wait for the first frames: a first start compiles the model, on a busy machine for a minute."""
 CHECK_S = 0.2
 
 

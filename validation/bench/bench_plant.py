@@ -51,9 +51,9 @@ ANALOG = tuple(effect for effect in CATALOGUE if "valve" not in effect.hooks)
 AGREEMENT = (20.0, np.radians(0.005))
 """Largest difference of pressure [Pa] and angle [rad] from the reference in C."""
 FITTED, FIT_STEPS_S = 32, (1.3e-3, 2.6e-3)
+"""Parameter sets of a fit, and its integration steps."""
 MOVED = [ROW["valve.time_constant_s"], ROW["statics.a2_nm_per_pa"]]
 """A number of each stage: every set moves one of them, as a fit does."""
-"""Parameter sets of a fit, and its integration steps."""
 START = """
 import json, time
 begin = time.process_time()
