@@ -7,6 +7,7 @@ equations are compiled into the same loop. Products are fused with sums as the s
 
 from __future__ import annotations
 
+import os.path
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any
@@ -43,7 +44,8 @@ class Equation:
 
     @cached_property
     def _for_python(self) -> Any:
-        return self._compiled(cache=True)
+        """Kept on disk where the equation stands in a file; a composed hook stands in none."""
+        return self._compiled(cache=os.path.isfile(self._fused.__code__.co_filename))
 
     @property
     def _numba_type_(self) -> Any:
