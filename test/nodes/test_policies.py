@@ -36,19 +36,21 @@ USES = {
     "hand_watch": "",
 }
 """The nodes of programs that use a hand, and what they do with it; all are in one file."""
-CLIENT = """
+CLIENTS = """
 import sys
 from hand_client.node import HandClient, NoHandError
 def use(call, *given):
-    for _ in range(5):  # all start at once, and a hand that is not found in a few seconds is not asked further
+    for _ in range(5):  # a hand that is not found in a few seconds is not asked further
         try:
             return call(*given)
         except NoHandError as error:
             print(error, file=sys.stderr)
-with HandClient("hand", sys.argv[1]) as c:
-    {uses}
-    c.spin(600.0)  # the test ends it
+for name, uses in {uses}.items():
+    with HandClient("hand", name) as c:
+        exec(uses)
+        sys.stdin.readline()  # once the test has seen what the node uses
 """
+"""Every client in its turn."""
 NODES = ("driver", "simulation", "controller", "frame_publisher", "recorder")
 LIVE = {
     "demo": "perform(['a'], [], 'a', lambda *_: None, lambda: None)",
@@ -149,11 +151,14 @@ def test_the_policies_allow_exactly_what_the_nodes_use(stack: Stack, client: Cli
     client.spin(1.0)  # a graph that is discovered in part must not pass
     for name in NODES:  # the live nodes have ended: the experiment refuses to run while the controller does
         assert real(client.node, name, "/hand") == allowed(enclave(name)), name
-    for name, uses in USES.items():
-        command = [sys.executable, "-c", CLIENT.replace("{uses}", uses or "pass"), name]
-        stack.running.append(subprocess.Popen(command, stderr=subprocess.DEVNULL))
-    for name in USES:
-        _await(client, name)
+    command = [sys.executable, "-c", CLIENTS.replace("{uses}", repr(USES))]
+    clients = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    stack.running.append(clients)
+    assert clients.stdin
+    with clients.stdin:
+        for name in USES:
+            _await(client, name)
+            print(file=clients.stdin, flush=True)
 
 
 def test_hand_record_needs_no_more_than_the_policy_of_the_recorder(stack: Stack, client: Client) -> None:
