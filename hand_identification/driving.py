@@ -16,8 +16,9 @@ import numpy as np
 
 from hand_identification.free_parameters import FreeParameter
 from hand_identification.joint_problem import JointProblem, Segment
+from hand_identification.own_times import on_samples, roughness
 from hand_identification.step_times import place_steps
-from hand_model.arrays import Array, Flags
+from hand_model.arrays import Array
 from hand_model.effects.effect import PARTNER
 from hand_model.kernel.layout import resting_states
 from hand_recording.interpolation import bridge, refine
@@ -28,6 +29,7 @@ from hand_recording.signals import slopes_over, smoothing_span, white_noise
 def shape_driving(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> None:
     """Set the driving pressure of every segment from the valve's model at the coordinates z (free,) [-].
 
+    Readings between the samples are put on them by the model first.
     A segment is left as it is where the residual of the model is not smoother than the readings themselves.
     """
     if problem.driven:
@@ -38,9 +40,13 @@ def shape_driving(problem: JointProblem, free: Sequence[FreeParameter], z: Array
     columns, starts = problem.columns(free, z[None])
     fine = replace(problem, segments=[_finer(segment, finer) for segment in problem.segments])
     predicted = fine.predict(columns, starts)
+    placed = [
+        on_samples(segment, fine_prediction[0], finer)
+        for segment, fine_prediction in zip(problem.segments, predicted, strict=True)
+    ]
     problem.segments[:] = [
         _shaped(segment, fine_prediction[0, 0], finer) if segment.use[0].any() else segment
-        for segment, fine_prediction in zip(problem.segments, predicted, strict=True)
+        for segment, fine_prediction in zip(placed, predicted, strict=True)
     ]
 
 
@@ -147,19 +153,10 @@ def _finer(segment: Segment, finer: int) -> Segment:
 
 def _shaped(segment: Segment, model_pa: Array, finer: int) -> Segment:
     residual = _bridged(segment, segment.pressure_pa - model_pa[::finer])
-    if not _roughness(residual, segment.use[0]) < _roughness(segment.pressure_pa, segment.use[0]):
+    if not roughness(residual, segment.use[0]) < roughness(segment.pressure_pa, segment.use[0]):
         return segment
     windows = _windows(segment, residual, model_pa[::finer])
     return replace(segment, driving_pa=model_pa + refine(smoothed_by(residual, windows), finer), windows=windows)
-
-
-def _roughness(values: Array, use: Flags) -> float:
-    """Mean square of the second differences of values (T,) over the samples that count (T,); 0 where none does.
-
-    Where a recording begins in the middle of a step, nobody knows the commands before, which is no fault of the model.
-    """
-    inside = use[2:] & use[1:-1] & use[:-2]
-    return float(np.mean(np.diff(values, 2)[inside] ** 2)) if inside.any() else 0.0
 
 
 def _windows(segment: Segment, residual: Array, model: Array) -> Windows:

@@ -111,6 +111,7 @@ def _segment(signals: Signals, hand: JointModel, joint: str, first_block: int) -
         start=start,
         late_s=signals.pressure_late_s,
         jitter_s=signals.jitter_s,
+        own=None if signals.own is None else signals.own.of(j),
         added=_added(signals.added),
         derivative_s=signals.derivative_s,
         band_s=signals.band_s,

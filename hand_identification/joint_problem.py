@@ -16,6 +16,7 @@ from hand_model.compile_cache import without_arrays
 from hand_model.kernel.layout import CREEP, OMEGA
 from hand_model.kernel.open_loop import OUTPUTS, READINGS, MeasuredInputs, open_loop
 from hand_recording.local_smoothing import Windows
+from hand_recording.own_readings import OwnReadings
 from hand_recording.settings import READING
 from hand_recording.signals import in_band, white_noise
 
@@ -33,7 +34,8 @@ class Segment:
     driving_pa: the measured pressure as the joint's input, its noise reduced, (finer (T - 1) + 1,) evenly over the
     samples.  windows: (T,) of the smoothing, see local_smoothing.Windows.  known: (T,) where readings were.
     late_s: by how much the pressures were read after the other signals.  jitter_s: standard deviation of the times at
-    which the samples were taken.  added: (rows,) what the load of this recording adds to the parameters; None: nothing.
+    which the samples were taken.  own: the readings at their own times, see Signals.own.
+    added: (rows,) what the load of this recording adds to the parameters; None: nothing.
     derivative_s: window of the derivatives of the angle.  band_s: window of the force, see Signals.band_s.
     kept_noise_n: white noise of the force that this window keeps [N]; 0: nothing is smoothed.
     acts: (T,) samples at which JointProblem.switched act; None: at all.
@@ -58,6 +60,7 @@ class Segment:
     start: Array
     late_s: float = 0.0
     jitter_s: float = 0.0
+    own: OwnReadings | None = None
     acts: Flags | None = None
     loose: Flags | None = None
     added: Array | None = None

@@ -14,6 +14,7 @@ from hand_model.description import Hand
 from hand_model.sensors import without_curve
 from hand_recording.interpolation import bridge, longest_gap_s
 from hand_recording.loader import Recording, RecordingError
+from hand_recording.own_readings import OwnReadings, readings_of_samples
 from hand_recording.sample_clock import on_steady_clock
 from hand_recording.settings import READING
 from hand_recording.signals import Signals, on_calendar, samples_on_grid
@@ -69,6 +70,7 @@ def hand_signals(recording: Recording, hand: Hand) -> Signals:
         pressure_late_s=late_s,
         between_pa=between if parts > 1 else None,
         jitter_s=jitter_s,
+        own=_own(recording, joints, ticks),
         start_s=on_calendar(float(stamps[0]) * 1e-9),
     )
 
@@ -88,6 +90,18 @@ def _pressures(recording: Recording, base: TimeBase, joints: tuple[str, ...]) ->
     if abs(middle) < READING.pressure_on_grid_periods * period or high - low > steady:
         return base.pressure, 0.0
     return pressure, float(middle) * 1e-9
+
+
+def _own(recording: Recording, joints: tuple[str, ...], ticks: Ticks) -> OwnReadings | None:
+    """The readings at their stamps, where these still scatter; pressures of other stamps have none."""
+    states = recording["joint_states"]
+    stamps = np.unique(states.stamp_ns)
+    own = recording.on_time_base(stamps_ns=stamps, joints=joints, max_gap_s=longest_gap_s(ticks.period_s))
+    pressure = own.pressure.copy()
+    if "pressures" in recording:
+        pressure[~np.isin(stamps, recording["pressures"].stamp_ns)] = np.nan
+    grid_s, time_s = ((times - stamps[0]) * 1e-9 for times in (ticks.stamp_ns, stamps))
+    return readings_of_samples(grid_s, time_s, pressure, own.position, ticks.number)
 
 
 def _rate_hz(stamps: NDArray[np.int64], nominal_hz: float) -> float:
@@ -222,7 +236,11 @@ def _clocks(recording: Recording) -> list[str]:
 def without_sensor_curve(signals: Signals, hand: Hand) -> Signals:
     """The same signals with the true angles: the error of the sensor's calibration line (Eq. 1, 3) is inverted."""
     columns = [hand.joints.index(joint) for joint in signals.joints]
-    read = np.zeros((signals.samples, len(hand.joints)))
-    read[:, columns] = signals.angle_rad
-    true = without_curve(hand.sensors.hall, hand.sensors.angle_line, read)
-    return replace(signals, angle_rad=true[:, columns])
+
+    def true(angle_rad: Array) -> Array:
+        read = np.zeros((len(angle_rad), len(hand.joints)))
+        read[:, columns] = angle_rad
+        return without_curve(hand.sensors.hall, hand.sensors.angle_line, read)[:, columns]
+
+    own = None if signals.own is None else signals.own.with_angles(true)
+    return replace(signals, angle_rad=true(signals.angle_rad), own=own)

@@ -26,6 +26,7 @@ from hand_model.yaml_reader import Section, read_yaml
 from hand_recording.hand_signals import hand_signals
 from hand_recording.interpolation import bridge, interpolate, longest_gap_s
 from hand_recording.loader import load_recording
+from hand_recording.own_readings import readings_of_samples
 from hand_recording.recording_files import RecordingError
 from hand_recording.sample_clock import has_reading, steady_times
 from hand_recording.settings import READING
@@ -67,7 +68,8 @@ def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
     time_s = time_s[kept]
     joints = _joints(top, hand, mapping)
     angles = [_column(s.section("angle", COLUMN), path, columns, "deg", signed=True) for _, s in joints]
-    clock = steady_times(time_s, grid, np.column_stack(angles)[kept])
+    read_rad = np.radians(np.column_stack(angles)[kept])
+    clock = steady_times(time_s, grid, read_rad)
     grid, rows = clock.grid_s, len(clock.time_s)
     data = {name: np.full((len(grid), len(joints)), np.nan) for name in QUANTITIES}
     sent, read_pa = (np.full((rows, len(joints)), np.nan) for _ in range(2))
@@ -83,7 +85,7 @@ def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
                 if name == "pressure":
                     read_pa[:, j] = values
     commands = set_points_between(clock, sent, read_pa)
-    data["set_point"] = commands.between_pa[:: commands.parts]
+    data["set_point"] = commands.set_point_pa
     names, share = tuple(name for name, _ in joints), rows / len(grid)
     signals = _signals(path, names, float(grid[1] - grid[0]), data, share)
     return replace(
@@ -91,6 +93,7 @@ def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
         known=signals.known & has_reading(grid, clock.time_s)[:, None] & ~commands.unknown,
         notes=clock.notes,
         jitter_s=clock.jitter_s,
+        own=readings_of_samples(grid, clock.time_s, read_pa, read_rad),
         start_s=on_calendar(float(clock.time_s[0])),
         between_pa=np.nan_to_num(commands.between_pa) if commands.parts > 1 else None,
         loose=commands.loose,

@@ -10,6 +10,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from hand_model.arrays import Array, Flags
+from hand_recording.own_readings import OwnReadings
 from hand_recording.recording_files import RecordingError
 from hand_recording.settings import READING
 
@@ -48,6 +49,8 @@ class Signals:
     between_pa: (parts (T - 1) + 1, J) set-points in force, `parts` evenly over each sample; None where they change at
     samples only.  loose: (T - 1, J) samples within which a set-point may have stepped at any time; None: nowhere.
     jitter_s: standard deviation of the error of the samples' times that is left.
+    own: the readings at their own times, where these are no steady clock; pressure_pa and angle_rad lie on lines
+    between them.
     added: what the load of this recording adds to parameters of the model, by key, SI.
     derivative_s: window over which speeds and accelerations are computed.
     band_s: window over which a measured force and its prediction are smoothed alike, because the motion shows nothing
@@ -75,6 +78,7 @@ class Signals:
     between_pa: Array | None = None
     loose: Flags | None = None
     jitter_s: float = 0.0
+    own: OwnReadings | None = None
     added: Mapping[str, float] = field(default_factory=dict)
     derivative_s: float = READING.smoothing_s
     band_s: float = 0.0

@@ -30,12 +30,14 @@ ROUNDING = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class TableCommands:
-    """Set-points in force, between_pa (parts (T - 1) + 1, J) [Pa], and what cannot be compared with them.
+    """Set-points in force and what cannot be compared with them.
 
+    set_point_pa: (T, J) [Pa] at the samples.  between_pa: (parts (T - 1) + 1, J) [Pa], mean of each part of a sample.
     unknown: (T, J) readings after a step that was lost with its row.  loose: (T - 1, J) samples within which a step
     may have come at any time.  refused: (J,) joints whose steps came between the rows, and too often to say when.
     """
 
+    set_point_pa: Array
     between_pa: Array
     parts: int
     unknown: Flags
@@ -57,20 +59,20 @@ def set_points_between(clock: TableClock, sent_pa: Array, pressure_pa: Array) ->
     places, added = _with_missing(sent, missing)
     clearly = 1.0 - READING.clearly_beyond_chance / math.sqrt(len(grid))
 
-    def held(at_rows_s: Array) -> Array:
-        return _held(fine, np.interp(places, rows, at_rows_s), added)
+    def sent_at(at_rows_s: Array) -> Array:
+        return np.asarray(np.interp(places, rows, at_rows_s))
 
-    def misses(between_pa: Array, *, ahead: bool = False) -> Array:
-        return _errors(_means(fine, between_pa, clock.time_s), clock.time_s, pressure_pa, ahead=ahead)
+    def misses(sent_s: Array, *, ahead: bool = False) -> Array:
+        return _errors(_means(clock.time_s, sent_s, added), clock.time_s, pressure_pa, ahead=ahead)
 
-    between = held(clock.time_s)
-    errors = misses(between)
+    sent_s = sent_at(clock.time_s)
+    errors = misses(sent_s)
     if not np.array_equal(clock.time_s, clock.tick_s):
-        ticked = held(clock.tick_s)
-        on_ticks = misses(ticked)
+        on_ticks = misses(sent_at(clock.tick_s))
         if on_ticks.sum() < clearly * errors.sum():
-            between, errors = ticked, on_ticks
-    slow = misses(between, ahead=True) < clearly * errors
+            sent_s, errors = sent_at(clock.tick_s), on_ticks
+    at_samples, between = _held(grid, sent_s, added), _means(np.append(fine, fine[-1] + period_s), sent_s, added)
+    slow = misses(sent_s, ahead=True) < clearly * errors
     change, beyond = np.abs(np.diff(sent, axis=0)), _beyond_slope(sent, missing)
     stepped = beyond > READING.lost_step_pa
     jumped = stepped & (change > READING.lost_step_pa) & (beyond > READING.jump_share * change)
@@ -80,12 +82,13 @@ def set_points_between(clock: TableClock, sent_pa: Array, pressure_pa: Array) ->
     if (slow & ~refused).any():
         line = np.column_stack([np.interp(fine, clock.tick_s, column) for column in sent.T])
         between = np.where(slow & ~refused, line, between)
+        at_samples = np.where(slow & ~refused, line[::parts], at_samples)
     loose = np.zeros((len(grid) - 1, sent.shape[1]), dtype=bool)
     ticks = np.rint((clock.tick_s[:-1] - grid[0]) / period_s).astype(np.int64)
     loose[np.clip(ticks, 0, len(grid) - 2)] = between_rows & ~many
     long = np.diff(clock.time_s) > longest_gap_s(period_s)
     unknown = _after_lost(clock, (stepped | long[:, None]) & (missing > 0)[:, None])
-    return TableCommands(between, parts, unknown, loose, refused)
+    return TableCommands(at_samples, between, parts, unknown, loose, refused)
 
 
 def _with_missing(sent_pa: Array, missing: NDArray[np.int64]) -> tuple[Array, Array]:
@@ -130,11 +133,17 @@ def _held(at_s: Array, time_s: Array, values: Array) -> Array:
     return held
 
 
-def _means(fine_s: Array, between_pa: Array, time_s: Array) -> Array:
-    """Mean set-points (N - 1, J) between rows at times (N,), of those in force from evenly spaced times (F,) on."""
-    area = np.vstack([np.zeros(between_pa.shape[1]), np.cumsum(between_pa[:-1] * (fine_s[1] - fine_s[0]), axis=0)])
-    at_rows = np.column_stack([np.interp(time_s, fine_s, column) for column in area.T])
-    return np.asarray(np.diff(at_rows, axis=0) / np.diff(time_s)[:, None], dtype=np.float64)
+def _means(edges_s: Array, time_s: Array, values: Array) -> Array:
+    """Means (M - 1, J) between rising times (M,) of values held as by `_held`: a step in between has its share."""
+    area = np.full((len(edges_s), values.shape[1]), np.nan)
+    for j, column in enumerate(values.T):
+        known = np.isfinite(column)
+        if known.any():
+            level, starts = column[known], time_s[known]
+            at_starts = np.concatenate([[0.0], np.cumsum(level[:-1] * np.diff(starts))])
+            row = np.maximum(in_force(edges_s, starts), 0)
+            area[:, j] = at_starts[row] + level[row] * (edges_s - starts[row])
+    return np.asarray(np.diff(area, axis=0) / np.diff(edges_s)[:, None], dtype=np.float64)
 
 
 def _errors(mean_pa: Array, time_s: Array, pressure_pa: Array, *, ahead: bool = False) -> Array:

@@ -161,7 +161,8 @@ def _without_spikes(signals: Signals, unusable: set[str]) -> tuple[Signals, list
     ]
     angle, _ = bridge(np.where(bad, np.nan, signals.angle_rad))
     pressure, _ = bridge(np.where(bad, np.nan, signals.pressure_pa))
-    return replace(signals, angle_rad=angle, pressure_pa=pressure, known=signals.known & ~bad), lines
+    own = None if signals.own is None else signals.own.within(angle_limit, pressure_limit)
+    return replace(signals, angle_rad=angle, pressure_pa=pressure, known=signals.known & ~bad, own=own), lines
 
 
 def _without_rails(signals: Signals, unusable: set[str]) -> tuple[Signals, list[str]]:

@@ -123,6 +123,7 @@ def slice_of(segment: Segment, begin: int, end: int) -> Segment:
         block=segment.block[part],
         acts=None if segment.acts is None else segment.acts[part],
         loose=None if segment.loose is None else segment.loose[begin : end - 1],
+        own=None if segment.own is None else segment.own.part(part),
     )
 
 
