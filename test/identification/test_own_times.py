@@ -100,7 +100,7 @@ def test_a_model_gives_what_lies_between_readings(tmp_path: Path) -> None:
     """Fails when pressures or angles are put on the samples without the bend that the model has between them."""
     segment = joint_problem([recorded(tmp_path, 0.4, 0.01, 53)], load_hand(CONFIG), JOINT).segments[0]
     assert segment.own is not None
-    samples, finer = np.arange(len(segment.angle_rad)), 8
+    samples, finer = np.arange(float(len(segment.angle_rad))), 8
 
     def true(at: Array) -> Array:
         return np.array([1e5 * np.sin(1.5 * at), 0.3 * np.cos(1.2 * at), 0.0 * at])
@@ -112,13 +112,13 @@ def test_a_model_gives_what_lies_between_readings(tmp_path: Path) -> None:
     cut = replace(
         segment, own=own, pressure_pa=lines[0], angle_rad=lines[1], use=np.ones((3, len(samples)), dtype=bool)
     )
-    put = on_samples(cut, true(np.arange(finer * (len(samples) - 1) + 1) / finer), finer)
+    put = on_samples(cut, true(np.arange(finer * (len(samples) - 1.0) + 1.0) / finer), finer)
     inside = slice(1, -1)
     assert np.abs(put.pressure_pa - true(samples)[0] - slow)[inside].max() < 500.0
     assert np.abs(cut.pressure_pa - true(samples)[0])[inside].max() > 1e4
     assert np.abs(put.angle_rad - true(samples)[1])[inside].max() < 1.5e-3
     assert np.abs(cut.angle_rad - true(samples)[1])[inside].max() > 3e-2
-    rough = on_samples(cut, -true(np.arange(finer * (len(samples) - 1) + 1) / finer), finer)
+    rough = on_samples(cut, -true(np.arange(finer * (len(samples) - 1.0) + 1.0) / finer), finer)
     np.testing.assert_array_equal(rough.pressure_pa, cut.pressure_pa)  # a wrong model leaves nothing smoother
 
 
