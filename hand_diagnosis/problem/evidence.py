@@ -79,9 +79,12 @@ def _shrink(problem: JointProblem, fit: MapFit) -> float:
     return float((counts.sum()) / (counts.sum() + chi2.sum()))
 
 
-def most_to_gain(problem: JointProblem, fit: MapFit) -> float:
-    """Log likelihood [nats] by which a model that leaves nothing but white noise would surpass a fit, at least 0."""
-    noise = white_parts(problem, fit)[:, None] ** 2 * problem.block_counts
+def most_to_gain(problem: JointProblem, fit: MapFit, known: MapFit | None = None) -> float:
+    """Log likelihood [nats] by which a model that leaves nothing but white noise would surpass a fit, at least 0.
+
+    known: a fit with residuals, which show the noise; by default the fit itself.
+    """
+    noise = white_parts(problem, known or fit)[:, None] ** 2 * problem.block_counts
     best = _fitted_likelihood(problem, np.minimum(fit.squares, noise))
     return best - _fitted_likelihood(problem, fit.squares)
 

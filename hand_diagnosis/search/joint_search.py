@@ -102,16 +102,26 @@ def _begun(found: JointSearch, begin: Sequence[Beginning], rng: np.random.Genera
 
 
 def rough_evidence(
-    problem: JointProblem, effects: Sequence[Effect], base: Sequence[FreeParameter], rng: np.random.Generator
+    problem: JointProblem,
+    effects: Sequence[Effect],
+    base: Sequence[FreeParameter],
+    rng: np.random.Generator,
+    enough: Callable[[MapFit, MapFit], bool] = lambda _plain, _best: False,
 ) -> tuple[float, MapFit]:
     """Log evidence [nats] and fit of the best model with one effect at most; the best few of the coarse pass are fitted
     on.
+
+    enough: whether they need not be, from the plain fit and the best one so far.
     """
     nominal = map_fit(problem, base, np.zeros(len(base)), SETTINGS.nominal_iterations)
     plain = log_evidence(problem, nominal)
+    if enough(nominal, nominal):
+        return plain, nominal
     fits = _ranked([fit_roughly(problem, nominal, each, rng) for each in promising(problem, nominal, effects)])
     if not fits or fits[0].log_evidence < plain:
         return plain, nominal
+    if enough(nominal, fits[0].fit):
+        return fits[0].log_evidence, fits[0].fit
     # Numbers that have moved to imitate an effect may keep its fit away from it: each begins at the nominal ones, too.
     moved = [parameter.row for parameter in base]
     leaders = fits[: SETTINGS.rough_leaders]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -61,10 +62,13 @@ def _of_few_joints(task: Task, known: Fits) -> Task:
     Here no other joint separates wrong numbers from an effect. But one effect explains more than numbers that are a
     little more free, and several wrong numbers are no one effect.
     """
-    evidence, to_gain = _evidence_with_effects(task, known)
-    best, most = task, evidence + SETTINGS.strong_log_evidence
+    share = SETTINGS.strong_log_evidence / len(known)
+    evidence, to_gain = _evidence_with_effects(task, known, little=share)
     if to_gain <= SETTINGS.strong_log_evidence:
-        return best
+        return task
+    if len(known) > 1:  # one of them may have been left early
+        evidence, _ = _evidence_with_effects(task, known)
+    best, most = task, evidence + SETTINGS.strong_log_evidence
     for tried in _more_tolerant(task):
         other, _ = _evidence_with_effects(tried, tried.nominal_fits())
         if other > most:
@@ -79,19 +83,33 @@ def _more_tolerant(task: Task) -> list[Task]:
     ]
 
 
-def _evidence_with_effects(task: Task, fits: Fits) -> tuple[float, float]:
+def _evidence_with_effects(task: Task, fits: Fits, little: float = -np.inf) -> tuple[float, float]:
     """Log evidence [nats] of all joints, each with the one effect that explains most, or none, and what it may gain.
 
-    A larger tolerance takes away the penalty of the numbers at most, and the fit then leaves white noise at best.
+    little: gain [nats] of a joint from which its best model is not sought any further.
     """
     rng = np.random.default_rng(task.seed)
     evidence = to_gain = 0.0
     for problem, plain in fits:
-        found, best = rough_evidence(problem, task.effects, plain.free, rng)
-        numbers = {parameter.row for parameter in plain.free}
-        penalty = sum(z**2 for row, z in best.by_row.items() if row in numbers) / 2.0
-        evidence, to_gain = evidence + found, to_gain + most_to_gain(problem, best) + penalty
+        may_gain = partial(_may_gain, problem)
+        enough = partial(_is_little, may_gain, little)
+        found, best = rough_evidence(problem, task.effects, plain.free, rng, enough)
+        evidence, to_gain = evidence + found, to_gain + may_gain(plain, best)
     return evidence, to_gain
+
+
+def _is_little(may_gain: Callable[[MapFit, MapFit], float], little: float, plain: MapFit, best: MapFit) -> bool:
+    return may_gain(plain, best) <= little
+
+
+def _may_gain(problem: JointProblem, plain: MapFit, best: MapFit) -> float:
+    """Log evidence [nats] that a larger tolerance adds to the best model of a joint at most; plain: its plain fit.
+
+    It takes away the penalty of the numbers at most, and the fit then leaves white noise at best.
+    """
+    numbers = {parameter.row for parameter in plain.free}
+    penalty = sum(z**2 for row, z in best.by_row.items() if row in numbers) / 2.0
+    return most_to_gain(problem, best, best if best.residuals else plain) + penalty
 
 
 def is_explained(problem: JointProblem, fit: MapFit) -> bool:

@@ -54,8 +54,8 @@ def recorded(folder: Path, scatter: float, period_s: float, seed: int, *, steady
     print(f"seed {seed}")
     rng, hand = np.random.default_rng(seed), load_hand(CONFIG)
     count = round(SECONDS / period_s)
-    off = 0.0 if steady else rng.uniform(-scatter, scatter, count)
-    time_s = (1.0 + np.arange(count) + off) * period_s
+    off = np.zeros(count) if steady else rng.uniform(-scatter, scatter, count)
+    time_s: Array = (1.0 + np.arange(count) + off) * period_s
     rows = np.cumsum(rng.integers(round(0.35 / period_s), round(0.9 / period_s), 60))
     rows = rows[rows < count - 5]
     level = rng.uniform(0.0, 1.2e5, len(rows)) + 1.2e5 * (np.arange(len(rows)) % 2)
