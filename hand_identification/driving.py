@@ -8,7 +8,6 @@ to it again.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -16,7 +15,7 @@ import numpy as np
 
 from hand_identification.free_parameters import FreeParameter
 from hand_identification.joint_problem import JointProblem, Segment
-from hand_identification.own_times import on_samples, roughness
+from hand_identification.own_times import fine_readings, on_samples, roughness
 from hand_identification.step_times import place_steps
 from hand_model.arrays import Array
 from hand_model.effects.effect import PARTNER
@@ -35,18 +34,11 @@ def shape_driving(problem: JointProblem, free: Sequence[FreeParameter], z: Array
     if problem.driven:
         return
     place_steps(problem, free, z)
-    finer = math.lcm(*(segment.parts for segment in problem.segments))
-    finer *= max(1, math.ceil(problem.segments[0].period_s / finer / problem.step_s - 1e-9))
-    columns, starts = problem.columns(free, z[None])
-    fine = replace(problem, segments=[_finer(segment, finer) for segment in problem.segments])
-    predicted = fine.predict(columns, starts)
-    placed = [
-        on_samples(segment, fine_prediction[0], finer)
-        for segment, fine_prediction in zip(problem.segments, predicted, strict=True)
-    ]
+    finer, readings = fine_readings(problem, free, z)
+    placed = [on_samples(segment, fine, finer) for segment, fine in zip(problem.segments, readings, strict=True)]
     problem.segments[:] = [
-        _shaped(segment, fine_prediction[0, 0], finer) if segment.use[0].any() else segment
-        for segment, fine_prediction in zip(placed, predicted, strict=True)
+        _shaped(segment, fine[0], finer) if segment.use[0].any() else segment
+        for segment, fine in zip(placed, readings, strict=True)
     ]
 
 
@@ -135,20 +127,6 @@ def _second_differences(angle_rad: Array, period_s: float) -> Array:
 
 def _bridged(segment: Segment, residual: Array) -> Array:
     return bridge(np.where(segment.known, residual, np.nan))[0] if segment.known.any() else residual
-
-
-def _finer(segment: Segment, finer: int) -> Segment:
-    """The segment with the inputs of the valve stage in steps of a `finer`-th of a sample; other signals stay."""
-    pressure = refine(segment.pressure_pa, finer)
-    return replace(
-        segment,
-        period_s=segment.period_s / finer,
-        set_point_pa=np.repeat(segment.set_point_pa, finer)[: len(pressure)],
-        commanded_pa=np.repeat(segment.commanded_pa, finer // segment.parts)[: len(pressure)],
-        driving_pa=pressure,
-        exogenous=refine(segment.exogenous, finer),
-        acts=None if segment.acts is None else np.repeat(segment.acts, finer)[: len(pressure)],
-    )
 
 
 def _shaped(segment: Segment, model_pa: Array, finer: int) -> Segment:

@@ -7,12 +7,45 @@ again (a deferred correction, Pereyra, Numer. Math. 8, 1966).
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from hand_identification.joint_problem import Segment
+from hand_identification.free_parameters import FreeParameter
+from hand_identification.joint_problem import JointProblem, Segment
 from hand_model.arrays import Array, Flags
+from hand_recording.interpolation import refine
+
+
+def put_on_samples(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> None:
+    """Put the readings of every segment on its samples by the model at the coordinates z (free,) [-], in place."""
+    if any(segment.own is not None for segment in problem.segments):
+        finer, readings = fine_readings(problem, free, z)
+        problem.segments[:] = [on_samples(s, fine, finer) for s, fine in zip(problem.segments, readings, strict=True)]
+
+
+def fine_readings(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> tuple[int, list[Array]]:
+    """Parts of a sample, and readings (OUTPUTS, parts (T - 1) + 1) [SI] of the model for every segment at each."""
+    finer = math.lcm(*(segment.parts for segment in problem.segments))
+    finer *= max(1, math.ceil(problem.segments[0].period_s / finer / problem.step_s - 1e-9))
+    fine = replace(problem, segments=[_finer(segment, finer) for segment in problem.segments])
+    return finer, [predicted[0] for predicted in fine.predict(*problem.columns(free, z[None]))]
+
+
+def _finer(segment: Segment, finer: int) -> Segment:
+    """The segment with the inputs of the valve stage in steps of a `finer`-th of a sample; other signals stay."""
+    pressure = refine(segment.pressure_pa, finer)
+    return replace(
+        segment,
+        period_s=segment.period_s / finer,
+        set_point_pa=np.repeat(segment.set_point_pa, finer)[: len(pressure)],
+        commanded_pa=np.repeat(segment.commanded_pa, finer // segment.parts)[: len(pressure)],
+        driving_pa=pressure,
+        exogenous=refine(segment.exogenous, finer),
+        acts=None if segment.acts is None else np.repeat(segment.acts, finer)[: len(pressure)],
+    )
 
 
 def on_samples(segment: Segment, model: Array, finer: int) -> Segment:

@@ -17,6 +17,7 @@ from scipy.interpolate import Akima1DInterpolator
 from hand_identification.free_parameters import FreeParameter, nominal_free_parameters
 from hand_identification.joint_problem import JointProblem, Segment
 from hand_identification.map_fit import MapFit, map_fit
+from hand_identification.own_times import put_on_samples
 from hand_identification.settings import FITS
 from hand_model.arrays import Array
 
@@ -33,17 +34,21 @@ def settle_steps(problem: JointProblem) -> None:
     every = nominal_free_parameters(problem.nominal, FITS.step_tolerance, False)
     free = [parameter for parameter in every if parameter.key.startswith("valve.")]
     read, z = list(problem.segments), np.zeros(len(free))
-    held = _squares(map_fit(problem, free, z, FITS.step_iterations))
-    problem.segments[:] = [_smooth(segment) for segment in read]
+    for _ in range(FITS.step_rounds):
+        held = map_fit(problem, free, z, FITS.step_iterations)
+        z = held.z
+        put_on_samples(problem, free, z)
+    problem.segments[:], z = [_smooth(segment) for segment in read], np.zeros(len(free))
     for _ in range(FITS.step_rounds):
         place_steps(problem, free, z)
-        fit = map_fit(problem, free, z, FITS.step_iterations)
-        z = fit.z
-    between = _squares(fit)
+        put_on_samples(problem, free, z)
+        between = map_fit(problem, free, z, FITS.step_iterations)
+        z = between.z
+    held_pa2, between_pa2 = _squares(held), _squares(between)
     for n, segment in enumerate(problem.segments):
         use, steps = segment.use.copy(), _places(segment)
         spent = 1.0 - len(steps) / max(int(use[0].sum()), len(steps), 1)  # each step that is placed takes one reading
-        if segment.loose is not None and between[n] < FITS.step_gain * spent * held[n]:
+        if segment.loose is not None and between_pa2[n] < FITS.step_gain * spent * held_pa2[n]:
             use[0, 1 + steps] = False
             problem.segments[n] = replace(segment, use=use)
         else:
@@ -87,16 +92,29 @@ def _places(segment: Segment) -> Places:
 
 
 def _stepped(segment: Segment, at: Places, shares: Array) -> Segment:
-    """The segment with each set-point in force for the last share of its sample; a part in between has the mean."""
+    """The segment with each set-point in force for the last share of the time since the row before.
+
+    That of an uneven row begins or ends in another sample. A part in which a step lies has the mean.
+    """
     if not len(at):
         return segment
-    parts = segment.parts
+    parts, late = segment.parts, _late(segment)
     commanded, before = segment.commanded_pa.copy(), segment.set_point_pa[at]
-    after = segment.set_point_pa[at + 1]
+    step = segment.set_point_pa[at + 1] - before
+    came = parts * (1.0 + late[at + 1] - shares * (1.0 + late[at + 1] - late[at]))
     for part in range(parts):
-        in_force = np.clip(part + 1.0 - parts * (1.0 - shares), 0.0, 1.0)
-        commanded[parts * at + part] = before + in_force * (after - before)
+        commanded[parts * at + part] = before
+    for part in range(-parts, 2 * parts):
+        in_force = np.clip(part + 1.0 - came, 0.0, 1.0)
+        changed = np.clip(parts * at + part, 0, len(commanded) - 1)
+        np.add.at(commanded, changed, step * (in_force - (part >= parts)))
     return replace(segment, commanded_pa=commanded)
+
+
+def _late(segment: Segment) -> Array:
+    """By how many samples each reading (T,) is later than its sample; 0 where there is none."""
+    own = segment.own
+    return np.nan_to_num(own.late_s) / segment.period_s if own is not None else np.zeros(len(segment.angle_rad))
 
 
 def _squares(fit: MapFit) -> list[float]:

@@ -32,7 +32,7 @@ ROUNDING = 1e-3
 class TableCommands:
     """Set-points in force and what cannot be compared with them.
 
-    set_point_pa: (T, J) [Pa] at the samples.  between_pa: (parts (T - 1) + 1, J) [Pa], mean of each part of a sample.
+    set_point_pa: (T, J) [Pa] of the row of each sample.  between_pa: (parts (T - 1) + 1, J) [Pa], mean of each part of a sample.
     unknown: (T, J) readings after a step that was lost with its row.  loose: (T - 1, J) samples within which a step
     may have come at any time.  refused: (J,) joints whose steps came between the rows, and too often to say when.
     """
@@ -71,7 +71,8 @@ def set_points_between(clock: TableClock, sent_pa: Array, pressure_pa: Array) ->
         on_ticks = misses(sent_at(clock.tick_s))
         if on_ticks.sum() < clearly * errors.sum():
             sent_s, errors = sent_at(clock.tick_s), on_ticks
-    at_samples, between = _held(grid, sent_s, added), _means(np.append(fine, fine[-1] + period_s), sent_s, added)
+    at_samples = _held(grid, sent_at(clock.tick_s), added)
+    between = _means(np.append(fine, fine[-1] + period_s), sent_s, added)
     slow = misses(sent_s, ahead=True) < clearly * errors
     change, beyond = np.abs(np.diff(sent, axis=0)), _beyond_slope(sent, missing)
     stepped = beyond > READING.lost_step_pa

@@ -46,10 +46,12 @@ def valve(hand: Hand, at_s: Array, step_s: Array, level_pa: Array) -> Array:
     return pressure
 
 
-def recorded(folder: Path, scatter: float, period_s: float, seed: int, *, steady: bool = False) -> Signals:
+def recorded(
+    folder: Path, scatter: float, period_s: float, seed: int, *, steady: bool = False, sooner: bool = False
+) -> Signals:
     """A table whose rows are read up to `scatter` periods off an even clock, as their stamps say; steps at rows.
 
-    steady: they are read on the clock, and the stamps are right.
+    steady: they are read on the clock, and the stamps are right.  sooner: steps come at any time since the row before.
     """
     print(f"seed {seed}")
     rng, hand = np.random.default_rng(seed), load_hand(CONFIG)
@@ -60,7 +62,8 @@ def recorded(folder: Path, scatter: float, period_s: float, seed: int, *, steady
     rows = rows[rows < count - 5]
     level = rng.uniform(0.0, 1.2e5, len(rows)) + 1.2e5 * (np.arange(len(rows)) % 2)
     sent = np.concatenate([[0.0], level])[np.searchsorted(rows, np.arange(count), side="right")]
-    pressure = valve(hand, time_s, time_s[rows], level) + NOISE_PA * rng.standard_normal(count)
+    step_s = time_s[rows] - (rng.uniform(0.0, 1.0, len(rows)) * (time_s[rows] - time_s[rows - 1]) if sooner else 0.0)
+    pressure = valve(hand, time_s, step_s, level) + NOISE_PA * rng.standard_normal(count)
     angle = 0.5 + 0.3 * np.sin(9.0 * time_s) + NOISE_RAD * rng.standard_normal(count)
     with (folder / "r.csv").open("w", newline="") as file:
         out = csv.writer(file)
@@ -87,6 +90,12 @@ def test_pressures_after_steps_agree_with_the_right_model(tmp_path: Path, scatte
     assert signals.own is not None
     assert left_pa(signals) < 1.1 * NOISE_PA
     assert left_pa(replace(signals, own=None)) > 1.8 * NOISE_PA
+
+
+@pytest.mark.parametrize(("scatter", "period_s"), [(0.0, 0.01), (0.1, 0.01), (0.4, 0.005), (0.4, 0.02)])
+def test_steps_between_uneven_rows_are_placed(tmp_path: Path, scatter: float, period_s: float) -> None:
+    """Fails when a step is sought in another sample than that of its row, or no nearer to the next row than a sample."""
+    assert left_pa(recorded(tmp_path, scatter, period_s, 55, steady=scatter == 0.0, sooner=True)) < 1.2 * NOISE_PA
 
 
 def test_readings_on_an_even_clock_have_no_times_of_their_own(tmp_path: Path) -> None:
