@@ -27,7 +27,10 @@ def put_on_samples(problem: JointProblem, free: Sequence[FreeParameter], z: Arra
 
 
 def fine_readings(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> tuple[int, list[Array]]:
-    """Parts of a sample, and readings (OUTPUTS, parts (T - 1) + 1) [SI] of the model for every segment at each."""
+    """How many parts a sample has, and the model's readings at each (OUTPUTS, parts (T - 1) + 1), SI, of every segment.
+
+    z: (free,) coordinates [-].
+    """
     finer = math.lcm(*(segment.parts for segment in problem.segments))
     finer *= max(1, math.ceil(problem.segments[0].period_s / finer / problem.step_s - 1e-9))
     fine = replace(problem, segments=[_finer(segment, finer) for segment in problem.segments])
@@ -35,8 +38,10 @@ def fine_readings(problem: JointProblem, free: Sequence[FreeParameter], z: Array
 
 
 def _finer(segment: Segment, finer: int) -> Segment:
-    """The segment with the inputs of the valve stage in steps of a `finer`-th of a sample; other signals stay."""
-    pressure = refine(segment.pressure_pa, finer)
+    """The segment with the inputs of both stages in steps of a `finer`-th of a sample; other signals stay."""
+    given = (len(segment.driving_pa) - 1) // max(len(segment.angle_rad) - 1, 1)
+    driving = (segment.pressure_pa, finer) if finer % given else (segment.driving_pa, finer // given)
+    pressure = refine(*driving)
     return replace(
         segment,
         period_s=segment.period_s / finer,
@@ -49,9 +54,10 @@ def _finer(segment: Segment, finer: int) -> Segment:
 
 
 def on_samples(segment: Segment, model: Array, finer: int) -> Segment:
-    """The segment with pressures and angles put on its samples by a model's readings (OUTPUTS, finer (T - 1) + 1), SI.
+    """The segment with pressures and angles put on its samples by what a model leaves of its readings.
 
-    A signal stays as it is where the model leaves nothing smoother than the readings themselves.
+    model: (OUTPUTS, parts) readings of the model, SI, at `finer` parts of each of the samples. A signal stays as it is
+    where the model leaves nothing smoother than the readings themselves.
     """
     own = segment.own
     if own is None:
@@ -79,7 +85,7 @@ def _put(values: Array, place: Array, readings: Array, model: Array, finer: int,
 
 
 def roughness(values: Array, use: Flags) -> float:
-    """Mean square of the second differences of values (T,) over the samples that count (T,); 0 where none does.
+    """Mean square of the second differences of values (T,) [any unit] over the samples that count (T,); 0 without any.
 
     Where a recording begins in the middle of a step, nobody knows the commands before, which is no fault of the model.
     """

@@ -1,7 +1,7 @@
 """Readings at the times at which they were taken, where these are no steady clock.
 
 The samples of a recording lie on a uniform clock. Straight lines between readings cut the bends of a pressure after a
-step, so the readings themselves are kept beside the samples; a model can be compared with them at their own times
+step, so the readings themselves are kept next to the samples; a model can be compared with them at their own times
 (hand_identification/own_times.py).
 """
 
