@@ -17,9 +17,11 @@ from __future__ import annotations
 
 import math
 
-from scipy.optimize import brentq
-
 from hand_control.declared import C, G, S, U, compiled, inlined
+
+OVERSHOOT = 1.166
+"""Mean excess of a sum of normal numbers over its threshold, in standard deviations, twice (Siegmund)."""
+ITERATIONS = 100
 
 
 @compiled
@@ -99,9 +101,10 @@ def threshold(false_alarms_per_hour: float, observer_filter_s: float) -> float:
     It is 0 where the wanted rate is higher than the detector has at h = 0.
     """
     run_length = 3600.0 / false_alarms_per_hour / (2.0 * observer_filter_s)
-
-    def excess(h: float) -> float:
-        b = 2.0 * C.allowance * (h + 1.166)
-        return math.log((math.exp(b) - b - 1.0) / (2.0 * C.allowance**2)) - math.log(run_length)
-
-    return 0.0 if excess(0.0) > 0.0 else float(brentq(excess, 0.0, 100.0))
+    wanted, least = 2.0 * C.allowance**2 * run_length, 2.0 * C.allowance * OVERSHOOT
+    if math.exp(least) - least - 1.0 >= wanted:
+        return 0.0
+    b = least
+    for _ in range(ITERATIONS):  # each shrinks the error by exp(-least) at least
+        b = math.log(wanted + b + 1.0)
+    return float(b / (2.0 * C.allowance) - OVERSHOOT)

@@ -18,9 +18,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from hand_control.command_check import MIN_STEP_S, JointCommand, Trajectory
+from hand_control.hermite import HermiteCurve, monotone_slopes
 from hand_model.arrays import Array, Flags
 from hand_model.description import Hand
 
@@ -30,19 +30,18 @@ SLEW_NS = 100_000_000
 
 @dataclass(frozen=True, slots=True)
 class _Motion:
-    """A running trajectory: its remaining joints, their columns in the curve, the curve and its derivative."""
+    """A running trajectory: its remaining joints, their columns in the curve, and the curve."""
 
     joints: NDArray[np.int64]
     columns: NDArray[np.int64]
     start_ns: int
     end_s: float
-    position: CubicHermiteSpline
-    speed: CubicHermiteSpline
+    curve: HermiteCurve
 
     def without(self, taken: NDArray[np.int64]) -> _Motion:
         """The same motion without the joints that another command has taken."""
         keep = ~np.isin(self.joints, taken)
-        return _Motion(self.joints[keep], self.columns[keep], self.start_ns, self.end_s, self.position, self.speed)
+        return replace(self, joints=self.joints[keep], columns=self.columns[keep])
 
 
 class References:
@@ -136,7 +135,7 @@ class References:
         curve = _curve(times, position, velocity)
         end_s = float(times[-1])
         columns = np.arange(len(index))
-        self._motions.append(_Motion(index, columns, trajectory.start_ns, end_s, curve, curve.derivative()))
+        self._motions.append(_Motion(index, columns, trajectory.start_ns, end_s, curve))
 
     def sample(self, now_ns: int) -> tuple[Array, Array, Array]:
         """Targets, their speeds and the torque limits now; later calls overwrite the arrays."""
@@ -153,8 +152,9 @@ class References:
                 continue
             over = seconds >= motion.end_s
             at = min(seconds, motion.end_s)
-            self._target[motion.joints] = motion.position(at)[motion.columns]
-            self._speed[motion.joints] = 0.0 if over else motion.speed(at)[motion.columns]
+            position, speed = motion.curve.at(at)
+            self._target[motion.joints] = position[motion.columns]
+            self._speed[motion.joints] = 0.0 if over else speed[motion.columns]
             self._on_path[motion.joints], self._at_goal[motion.joints] = not over, over
         self._motions = [m for m in self._motions if (now_ns - m.start_ns) * 1e-9 < m.end_s]
         # A curve with large velocities may exceed its points, but never the limits of the joint.
@@ -191,15 +191,9 @@ def _columns(trajectory: Trajectory, keep: Flags) -> Trajectory:
     return replace(trajectory, index=trajectory.index[keep], position_rad=position, velocity_rad_s=velocity)
 
 
-def _curve(times: Array, position: Array, velocity: Array | None) -> CubicHermiteSpline:
+def _curve(times: Array, position: Array, velocity: Array | None) -> HermiteCurve:
     """Curve through positions (m, k) at times (m,); a single point is held."""
     if len(times) == 1:
         times, position = np.array([0.0, max(times[0], 1e-3)]), np.vstack([position, position])
         velocity = None
-    if velocity is not None:
-        return CubicHermiteSpline(times, position, velocity)
-    with np.errstate(all="ignore"):  # steps near the smallest number overflow on the way to a slope of 0
-        slopes = PchipInterpolator(times, position).derivative()(times)
-    slopes = np.nan_to_num(slopes, posinf=0.0, neginf=0.0)
-    slopes[0] = slopes[-1] = 0.0
-    return CubicHermiteSpline(times, position, slopes)
+    return HermiteCurve(times, position, monotone_slopes(times, position) if velocity is None else velocity)
