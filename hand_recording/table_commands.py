@@ -32,7 +32,7 @@ ROUNDING = 1e-3
 class TableCommands:
     """Set-points in force and what cannot be compared with them.
 
-    set_point_pa: (T, J) [Pa] of the row of each sample.  between_pa: (parts (T - 1) + 1, J) [Pa], mean of each part of a sample.
+    set_point_pa: (T, J) [Pa] of the row of each sample.  between_pa: (parts (T - 1) + 1, J) [Pa], mean of each part.
     unknown: (T, J) readings after a step that was lost with its row.  loose: (T - 1, J) samples within which a step
     may have come at any time.  refused: (J,) joints whose steps came between the rows, and too often to say when.
     """

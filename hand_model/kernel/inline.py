@@ -7,9 +7,9 @@ equations are compiled into the same loop. Products are fused with sums as the s
 
 from __future__ import annotations
 
-import os.path
 from collections.abc import Callable
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from numba.core.registry import CPUDispatcher
@@ -45,7 +45,7 @@ class Equation:
     @cached_property
     def _for_python(self) -> Any:
         """Kept on disk where the equation stands in a file; a composed hook stands in none."""
-        return self._compiled(cache=os.path.isfile(self._fused.__code__.co_filename))
+        return self._compiled(cache=Path(self._fused.__code__.co_filename).is_file())
 
     @property
     def _numba_type_(self) -> Any:

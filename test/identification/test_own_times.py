@@ -94,7 +94,7 @@ def test_pressures_after_steps_agree_with_the_right_model(tmp_path: Path, scatte
 
 @pytest.mark.parametrize(("scatter", "period_s"), [(0.0, 0.01), (0.1, 0.01), (0.4, 0.005), (0.4, 0.02)])
 def test_steps_between_uneven_rows_are_placed(tmp_path: Path, scatter: float, period_s: float) -> None:
-    """Fails when a step is sought in another sample than that of its row, or no nearer to the next row than a sample."""
+    """Fails when a step is sought in another sample than that of its row, or not up to the time of the row itself."""
     assert left_pa(recorded(tmp_path, scatter, period_s, 55, steady=scatter == 0.0, sooner=True)) < 1.2 * NOISE_PA
 
 
