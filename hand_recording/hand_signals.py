@@ -14,7 +14,7 @@ from hand_model.description import Hand
 from hand_model.sensors import without_curve
 from hand_recording.interpolation import bridge, longest_gap_s
 from hand_recording.loader import Recording, RecordingError
-from hand_recording.own_readings import OwnReadings, readings_of_samples
+from hand_recording.own_readings import ROUNDING, OwnReadings, readings_of_samples
 from hand_recording.sample_clock import on_steady_clock
 from hand_recording.settings import READING
 from hand_recording.signals import Signals, on_calendar, samples_on_grid
@@ -96,6 +96,8 @@ def _own(recording: Recording, joints: tuple[str, ...], ticks: Ticks) -> OwnRead
     """The readings at their stamps, where these still scatter; pressures of other stamps have none."""
     states = recording["joint_states"]
     stamps = np.unique(states.stamp_ns)
+    if np.abs(stamps - ticks.stamp_ns[ticks.number]).max() < ROUNDING * ticks.period_s * 1e9:
+        return None
     own = recording.on_time_base(stamps_ns=stamps, joints=joints, max_gap_s=longest_gap_s(ticks.period_s))
     pressure = own.pressure.copy()
     if "pressures" in recording:

@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 from hand_model.arrays import Array
 from hand_sim.sample_ticks import ascending_ticks
 
+ROUNDING = 1e-3
+"""Part of a period by which a time may miss its sample because it was rounded."""
+
 
 @dataclass(frozen=True, slots=True)
 class OwnReadings:
@@ -68,7 +71,3 @@ def readings_of_samples(
     for filled, values in zip(own, (pressure_pa, angle_rad), strict=True):
         filled[at] = values[inside]
     return OwnReadings(late_s, *own)
-
-
-ROUNDING = 1e-3
-"""Part of a period by which a time may miss its sample because it was rounded."""

@@ -21,11 +21,9 @@ from numpy.typing import NDArray
 
 from hand_model.arrays import Array, Flags
 from hand_recording.interpolation import in_force, longest_gap_s
+from hand_recording.own_readings import ROUNDING
 from hand_recording.sample_clock import TableClock
 from hand_recording.settings import READING
-
-ROUNDING = 1e-3
-"""Part of a period by which a time may miss its tick because it was rounded."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,10 @@ from hand_identification.own_times import on_samples
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_model.kernel.rows import ROW
-from hand_recording.hand_signals import without_sensor_curve
+from hand_recording.hand_signals import hand_signals, without_sensor_curve
+from hand_recording.loader import load_recording
 from hand_recording.own_readings import OwnReadings
+from hand_recording.replay import record_offline
 from hand_recording.signal_files import read_signals
 from hand_recording.signals import Signals
 
@@ -129,6 +131,35 @@ def test_a_model_gives_what_lies_between_readings(tmp_path: Path) -> None:
     assert np.abs(cut.angle_rad - true(samples)[1])[inside].max() > 3e-2
     rough = on_samples(cut, -true(np.arange(finer * (len(samples) - 1.0) + 1.0) / finer), finer)
     np.testing.assert_array_equal(rough.pressure_pa, cut.pressure_pa)  # a wrong model leaves nothing smoother
+
+
+def test_a_bag_keeps_readings_at_uneven_stamps(tmp_path: Path) -> None:
+    """Fails when readings of a bag lose their stamps or values, or another topic's stamps count as those of angles."""
+    print("seed 56")
+    hand, rng = load_hand(CONFIG), np.random.default_rng(56)
+    commands = np.repeat(rng.uniform(0.0, 3e5, (6, 11)), 100, axis=0)
+    for _ in record_offline(hand, commands, tmp_path / "run.mcap", seed=4):
+        pass
+    recording = load_recording(tmp_path / "run.mcap")
+    assert hand_signals(recording, hand).own is None
+    states, pressures = recording["joint_states"], recording["pressures"]
+    late_ns = rng.integers(-2_000_000, 2_000_000, len(states))
+    late_ns[[0, -1]] = 0
+    at_s = 1e-9 * (states.stamp_ns + late_ns - states.stamp_ns[0])
+    angle = 0.5 + 0.4 * np.sin(7.0 * at_s)[:, None] + np.zeros((1, states["position"].shape[1]))
+    recording.topics["joint_states"] = replace(
+        states, stamp_ns=states.stamp_ns + late_ns, fields={**states.fields, "position": angle}
+    )
+    recording.topics["pressures"] = replace(pressures, stamp_ns=pressures.stamp_ns + late_ns)
+    own = hand_signals(recording, hand).own
+    assert own is not None
+    np.testing.assert_allclose(own.late_s, 1e-9 * late_ns, atol=3e-4)  # the clock is estimated
+    np.testing.assert_allclose(own.angle_rad, angle, atol=1e-12)
+    columns = [pressures.names.index(joint) for joint in hand.joints]
+    np.testing.assert_allclose(own.pressure_pa, pressures["pressure"][:, columns], atol=1e-6)
+    recording.topics["pressures"] = replace(pressures, stamp_ns=pressures.stamp_ns + late_ns + 1_000_000)
+    apart = hand_signals(recording, hand).own
+    assert apart is not None and not np.isfinite(apart.pressure_pa).any()
 
 
 def test_spikes_and_the_curve_of_the_sensor_reach_the_readings(tmp_path: Path) -> None:
