@@ -152,13 +152,13 @@ def test_the_policies_allow_exactly_what_the_nodes_use(stack: Stack, client: Cli
     for name in NODES:  # the live nodes have ended: the experiment refuses to run while the controller does
         assert real(client.node, name, "/hand") == allowed(enclave(name)), name
     command = [sys.executable, "-c", CLIENTS.replace("{uses}", repr(USES))]
-    clients = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    clients = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL, bufsize=0)
     stack.running.append(clients)
     assert clients.stdin
     with clients.stdin:
         for name in USES:
             _await(client, name)
-            print(file=clients.stdin, flush=True)
+            clients.stdin.write(b"\n")
 
 
 def test_hand_record_needs_no_more_than_the_policy_of_the_recorder(stack: Stack, client: Client) -> None:
