@@ -1,7 +1,6 @@
 """Cubic curves through positions with given slopes, and monotone slopes where none are given.
 
-scipy.interpolate has both. Its import alone takes a quarter of the time in which a controller starts, and the tests
-compare with it.
+scipy.interpolate has both. Its import alone is a large part of the start of a controller; the tests compare with it.
 """
 
 from __future__ import annotations

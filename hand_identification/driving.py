@@ -28,8 +28,8 @@ from hand_recording.signals import slopes_over, smoothing_span, white_noise
 def shape_driving(problem: JointProblem, free: Sequence[FreeParameter], z: Array) -> None:
     """Set the driving pressure of every segment from the valve's model at the coordinates z (free,) [-].
 
-    Readings between the samples are put on them by the model first.
-    A segment is left as it is where the residual of the model is not smoother than the readings themselves.
+    Readings between the samples are put on them by the model first. A segment is left as it is where the residual of
+    the model is not smoother than the readings themselves.
     """
     if problem.driven:
         return

@@ -14,7 +14,7 @@ from hand_model.description import Hand
 from hand_model.sensors import without_curve
 from hand_recording.interpolation import bridge, longest_gap_s
 from hand_recording.loader import Recording, RecordingError
-from hand_recording.own_readings import ROUNDING, OwnReadings, readings_of_samples
+from hand_recording.own_readings import OwnReadings, between_samples, readings_of_samples
 from hand_recording.sample_clock import on_steady_clock
 from hand_recording.settings import READING
 from hand_recording.signals import Signals, on_calendar, samples_on_grid
@@ -96,13 +96,13 @@ def _own(recording: Recording, joints: tuple[str, ...], ticks: Ticks) -> OwnRead
     """The readings at their stamps, where these still scatter; pressures of other stamps have none."""
     states = recording["joint_states"]
     stamps = np.unique(states.stamp_ns)
-    if np.abs(stamps - ticks.stamp_ns[ticks.number]).max() < ROUNDING * ticks.period_s * 1e9:
+    grid_s, time_s = ((times - stamps[0]) * 1e-9 for times in (ticks.stamp_ns, stamps))
+    if not between_samples(grid_s, time_s):
         return None
     own = recording.on_time_base(stamps_ns=stamps, joints=joints, max_gap_s=longest_gap_s(ticks.period_s))
     pressure = own.pressure.copy()
     if "pressures" in recording:
         pressure[~np.isin(stamps, recording["pressures"].stamp_ns)] = np.nan
-    grid_s, time_s = ((times - stamps[0]) * 1e-9 for times in (ticks.stamp_ns, stamps))
     return readings_of_samples(grid_s, time_s, pressure, own.position, ticks.number)
 
 
@@ -244,5 +244,5 @@ def without_sensor_curve(signals: Signals, hand: Hand) -> Signals:
         read[:, columns] = angle_rad
         return without_curve(hand.sensors.hall, hand.sensors.angle_line, read)[:, columns]
 
-    own = None if signals.own is None else signals.own.with_angles(true)
+    own = None if signals.own is None else replace(signals.own, angle_rad=true(signals.own.angle_rad))
     return replace(signals, angle_rad=true(signals.angle_rad), own=own)

@@ -7,7 +7,6 @@ step, so the readings themselves are kept next to the samples; a model can be co
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,15 +45,17 @@ class OwnReadings:
         kept = (np.where(beyond, np.nan, values) for values in (self.pressure_pa, self.angle_rad))
         return OwnReadings(self.late_s, *kept)
 
-    def with_angles(self, change: Callable[[Array], Array]) -> OwnReadings:
-        """Those with other angles (T, J) [rad], as of another calibration."""
-        return replace(self, angle_rad=change(self.angle_rad))
+
+def between_samples(grid_s: Array, time_s: Array) -> bool:
+    """Whether any reading, at times (N,) [s], was taken off the samples of a uniform grid (T,) [s]."""
+    places = (time_s - grid_s[0]) / (grid_s[1] - grid_s[0])
+    return bool(np.abs(places - np.rint(places)).max() >= ROUNDING)
 
 
 def readings_of_samples(
     grid_s: Array, time_s: Array, pressure_pa: Array, angle_rad: Array, numbers: NDArray[np.int64] | None = None
-) -> OwnReadings | None:
-    """Each reading with the sample that is nearest to it in the order of both; None where all are at their samples.
+) -> OwnReadings:
+    """Each reading with the sample that is nearest to it in the order of both.
 
     grid_s: (T,) uniform [s].  time_s: (N,) rising times of the readings (N, J).  numbers: (N,) their samples, rising.
     """
@@ -65,8 +66,6 @@ def readings_of_samples(
     inside = numbers < len(grid_s)
     at, late_s = numbers[inside], np.full(len(grid_s), np.nan)
     late_s[at] = period_s * (places - numbers)[inside]
-    if np.nanmax(np.abs(late_s)) < ROUNDING * period_s:
-        return None
     own = [np.full((len(grid_s), values.shape[1]), np.nan) for values in (pressure_pa, angle_rad)]
     for filled, values in zip(own, (pressure_pa, angle_rad), strict=True):
         filled[at] = values[inside]

@@ -26,7 +26,7 @@ from hand_model.yaml_reader import Section, read_yaml
 from hand_recording.hand_signals import hand_signals
 from hand_recording.interpolation import bridge, interpolate, longest_gap_s
 from hand_recording.loader import load_recording
-from hand_recording.own_readings import readings_of_samples
+from hand_recording.own_readings import between_samples, readings_of_samples
 from hand_recording.recording_files import RecordingError
 from hand_recording.sample_clock import has_reading, steady_times
 from hand_recording.settings import READING
@@ -93,7 +93,7 @@ def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
         known=signals.known & has_reading(grid, clock.time_s)[:, None] & ~commands.unknown,
         notes=clock.notes,
         jitter_s=clock.jitter_s,
-        own=readings_of_samples(grid, clock.time_s, read_pa, read_rad),
+        own=readings_of_samples(grid, clock.time_s, read_pa, read_rad) if between_samples(grid, clock.time_s) else None,
         start_s=on_calendar(float(clock.time_s[0])),
         between_pa=np.nan_to_num(commands.between_pa) if commands.parts > 1 else None,
         loose=commands.loose,

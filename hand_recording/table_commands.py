@@ -134,15 +134,16 @@ def _held(at_s: Array, time_s: Array, values: Array) -> Array:
 
 def _means(edges_s: Array, time_s: Array, values: Array) -> Array:
     """Means (M - 1, J) between rising times (M,) of values held as by `_held`: a step in between has its share."""
-    area = np.full((len(edges_s), values.shape[1]), np.nan)
-    for j, column in enumerate(values.T):
+    means, span_s = _held(edges_s[:-1], time_s, values), np.diff(edges_s)
+    for mean, column in zip(means.T, values.T, strict=True):
         known = np.isfinite(column)
-        if known.any():
-            level, starts = column[known], time_s[known]
-            at_starts = np.concatenate([[0.0], np.cumsum(level[:-1] * np.diff(starts))])
-            row = np.maximum(in_force(edges_s, starts), 0)
-            area[:, j] = at_starts[row] + level[row] * (edges_s - starts[row])
-    return np.asarray(np.diff(area, axis=0) / np.diff(edges_s)[:, None], dtype=np.float64)
+        steps, starts = np.diff(column[known]), time_s[known][1:]
+        part = np.searchsorted(edges_s + ROUNDING * span_s[0], starts) - 1
+        inside = (part >= 0) & (part < len(span_s))
+        part, steps, starts = part[inside], steps[inside], starts[inside]
+        share = (edges_s[part + 1] - starts) / span_s[part]
+        np.add.at(mean, part, np.where(share > ROUNDING, share, 0.0) * steps)
+    return means
 
 
 def _errors(mean_pa: Array, time_s: Array, pressure_pa: Array, *, ahead: bool = False) -> Array:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -91,25 +90,29 @@ def _evidence_with_effects(task: Task, fits: Fits, little: float = -np.inf) -> t
     rng = np.random.default_rng(task.seed)
     evidence = to_gain = 0.0
     for problem, plain in fits:
-        may_gain = partial(_may_gain, problem)
-        enough = partial(_is_little, may_gain, little)
-        found, best = rough_evidence(problem, task.effects, plain.free, rng, enough)
-        evidence, to_gain = evidence + found, to_gain + may_gain(plain, best)
+        found, gain = _with_one_effect(task, problem, plain, rng, little)
+        evidence, to_gain = evidence + found, to_gain + gain
     return evidence, to_gain
 
 
-def _is_little(may_gain: Callable[[MapFit, MapFit], float], little: float, plain: MapFit, best: MapFit) -> bool:
-    return may_gain(plain, best) <= little
+def _with_one_effect(
+    task: Task, problem: JointProblem, plain: MapFit, rng: np.random.Generator, little: float
+) -> tuple[float, float]:
+    """Log evidence [nats] of a joint with the best effect or none, and what a larger tolerance adds to it at most.
 
-
-def _may_gain(problem: JointProblem, plain: MapFit, best: MapFit) -> float:
-    """Log evidence [nats] that a larger tolerance adds to the best model of a joint at most; plain: its plain fit.
-
-    It takes away the penalty of the numbers at most, and the fit then leaves white noise at best.
+    That takes away the penalty of the numbers at most, and the fit then leaves white noise at best.
     """
     numbers = {parameter.row for parameter in plain.free}
-    penalty = sum(z**2 for row, z in best.by_row.items() if row in numbers) / 2.0
-    return most_to_gain(problem, best, best if best.residuals else plain) + penalty
+
+    def may_gain(known: MapFit, best: MapFit) -> float:
+        penalty = sum(z**2 for row, z in best.by_row.items() if row in numbers) / 2.0
+        return most_to_gain(problem, best, best if best.residuals else known) + penalty
+
+    def enough(known: MapFit, best: MapFit) -> bool:
+        return may_gain(known, best) <= little
+
+    found, best = rough_evidence(problem, task.effects, plain.free, rng, enough)
+    return found, may_gain(plain, best)
 
 
 def is_explained(problem: JointProblem, fit: MapFit) -> bool:

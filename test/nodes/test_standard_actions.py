@@ -64,7 +64,8 @@ def test_goals_of_follow_joint_trajectory_end_as_its_definition_says(stack: Stac
     handle = caller.send(goal)
     ended = caller.result(handle)
     assert (ended.status, ended.result.error_code) == (GoalStatus.STATUS_SUCCEEDED, CODES.SUCCESSFUL)
-    client.until(lambda: abs(client.angle("index_proximal") - 0.8) < 0.06, 3.0)  # the frames may come after the result
+    client.spin(0.3)  # the frame by which the goal ended may come after its result
+    assert client.angle("index_proximal") == pytest.approx(0.8, abs=0.06)
     assert len(caller.feedback) > 5
     shown = caller.feedback[-1]
     assert shown.joint_names == ["index_proximal", "thumb_distal"] and shown.header.frame_id == "palm"

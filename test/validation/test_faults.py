@@ -82,10 +82,13 @@ def test_a_row_names_a_test_that_exists() -> None:
 
 
 def _tests_of(file: Path) -> set[str]:
-    """Names of the tests that pytest collects in a file: functions of the module that begin with test_."""
+    """Names of the tests that pytest collects in a file: functions that begin with test_, without those marked long."""
     assert fnmatch(file.name, "test_*.py"), file
     functions = [node for node in ast.parse(file.read_text(encoding="utf-8")).body if isinstance(node, ast.FunctionDef)]
-    return {function.name for function in functions if function.name.startswith("test_")}
+    long = {
+        each.name for each in functions if any(ast.unparse(mark) == "pytest.mark.long" for mark in each.decorator_list)
+    }
+    return {each.name for each in functions if each.name.startswith("test_")} - long
 
 
 def test_every_trip_has_a_row() -> None:
