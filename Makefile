@@ -137,5 +137,5 @@ $(ACTIONS): $(BUILT) $(wildcard test/interfaces/*/* test/interfaces/*/*/*)
 $(BUILT): $(BASE) $(BUILD_INPUTS)
 	[ -e $@ ] && grep -q symlink $@ || rm -rf build install log
 	$(RUN) colcon build --symlink-install --base-paths $(BASE_PATHS) $$($(TF2)) --event-handlers console_cohesion+ status-
-	$(RUN) python -m hand_model.kernel
+	$(RUN) { python -m hand_control & control=$$!; python -m hand_model.kernel && wait $$control; }
 	echo "built with --symlink-install" > $@

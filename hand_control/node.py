@@ -29,6 +29,7 @@ from hand_control.grasps import Outcome, load_grasps
 from hand_control.inputs import JointInput
 from hand_control.object_width import object_width_m
 from hand_control.supervisor import FREEZE_S, Phase
+from hand_control.warm_up import warm_up
 from hand_messages.bounds import check_bytes, shown
 from hand_messages.cdr import Layout
 from hand_messages.health import Health, Level
@@ -92,16 +93,8 @@ class ControllerNode(HandNode):
         self._state_out_frame = frame_id
         self._position = np.zeros(len(joints))
         self._input_fault = ""
-        self._warm_up()
+        warm_up(self._hand, self._settings)
         self._create_interfaces()
-
-    def _warm_up(self) -> None:
-        """Load the compiled functions before the first frame, which otherwise would be late."""
-        joints = np.zeros(len(self._hand.joints))
-        rehearsal = Controller(self._hand, self._settings)
-        rehearsal.enable(True)
-        for stamp_ns in (1, 2, 3):
-            rehearsal.frame(Times(stamp_ns, stamp_ns, stamp_ns), joints, joints, joints)
 
     def _create_interfaces(self) -> None:
         self._command_publisher = self.sole_publisher(ValveCommand, "valve_command", COMMAND_QOS)
