@@ -101,6 +101,9 @@ class Settings(PageSettings):
     min_test_s: float = setting(
         2.5, "s", "Shorter test data are not taken from a recording, whose rest is needed for choices.", CHOICE,
         "Test errors of a few samples.", "Short recordings have no test data.")
+    late_excess: float = setting(
+        3.0, "-", "Excess error on test data, relative to that on training data, from which other data are fitted.",
+        CHOICE, "Slower.", "What only the end of a recording shows has no name.")
     test_warm_up_s: float = setting(
         600.0, "s", "Time before the test data in which the memory of a driven joint's model settles; warming is"
         " slowest.", CHOICE, "Long recordings begin with a wrong temperature.", "Slower.")

@@ -42,6 +42,8 @@ NOMINAL_KEYS = (
     "valve.vent_rate_pa_per_s",
     "end_stop.damping_nm_s_per_rad",
 )
+STOP_KEYS = ("end_stop.low_deg", "end_stop.high_deg", "end_stop.stiffness_nm_per_rad")
+"""Parameters that are free only where the joint comes near a stop."""
 STATED_KEYS = ("gravity.sine_nm",)
 """Parameters that are free only where a machine states their own tolerance."""
 
@@ -96,20 +98,29 @@ def fixed(parameter: FreeParameter, value: float, error: float = 0.0) -> FreePar
 
 
 def nominal_free_parameters(
-    nominal: Array, tolerance: float, rested: bool, own: Mapping[str, float] | None = None
+    nominal: Array,
+    tolerance: float,
+    rested: bool,
+    own: Mapping[str, float] | None = None,
+    motion_rad: tuple[float, float] | None = None,
 ) -> list[FreeParameter]:
     """Free parameters of the plain plant around its nominal parameters (rows,), each by a relative tolerance [-].
 
     own: tolerances of single parameters, by key; one with the tolerance 0 is exact and not free. The tolerance of a
-    parameter of 0 is absolute [SI].
+    parameter of 0 is absolute [SI], and that of the angle of a stop is relative to half the range between the stops.
 
     The bounds are FITS.max_tolerances away: a larger difference indicates missing physics, not a wrong number.
     rested: whether the joint was at rest without pressure before the recording, so that its creep has decayed.
+    motion_rad: least and largest angle of the recordings; without them it is far from the stops.
     """
     free, own = [], own or {}
-    for key in (*NOMINAL_KEYS, *(key for key in STATED_KEYS if key in own)):
+    half_range = (nominal[ROW["end_stop.high_deg"]] - nominal[ROW["end_stop.low_deg"]]) / 2.0
+    stops = _stops_near(nominal, FITS.max_tolerances * tolerance * half_range, motion_rad) if motion_rad else ()
+    for key in (*NOMINAL_KEYS, *stops, *(key for key in STATED_KEYS if key in own)):
         row = ROW[key]
         size = max(abs(nominal[row]), FITS.least_sizes.get(key, 0.0)) or float(key in own)
+        if key in STOP_KEYS[:2] and key not in own:
+            size = half_range
         creepless = key.startswith("material.") and nominal[ROW["material.phi_max_deg"]] == 0.0
         if size == 0.0 or creepless or own.get(key) == 0.0:
             continue
@@ -123,6 +134,14 @@ def nominal_free_parameters(
         creep = FITS.rested_creep if rested else FITS.unrested_creep
         free.append(FreeParameter(START_CREEP, 0.0, creep, False, 0.0, 1.0))
     return free
+
+
+def _stops_near(nominal: Array, reach: float, motion_rad: tuple[float, float]) -> tuple[str, ...]:
+    """Those of STOP_KEYS that matter where a joint moves between these angles; reach: how far a stop may be off."""
+    low, high, stiffness = STOP_KEYS
+    near = [low] if motion_rad[0] < nominal[ROW[low]] + reach else []
+    near += [high] if motion_rad[1] > nominal[ROW[high]] - reach else []
+    return (*near, stiffness) if near else ()
 
 
 def speed_free_parameters(speeds: Sequence[float]) -> list[FreeParameter]:

@@ -116,6 +116,12 @@ class JointProblem:
         return np.where(self.floor > practical, self.floor, FITS.min_floors_taken * practical)
 
     @property
+    def motion_rad(self) -> tuple[float, float]:
+        """Least and largest angle that was read; of a joint without readings, that of no motion."""
+        read = np.concatenate([segment.angle_rad[segment.known] for segment in self.segments])
+        return (float(read.min()), float(read.max())) if len(read) else (0.0, 0.0)
+
+    @property
     def blocks(self) -> int:
         """Number of blocks."""
         return int(self.segments[-1].block[-1]) + 1

@@ -97,6 +97,7 @@ def map_fit(
     here, sensitivity = _begun(problem, free, np.clip(start, *bounds), bounds[1], difference)
     for done in range(1, iterations + 1):
         if done > 1:
+            sensitivity = []  # of ten minutes two of them would be large
             sensitivity = residual_slopes(problem, free, here, bounds[1], difference)
         normal, slope = normal_equations(problem, here.residuals, sensitivity)
         if done == iterations:

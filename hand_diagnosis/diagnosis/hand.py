@@ -211,7 +211,8 @@ def _nominal_problem(
 ) -> tuple[JointProblem, list[FreeParameter]]:
     """The problem of one joint without its partner's model, and the free parameters of its nominal numbers."""
     problem = fit_part(joint_problem(signals, hand, joint))
-    return problem, nominal_free_parameters(problem.nominal, tolerance, initial_rest_angle(signals, joint))
+    rested, own = initial_rest_angle(signals, joint), hand.tolerances
+    return problem, nominal_free_parameters(problem.nominal, tolerance, rested, own, problem.motion_rad)
 
 
 def _certain(found: str, done: Sequence[JointDiagnosis]) -> str:

@@ -172,8 +172,7 @@ def _finding(result: JointResult, index: int) -> Finding:
     effect, stage = accepted.effect, accepted.stage
     rivals, tied = _rivals(search, accepted)
     # What is left on data that were not fitted speaks against the effect itself, too: another may stand behind it.
-    test = (np.nan, np.nan) if result.test is None else [float(result.test.rmse(k)[stage]) for k in (0, 1)]
-    sure = result.result(stage).right_name(*test)
+    sure = result.result(stage).right_name
     alternatives = _alternatives(effect, {name: (e, sure * p) for name, (e, p) in rivals.items()})
     numbers = tuple(parameter_numbers(result.reported, effect, wording))
     off = search.with_effects_off(effect.name)

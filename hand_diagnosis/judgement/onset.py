@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hand_diagnosis.judgement.stage_errors import StageResult
-from hand_diagnosis.problem import log_evidence, most_to_gain
+from hand_diagnosis.problem import likelihood_at_most, log_evidence, most_to_gain
 from hand_diagnosis.search import JointSearch, amounts, refit_below_floor
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import FreeParameter, fixed
@@ -84,14 +84,16 @@ def search_with_onset(
     of_the_hand = {parameter.row for parameter in search.base.free} - {p.row for p in search.nominal.free}
     others = {ROW[key] for effect in effects for key in effect.keys}
     rows = sorted({*others, *search.own_rows} - of_the_hand)
-    tries = [_tried(search, candidate, rows, again) for candidate in _candidates(search, results)]
     always = _evidence(problem, search)
-    best = _best(tries, always)
+
+    def tried(candidate: Onset) -> tuple[float, JointSearch, Onset] | None:
+        return _tried(search, candidate, rows, again) if _may_surpass(search, candidate, always) else None
+
+    best = _best([tried(candidate) for candidate in _candidates(search, results)], always)
     if best is None:
         return None
     # A time shows from both sides; the effect may as well be on the other one.
-    other = replace(best[2], begins=not best[2].begins)
-    best = _best([best, _tried(search, other, rows, again)], always) or best
+    best = _best([best, tried(replace(best[2], begins=not best[2].begins))], always) or best
     evidence, found, onset = _with_laws(replace(problem, nominal=best[1].problem.nominal), best, again, rows)
     probability = min(_probability(evidence - always), 1.0 - SETTINGS.min_probability)
     return _released(search, found), replace(onset, probability=probability)
@@ -161,14 +163,33 @@ def _with_laws(
     return evidence, found if needed else replace(found, problem=_without_change(found.problem, onset)), onset
 
 
+def _may_surpass(search: JointSearch, onset: Onset, always: float) -> bool:
+    """Whether a model with an onset near this one can be more probable than effects that are there all the time.
+
+    It has no effect on its sound side, where the best fit without one limits its likelihood; elsewhere the noise does.
+    The time may still move: only the half of that side counts that is farther away from it.
+    """
+    segment = search.problem.segments[0]
+    sound = np.flatnonzero(~onset.acts(len(segment.angle_rad), segment.period_s))
+    far = np.zeros(len(segment.angle_rad), dtype=bool)
+    far[sound[: len(sound) // 2] if onset.begins else sound[len(sound) // 2 :]] = True
+    part = _with_only(search.problem, far)
+    most = likelihood_at_most(search.problem, search.final, part, _sound_fit(search, part).squares)
+    return _probability(most - always) > SETTINGS.min_onset_probability
+
+
+def _sound_fit(search: JointSearch, part: JointProblem) -> MapFit:
+    """The model without effects of this joint, fitted to a part of the recording."""
+    base, plain = search.base, {parameter.row for parameter in search.nominal.free}
+    start = np.array([0.0 if p.row in plain else z for p, z in zip(base.free, base.z, strict=True)])
+    return map_fit(part, base.free, start, SETTINGS.nominal_iterations)
+
+
 def _sound_side(search: JointSearch, onset: Onset, rows: Sequence[int]) -> Array:
     """Nominal parameters (rows,); those of the given rows fit the side on which no effect of this joint acts."""
-    problem, base = search.problem, search.base
-    segment, plain = problem.segments[0], {parameter.row for parameter in search.nominal.free}
+    problem, segment = search.problem, search.problem.segments[0]
     sound = ~onset.acts(len(segment.angle_rad), segment.period_s)
-    part = _with_only(problem, sound)
-    start = np.array([0.0 if p.row in plain else z for p, z in zip(base.free, base.z, strict=True)])
-    fit = map_fit(part, base.free, start, SETTINGS.nominal_iterations)
+    fit = _sound_fit(search, _with_only(problem, sound))
     nominal = problem.nominal.copy()
     nominal[list(rows)] = problem.columns(fit.free, fit.z[None])[0][0, list(rows)]
     return nominal

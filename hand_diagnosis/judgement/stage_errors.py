@@ -77,17 +77,17 @@ class StageResult:
         """Share of the mean square beyond the noise that the effects explain, 0 ... 1."""
         return 1.0 - self.left**2
 
-    def right_name(self, test_before: float, test_after: float) -> float:
+    @property
+    def right_name(self) -> float:
         """Probability, 0 ... 1, that no other effect stands behind the names, by what they leave of this signal.
 
-        test_before, test_after: errors [SI] of the nominal and the final model on test data, or NaN. The worse split
-        counts: a wrong class with a flexible law fails on what it did not see. Logistic in log(1 + x^2 / floor^2), and
-        no less than SETTINGS.name_least.
+        The worse one of validation and test data counts: a wrong class with a flexible law fails on what it did not
+        see. Logistic in log(1 + x^2 / floor^2), and no less than SETTINGS.name_least.
         """
-        on_test = [float(np.sqrt(max(np.nan_to_num(x) ** 2 - self.noise**2, 0.0))) for x in (test_before, test_after)]
+        on_test = [(e.before, e.after) for e in self.elsewhere if e.split == "test"]
         ratio = max(
             (self.floor**2 + after**2) / (self.floor**2 + self._tolerated(before) ** 2)
-            for before, after in ((self.excess_before, self.excess_after), (on_test[0], on_test[1]))
+            for before, after in ((self.excess_before, self.excess_after), *on_test)
         )
         least = SETTINGS.name_least
         return float(least + (1.0 - least) / (1.0 + ratio**SETTINGS.name_sharpness))
@@ -126,6 +126,14 @@ class StageResult:
     def remains_on(self, split: str) -> bool:
         """The same for training or test data alone."""
         return any(self._log_odds(e) > 0.0 for e in self.elsewhere if e.split == split)
+
+    @property
+    def shows_late(self) -> bool:
+        """Whether something remains on test data, and nothing or several times less on training data."""
+        if not self.remains_on("test"):
+            return False
+        left = {e.split: e.after for e in self.elsewhere}
+        return not self.remains_on("train") or left["test"] > SETTINGS.late_excess * left["train"]
 
     @property
     def claimed(self) -> bool:

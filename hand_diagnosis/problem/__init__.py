@@ -5,6 +5,7 @@ from hand_diagnosis.problem.data_check import check, repeatability
 from hand_diagnosis.problem.evidence import (
     block_bootstrap,
     fitted_rmse,
+    likelihood_at_most,
     likelihood_below_floor,
     log_evidence,
     log_likelihood,
@@ -57,6 +58,7 @@ __all__ = [
     "fit_part",
     "fitted_rmse",
     "initial_rest_angle",
+    "likelihood_at_most",
     "likelihood_below_floor",
     "log_evidence",
     "log_likelihood",

@@ -89,6 +89,17 @@ def most_to_gain(problem: JointProblem, fit: MapFit, known: MapFit | None = None
     return best - _fitted_likelihood(problem, fit.squares)
 
 
+def likelihood_at_most(problem: JointProblem, fit: MapFit, part: JointProblem, squares: Array) -> float:
+    """Log likelihood [nats] of a model with these squares in a part of the data, and no more than noise in the rest.
+
+    fit: of the whole problem; what it leaves is the limit in the rest, too, and shows the noise.  part: the problem in
+    which the samples of that part alone count.  squares: (OUTPUTS, blocks) SI of the model there.
+    """
+    of_fit = part.block_squares(part.residuals(*part.columns(fit.free, fit.z[None])))[0]
+    noise = white_parts(problem, fit)[:, None] ** 2 * (problem.block_counts - part.block_counts)
+    return _fitted_likelihood(problem, squares + np.minimum(np.maximum(fit.squares - of_fit, 0.0), noise))
+
+
 def _fitted_likelihood(problem: JointProblem, squares: Array) -> float:
     """Log likelihood of training and validation blocks, from squares (OUTPUTS, blocks): p(train) p(val | train)."""
     train = ~problem.validation

@@ -182,7 +182,8 @@ class Task:
         for joint in self.joints:
             ready = self.prepare(joint) if self.bends else self._roughly(joint)
             fitted = fit_part(ready.problem)
-            found.append((fitted, map_fit(fitted, ready.free, ready.start, SETTINGS.rough_iterations)))
+            fit = map_fit(fitted, ready.free, ready.start, SETTINGS.rough_iterations)
+            found.append((fitted, fit.without_slopes()))
         return found
 
     def partner(self, joint: str) -> str:
@@ -193,11 +194,11 @@ class Task:
     def _roughly(self, joint: str) -> Prepared:
         if joint not in self._rough:
             problem = joint_problem(self.signals, self.model, joint, self.floors.get(joint, np.array(FITS.floor)))
-            rested = initial_rest_angle(self.signals, joint)
-            free = nominal_free_parameters(problem.nominal, self.tolerance, rested, self.model.tolerances)
+            rested, fitted = initial_rest_angle(self.signals, joint), fit_part(problem)
+            own = self.model.tolerances
+            free = nominal_free_parameters(problem.nominal, self.tolerance, rested, own, fitted.motion_rad)
             if not problem.driven:
-                free += speed_free_parameters(fit_part(problem).starts(1)[0, 1:].tolist())
-            fitted = fit_part(problem)
+                free += speed_free_parameters(fitted.starts(1)[0, 1:].tolist())
             fit = map_fit(fitted, free, np.zeros(len(free)), SETTINGS.rough_iterations)
             _choose_neighbour([self.signals[number] for number in self._holding(joint)], joint, problem, fitted, fit)
             shape_driving(problem, free, fit.z)

@@ -75,7 +75,7 @@ def learned_below_floor(
             continue
         sharp = weighted_by_noise(problem, final)
         # Evidence and covariance of both laws must come from the same weights.
-        textbook = map_fit(sharp, final.free, final.z, SETTINGS.refit_iterations)
+        textbook = map_fit(sharp, final.free, final.z, SETTINGS.refit_iterations).without_slopes()
         law = learn_law(sharp, textbook, hypothesis.effect, rng)
         if law.preferred:
             plain = hypothesis.textbook or final.without_arrays()
@@ -130,7 +130,8 @@ def refit_below_floor(problem: JointProblem, fit: MapFit) -> MapFit:
     sake of priors, what the same numbers explain.
     """
     sharp = weighted_by_noise(problem, fit)
-    return at_floor(problem, at_prior_scale(sharp, map_fit(sharp, fit.free, fit.z, SETTINGS.refit_iterations)))
+    refit = map_fit(sharp, fit.free, fit.z, SETTINGS.refit_iterations).without_slopes()
+    return at_floor(problem, at_prior_scale(sharp, refit))
 
 
 def with_validation(

@@ -46,7 +46,7 @@ def isolability(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -
     gram, cross, normal = np.zeros((count, count)), np.zeros((count, free)), np.zeros((free, free))
     stride = max(1, sum(len(segment.angle_rad) for segment in problem.segments) // SETTINGS.isolability_samples)
     thinned = [
-        [np.nan_to_num((b - a)[:, :, ::stride]) for a, b in zip(fit.residuals, changed, strict=True)]
+        [np.nan_to_num(b[:, :, ::stride] - a[:, ::stride]) for a, b in zip(fit.residuals, changed, strict=True)]
         for _, changed in tried.changed_residuals(problem, SETTINGS.probes_at_once)
     ]
     for index, slopes in enumerate(fit.sensitivity):

@@ -349,6 +349,7 @@ def _refit_below_floor(found: JointSearch, rng: np.random.Generator) -> None:
 
     The laws of the effects found are freed where more than white noise is left.
     """
+    found.forget_sensitivities()
     if found.accepted:
         last = found.accepted[-1]
         left = residual_is_correlated(found.problem, last.fit, SETTINGS.min_correlated_ratio)

@@ -64,7 +64,8 @@ def learn_law(
     """
     begun = begun or begin_law(problem, textbook, effect, rng, SETTINGS.law_fits[1])
     rows = {p.row for p in _added(problem, textbook, effect)}
-    ended = [map_fit(problem, fit.free, fit.z, SETTINGS.law_iterations[1]) for fit in begun[: SETTINGS.law_fits[2]]]
+    starts = [(fit.free, fit.z) for fit in begun[: SETTINGS.law_fits[2]]]
+    ended = [map_fit(problem, *start, SETTINGS.law_iterations[1]).without_slopes() for start in starts]
     fit = thinned(problem, min(ended, key=lambda fit: fit.cost), rows)
     return _compared(problem, textbook, fit, effect, rows)
 
@@ -216,7 +217,7 @@ def thinned(problem: JointProblem, fit: MapFit, rows: set[int]) -> MapFit:
             return fit
         kept = ~np.array(surplus)
         free = [p for p, keep in zip(fit.free, kept, strict=True) if keep]
-        less = map_fit(problem, free, fit.z[kept], SETTINGS.law_iterations[1])
+        less = map_fit(problem, free, fit.z[kept], SETTINGS.law_iterations[1]).without_slopes()
         if training_evidence(problem, less) < training_evidence(problem, fit):
             return fit
         fit = less

@@ -1,4 +1,4 @@
-"""Dry friction: Stribeck breakaway, a part proportional to the pressure, and contacts that yield before they slide."""
+"""Dry friction: Stribeck breakaway, a part proportional to the pressure, contacts that yield and may relax at rest."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def prepare(q, h):  # type: ignore[no-untyped-def]
     """Reciprocals, and the share of the friction whose contacts yield."""
     stribeck, presliding = q[2], q[4]
     yielding = min(max((presliding - RIGID_RAD) * (1.0 / (YIELDING_RAD - RIGID_RAD)), 0.0), 1.0)
-    return 1.0 / stribeck, 1.0 / presliding, yielding, 1.0 / q[13]
+    return 1.0 / stribeck, 1.0 / presliding, yielding, 1.0 / q[14]
 
 
 @inline
@@ -37,10 +37,10 @@ def _level(q, phi, omega, p):  # type: ignore[no-untyped-def]
     By the law it also falls from rest to four speeds, linearly to each, and its growth with the pressure is curved: a
     part of it is quadratic up to the supply pressure, and linear again beyond. All of it may change over the travel.
     """
-    torque_nm, breakaway, per_pa, per_stribeck = q[0], q[1], q[3], q[14]
+    torque_nm, breakaway, per_pa, per_stribeck = q[0], q[1], q[3], q[15]
     x = omega * per_stribeck
     speed, load = abs(omega), abs(p)
-    bend = 1.0 + q[9] * (min(load * q[17], 1.0) - 1.0)
+    bend = 1.0 + q[9] * (min(load * q[18], 1.0) - 1.0)
     level = torque_nm + breakaway / (1.0 + x * x) + per_pa * load * bend
     level += q[5] * max(1.0 - 20.0 * speed, 0.0) + q[6] * max(1.0 - 5.0 * speed, 0.0)
     level += q[7] * max(1.0 - 1.25 * speed, 0.0) + q[8] * max(1.0 - 0.3125 * speed, 0.0)
@@ -50,28 +50,34 @@ def _level(q, phi, omega, p):  # type: ignore[no-untyped-def]
 @inline
 def dry(q, m, phi, omega, p):  # type: ignore[no-untyped-def]
     """Magnitude of the friction torque of rigid contacts, in which the joint sticks."""
-    return _level(q, phi, omega, p) * (1.0 - q[16])
+    return _level(q, phi, omega, p) * (1.0 - q[17])
 
 
 @inline
 def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     """Torque of contacts that yield, against the motion so far."""
-    whole = _level(q, phi, omega, p) * q[16]
+    whole = _level(q, phi, omega, p) * q[17]
     (bristle,) = m
-    share, stiffness = loop_torque(bristle, omega, q[15], q[10])
+    share, stiffness = loop_torque(bristle, omega, q[16], q[10])
     return whole * share, whole * stiffness
 
 
 @inline
 def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
-    """Dahl's loop over the presliding motion, or by the law one with a knee."""
+    """Dahl's loop over the presliding motion, or by the law one with a knee, whose contacts relax after each step.
+
+    By exp(-x) to second order. Over a step the torque is that of its middle, before they relax.
+    """
     (bristle,) = m
-    return (loop_moved(bristle, before, after, q[15], q[10]),)
+    x = h * q[13]
+    return (loop_moved(bristle, before, after, q[16], q[10]) / (1.0 + x * (1.0 + 0.5 * x)),)
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
-    """Level [N m] at the speed x [rad/s] and the pressure y [Pa], at the angle 0."""
-    return float(_level(q, 0.0, x, y))
+    """Level [N m] at the speed x [rad/s] and the pressure y [Pa], at the angle 0, in steady motion."""
+    slip, relaxing = abs(x) * q[16], q[13]
+    relaxed = relaxing / (slip + relaxing) if relaxing > 0.0 else 0.0
+    return float(_level(q, 0.0, x, y) * (1.0 - q[17] * relaxed))
 
 
 def travel(q, angle):  # type: ignore[no-untyped-def]
@@ -96,6 +102,9 @@ _TRAVEL = (
         "coulomb_friction.travel_bow", -1.0, 1.0, "law: change towards 1.5 rad on either side", 1.0, 0.0, 0.3, law=True
     ),
 )
+_RELAXING = Parameter(
+    "coulomb_friction.relaxing_per_s", 0.0, 1e3, "law: rate at which contacts at rest relax", 1.0, 0.0, 10.0, law=True
+)
 EFFECT = Effect(
     name="coulomb_friction",
     place="joint",
@@ -116,6 +125,7 @@ EFFECT = Effect(
         _BEND,
         Parameter("coulomb_friction.knee", 0.0, 1.0, "law: 1 builds up with a knee", 1.0, 0.0, 0.3, law=True),
         *_TRAVEL,
+        _RELAXING,
     ),
     reads=("supply.pressure_pa",),
     prepared=("per_stribeck", "per_presliding", "yielding", "per_supply"),
@@ -147,14 +157,15 @@ EFFECT = Effect(
         acts_on="torque of the joint",
         sign="against the motion",
         passive=True,
-        monotone="the level falls with the speed to that of sliding, and rises with the pressure",
+        monotone="the level falls with the speed to that of sliding, and rises with the pressure; where contacts relax,"
+        " it rises from 0 at creeping speeds",
         memory="the motion since a reversal, while contacts yield",
         over=("speed", "pressure", "angle"),
         coefficients=(
             "coulomb_friction.stribeck_rad_per_s",
             *(parameter.key for parameter in (*_FALLS, _BEND)),
             "coulomb_friction.knee",
-            *(parameter.key for parameter in _TRAVEL),
+            *(parameter.key for parameter in (*_TRAVEL, _RELAXING)),
         ),
         quantity="friction",
         unit="nm",
@@ -162,6 +173,7 @@ EFFECT = Effect(
         travel=travel,
         source="Armstrong-Helouvry et al., Automatica 30(7), 1994: Stribeck curve; Bowden and Tabor, The Friction and"
         " Lubrication of Solids, 1950: friction rises with the load; Bliman, Eur. J. Mech. A 11(6), 1992: passive;"
+        " Dieterich, J. Geophys. Res. 84(B5), 1979: contacts that creep;"
         " Flitney, Seals and Sealing Handbook, 2014: friction of a seal by its squeeze, which varies with the bore",
     ),
 )

@@ -141,6 +141,24 @@ def test_a_leak_that_is_always_there_has_no_onset(hand: Hand) -> None:
     assert all(finding.onset is None for finding in result.findings)
 
 
+@pytest.mark.parametrize("from_s", [0.0, 11.3], ids=["always there", "begins"])
+def test_no_search_at_a_time_that_the_nominal_model_of_its_sound_side_contradicts(
+    from_s: float, hand: Hand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fails when a search is spent on a time before which the effect shows clearly, or is denied to the right one."""
+    print("seed", SEED)
+    rng = np.random.default_rng(SEED)
+    leaking = changed(hand, JOINT, leak__rate_per_s=0.6)
+    signals = recorded(hand if from_s else leaking, leaking, from_s or 11.3, rng)
+    model = off_by_a_little(hand, rng)
+    tried: list[onset.Onset] = []
+    monkeypatch.setattr(onset, "_leaves_nothing", lambda search: False)
+    monkeypatch.setattr(onset, "_candidates", lambda search, results: [onset.Onset(11.3, 0.0, True, 0.0)])
+    monkeypatch.setattr(onset, "_tried", lambda search, candidate, rows, again: tried.append(candidate))
+    diagnose([signals], model, tolerance=0.05, seed=0, joints=[JOINT], without=WITHOUT, sensor_curve=False)
+    assert len(tried) == (from_s > 0.0)
+
+
 def test_a_law_that_leaves_nothing_does_not_end_the_search_for_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fails when no time is sought because an effect without an onset, with a flexible law, fits the training data."""
     seen = onset.Onset(7.5, 0.0, begins=True, probability=0.0)

@@ -10,11 +10,13 @@ import pytest
 
 from hand_diagnosis.diagnosis import Diagnosis, diagnose
 from hand_diagnosis.experiments import tie_separations
+from hand_identification.free_parameters import nominal_free_parameters
 from hand_model.arrays import Array
 from hand_model.description import Hand, load_hand
 from hand_model.effects import CATALOGUE
+from hand_model.kernel.rows import ROW
 from test.diagnosis.links import FINGER, PERIOD_S, Stop, changing_inertia, finger, recorded, run, waves
-from test.diagnosis.recordings import CONFIG
+from test.diagnosis.recordings import CONFIG, changed
 
 SEED = 8
 FINE = 8
@@ -58,6 +60,32 @@ def test_a_stop_and_an_obstacle_are_a_tie_that_the_place_orders(
     assert 0.0 < finding.alternatives[0][1] < finding.probability
     (tie,) = tie_separations(result)
     assert tie is not None and tie["name"] == "free_space" and "nothing in reach" in tie["how"]
+
+
+def test_a_stop_that_is_a_little_off_is_a_wrong_number(hand: Hand) -> None:
+    """Fails when a joint whose stop begins 2.5 degrees before the described angle lacks physics, or keeps the error."""
+    u, p, (x,), rng = moved(hand, Stop(np.radians(84.0), 5.0, 0.02))
+    described = changed(hand, FINGER[1], end_stop__high_deg=np.radians(86.5))
+    result = diagnosed(described, u, p, x, rng)
+    assert result.verdict == "agrees", result.findings
+    (joint,) = result.joints
+    assert -1.5 < joint.search.nominal.by_row[ROW["end_stop.high_deg"]] < -0.5
+
+
+@pytest.mark.parametrize(
+    ("least_deg", "most_deg", "free"),
+    [(0.0, 90.0, set()), (0.0, 95.0, {"high_deg"}), (-5.0, 90.0, {"low_deg"}), (-5.0, 95.0, {"high_deg", "low_deg"})],
+)
+def test_only_stops_that_the_joint_came_near_are_free(
+    hand: Hand, least_deg: float, most_deg: float, free: set[str]
+) -> None:
+    """Fails when a stop that no reading depends on is fitted, a near one is not, or its tolerance is of its angle."""
+    nominal, motion = hand.parameters[:, 0], (np.radians(least_deg), np.radians(most_deg))
+    found = {p.key: p for p in nominal_free_parameters(nominal, 0.05, True, hand.tolerances, motion)}
+    stops = {f"end_stop.{name}" for name in ("low_deg", "high_deg", "stiffness_nm_per_rad")} & found.keys()
+    assert stops == ({f"end_stop.{name}" for name in (*free, "stiffness_nm_per_rad")} if free else set())
+    for name in free:
+        assert found[f"end_stop.{name}"].scale == pytest.approx(0.05 * np.radians(55.0))
 
 
 @pytest.mark.long

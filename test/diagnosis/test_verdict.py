@@ -37,17 +37,28 @@ def test_a_recording_without_a_diagnosed_joint_does_not_agree() -> None:
 
 def test_a_name_that_leaves_much_is_improbable() -> None:
     """Fails when a name that leaves half of a large error stays sure, or one that leaves only noise does not."""
-    assert result(40.0, 0.1).right_name(math.nan, math.nan) > 0.9
-    assert result(40.0, 20.0).right_name(math.nan, math.nan) < 0.25
-    steps = [result(40.0, left).right_name(math.nan, math.nan) for left in (0.0, 1.0, 2.0, 4.0, 8.0, 16.0)]
+    assert result(40.0, 0.1).right_name > 0.9
+    assert result(40.0, 20.0).right_name < 0.25
+    steps = [result(40.0, left).right_name for left in (0.0, 1.0, 2.0, 4.0, 8.0, 16.0)]
     assert steps == sorted(steps, reverse=True)
 
 
 def test_the_worse_of_validation_and_test_data_counts() -> None:
     """Fails when a law that fits what it saw and misses the test data keeps its probability, or the reverse."""
     fits, misses = result(40.0, 0.1), result(40.0, 20.0)
-    assert fits.right_name(40.0, 20.0) == pytest.approx(misses.right_name(math.nan, math.nan), rel=0.02)
-    assert misses.right_name(40.0, NOISE) == pytest.approx(misses.right_name(math.nan, math.nan))
+    good, bad = (Excess("test", 40.0, left, 40.0, NOISE) for left in (0.0, 20.0))
+    assert replace(fits, elsewhere=(bad,)).right_name == pytest.approx(misses.right_name)
+    assert replace(misses, elsewhere=(good,)).right_name == pytest.approx(misses.right_name)
+    assert replace(fits, elsewhere=(replace(bad, split="train"),)).right_name == fits.right_name
+
+
+@pytest.mark.parametrize(
+    ("train", "test", "late"), [(0.1, 20.0, True), (5.0, 20.0, True), (10.0, 20.0, False), (10.0, 0.1, False)]
+)
+def test_what_shows_several_times_more_on_test_data_shows_late(train: float, test: float, late: bool) -> None:
+    """Fails when an end of a recording that shows what its beginning hardly does is not fitted, or any other one is."""
+    splits = [Excess(name, 40.0, left, 40.0, NOISE) for name, left in (("train", train), ("test", test))]
+    assert replace(result(40.0, 0.1), elsewhere=tuple(splits)).shows_late is late
 
 
 def test_half_way_where_the_tolerated_error_is_left() -> None:
@@ -55,13 +66,13 @@ def test_half_way_where_the_tolerated_error_is_left() -> None:
     for before in (5.0, 100.0):
         tolerated = math.hypot(SETTINGS.name_excess_floors, SETTINGS.tolerated_share * before)
         half_way = 0.5 * (1.0 + SETTINGS.name_least)
-        assert result(before, tolerated).right_name(math.nan, math.nan) == pytest.approx(half_way)
+        assert result(before, tolerated).right_name == pytest.approx(half_way)
         assert half_way <= 0.6, "a stand-in that leaves so much is not misleading"
 
 
 def test_a_name_keeps_a_chance_whatever_it_leaves() -> None:
     """Fails when a right class whose law has another form is called impossible."""
-    left = result(1e4, 1e4).right_name(math.nan, math.nan)
+    left = result(1e4, 1e4).right_name
     assert left == pytest.approx(SETTINGS.name_least, abs=0.01)
 
 
