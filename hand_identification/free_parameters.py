@@ -144,6 +144,21 @@ def _stops_near(nominal: Array, reach: float, motion_rad: tuple[float, float]) -
     return (*near, stiffness) if near else ()
 
 
+def with_stops_where_turned(
+    free: Sequence[FreeParameter], z: Array, nominal: Array, motion_rad: tuple[float, float]
+) -> Array | None:
+    """Coordinates z (free,) [-] with free stops at the angles at which the joint turned; None where none is free.
+
+    A model that does not reach a stop says nothing of its angle.  motion_rad: as for `nominal_free_parameters`.
+    """
+    low, high, _ = (ROW[key] for key in STOP_KEYS)
+    depth = nominal[ROW["end_stop.engagement_deg"]]
+    turned = {low: motion_rad[0] + depth, high: motion_rad[1] - depth}
+    if not any(parameter.row in turned for parameter in free):
+        return None
+    return np.array([p.coordinate(turned[p.row]) if p.row in turned else at for p, at in zip(free, z, strict=True)])
+
+
 def speed_free_parameters(speeds: Sequence[float]) -> list[FreeParameter]:
     """First speeds of recordings that begin in motion. speeds: estimates [rad/s]; 0: the recording begins at rest."""
     free = []

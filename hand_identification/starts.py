@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hand_identification.free_parameters import START_CREEP, FreeParameter
+from hand_identification.free_parameters import START_CREEP, FreeParameter, with_stops_where_turned
 from hand_identification.joint_problem import JointProblem
-from hand_identification.map_fit import MapFit, costs_at
+from hand_identification.map_fit import MapFit, costs_at, map_fit
 from hand_identification.settings import FITS
 from hand_model.arrays import Array
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS
@@ -22,6 +22,15 @@ from hand_model.kernel.plant_rows import PLANT_PARAMETERS
 def has_expected_value(parameter: FreeParameter) -> bool:
     """Whether a parameter can be released to an expected value: nominal numbers and first speeds can."""
     return not parameter.log and (parameter.row < len(PLANT_PARAMETERS) or parameter.row > START_CREEP)
+
+
+def fit_plain(problem: JointProblem, free: Sequence[FreeParameter], start: Array, iterations: int) -> MapFit:
+    """The plain plant fitted from a start (free,) [-], and on from stops where the joint turned if that fits better."""
+    fit = map_fit(problem, free, start, iterations)
+    turned = with_stops_where_turned(free, fit.z, problem.nominal, problem.motion_rad)
+    if turned is None:
+        return fit
+    return min(fit, map_fit(problem, free, turned, iterations), key=lambda each: each.cost)
 
 
 @dataclass(frozen=True, slots=True)

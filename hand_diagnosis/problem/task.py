@@ -20,11 +20,16 @@ from hand_diagnosis.problem.evidence import (
 from hand_diagnosis.problem.splits import fit_part
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import accelerations, inflow, shaken, shape_driving
-from hand_identification.free_parameters import FreeParameter, nominal_free_parameters, speed_free_parameters
+from hand_identification.free_parameters import (
+    FreeParameter,
+    nominal_free_parameters,
+    speed_free_parameters,
+)
 from hand_identification.joint_data import driving_pressure, joint_problem
 from hand_identification.joint_problem import JointProblem, Segment
 from hand_identification.map_fit import MapFit, correlation_s, map_fit
 from hand_identification.settings import FITS
+from hand_identification.starts import fit_plain
 from hand_identification.two_links import bending, linked, motions
 from hand_model.arrays import Array
 from hand_model.effects import CATALOGUE, EFFECTS
@@ -196,10 +201,10 @@ class Task:
             problem = joint_problem(self.signals, self.model, joint, self.floors.get(joint, np.array(FITS.floor)))
             rested, fitted = initial_rest_angle(self.signals, joint), fit_part(problem)
             own = self.model.tolerances
-            free = nominal_free_parameters(problem.nominal, self.tolerance, rested, own, fitted.motion_rad)
+            free = nominal_free_parameters(problem.nominal, self.tolerance, rested, own, problem.motion_rad)
             if not problem.driven:
                 free += speed_free_parameters(fitted.starts(1)[0, 1:].tolist())
-            fit = map_fit(fitted, free, np.zeros(len(free)), SETTINGS.rough_iterations)
+            fit = fit_plain(fitted, free, np.zeros(len(free)), SETTINGS.rough_iterations)
             _choose_neighbour([self.signals[number] for number in self._holding(joint)], joint, problem, fitted, fit)
             shape_driving(problem, free, fit.z)
             other = self.partner(joint)

@@ -298,7 +298,7 @@ def judged(problem: JointProblem, current: MapFit, effect: Effect, fit: MapFit, 
             (rmse(problem, current.squares) - rmse(problem, fit.squares)) / problem.floor
             for rmse in (validation_rmse, fitted_rmse)
         ]
-    stage = int(np.argmax(np.nan_to_num(gains).max(axis=0)))
+    stage = int(np.argmax(np.nan_to_num(gains, nan=-np.inf).max(axis=0)))  # never a signal that was not recorded
     fall = block_bootstrap(problem, current.squares, fit.squares, stage, rng)
     unlikely = (effect.lasting and problem.switched) or not _has_refined(problem, current, effect)
     against = SETTINGS.strong_log_evidence if unlikely else 0.0

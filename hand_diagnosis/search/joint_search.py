@@ -37,6 +37,7 @@ from hand_identification.driving import shape_driving
 from hand_identification.free_parameters import FreeParameter
 from hand_identification.joint_problem import STAGES, JointProblem
 from hand_identification.map_fit import MapFit, map_fit, residual_is_correlated, with_slopes
+from hand_identification.starts import fit_plain
 from hand_model.arrays import Array
 from hand_model.effects.effect import Effect
 from hand_model.kernel.rows import ROW
@@ -67,7 +68,7 @@ def search_joint(
     laws: whether laws are learned; without, only textbook forms are fitted, which is several times as fast.
     begin: for each cause of the whole hand, in turn, what makes it an effect of the joint (causes.with_cause).
     """
-    nominal = _driven_by_own_valve(problem, map_fit(problem, base, start, SETTINGS.nominal_iterations))
+    nominal = _driven_by_own_valve(problem, fit_plain(problem, base, start, SETTINGS.nominal_iterations))
     problem = with_periods(problem, nominal, effects)
     found = JointSearch(problem, nominal, log_evidence(problem, nominal), laws=laws)
     current, evidence = _begun(found, begin, rng)

@@ -12,7 +12,7 @@ from hand_diagnosis.diagnosis import diagnose
 from hand_diagnosis.problem import Task, fit_part
 from hand_diagnosis.search import joint_search, refit_below_floor, search_joint
 from hand_diagnosis.search.completion import separated_below_floor
-from hand_diagnosis.search.hypotheses import Hypothesis, fit_roughly, promising, screen
+from hand_diagnosis.search.hypotheses import Hypothesis, fit_roughly, judged, promising, screen
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.map_fit import map_fit
 from hand_model.description import Hand
@@ -167,3 +167,16 @@ def test_hypotheses_that_are_compared_keep_no_slopes(hand: Hand, monkeypatch: py
     assert any(len(kept) > 1 for kept in seen)
     assert not any(kept for each in seen for kept in each)
     assert found.final.sensitivity
+
+
+def test_an_effect_that_makes_all_signals_worse_is_judged_by_one_that_was_recorded(hand: Hand) -> None:
+    """Fails when the signal of an effect is the force, which was not recorded: its findings could not be listed."""
+    print("seed 3")
+    rng = np.random.default_rng(3)
+    ready = Task(
+        signals=[record(hand, rng, 12.0)], model=hand, joints=[JOINT], effects=[], tolerance=0.05, seed=0, floors={}
+    ).prepare(JOINT)
+    problem = fit_part(ready.problem)
+    fit = map_fit(problem, ready.free, ready.start, SETTINGS.nominal_iterations)
+    worse = replace(fit, squares=1.01 * fit.squares)
+    assert judged(problem, fit, EFFECTS["coulomb_friction"], worse, rng).stage in (0, 1)
