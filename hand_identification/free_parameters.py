@@ -149,7 +149,7 @@ def with_stops_where_turned(
 ) -> Array | None:
     """Coordinates z (free,) [-] with free stops at the angles at which the joint turned; None where none is free.
 
-    A model that does not reach a stop says nothing of its angle.  motion_rad: as for `nominal_free_parameters`.
+    A model that does not reach a stop gives no information on its angle.  motion_rad: as for `nominal_free_parameters`.
     """
     low, high, _ = (ROW[key] for key in STOP_KEYS)
     depth = nominal[ROW["end_stop.engagement_deg"]]

@@ -169,7 +169,7 @@ def test_hypotheses_that_are_compared_keep_no_slopes(hand: Hand, monkeypatch: py
     assert found.final.sensitivity
 
 
-def test_an_effect_that_makes_all_signals_worse_is_judged_by_one_that_was_recorded(hand: Hand) -> None:
+def test_an_effect_that_makes_all_signals_worse_keeps_one_that_was_recorded(hand: Hand) -> None:
     """Fails when the signal of an effect is the force, which was not recorded: its findings could not be listed."""
     print("seed 3")
     rng = np.random.default_rng(3)
