@@ -93,7 +93,7 @@ def diagnose_joint(
     other = exchanged(ready.problem) if _shows_late(found) else None
     if other is None:
         return found
-    later = _searched(task, wording, ready, other, effects, rng, causes)
+    later = _searched(task, wording, task.with_test_data(ready, other), other, effects, rng, causes)
     explained = later.search.accepted and not any(stage.remains for stage in later.results)
     return later if explained or (later.search.accepted and not found.search.accepted) else found
 

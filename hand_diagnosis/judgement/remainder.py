@@ -66,12 +66,16 @@ def remainders(joints: Sequence[JointResult]) -> list[Remainder]:
 
 
 def verdict(findings: Sequence[Finding], left: Sequence[Remainder], joints: int) -> str:
-    """agrees, explained, partly_explained or unknown_physics; unusable where no joint was diagnosed."""
+    """agrees, explained, partly_explained or unknown_physics; unusable where no joint was diagnosed.
+
+    Lost frames are a fact of the time stamps, and explain no difference from the model.
+    """
     if joints == 0:
         return "unusable"
+    named = any(finding.effect != "dropped_frames" for finding in findings)
     if left:
-        return "partly_explained" if any(f.effect != "dropped_frames" for f in findings) else "unknown_physics"
-    return "explained" if findings else "agrees"
+        return "partly_explained" if named else "unknown_physics"
+    return "explained" if named else "agrees"
 
 
 def remainder(result: JointResult, stage: StageResult) -> Remainder:

@@ -75,8 +75,8 @@ def title(report: Report, whole: str = "the hand", axis: str = "joint") -> str:
     missing = len(report["not_judged"])
     if not report["fit"]:
         parts.insert(0, "Nothing could be diagnosed")
-    elif not parts:
-        parts.append(_agreement(report, missing, axis))
+    elif not report["remainder"] and all(finding["effect"] == "dropped_frames" for finding in report["findings"]):
+        parts.insert(0, _agreement(report, missing, axis))
     if missing:
         total = missing + len({row["joint"] for row in report["fit"]})
         parts.append(f"{missing} of {total} {plural(axis)} not diagnosed")

@@ -20,14 +20,10 @@ from hand_diagnosis.problem.evidence import (
 from hand_diagnosis.problem.splits import fit_part
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import accelerations, inflow, shaken, shape_driving
-from hand_identification.free_parameters import (
-    FreeParameter,
-    nominal_free_parameters,
-    speed_free_parameters,
-)
+from hand_identification.free_parameters import FreeParameter, nominal_free_parameters, speed_free_parameters
 from hand_identification.joint_data import driving_pressure, joint_problem
 from hand_identification.joint_problem import JointProblem, Segment
-from hand_identification.map_fit import MapFit, correlation_s, map_fit
+from hand_identification.map_fit import MapFit, correlation_s, map_fit, start_at
 from hand_identification.settings import FITS
 from hand_identification.starts import fit_plain
 from hand_identification.two_links import bending, linked, motions
@@ -196,14 +192,22 @@ class Task:
         index = int(self.model.partner[self.model.joints.index(joint)])
         return self.model.joints[index] if index >= 0 else ""
 
+    def with_test_data(self, ready: Prepared, problem: JointProblem) -> Prepared:
+        """A prepared joint with the problem of other test data, and stops free where the data to fit come near them."""
+        free = self._free(problem)
+        known = {parameter.row: float(z) for parameter, z in zip(ready.free, ready.start, strict=True)}
+        return Prepared(problem, free, start_at(free, known))
+
+    def _free(self, problem: JointProblem) -> list[FreeParameter]:
+        """What is free in the plain plant of a joint, by the data to fit."""
+        rested, own, fitted = initial_rest_angle(self.signals, problem.joint), self.model.tolerances, fit_part(problem)
+        free = nominal_free_parameters(problem.nominal, self.tolerance, rested, own, fitted.motion_rad)
+        return free if problem.driven else free + speed_free_parameters(fitted.starts(1)[0, 1:].tolist())
+
     def _roughly(self, joint: str) -> Prepared:
         if joint not in self._rough:
             problem = joint_problem(self.signals, self.model, joint, self.floors.get(joint, np.array(FITS.floor)))
-            rested, fitted = initial_rest_angle(self.signals, joint), fit_part(problem)
-            own = self.model.tolerances
-            free = nominal_free_parameters(problem.nominal, self.tolerance, rested, own, problem.motion_rad)
-            if not problem.driven:
-                free += speed_free_parameters(fitted.starts(1)[0, 1:].tolist())
+            free, fitted = self._free(problem), fit_part(problem)
             fit = fit_plain(fitted, free, np.zeros(len(free)), SETTINGS.rough_iterations)
             _choose_neighbour([self.signals[number] for number in self._holding(joint)], joint, problem, fitted, fit)
             shape_driving(problem, free, fit.z)

@@ -66,17 +66,19 @@ def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
 def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
     """Dahl's loop over the presliding motion, or by the law one with a knee, whose contacts relax after each step.
 
-    By exp(-x) to second order. Over a step the torque is that of its middle, before they relax.
+    A loop z relaxes by dz/dt = -r z (1 - |z|), so that slow motion is viscous and sliding has the whole level; the
+    exponential of the solution is one of second order. Over a step the torque is that of its middle, before they relax.
     """
     (bristle,) = m
-    x = h * q[13]
-    return (loop_moved(bristle, before, after, q[16], q[10]) / (1.0 + x * (1.0 + 0.5 * x)),)
+    z, x = loop_moved(bristle, before, after, q[16], q[10]), h * q[13]
+    kept = 1.0 / (1.0 + x * (1.0 + 0.5 * x))
+    return (z * kept / (1.0 - abs(z) * (1.0 - kept)),)
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
     """Level [N m] at the speed x [rad/s] and the pressure y [Pa], at the angle 0, in steady motion."""
     slip, relaxing = abs(x) * q[16], q[13]
-    relaxed = relaxing / (slip + relaxing) if relaxing > 0.0 else 0.0
+    relaxed = 1.0 - slip / relaxing if slip < relaxing else 0.0
     return float(_level(q, 0.0, x, y) * (1.0 - q[17] * relaxed))
 
 

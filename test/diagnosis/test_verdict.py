@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
-from hand_diagnosis.judgement import Excess, StageResult, verdict
+from hand_diagnosis.judgement import Excess, Finding, StageResult, verdict
 from hand_diagnosis.settings import SETTINGS
 
 FLOOR, NOISE = 1.0, 0.2
@@ -33,6 +35,13 @@ def test_a_recording_without_a_diagnosed_joint_does_not_agree() -> None:
     """Fails when joints that could not be compared with the model pass for joints that agree with it."""
     assert verdict([], [], 0) == "unusable"
     assert verdict([], [], 1) == "agrees"
+
+
+def test_lost_frames_explain_no_difference() -> None:
+    """Fails when a recording that the model predicts is called explained because frames are missing."""
+    lost, friction = (cast("Finding", SimpleNamespace(effect=name)) for name in ("dropped_frames", "coulomb_friction"))
+    assert verdict([lost], [], 1) == "agrees"
+    assert verdict([lost, friction], [], 1) == "explained"
 
 
 def test_a_name_that_leaves_much_is_improbable() -> None:
