@@ -89,7 +89,19 @@ SLOW = FRICTION | {
         ({"not_judged": RESTING}, "index_distal agrees with the model; 5 of 6 joints not diagnosed"),
         ({"findings": [FRICTION] * 3}, f"{ANSWER}; {ANSWER}; and 1 more"),
     ],
-    ids=["named", "second number", "no number", "tied", "unlikely", "agrees", "nothing", "stamps", "lost", "a part", "many"],
+    ids=[
+        "named",
+        "second number",
+        "no number",
+        "tied",
+        "unlikely",
+        "agrees",
+        "nothing",
+        "stamps",
+        "lost",
+        "a part",
+        "many",
+    ],
 )
 def test_the_title_is_the_answer(parts: dict[str, Any], expected: str) -> None:
     """Fails when a tie is named as certain, an unlikely name comes first, or a joint is left out in silence."""
