@@ -164,8 +164,12 @@ bool hand_safety_sample(hand_safety *s, uint32_t now_us, uint32_t sequence, bool
     const bool repeated = s->sample_known && (sequence == s->sample_sequence);
     const bool counts = valid && (!repeated) && plausible(s, pressure_pa, angle_urad);
     if (counts) {
+        uint32_t step_us = 0U;
+        if (s->sample_known) { /* the gap to a sample that is forgotten may have wrapped */
+            step_us = s->sampled ? shorter_of(gap_us, HAND_SAFETY_STEP_US) : HAND_SAFETY_STEP_US;
+        }
         s->integrate = s->sampled && (gap_us <= HAND_SAFETY_FREEZE_US);
-        take_sample(s, s->sample_known ? shorter_of(gap_us, HAND_SAFETY_STEP_US) : 0U, pressure_pa, angle_urad);
+        take_sample(s, step_us, pressure_pa, angle_urad);
         s->sample_us = now_us;
         s->sample_sequence = sequence;
         s->sample_known = true;

@@ -161,7 +161,9 @@ class SafetyLayer:
             return False
         gap_us = now_us - self._sample.at_us
         self.integrate = self._sample.recent and 0 <= gap_us <= _N["freeze_us"]
-        step_us = _step(gap_us) if self._sample.number is not None else 0
+        step_us = 0
+        if self._sample.number is not None:  # on the board, the gap to a sample that is forgotten may have wrapped
+            step_us = _step(gap_us) if self._sample.recent else _N["step_us"]
         self._pressure_pa, self._angle_urad = list(pressure_pa), list(angle_urad)
         for i, joint in enumerate(self.joints):
             self._over_us[i] = self._over_us[i] + step_us if pressure_pa[i] > joint.over_pa else 0

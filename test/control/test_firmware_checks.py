@@ -18,7 +18,7 @@ from validation.c_programs import fuzzer
 from validation.c_safety import FIRMWARE, record_tests, sizes_of
 from validation.mutation.c_session import Bench, mutants
 
-MUTANTS, SEED = 30, 5
+MUTANTS, SEED = 80, 5
 pytestmark = pytest.mark.skipif(shutil.which("gcov") is None, reason="needs gcc and gcov")
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hand_control import arming_ramp
@@ -750,6 +750,7 @@ def random_events(seed: int, count: int) -> Trace:
 
 @settings(max_examples=60, print_blob=True, deadline=None)
 @given(seed=st.integers(0, 2**32))
+@example(seed=315)  # over pressure, and the next sample a whole turn of the clock of microseconds later
 def test_both_layers_decide_alike_on_random_events(seed: int) -> None:
     """Fails when the C layer and the Python rules differ in one result, state, fault, flag or set-point."""
     print(f"seed {seed}")
