@@ -194,20 +194,21 @@ class Task:
 
     def with_test_data(self, ready: Prepared, problem: JointProblem) -> Prepared:
         """A prepared joint with the problem of other test data, and stops free where the data to fit come near them."""
-        free = self._free(problem)
+        free = self._free(fit_part(problem))
         known = {parameter.row: float(z) for parameter, z in zip(ready.free, ready.start, strict=True)}
         return Prepared(problem, free, start_at(free, known))
 
-    def _free(self, problem: JointProblem) -> list[FreeParameter]:
-        """What is free in the plain plant of a joint, by the data to fit."""
-        rested, own, fitted = initial_rest_angle(self.signals, problem.joint), self.model.tolerances, fit_part(problem)
-        free = nominal_free_parameters(problem.nominal, self.tolerance, rested, own, fitted.motion_rad)
-        return free if problem.driven else free + speed_free_parameters(fitted.starts(1)[0, 1:].tolist())
+    def _free(self, fitted: JointProblem) -> list[FreeParameter]:
+        """What is free in the plain plant of a joint. fitted: its problem without test data."""
+        rested, own = initial_rest_angle(self.signals, fitted.joint), self.model.tolerances
+        free = nominal_free_parameters(fitted.nominal, self.tolerance, rested, own, fitted.motion_rad)
+        return free if fitted.driven else free + speed_free_parameters(fitted.starts(1)[0, 1:].tolist())
 
     def _roughly(self, joint: str) -> Prepared:
         if joint not in self._rough:
             problem = joint_problem(self.signals, self.model, joint, self.floors.get(joint, np.array(FITS.floor)))
-            free, fitted = self._free(problem), fit_part(problem)
+            fitted = fit_part(problem)
+            free = self._free(fitted)
             fit = fit_plain(fitted, free, np.zeros(len(free)), SETTINGS.rough_iterations)
             _choose_neighbour([self.signals[number] for number in self._holding(joint)], joint, problem, fitted, fit)
             shape_driving(problem, free, fit.z)
