@@ -20,6 +20,8 @@ WIDTHS = (6, 2, 2)
 """Widths of their lines: the measured curve is seen also where a model lies on it."""
 PADDING = (10, 24, 0, 0)
 """Around a plot [pixels]: a number at the top of its axis is drawn whole."""
+OFF_EM = 3.0
+"""Height of the line below, which may need two: its numbers do not move what is below it."""
 KINDS = (("angle", "degrees", "deg", np.degrees(1.0)), ("pressure", "bar", "bar", 1e-5), ("force", "N", "N", 1.0))
 """Name, label of the axis, unit and factor from SI of each plot."""
 
@@ -71,7 +73,8 @@ class Curves:
         if self._plots[-1].visible != (len(signals) == len(KINDS)):
             self._plots[-1].visible = len(signals) == len(KINDS)
         text = "; ".join(lines)
-        self._off.content = f'<div style="padding:0 0.8em;font-size:0.85em">RMS difference: {text}</div>'
+        style = f"padding:0 0.8em;font-size:0.85em;min-height:{OFF_EM}em"
+        self._off.content = f'<div style="{style}">RMS difference: {text}</div>'
 
 
 def _rms(difference: Array) -> float:

@@ -57,7 +57,7 @@ class LivePage:
 
     def __init__(self, page: Page, client: HandClient, hand: Hand, grasps: Mapping[str, object], inbox: Inbox) -> None:
         """Add the hand and its panel to the page. Raises ValueError, one line, for a hand without geometry."""
-        self._client, self._hand, self._inbox = client, hand, inbox
+        self._client, self._hand, self._inbox, self._pace = client, hand, inbox, page.pace
         self._view = HandView(page.server.scene, hand, "/hand")
         self._ghost = HandView(page.server.scene, hand, "/model", ghost=GHOST)
         self._ghost.root.visible = False
@@ -103,6 +103,9 @@ class LivePage:
         if now - self._shown_s < FRAME_S:
             return
         self._shown_s = now
+        self._advance()
+        if not self._pace.may_send():
+            return
         angles = state.values.get("position", {})
         self._view.pose(np.array([angles.get(joint, np.nan) for joint in self._hand.joints]))
         self._view.press(state.values.get("force", {}))
@@ -115,8 +118,8 @@ class LivePage:
             if now - self._touched_s > UNTOUCHED_S:
                 self._panel.follow(state.values.get("reference", {}))
 
-    def _compare(self) -> None:
-        """Advance the model, and show it as the ghost, in the curves and as the tint of the joints."""
+    def _advance(self) -> None:
+        """Let the model follow the hand, with the parameters that the page asks for."""
         samples = self._client.samples
         if samples is None or not self._compiled.is_set():
             return
@@ -124,13 +127,17 @@ class LivePage:
         parameters = self._panel.what_if.take()
         if parameters is not None:
             self._model.change(parameters)
+            self._curves_s = 0.0
+
+    def _compare(self) -> None:
+        """Show the model as the ghost, in the curves and as the tint of the joints."""
         ghost = self._model.ghost_rad
         if ghost is None:
             return
         self._ghost.root.visible = True
         self._ghost.pose(ghost)
         self._view.tint(tints(self._model.mismatch))
-        if parameters is not None or time.monotonic() - self._curves_s >= CURVES_S:
+        if time.monotonic() - self._curves_s >= CURVES_S:
             self._curves_s = time.monotonic()
             with_force = self._forces_compiled.is_set()
             time_s, curves = self._model.curves(self._panel.curves.joint, with_force=with_force)

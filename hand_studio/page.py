@@ -15,6 +15,8 @@ from urllib.parse import urlsplit
 import viser
 from viser import _messages
 
+from hand_studio.pace import Pace
+
 LOCAL = "127.0.0.1"
 FIRST_PORT, LAST_PORT = 1024, 65535
 TITLE = "hand studio"
@@ -36,7 +38,7 @@ Handler = Callable[[Any, Any], Coroutine[Any, Any, Any] | None]
 
 
 class Page:
-    """A running server of the page."""
+    """A running server of the page. pace: whether its browsers keep up with it."""
 
     def __init__(self, listen: str = LOCAL, port: int = 0, *, allow_others: bool = False) -> None:
         """Serve at an address of this machine; port 0: any free port.  allow_others: other machines may drive the hand.
@@ -49,6 +51,7 @@ class Page:
         logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
         with redirect_stdout(StringIO()):  # it prints addresses even where it is asked to be quiet
             self.server = viser.ViserServer(host=listen, port=port, verbose=False)
+        self.pace = Pace(self.server)
         self.port = self.server.get_port()
         if port not in (0, self.port):  # the server takes the next free one without asking
             self.close()

@@ -57,6 +57,8 @@ class ReplayPage:
             check()
             time.sleep(FRAME_S)
             now = time.monotonic()
+            if not self._page.pace.may_send():
+                continue
             if self._play.value:
                 after = float(self._time.value) + now - last
                 self._time.value = after if after < self._replay.duration_s else 0.0

@@ -5,7 +5,13 @@ from __future__ import annotations
 import pytest
 import typer
 
-from hand_tool.console import fail, running
+from hand_tool.console import VERBOSITY, fail, running
+
+
+@pytest.fixture(autouse=True)
+def _not_verbose(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another test of this process may have called a subcommand with --verbose."""
+    monkeypatch.setattr(VERBOSITY, "verbose", False)
 
 
 def test_a_subcommand_that_fails_by_itself_keeps_its_code(capsys: pytest.CaptureFixture[str]) -> None:
