@@ -40,9 +40,13 @@ NOMINAL_KEYS = (
     "dynamics.coupling_inertia_kg_m2",
     "valve.fill_rate_pa_per_s",
     "valve.vent_rate_pa_per_s",
+)
+STOP_KEYS = (
+    "end_stop.low_deg",
+    "end_stop.high_deg",
+    "end_stop.stiffness_nm_per_rad",
     "end_stop.damping_nm_s_per_rad",
 )
-STOP_KEYS = ("end_stop.low_deg", "end_stop.high_deg", "end_stop.stiffness_nm_per_rad")
 """Parameters that are free only where the joint comes near a stop."""
 STATED_KEYS = ("gravity.sine_nm",)
 """Parameters that are free only where a machine states their own tolerance."""
@@ -115,17 +119,20 @@ def nominal_free_parameters(
     """
     free, own = [], own or {}
     half_range = (nominal[ROW["end_stop.high_deg"]] - nominal[ROW["end_stop.low_deg"]]) / 2.0
-    stops = _stops_near(nominal, FITS.max_tolerances * tolerance * half_range, motion_rad) if motion_rad else ()
+    at_stop = min(tolerance, FITS.stop_tolerance) * half_range
+    stops = _stops_near(nominal, FITS.max_tolerances * at_stop, motion_rad) if motion_rad else ()
     for key in (*NOMINAL_KEYS, *stops, *(key for key in STATED_KEYS if key in own)):
         row = ROW[key]
         size = max(abs(nominal[row]), FITS.least_sizes.get(key, 0.0)) or float(key in own)
-        if key in STOP_KEYS[:2] and key not in own:
-            size = half_range
         creepless = key.startswith("material.") and nominal[ROW["material.phi_max_deg"]] == 0.0
         if size == 0.0 or creepless or own.get(key) == 0.0:
             continue
         bound = JOINT_PARAMETERS[row]
-        scale = size * own.get(key, max(tolerance, FITS.wide.get(key, 0.0)))
+        if key in STOP_KEYS[2:] and key not in own:
+            free.append(_by_ratio(row, nominal[row]))
+            continue
+        angle_of_stop = key in STOP_KEYS[:2] and key not in own
+        scale = at_stop if angle_of_stop else size * own.get(key, max(tolerance, FITS.wide.get(key, 0.0)))
         reach = FITS.max_tolerances * scale
         low = max(bound.low * bound.scale, nominal[row] - reach)
         high = min(bound.high * bound.scale, nominal[row] + reach)
@@ -136,12 +143,19 @@ def nominal_free_parameters(
     return free
 
 
+def _by_ratio(row: int, centre: float) -> FreeParameter:
+    """A number of which a model states the order of magnitude only."""
+    bound, reach = JOINT_PARAMETERS[row], math.exp(FITS.max_tolerances * FITS.log_spread)
+    low, high = max(bound.low * bound.scale, centre / reach), min(bound.high * bound.scale, centre * reach)
+    return FreeParameter(row, centre, FITS.log_spread, True, low, high)
+
+
 def _stops_near(nominal: Array, reach: float, motion_rad: tuple[float, float]) -> tuple[str, ...]:
     """Those of STOP_KEYS that matter where a joint moves between these angles; reach: how far a stop may be off."""
-    low, high, stiffness = STOP_KEYS
+    low, high, *how = STOP_KEYS
     near = [low] if motion_rad[0] < nominal[ROW[low]] + reach else []
     near += [high] if motion_rad[1] > nominal[ROW[high]] - reach else []
-    return (*near, stiffness) if near else ()
+    return (*near, *how) if near else ()
 
 
 def with_stops_where_turned(
@@ -151,7 +165,7 @@ def with_stops_where_turned(
 
     A model that does not reach a stop gives no information on its angle.  motion_rad: as for `nominal_free_parameters`.
     """
-    low, high, _ = (ROW[key] for key in STOP_KEYS)
+    low, high = (ROW[key] for key in STOP_KEYS[:2])
     depth = nominal[ROW["end_stop.engagement_deg"]]
     turned = {low: motion_rad[0] + depth, high: motion_rad[1] - depth}
     if not any(parameter.row in turned for parameter in free):

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.polynomial.polynomial import polyfit
 
+from hand_identification.impacts import impacts
 from hand_identification.joint_problem import (
     JointProblem,
     Segment,
@@ -105,7 +106,7 @@ def _segment(signals: Signals, hand: JointModel, joint: str, first_block: int) -
         force_n=force,
         exogenous=_surroundings(signals, hand, joint),
         known=signals.known[:, j],
-        use=_use(signals, j, force),
+        use=_use(signals, j, force, impacts(signals, hand, joint)),
         loose=None if signals.loose is None else signals.loose[:, j],
         block=block_numbers(signals.samples, signals.period_s, first_block),
         start=start,
@@ -170,13 +171,13 @@ def _quiet_acceleration(angle_rad: Array, period_s: float) -> Array:
     return derivatives(angle_rad[:, None], period_s)[1][:, 0]
 
 
-def _use(signals: Signals, j: int, force: Array) -> Flags:
+def _use(signals: Signals, j: int, force: Array, after_impacts: Flags) -> Flags:
     """Samples of each stage that count, (OUTPUTS, T)."""
     settled = np.arange(signals.samples) >= round(FITS.settling_s / signals.period_s)
     known = signals.known[:, j] & settled
     use = np.zeros((OUTPUTS, signals.samples), dtype=bool)
     use[0] = known & bool(signals.has_set_point[j]) & bool(signals.has_pressure[j])
-    use[1] = known & bool(signals.has_pressure[j]) & (not signals.still)
+    use[1] = known & bool(signals.has_pressure[j]) & (not signals.still) & ~after_impacts
     if signals.driven:
         # Derivatives at the end of a recording are extrapolated by the last whole window.
         whole = np.arange(signals.samples) < signals.samples - half_window(signals.period_s, signals.derivative_s)

@@ -90,7 +90,7 @@ class JointProblem:
 
     floor: (OUTPUTS,) SI, repeatability of each signal; what is below it is not claimed.
     switched: rows that have their nominal values while Segment.acts is False; the plant changes there and moves on.
-    holds_out: whether there are validation blocks; without, every block is fitted.
+    holds_out: whether there are validation blocks; without, every block is fitted.  draw: number of their drawing.
     spared: first sample and the one behind the last of the test data of the only recording; None: the usual ones.
     correlation_s: distance of samples that count as independent.  machine: whether it is another one than a hand.
     """
@@ -105,6 +105,7 @@ class JointProblem:
     floor: Array = field(default_factory=lambda: np.array(FITS.floor))
     switched: tuple[int, ...] = ()
     holds_out: bool = True
+    draw: int = 0
     spared: tuple[int, int] | None = None
     correlation_s: float = FITS.correlation_s
     machine: bool = False
@@ -129,7 +130,7 @@ class JointProblem:
     @property
     def validation(self) -> Flags:
         """(blocks,): which blocks are validation data and not fitted, see `validation_blocks`."""
-        return validation_blocks(self.blocks) if self.holds_out else np.zeros(self.blocks, dtype=bool)
+        return validation_blocks(self.blocks, self.draw) if self.holds_out else np.zeros(self.blocks, dtype=bool)
 
     def columns(self, free: Sequence[FreeParameter], z: Array) -> tuple[Array, Array]:
         """Parameter sets (k, rows) and starts (k, 1 + segments) of coordinates z (k, free)."""
@@ -229,13 +230,14 @@ def _leave(predicted, measured, use, diverged):  # type: ignore[no-untyped-def]
 
 
 @cache
-def validation_blocks(blocks: int) -> Flags:
+def validation_blocks(blocks: int, draw: int = 0) -> Flags:
     """Flags (blocks,) of the validation blocks: one of FITS.validation_every_block each, drawn by a fixed seed.
 
-    With a regular pattern, a periodic motion could show only one of its phases in the blocks that are fitted.
+    With a regular pattern, a periodic motion could show only one of its phases in the blocks that are fitted. Blocks
+    of one drawing are fitted in the next one.
     """
     every = FITS.validation_every_block
-    drawn = np.random.default_rng(every).integers(every, size=-(-blocks // every))
+    drawn = (np.random.default_rng(every).integers(every, size=-(-blocks // every)) + draw) % every
     held = np.zeros(every * len(drawn), dtype=bool)
     held[every * np.arange(len(drawn)) + drawn] = True
     return held[:blocks]

@@ -75,9 +75,18 @@ class IdentificationSettings:
         0.4, "-", "Relative tolerance of the dead time: a set-point waits for the board's tick, which adds to it.",
         CHOICE,
         "The tick looks like a delay.", "Delays pass as the tick.")
-    stop_damping_tolerance: float = setting(
-        0.4, "-", "Relative tolerance of the damping of an end stop, a guess in any model.", CHOICE,
-        "Wrong damping looks like an effect.", "Little other result.")
+    stop_tolerance: float = setting(
+        0.05, "-", "Largest tolerance of the angle of an end stop, relative to half the range between the stops.",
+        CHOICE, "Stops a little off look like effects.", "Stops that are clearly off pass as wrong numbers.")
+    impact_margin: float = setting(
+        0.05, "range", "Distance from an end stop from which a fast joint is about to hit it.", CHOICE,
+        "Impacts on stops that are nearer count.", "Fast motion near a stop is left out.")
+    impact_rad_s: float = setting(
+        1.0, "rad/s", "Speed towards an end stop from which the joint hits it.", CHOICE,
+        "Slow contacts are left out.", "Soft impacts count.")
+    impact_s: float = setting(
+        0.15, "s", "Time after an impact in which the angle does not count: how it passes depends on the material.",
+        CHOICE, "Stops of another material look like unknown physics.", "Fewer data.")
     effect_spread: float = setting(
         3.0, "typical sizes", "Standard deviation of the prior of an effect's parameter.", CHOICE,
         "Large effects are underestimated.", "Lower evidence of every effect.")
@@ -192,7 +201,6 @@ class IdentificationSettings:
         """Relative tolerances [-] of numbers that are less certain than a nominal number, by key."""
         return {
             "valve.dead_time_s": self.dead_time_tolerance,
-            "end_stop.damping_nm_s_per_rad": self.stop_damping_tolerance,
         }
 
     @property

@@ -31,6 +31,7 @@ from hand_diagnosis.problem import (
     exchanged,
     fit_part,
     put_partner,
+    redrawn,
     swings_freely,
 )
 from hand_diagnosis.search import (
@@ -90,6 +91,11 @@ def diagnose_joint(
     effects = [effect for effect in task.effects if effect.name != without]
     rng = np.random.default_rng([task.seed, *seed])
     found = _searched(task, wording, ready, ready.problem, effects, rng, causes)
+    if any(stage.shows_held_out for stage in found.results):
+        again = replace(ready, problem=redrawn(ready.problem))
+        fitted = _searched(task, wording, again, again.problem, effects, rng, causes)
+        if not any(stage.remains for stage in fitted.results):
+            return fitted
     other = exchanged(ready.problem) if _shows_late(found) else None
     if other is None:
         return found

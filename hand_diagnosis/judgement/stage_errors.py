@@ -136,6 +136,15 @@ class StageResult:
         return not self.remains_on("train") or left["test"] > SETTINGS.late_excess * left["train"]
 
     @property
+    def shows_held_out(self) -> bool:
+        """Whether something remains on validation data, and nothing or several times less on training data."""
+        own = Excess("validation", self.excess_before, self.excess_after, self.independent, self.noise)
+        if self._log_odds(own) <= 0.0:
+            return False
+        left = {e.split: e.after for e in self.elsewhere}
+        return not self.remains_on("train") or own.after > SETTINGS.late_excess * left["train"]
+
+    @property
     def claimed(self) -> bool:
         """Whether the effects remove enough of this signal's error to be findings, not only parts of an unknown.
 

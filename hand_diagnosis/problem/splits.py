@@ -66,6 +66,11 @@ def exchanged(problem: JointProblem) -> JointProblem | None:
     return replace(problem, spared=(first, begin)) if first > 0 else None
 
 
+def redrawn(problem: JointProblem) -> JointProblem:
+    """The problem with other validation blocks. What only these blocks show, no model can be fitted to without them."""
+    return replace(problem, draw=problem.draw + 1)
+
+
 def _cut(segment: Segment) -> int:
     """First sample of the first block that lies in the last part; the length where that part would be too short."""
     count = len(segment.angle_rad)
