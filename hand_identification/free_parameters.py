@@ -220,10 +220,9 @@ def _free_parameters(effect: Effect, keys: Sequence[str], nominal: Array) -> lis
             scale = bound.typical * bound.scale * (FITS.effect_spread if own else 1.0)
             free.append(FreeParameter(row, centre, scale, False, low, high))
         else:
-            spread = effect.spread.get(key, FITS.log_spread)
-            free.append(
-                FreeParameter(row, centre if centre > 0.0 else bound.typical * bound.scale, spread, True, low, high)
-            )
+            middle = centre if centre > 0.0 else bound.typical * bound.scale
+            ratio = FreeParameter(row, middle, effect.spread.get(key, FITS.log_spread), True, low, high)
+            free.append(ratio if middle > 0.0 else fixed(ratio, centre))  # no ratio changes a zero
     return free
 
 

@@ -102,6 +102,14 @@ def test_a_stop_of_another_material_is_a_wrong_number(hand: Hand) -> None:
     assert joint.search.nominal.by_row[ROW["end_stop.stiffness_nm_per_rad"]] < -0.5
 
 
+def test_a_stop_without_damping_is_diagnosed(hand: Hand) -> None:
+    """Fails when a described damping of 0 ends the diagnosis of a joint that meets a stop elsewhere."""
+    u, p, (x,), rng = moved(hand, Stop(np.radians(60.0), 8.0, 0.02))
+    result = diagnosed(changed(hand, FINGER[1], end_stop__damping_nm_s_per_rad=0.0), u, p, x, rng)
+    assert not result.not_judged
+    assert result.findings[0].effect in ("contact", "end_stop")
+
+
 @pytest.mark.parametrize(
     ("least_deg", "most_deg", "free"),
     [(0.0, 90.0, set()), (0.0, 95.0, {"high_deg"}), (-5.0, 90.0, {"low_deg"}), (-5.0, 95.0, {"high_deg", "low_deg"})],

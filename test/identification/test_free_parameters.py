@@ -1,0 +1,27 @@
+"""Free parameters of effects whose nominal numbers are zero."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from hand_identification.free_parameters import effect_free_parameters
+from hand_model.description import load_hand
+from hand_model.effects import CATALOGUE
+from hand_model.effects.effect import Effect
+from hand_model.kernel.rows import ROW
+
+CONFIG = Path(__file__).parents[2] / "config" / "hand.yaml"
+
+
+@pytest.mark.parametrize("effect", CATALOGUE, ids=[effect.name for effect in CATALOGUE])
+def test_a_number_that_is_zero_has_coordinates(effect: Effect) -> None:
+    """Fails when an effect cannot be fitted where a number that it changes is 0, as the damping of a stop may be."""
+    for key in effect.keys:
+        nominal = load_hand(CONFIG).parameters[:, 0]
+        nominal[ROW[key]] = 0.0
+        for parameter in effect_free_parameters(effect, nominal):
+            for value in (float(nominal[parameter.row]), parameter.low, parameter.centre):
+                assert math.isfinite(parameter.coordinate(value)), parameter.key
