@@ -12,7 +12,12 @@ from hand_recording.signals import Signals, derivatives
 
 
 def impacts(signals: Signals, model: JointModel, joint: str) -> Flags:
-    """Samples (T,) of a recording at which a joint, or the one that it shares inertia with, has just hit a stop."""
+    """Samples (T,) of a recording at which a joint, or the one that it shares inertia with, has just hit a stop.
+
+    Of another machine, none: its stops are out of reach unless its description has them.
+    """
+    if signals.machine:
+        return np.zeros(signals.samples, dtype=bool)
     index = model.joints.index(joint)
     partner = int(model.partner[index])
     pair = [each for each in (index, partner) if each >= 0 and model.joints[each] in signals.joints]

@@ -74,3 +74,9 @@ def test_an_impact_counts_for_neither_phalanx(hand: Hand, signals: Signals, join
     if hit:
         arrives_s = 3.0 + HIGH / 3.0
         assert np.flatnonzero(after)[-1] * signals.period_s == pytest.approx(arrives_s + FITS.impact_s, abs=0.05)
+
+
+def test_a_machine_has_no_stops_to_hit(hand: Hand, signals: Signals) -> None:
+    """Fails when an axis that turns on and on loses its data where stops would be that it does not have."""
+    assert impacts(signals, hand, "index_distal").any()
+    assert not impacts(replace(signals, machine=True), hand, "index_distal").any()
