@@ -99,8 +99,7 @@ class StageResult:
     @property
     def most_left(self) -> Excess:
         """The split on which what is left is most probably other physics; validation data among equals."""
-        own = Excess("validation", self.excess_before, self.excess_after, self.independent, self.noise)
-        return max((own, *self.elsewhere), key=self._log_odds)
+        return max((self._on_validation, *self.elsewhere), key=self._log_odds)
 
     def _log_odds(self, excess: Excess) -> float:
         """Of other physics, from the likelihood of the error that is left against the largest that is tolerated.
@@ -130,19 +129,23 @@ class StageResult:
     @property
     def shows_late(self) -> bool:
         """Whether something remains on test data, and nothing or several times less on training data."""
-        if not self.remains_on("test"):
-            return False
-        left = {e.split: e.after for e in self.elsewhere}
-        return not self.remains_on("train") or left["test"] > SETTINGS.late_excess * left["train"]
+        return any(self._is_beyond_training(e) for e in self.elsewhere if e.split == "test")
 
     @property
     def shows_held_out(self) -> bool:
         """Whether something remains on validation data, and nothing or several times less on training data."""
-        own = Excess("validation", self.excess_before, self.excess_after, self.independent, self.noise)
-        if self._log_odds(own) <= 0.0:
+        return self._is_beyond_training(self._on_validation)
+
+    def _is_beyond_training(self, excess: Excess) -> bool:
+        """Whether something remains of an excess, and nothing or several times less of that on training data."""
+        if self._log_odds(excess) <= 0.0:
             return False
-        left = {e.split: e.after for e in self.elsewhere}
-        return not self.remains_on("train") or own.after > SETTINGS.late_excess * left["train"]
+        trained = [e.after for e in self.elsewhere if e.split == "train" and self._log_odds(e) > 0.0]
+        return all(excess.after > SETTINGS.late_excess * after for after in trained)
+
+    @property
+    def _on_validation(self) -> Excess:
+        return Excess("validation", self.excess_before, self.excess_after, self.independent, self.noise)
 
     @property
     def claimed(self) -> bool:

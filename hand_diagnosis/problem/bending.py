@@ -25,11 +25,11 @@ def bent(task: Task) -> tuple[Task, list[str]]:
 
     Most joints must gain; the gain of one counts up to SETTINGS.strong_log_evidence, either way.
     """
-    alone = replace(task, _rough={}, _inflows={}, _bending={})  # problems that no partner has moved yet stay so
-    for factor in (1.0, max(SETTINGS.tolerance_factors)):  # numbers that are further off must not decide
-        tolerant = replace(task, tolerance=factor * task.tolerance, _rough={}, _inflows={}, _bending={})
-        gains = {joint: gain for joint in task.joints if (gain := _gain(tolerant, joint)) is not None}
-        most = SETTINGS.strong_log_evidence
+    alone = task.with_tolerance(1.0)  # problems that no partner has moved yet stay so
+    most = SETTINGS.strong_log_evidence
+    # Numbers that are further off than the tolerance must not decide.
+    for tried in (alone, task.with_tolerance(max(SETTINGS.tolerance_factors))):
+        gains = {joint: gain for joint in task.joints if (gain := _gain(tried, joint)) is not None}
         total = float(np.clip(list(gains.values()), -most, most).sum())
         if gains and total > SETTINGS.min_partner_gain and np.median(list(gains.values())) > 0.0:
             return replace(alone, bends=True), [_line(gains, total)]

@@ -138,6 +138,10 @@ class Task:
     _inflows: dict[int, Array] = field(default_factory=dict)
     _bending: dict[str, list[Array]] = field(default_factory=dict)
 
+    def with_tolerance(self, factor: float) -> Task:
+        """The task with its tolerance times a factor, of which no joint is prepared."""
+        return replace(self, tolerance=factor * self.tolerance, _rough={}, _inflows={}, _bending={})
+
     def prepare(self, joint: str) -> Prepared:
         """The problem of a joint, with the acceleration of its partner as the partner's own model gives it."""
         rough = self._roughly(joint)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -76,10 +75,7 @@ def _of_few_joints(task: Task, known: Fits) -> Task:
 
 
 def _more_tolerant(task: Task) -> list[Task]:
-    return [
-        replace(task, tolerance=factor * task.tolerance, _rough={}, _inflows={}, _bending={})
-        for factor in SETTINGS.tolerance_factors
-    ]
+    return [task.with_tolerance(factor) for factor in SETTINGS.tolerance_factors]
 
 
 def _evidence_with_effects(task: Task, fits: Fits, little: float = -np.inf) -> tuple[float, float]:
