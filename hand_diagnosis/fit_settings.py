@@ -105,6 +105,9 @@ class FitSettings:
     min_partner_gain: float = setting(
         4.0, "log", "Log likelihood by which the partner's modelled acceleration must beat its measured one.", CHOICE,
         "Noise decides.", "A faulty sensor on one phalanx shows on the other.")
+    bending_leaders: int = setting(
+        3, "hypotheses", "Hypotheses of a first round with which a bend of the finger is asked for again.", CHOICE,
+        "An effect hides the bend.", "Slower.")
     max_dropped_share: float = setting(
         2e-3, "-", "Share of missing frames from which they are a finding.", CHOICE,
         "Single lost frames are findings.", "Losses of a radio link go unreported.")

@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from hand_diagnosis.diagnosis.joint import JointDiagnosis, diagnose_joint
-from hand_diagnosis.problem import Task, fit_part, likelihood_below_floor, model_accelerations, put_partner
+from hand_diagnosis.problem import (
+    Task,
+    bending_line,
+    fit_part,
+    likelihood_below_floor,
+    log_evidence,
+    model_accelerations,
+    put_partner,
+)
 from hand_diagnosis.search import Cause, refit_below_floor, whole_hand_cause
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import JointProblem
@@ -28,31 +37,74 @@ def next_to_models(task: Task, done: Sequence[JointDiagnosis]) -> list[JointDiag
         if problem is None or own is None or [p.name for p in problem.segments] != [p.name for p in own.segments]:
             continue
         partner = task.with_bending(result.joint, model_accelerations(problem, other.search.final))
-        if _fits_better(own, result.search.final, partner):
+        if _gained_below_floor(*_both_ways(own, [result.search.final], partner)) > SETTINGS.min_partner_gain:
             renewed[k] = diagnose_joint(task, result.wording, result.joint, k, 2, partner=partner)
     return renewed
 
 
 def _differs(result: JointDiagnosis) -> bool:
     """Whether a joint has an effect, or more than its noise is left."""
-    return bool(result.search.accepted) or any(stage.remains for stage in result.results)
+    return bool(result.search.accepted) or _remains(result)
 
 
-def _fits_better(whole: JointProblem, fit: MapFit, partner: Sequence[Array]) -> bool:
-    """Whether the model of a joint fits clearly better with these accelerations of its partner.
+def with_bends(task: Task, done: Sequence[JointDiagnosis]) -> tuple[Task, list[str]]:
+    """The task with an inertia that changes with the bend of the fingers, and a line, where the models found say so.
+
+    A large effect hides the bend from the plain models. So where something remains, all joints are asked again, each
+    with its best model or one of those that began best.
+    """
+    if task.bends or not any(_remains(each) for each in done):
+        return task, []
+    gains = {}
+    for each in done:
+        added, whole = task.added_by_bending(each.joint), each.whole
+        if not added or whole is None or len(added) != len(whole.segments):
+            continue
+        moved = [segment.exogenous[:, PARTNER] + more for segment, more in zip(whole.segments, added, strict=True)]
+        begun = each.search.rounds[0][: SETTINGS.bending_leaders] if each.search.rounds else []
+        tried = _both_ways(whole, [each.search.final, *(hypothesis.fit for hypothesis in begun)], moved)
+        gains[each.joint] = _gained(*tried) if _remains(each) else _gained_below_floor(*tried)
+    line = bending_line(gains)
+    return (replace(task.with_tolerance(1.0), bends=True), [line]) if line else (task, [])
+
+
+def _remains(result: JointDiagnosis) -> bool:
+    """Whether more than the noise of a joint is left."""
+    return any(stage.remains for stage in result.results)
+
+
+def _both_ways(
+    whole: JointProblem, fits: Sequence[MapFit], partner: Sequence[Array]
+) -> tuple[JointProblem, tuple[MapFit, MapFit], tuple[MapFit, MapFit]]:
+    """The fitted part of a problem, and the best of some models with its accelerations of the partner and with these.
+
+    The second pair is the same below the practical floor.
+    """
+    measured = [segment.exogenous[:, PARTNER].copy() for segment in whole.segments]
+    problem = fit_part(whole)  # its arrays are those of the whole problem
+    found, sharp = [], []
+    for accelerations in (measured, partner):
+        put_partner(whole, accelerations)
+        again = [map_fit(problem, fit.free, fit.z, SETTINGS.rough_iterations) for fit in fits]
+        found.append(min(again, key=lambda fit: fit.cost))
+        sharp.append(refit_below_floor(problem, found[-1]))
+    put_partner(whole, measured)
+    return problem, (found[0], found[1]), (sharp[0], sharp[1])
+
+
+def _gained(problem: JointProblem, found: tuple[MapFit, MapFit], _: tuple[MapFit, MapFit]) -> float:
+    """Log evidence [nats] of all fitted data that the second model has more."""
+    return log_evidence(problem, found[1]) - log_evidence(problem, found[0])
+
+
+def _gained_below_floor(problem: JointProblem, _: tuple[MapFit, MapFit], sharp: tuple[MapFit, MapFit]) -> float:
+    """Log likelihood [nats] of the validation data that the second model has more, against white noise.
 
     What the joint lacks itself may be large, and the push of its partner small, so that only errors below the practical
     floor show it.
     """
-    measured = [segment.exogenous[:, PARTNER].copy() for segment in whole.segments]
-    problem = fit_part(whole)  # its arrays are those of the whole problem
-    fits = []
-    for accelerations in (measured, partner):
-        put_partner(whole, accelerations)
-        fits.append(refit_below_floor(problem, map_fit(problem, fit.free, fit.z, SETTINGS.rough_iterations)))
-    put_partner(whole, measured)
-    before, after = (likelihood_below_floor(problem, fits[0], each) for each in fits)
-    return after > before + SETTINGS.min_partner_gain
+    before, after = (likelihood_below_floor(problem, sharp[0], each) for each in sharp)
+    return after - before
 
 
 def without_unshared(task: Task, done: list[JointDiagnosis]) -> list[JointDiagnosis]:

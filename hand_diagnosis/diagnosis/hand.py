@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hand_diagnosis.diagnosis.across import next_to_models, with_causes, without_unshared
+from hand_diagnosis.diagnosis.across import next_to_models, with_bends, with_causes, without_unshared
 from hand_diagnosis.diagnosis.joint import JointDiagnosis, diagnose_joint
 from hand_diagnosis.judgement import (
     Finding,
@@ -117,13 +117,11 @@ def diagnose(
     for settled in (bent, tolerant):
         task, more = settled(task)
         lines += more
-    done, failed = [], {}
-    for number, joint in enumerate(wanted):
-        try:
-            done.append(diagnose_joint(task, wording, joint, number))
-        except Exception as error:  # the other joints are diagnosed whatever this one contains
-            failed[joint] = f"its diagnosis failed: {_reason(error)}"
-        progress(joint)
+    done, failed = _each_joint(task, wording, progress)
+    task, more = with_bends(task, done)
+    if more:
+        lines += more
+        done, failed = _each_joint(task, wording, lambda _: None)
     done = without_unshared(task, next_to_models(task, done))
     try:
         done = with_causes(task, done)
@@ -148,6 +146,20 @@ def diagnose(
         wording=wording,
         starts_s=starts_s,
     )
+
+
+def _each_joint(
+    task: Task, wording: Wording, progress: Callable[[str], None]
+) -> tuple[list[JointDiagnosis], dict[str, str]]:
+    """Every joint by itself, and of those that cannot be diagnosed the reason. progress: as that of `diagnose`."""
+    done, failed = [], {}
+    for number, joint in enumerate(task.joints):
+        try:
+            done.append(diagnose_joint(task, wording, joint, number))
+        except Exception as error:  # the other joints are diagnosed whatever this one contains
+            failed[joint] = f"its diagnosis failed: {_reason(error)}"
+        progress(joint)
+    return done, failed
 
 
 def _reason(error: Exception) -> str:

@@ -1,6 +1,6 @@
 """What a recording asks: usable data, data kept for the test, and the least-squares problem of each joint."""
 
-from hand_diagnosis.problem.bending import bent
+from hand_diagnosis.problem.bending import bending_line, bent
 from hand_diagnosis.problem.data_check import check, repeatability
 from hand_diagnosis.problem.evidence import (
     block_bootstrap,
@@ -49,6 +49,7 @@ __all__ = [
     "ErrorsOnTest",
     "Prepared",
     "Task",
+    "bending_line",
     "bent",
     "block_bootstrap",
     "check",

@@ -21,22 +21,25 @@ from hand_model.effects.effect import PARTNER
 
 
 def bent(task: Task) -> tuple[Task, list[str]]:
-    """The task with an inertia that changes with the bend of the fingers where that fits clearly better, and a line.
-
-    Most joints must gain; the gain of one counts up to SETTINGS.strong_log_evidence, either way.
-    """
+    """The task with an inertia that changes with the bend of the fingers where that fits clearly better, and a line."""
     alone = task.with_tolerance(1.0)  # problems that no partner has moved yet stay so
-    most = SETTINGS.strong_log_evidence
     # Numbers that are further off than the tolerance must not decide.
     for tried in (alone, task.with_tolerance(max(SETTINGS.tolerance_factors))):
-        gains = {joint: gain for joint in task.joints if (gain := _gain(tried, joint)) is not None}
-        total = float(np.clip(list(gains.values()), -most, most).sum())
-        if gains and total > SETTINGS.min_partner_gain and np.median(list(gains.values())) > 0.0:
-            return replace(alone, bends=True), [_line(gains, total)]
+        line = bending_line({joint: gain for joint in task.joints if (gain := _gain(tried, joint)) is not None})
+        if line:
+            return replace(alone, bends=True), [line]
     return task, []
 
 
-def _line(gains: Mapping[str, float], total: float) -> str:
+def bending_line(gains: Mapping[str, float]) -> str:
+    """What is said of joints whose inertia changes, from what each gains in log likelihood [nats]; empty: too little.
+
+    Most joints must gain; the gain of one counts up to SETTINGS.strong_log_evidence, either way.
+    """
+    most = SETTINGS.strong_log_evidence
+    total = float(np.clip(list(gains.values()), -most, most).sum())
+    if not gains or total <= SETTINGS.min_partner_gain or np.median(list(gains.values())) <= 0.0:
+        return ""
     return (
         f"the inertia of {', '.join(gains)} changes with the angle of the distal joint, as the masses and lengths in"
         f" `geometry` say (log likelihood of validation data {total:+.3g}, one joint counting up to"

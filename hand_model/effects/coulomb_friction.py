@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import Effect
 from hand_model.effects.operators import loop_moved, loop_torque
@@ -16,10 +18,11 @@ RIGID_RAD, YIELDING_RAD = 0.02 * DEGREE, 0.05 * DEGREE
 
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
-    """Reciprocals, and the share of the friction whose contacts yield."""
-    stribeck, presliding = q[2], q[4]
+    """Reciprocals, the share of the friction whose contacts yield, and what of it is kept and builds up in a step."""
+    stribeck, presliding, steps = q[2], q[4], q[13] * h
     yielding = min(max((presliding - RIGID_RAD) * (1.0 / (YIELDING_RAD - RIGID_RAD)), 0.0), 1.0)
-    return 1.0 / stribeck, 1.0 / presliding, yielding, 1.0 / q[14]
+    kept = math.exp(-steps)
+    return 1.0 / stribeck, 1.0 / presliding, yielding, 1.0 / q[14], kept, (1.0 - kept) / max(steps, 1e-9)
 
 
 @inline
@@ -66,13 +69,13 @@ def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
 def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
     """Dahl's loop over the presliding motion, or by the law one with a knee, whose contacts relax after each step.
 
-    A loop z relaxes by dz/dt = -r z (1 - |z|), so that slow motion is viscous and sliding has the whole level; the
-    exponential of the solution is one of second order. Over a step the torque is that of its middle, before they relax.
+    A loop z relaxes at the rate r where it would forget more slowly by the motion x, dz/dt = x'/s - z max(|x'|/s, r),
+    so that slow motion is viscous and sliding has the whole level. That is solved for a constant speed over the step.
     """
     (bristle,) = m
-    z, x = loop_moved(bristle, before, after, q[16], q[10]), h * q[13]
-    kept = 1.0 / (1.0 + x * (1.0 + 0.5 * x))
-    return (z * kept / (1.0 - abs(z) * (1.0 - kept)),)
+    slip = (after - before) * q[16]
+    relaxed = bristle * q[19] + slip * q[20]
+    return (relaxed if abs(slip) < h * q[13] else loop_moved(bristle, before, after, q[16], q[10]),)
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
@@ -105,7 +108,7 @@ _TRAVEL = (
     ),
 )
 _RELAXING = Parameter(
-    "coulomb_friction.relaxing_per_s", 0.0, 1e3, "law: rate at which contacts at rest relax", 1.0, 0.0, 10.0, law=True
+    "coulomb_friction.relaxing_per_s", 0.0, 1e3, "law: rate at which contacts at rest relax", 1.0, 0.0, 100.0, law=True
 )
 EFFECT = Effect(
     name="coulomb_friction",
@@ -130,7 +133,7 @@ EFFECT = Effect(
         _RELAXING,
     ),
     reads=("supply.pressure_pa",),
-    prepared=("per_stribeck", "per_presliding", "yielding", "per_supply"),
+    prepared=("per_stribeck", "per_presliding", "yielding", "per_supply", "relaxed", "building"),
     memory=("bristle",),
     hooks={"prepare": prepare, "dry": dry, "torque": torque, "moved": moved},
     keys=(

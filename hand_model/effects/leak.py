@@ -15,17 +15,19 @@ BAR_PA = 1e5
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
     """Reciprocal of the supply pressure."""
-    return (1.0 / q[3],)
+    return (1.0 / q[4],)
 
 
 @inline
 def pressure_source(q, p, e):  # type: ignore[no-untyped-def]
     """Laminar or turbulent loss. The valve feeds against it, so the pressure stays below its set-point.
 
-    The law lets the conductance grow with the pressure, as a gas becomes denser and a gap opens.
+    The law lets the conductance grow with the pressure, as a gas becomes denser and a gap opens, and lets a crack or a
+    seal open at a pressure, whose excess is lost.
     """
-    lost, turbulent, growth, _, per_supply = q
-    loss = -lost * ((1.0 - turbulent) * p + turbulent * math.sqrt(BAR_PA * max(p, 0.0)))
+    lost, turbulent, growth, opens, _, per_supply = q
+    excess = p - min(opens, max(p, 0.0))
+    loss = -lost * ((1.0 - turbulent) * excess + turbulent * math.sqrt(BAR_PA * max(excess, 0.0)))
     return loss * (1.0 + growth * min(max(p * per_supply, 0.0), 1.0))
 
 
@@ -42,6 +44,7 @@ EFFECT = Effect(
         Parameter("leak.rate_per_s", 0.0, 50.0, "share of the pressure lost in a second, at 1 bar", 1.0, 0.0, 0.1),
         Parameter("leak.turbulent", 0.0, 1.0, "0 a gap, loss with pressure; 1 a hole, with its root", 1.0, 0.0, 0.17),
         Parameter("leak.with_pressure", 0.0, 20.0, "law: growth up to supply pressure", 1.0, 0.0, 0.5, law=True),
+        Parameter("leak.opens_pa", 0.0, 5e5, "law: pressure at which it opens", 1.0, 0.0, 3e4, law=True),
     ),
     reads=("supply.pressure_pa",),
     prepared=("per_supply",),
@@ -57,9 +60,9 @@ EFFECT = Effect(
         acts_on="rate of the pressure",
         sign="towards the pressure of the room",
         passive=True,
-        monotone="rises with the pressure and is 0 at that of the room",
+        monotone="rises with the pressure, from the one at which it opens, and is 0 at that of the room",
         over=("pressure",),
-        coefficients=("leak.with_pressure",),
+        coefficients=("leak.with_pressure", "leak.opens_pa"),
         quantity="the loss",
         unit="pa_per_s",
         curve=curve,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
 from hand_model.arrays import Array
@@ -16,6 +18,25 @@ ANGLE_NOISE_RAD, PRESSURE_NOISE_PA = np.radians(0.03), 150.0
 STATICS = ("statics.a0_nm", "statics.a1_nm_per_rad", "statics.a2_nm_per_pa", "statics.a3_nm_per_pa_rad")
 CREEP = ("p_min_pa", "b1_per_pa", "b0_per_pa", "extension_time_s", "recovery_time_s", "phi_max_deg")
 OFF = (*STATICS, "dynamics.viscous_friction_nm_s_per_rad", "valve.time_constant_s", "material.b1_per_pa")
+
+
+class Load(Protocol):
+    """A torque against flexion of the distal joint."""
+
+    def torque(self, angle: float, speed: float) -> float:
+        """Torque [N m] at an angle [rad] and a speed [rad/s]."""
+
+
+class SmoothFriction:
+    """Friction that builds up over the speed alone, as in simulators: a level [N m] times tanh of speed / scale."""
+
+    def __init__(self, level: float, speed: float) -> None:
+        """level [N m], speed [rad/s]."""
+        self.level, self.speed = level, speed
+
+    def torque(self, angle: float, speed: float) -> float:
+        """Torque [N m] against the motion."""
+        return float(self.level * np.tanh(speed / self.speed))
 
 
 class Stop:
@@ -57,7 +78,7 @@ def changing_inertia(hand: Hand) -> float:
     return float(distal.mass_kg * proximal.size_m[0] * distal.center_m[0])
 
 
-def run(numbers: dict[str, Array], u: Array, h: float, stop: Stop | None = None, fine: int = 4) -> tuple[Array, Array]:
+def run(numbers: dict[str, Array], u: Array, h: float, load: Load | None = None, fine: int = 4) -> tuple[Array, Array]:
     """Pressures [Pa] and angles [rad], (T, 2), under set-points u (T, 2) [Pa], by Runge and Kutta's fourth order.
 
     h: the part of the inertia that changes with the cosine of the distal angle [kg m^2]; 0: constant inertia.  fine:
@@ -76,7 +97,7 @@ def run(numbers: dict[str, Array], u: Array, h: float, stop: Stop | None = None,
         torque = a0 + a1 * (x - creep * reach) + (a2 + a3 * x) * p - drag * w
         bend, sine = h * (np.cos(x[1]) - middle), h * np.sin(x[1])
         torque[0] += sine * (2.0 * w[0] * w[1] + w[1] ** 2)
-        torque[1] -= sine * w[0] ** 2 + (stop.torque(x[1], w[1]) if stop else 0.0)
+        torque[1] -= sine * w[0] ** 2 + (load.torque(x[1], w[1]) if load else 0.0)
         j_p, j_c, j_d = inertia[0] + 2.0 * bend, shared + bend, inertia[1]
         whole = j_p * j_d - j_c * j_c
         turned = np.array([j_d * torque[0] - j_c * torque[1], j_p * torque[1] - j_c * torque[0]]) / whole

@@ -242,8 +242,8 @@ def test_every_coefficient_acts_and_a_small_one_is_small(effect: Effect) -> None
     for own in law_parameters(effect):
         key, neutral = own.key.partition(".")[2], own.neutral_si
         base = acting(effect) | ({"inner_share": 0.3} if key == "inner_gap" else {})
-        if key in ("knee", "relaxing_per_s"):  # contacts that yield
-            base["presliding_deg"] = 0.01
+        if key in ("knee", "relaxing_per_s"):  # contacts that yield, and against which the drawn steps are slow
+            base["presliding_deg"] = 0.01 if key == "knee" else 20.0
         if key == "blend_pa":  # from one time constant to another
             base["venting_ratio"] = 2.0
         reference = still if base == acting(effect) else responses(effect, numbers(effect, **base))
@@ -427,7 +427,12 @@ def test_gas_and_leak_stay_passive() -> None:
         2.0 * call(gas, "pressure_source", straight, 3e5, bent)
     )
     for q in drawn("leak", 6, rate_per_s=0.5, turbulent=0.3):
-        assert np.diff([call(leak, "pressure_source", q, p, REST) for p in np.linspace(0.0, SUPPLY_PA, 30)]).max() < 0.0
+        opens = q[3]
+        source = [call(leak, "pressure_source", q, p, REST) for p in np.linspace(opens, opens + SUPPLY_PA, 30)]
+        assert np.diff(source).max() < 0.0
+        assert max(abs(call(leak, "pressure_source", q, p, REST)) for p in np.linspace(0.0, opens, 5)) < 1e-6
+    late = numbers(leak, rate_per_s=0.5, opens_pa=1e5)
+    assert [call(leak, "pressure_source", late, p, REST) for p in (0.9e5, 3e5)] == approx([0.0, -0.5 * 2e5])
     half = numbers(leak, rate_per_s=0.5, with_pressure=2.0)
     assert call(leak, "pressure_source", half, 3e5, REST) == approx(-0.5 * 3e5 * 2.0)
     plain_gas, twice = numbers(gas, exponent=1.0), numbers(gas, exponent=1.0, with_pressure=2.0)
