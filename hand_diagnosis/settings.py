@@ -257,12 +257,12 @@ class Settings(PageSettings):
         2.5, "-", "Log evidences are divided by it before probabilities are formed: equations that are only nearly"
         " right exaggerate differences.", TRIALS, "Overconfident findings.", "Timid findings.")
     outside_catalogue: float = setting(
-        0.04, "-", "Probability reserved for effects outside the catalogue.", TRIALS,
-        "Overconfident findings.", "Timid findings.")
+        0.04, "-", "Probability of effects outside the catalogue where none is found.", TRIALS,
+        "Unknown physics is missed.", "Remainders on sound joints.")
     name_excess_floors: float = setting(2.0, "floors", "Error beyond the noise, in repeatability floors, that right"
         " names may leave on data not fitted; a larger one is a remainder.", FORMS,
         "Right effects of another form stand next to a remainder.", "A second effect passes as an error of form.")
-    name_sharpness: float = setting(2.0, "-", "How fast the odds of a name fall with that error: power of 1 + its"
+    name_sharpness: float = setting(2.5, "-", "How fast the odds of a name fall with that error: power of 1 + its"
         " square.", FORMS, "Names depend less on what they leave.", "Names depend more on it.")
     name_least: float = setting(0.2, "-", "Probability of the best name where all of the error is left: a law of"
         " another form misses much, too.", FORMS, "Timid findings.", "Overconfident stand-ins for missing effects.")

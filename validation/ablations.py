@@ -61,6 +61,10 @@ def _as_given(_: Any, done: Sequence[Any]) -> list[Any]:
     return list(done)
 
 
+def _straight(task: Any, _: Sequence[Any]) -> tuple[Any, list[str]]:
+    return task, []
+
+
 SWITCHES: Mapping[str, Changes] = {
     TEXTBOOK: (("hand_diagnosis.diagnosis.joint", "search_joint", _textbook),),
     "further effects on a joint": ((_SEARCH, "SETTINGS", replace(SETTINGS, max_effects=1)),),
@@ -68,6 +72,7 @@ SWITCHES: Mapping[str, Changes] = {
         ("hand_diagnosis.diagnosis.hand", "without_unshared", _as_given),
         ("hand_diagnosis.diagnosis.hand", "next_to_models", _as_given),
         ("hand_diagnosis.diagnosis.hand", "with_causes", _as_given),
+        ("hand_diagnosis.diagnosis.hand", "with_bends", _straight),
     ),
     "Occam's factor (likelihood only)": (
         (_SEARCH, "log_evidence", _likelihood),

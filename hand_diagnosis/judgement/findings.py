@@ -285,8 +285,8 @@ def errors_text(result: JointResult, stage: int) -> str:
 def _rivals(search: JointSearch, accepted: Hypothesis) -> tuple[dict[str, tuple[Effect, float]], list[str]]:
     """Effects and probabilities of the round in which the effect was accepted, and those that tie with it.
 
-    The model without a further effect competes, too. SETTINGS.outside_catalogue is the prior of effects that no
-    catalogue holds; what is left on data that were not fitted is weighed by the caller.
+    The model without a further effect competes, too. What is left on data that were not fitted, and may come from
+    effects that no catalogue holds, is weighed by the caller.
     """
     name = accepted.effect.name
     for hypotheses, without in reversed(list(zip(search.rounds, search.evidences, strict=True))):
@@ -295,7 +295,7 @@ def _rivals(search: JointSearch, accepted: Hypothesis) -> tuple[dict[str, tuple[
             continue
         logs = np.array([hypothesis.log_evidence for hypothesis in hypotheses] + [without])
         weights = np.exp((logs - logs.max()) / SETTINGS.evidence_temperature)
-        weights *= (1.0 - SETTINGS.outside_catalogue) / weights.sum()
+        weights *= (1.0 - SETTINGS.min_probability) / weights.sum()
         near = own.log_evidence - SETTINGS.tie_log_evidence
         later = {found.effect.name for found in search.accepted}
         tied = [h.effect.name for h in hypotheses if h.log_evidence > max(near, without) and h.effect.name not in later]
