@@ -159,10 +159,28 @@ def _best_of_round(
         best, scatter = _from_other_starts(problem, current, best, rng)
         taken = max(_error_taken(problem, current, best, rmse) for rmse in (validation_rmse, fitted_rmse))
         if taken >= scatter:
-            return _with_textbook(problem, replace(best, fit=with_slopes(problem, best.fit)))
+            best = _with_textbook(problem, replace(best, fit=with_slopes(problem, best.fit)))
+            return _or_plain(problem, current, best, effects, rng)
         found.not_claimable.append(NotClaimable(best.effect, best.stage, taken, scatter, SCATTER))
     found.not_claimable += _too_small(problem, current, hypotheses)
     return None
+
+
+def _or_plain(
+    problem: JointProblem, current: MapFit, best: Hypothesis, effects: Sequence[Effect], rng: np.random.Generator
+) -> Hypothesis:
+    """The hypothesis, in its textbook form where a further effect in its own explains more than the law of one.
+
+    A flexible law takes what a second effect would explain, and leaves more than that does.
+    """
+    if best.textbook is None or not _leaves_much(problem, current, best.fit):
+        return best
+    plain = with_slopes(problem, map_fit(problem, best.textbook.free, best.textbook.z, SETTINGS.nominal_iterations))
+    others = [effect for effect in effects if effect.name != best.effect.name]
+    beside = _round(problem, plain, others, rng, laws=False)
+    if not beside or beside[0].log_evidence < best.log_evidence + SETTINGS.min_log_evidence:
+        return best
+    return replace(judged(problem, current, best.effect, plain, rng), given=best.given)
 
 
 def _with_textbook(problem: JointProblem, best: Hypothesis) -> Hypothesis:
