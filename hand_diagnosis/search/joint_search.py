@@ -74,20 +74,47 @@ def search_joint(
     current, evidence = _begun(found, begin, rng)
     given = {hypothesis.effect.name for hypothesis in found.accepted}
     left = [effect for effect in effects if effect.name not in given]
-    for _ in range(SETTINGS.max_effects):
-        best = _best_of_round(found, current, evidence, left, rng)
-        if best is None:
-            break
-        found.accepted.append(best)
-        current, evidence = best.fit, best.log_evidence
-        if STAGES[best.stage] == "pressure":
-            current, evidence = _driven_anew(found, current)
-        left = [effect for effect in left if effect.name != best.effect.name]
-    _eliminate_backward(found)
+    found = _forward(found, current, evidence, left, rng)
     _refit_below_floor(found, rng)
     found.rounds = [[replace(h, fit=h.fit.without_arrays()) for h in hypotheses] for hypotheses in found.rounds]
     found.accepted[:-1] = [replace(h, fit=h.fit.without_arrays()) for h in found.accepted[:-1]]
     return found
+
+
+def _forward(
+    found: JointSearch,
+    current: MapFit,
+    evidence: float,
+    left: Sequence[Effect],
+    rng: np.random.Generator,
+    *,
+    branches: bool = True,
+) -> JointSearch:
+    """The search with further effects, one a round, without redundant ones.
+
+    current: the model so far, of log evidence `evidence`.  left: effects to choose from.  branches: whether the search
+    also goes on from the textbook form of a law that a second effect may explain better; the more evident end counts.
+    """
+    other = None
+    own = sum(not hypothesis.given for hypothesis in found.accepted)
+    for _ in range(SETTINGS.max_effects - own):
+        best = _best_of_round(found, current, evidence, left, rng)
+        if best is None:
+            break
+        left = [effect for effect in left if effect.name != best.effect.name]
+        plain = _in_textbook_form(found.problem, current, best, left, rng) if branches else None
+        if plain is not None:
+            begun = found.copy()
+            begun.accepted.append(plain)
+            other, branches = _forward(begun, plain.fit, plain.log_evidence, left, rng, branches=False), False
+        found.accepted.append(best)
+        current, evidence = best.fit, best.log_evidence
+        if STAGES[best.stage] == "pressure":
+            current, evidence = _driven_anew(found, current)
+    _eliminate_backward(found)
+    if other is None or other.accepted[-1].log_evidence < found.accepted[-1].log_evidence:
+        return found
+    return other
 
 
 def _begun(found: JointSearch, begin: Sequence[Beginning], rng: np.random.Generator) -> tuple[MapFit, float]:
@@ -159,27 +186,26 @@ def _best_of_round(
         best, scatter = _from_other_starts(problem, current, best, rng)
         taken = max(_error_taken(problem, current, best, rmse) for rmse in (validation_rmse, fitted_rmse))
         if taken >= scatter:
-            best = _with_textbook(problem, replace(best, fit=with_slopes(problem, best.fit)))
-            return _or_plain(problem, current, best, effects, rng)
+            return _with_textbook(problem, replace(best, fit=with_slopes(problem, best.fit)))
         found.not_claimable.append(NotClaimable(best.effect, best.stage, taken, scatter, SCATTER))
     found.not_claimable += _too_small(problem, current, hypotheses)
     return None
 
 
-def _or_plain(
-    problem: JointProblem, current: MapFit, best: Hypothesis, effects: Sequence[Effect], rng: np.random.Generator
-) -> Hypothesis:
-    """The hypothesis, in its textbook form where a further effect in its own explains more than the law of one.
+def _in_textbook_form(
+    problem: JointProblem, current: MapFit, best: Hypothesis, others: Sequence[Effect], rng: np.random.Generator
+) -> Hypothesis | None:
+    """A hypothesis with a law in its textbook form, where a second effect beside this explains more than the law alone.
 
-    A flexible law takes what a second effect would explain, and leaves more than that does.
+    A flexible law takes what a second effect would explain, and leaves more than that does. Pressures, by whose model
+    the joint is driven, are settled effect by effect.
     """
-    if best.textbook is None or not _leaves_much(problem, current, best.fit):
-        return best
+    if best.textbook is None or STAGES[best.stage] == "pressure" or not _leaves_much(problem, current, best.fit):
+        return None
     plain = with_slopes(problem, map_fit(problem, best.textbook.free, best.textbook.z, SETTINGS.nominal_iterations))
-    others = [effect for effect in effects if effect.name != best.effect.name]
     beside = _round(problem, plain, others, rng, laws=False)
     if not beside or beside[0].log_evidence < best.log_evidence + SETTINGS.min_log_evidence:
-        return best
+        return None
     return replace(judged(problem, current, best.effect, plain, rng), given=best.given)
 
 
