@@ -246,19 +246,21 @@ def rivals_table(entry: Entry) -> str:
 
 def ablations_table(entry: Entry) -> str:
     """Scores of the diagnosis without one part at a time, on the same recordings."""
-    results = entry["results"]
+    from validation.ablations import WHOLE  # noqa: PLC0415 - the diagnosis is slow to load
+
+    results, whole = entry["results"], entry["results"][WHOLE]
     shares = ("place", "joint", "first", "both", "false_alarm", "unknown_found", "unknown_wrong", "clean", "ece")
     rows = []
-    for part, row in results.items():
+    for part in (WHOLE, *(part for part in results if part != WHOLE)):
+        row = results[part]
         cells = ["" if row[key]["value"] is None else f"{row[key]['value']:.0%}" for key in shares]
         score = row["log_score"]["value"]
-        time = row["cpu_s"] / next(iter(results.values()))["cpu_s"]
+        time = row["cpu_s"] / whole["cpu_s"]
         rows.append((part, *cells, "" if score is None else f"{score:.2f}", f"{time:.2f}"))
     header = (
         "without", "place", "joint", "effect first", "both of two", "false alarms", "unknown found", "known as unknown",
         "test error", "calibration error", "log score", "CPU time",
     )  # fmt: skip
-    whole = next(iter(results.values()))
     of = ", ".join(f"{whole[key]['count']} for {word}" for key, word in (("place", "place"), ("false_alarm", "alarms")))
     return f"{markdown(header, rows)}\n\n{whole['recordings']} recordings ({of}). {source_line(entry)}"
 

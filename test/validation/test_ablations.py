@@ -37,10 +37,10 @@ def test_a_part_is_switched_off_and_on_again(part: str) -> None:
 
 
 def test_the_table_compares_with_all_parts() -> None:
-    """Fails when a score stands in the wrong column, or time is not relative to that of all parts."""
+    """Fails when a score stands in the wrong column, all parts are not first, or time is not relative to theirs."""
     whole = row_of([graded(0, right=True), graded(1, right=True)], [1.0, 3.0])
     less = row_of([graded(0, right=True), graded(1, right=False)], [0.5, 1.5])
-    entry = {"command": "c", "date": "d", "commit": "e", "machine": "", "results": {WHOLE: whole, "laws": less}}
+    entry = {"command": "c", "date": "d", "commit": "e", "machine": "", "results": {"laws": less, WHOLE: whole}}
     lines = ablations_table(entry).splitlines()
     assert lines[3].startswith("| laws | 50% | 50% | 50% |") and lines[3].endswith("| 0.50 |")
     assert lines[2].endswith("| 1.00 |") and "2 recordings" in lines[5]
