@@ -195,7 +195,7 @@ def _best_of_round(
 def _in_textbook_form(
     problem: JointProblem, current: MapFit, best: Hypothesis, others: Sequence[Effect], rng: np.random.Generator
 ) -> Hypothesis | None:
-    """A hypothesis with a law in its textbook form, where a second effect beside this explains more than the law alone.
+    """A hypothesis with a law in its textbook form, where a second effect next to it explains more than the law alone.
 
     A flexible law takes what a second effect would explain, and leaves more than that does. Pressures, by whose model
     the joint is driven, are settled effect by effect.
@@ -203,8 +203,8 @@ def _in_textbook_form(
     if best.textbook is None or STAGES[best.stage] == "pressure" or not _leaves_much(problem, current, best.fit):
         return None
     plain = with_slopes(problem, map_fit(problem, best.textbook.free, best.textbook.z, SETTINGS.nominal_iterations))
-    beside = _round(problem, plain, others, rng, laws=False)
-    if not beside or beside[0].log_evidence < best.log_evidence + SETTINGS.min_log_evidence:
+    more = _round(problem, plain, others, rng, laws=False)
+    if not more or more[0].log_evidence < best.log_evidence + SETTINGS.min_log_evidence:
         return None
     return replace(judged(problem, current, best.effect, plain, rng), given=best.given)
 

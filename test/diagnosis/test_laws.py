@@ -211,7 +211,7 @@ def test_a_law_gives_way_to_a_second_effect_that_explains_more(
     leaves_much: bool,
     learned: bool,
 ) -> None:
-    """Fails when a search does not go on from the textbook form beside which a second effect explains more than a law.
+    """Fails when a search does not go on from a textbook form next to which a second effect explains more than a law.
 
     more: log evidence of that model over the law's; the limit is 6.
     """
