@@ -51,16 +51,6 @@ class JointSearch:
     not_claimable: list[NotClaimable] = field(default_factory=list)
     begun: MapFit | None = None
 
-    def copy(self) -> JointSearch:
-        """The same search, to which rounds may be added without changing this one."""
-        return replace(
-            self,
-            accepted=list(self.accepted),
-            rounds=list(self.rounds),
-            evidences=list(self.evidences),
-            not_claimable=list(self.not_claimable),
-        )
-
     @property
     def base(self) -> MapFit:
         """The model before any effect of this joint alone."""

@@ -74,47 +74,20 @@ def search_joint(
     current, evidence = _begun(found, begin, rng)
     given = {hypothesis.effect.name for hypothesis in found.accepted}
     left = [effect for effect in effects if effect.name not in given]
-    found = _forward(found, current, evidence, left, rng)
-    _refit_below_floor(found, rng)
-    found.rounds = [[replace(h, fit=h.fit.without_arrays()) for h in hypotheses] for hypotheses in found.rounds]
-    found.accepted[:-1] = [replace(h, fit=h.fit.without_arrays()) for h in found.accepted[:-1]]
-    return found
-
-
-def _forward(
-    found: JointSearch,
-    current: MapFit,
-    evidence: float,
-    left: Sequence[Effect],
-    rng: np.random.Generator,
-    *,
-    branches: bool = True,
-) -> JointSearch:
-    """The search with further effects, one a round, without redundant ones.
-
-    current: the model so far, of log evidence `evidence`.  left: effects to choose from.  branches: whether the search
-    also goes on from the textbook form of a law that a second effect may explain better; the more evident end counts.
-    """
-    other = None
-    own = sum(not hypothesis.given for hypothesis in found.accepted)
-    for _ in range(SETTINGS.max_effects - own):
+    for _ in range(SETTINGS.max_effects):
         best = _best_of_round(found, current, evidence, left, rng)
         if best is None:
             break
-        left = [effect for effect in left if effect.name != best.effect.name]
-        plain = _in_textbook_form(found.problem, current, best, left, rng) if branches else None
-        if plain is not None:
-            begun = found.copy()
-            begun.accepted.append(plain)
-            other, branches = _forward(begun, plain.fit, plain.log_evidence, left, rng, branches=False), False
         found.accepted.append(best)
         current, evidence = best.fit, best.log_evidence
         if STAGES[best.stage] == "pressure":
             current, evidence = _driven_anew(found, current)
+        left = [effect for effect in left if effect.name != best.effect.name]
     _eliminate_backward(found)
-    if other is None or other.accepted[-1].log_evidence < found.accepted[-1].log_evidence:
-        return found
-    return other
+    _refit_below_floor(found, rng)
+    found.rounds = [[replace(h, fit=h.fit.without_arrays()) for h in hypotheses] for hypotheses in found.rounds]
+    found.accepted[:-1] = [replace(h, fit=h.fit.without_arrays()) for h in found.accepted[:-1]]
+    return found
 
 
 def _begun(found: JointSearch, begin: Sequence[Beginning], rng: np.random.Generator) -> tuple[MapFit, float]:
@@ -190,23 +163,6 @@ def _best_of_round(
         found.not_claimable.append(NotClaimable(best.effect, best.stage, taken, scatter, SCATTER))
     found.not_claimable += _too_small(problem, current, hypotheses)
     return None
-
-
-def _in_textbook_form(
-    problem: JointProblem, current: MapFit, best: Hypothesis, others: Sequence[Effect], rng: np.random.Generator
-) -> Hypothesis | None:
-    """A hypothesis with a law in its textbook form, where a second effect next to it explains more than the law alone.
-
-    A flexible law takes what a second effect would explain, and leaves more than that does. Pressures, by whose model
-    the joint is driven, are settled effect by effect.
-    """
-    if best.textbook is None or STAGES[best.stage] == "pressure" or not _leaves_much(problem, current, best.fit):
-        return None
-    plain = with_slopes(problem, map_fit(problem, best.textbook.free, best.textbook.z, SETTINGS.nominal_iterations))
-    more = _round(problem, plain, others, rng, laws=False)
-    if not more or more[0].log_evidence < best.log_evidence + SETTINGS.min_log_evidence:
-        return None
-    return replace(judged(problem, current, best.effect, plain, rng), given=best.given)
 
 
 def _with_textbook(problem: JointProblem, best: Hypothesis) -> Hypothesis:

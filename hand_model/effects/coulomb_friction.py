@@ -108,7 +108,14 @@ _TRAVEL = (
     ),
 )
 _RELAXING = Parameter(
-    "coulomb_friction.relaxing_per_s", 0.0, 1e3, "law: rate at which contacts at rest relax", 1.0, 0.0, 100.0, law=True
+    "coulomb_friction.relaxing_per_s",
+    0.0,
+    300.0,
+    "law: rate at which contacts at rest relax",
+    1.0,
+    0.0,
+    100.0,
+    law=True,
 )
 EFFECT = Effect(
     name="coulomb_friction",

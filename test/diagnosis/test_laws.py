@@ -15,16 +15,7 @@ import pytest
 from pytest import approx
 
 from hand_diagnosis.problem import validation_rmse
-from hand_diagnosis.search import (
-    LearnedLaw,
-    describe,
-    joint_search,
-    laws,
-    learn_law,
-    posterior_covariance,
-    training_evidence,
-)
-from hand_diagnosis.search.hypotheses import Hypothesis, judged
+from hand_diagnosis.search import LearnedLaw, describe, laws, learn_law, posterior_covariance, training_evidence
 from hand_identification.driving import shape_driving
 from hand_identification.free_parameters import (
     effect_free_parameters,
@@ -38,7 +29,6 @@ from hand_identification.map_fit import MapFit, map_fit
 from hand_model.arrays import Array
 from hand_model.description import load_hand
 from hand_model.effects import EFFECTS
-from hand_model.effects.effect import Effect
 from hand_model.kernel.closed_loop import ClosedLoop
 from hand_model.kernel.rows import ROW
 from hand_model.quantities import amount
@@ -199,41 +189,6 @@ def test_validation_data_count_next_to_the_evidence(
     monkeypatch.setattr(laws, "training_evidence", lambda _, fit: -lacking if fit is law.fit else 0.0)
     rows = {ROW[key] for key in law.freed}
     assert laws._compared(problem, law.textbook, law.fit, law.effect, rows).preferred is preferred
-
-
-@pytest.mark.parametrize(
-    ("more", "leaves_much", "learned"), [(7.0, True, False), (5.0, True, True), (7.0, False, True)]
-)
-def test_a_law_gives_way_to_a_second_effect_that_explains_more(
-    leaking: tuple[JointProblem, LearnedLaw],
-    monkeypatch: pytest.MonkeyPatch,
-    more: float,
-    leaves_much: bool,
-    learned: bool,
-) -> None:
-    """Fails when a search does not go on from a textbook form next to which a second effect explains more than a law.
-
-    more: log evidence of that model over the law's; the limit is 6.
-    """
-    problem, law = leaking
-    rng = np.random.default_rng(FIT_SEED)
-    own = replace(judged(problem, law.textbook, law.effect, law.fit, rng), freed=law.freed, stage=1)
-    best = replace(own, textbook=law.textbook)
-    second = replace(own, effect=EFFECTS["pressure_gain"], log_evidence=own.log_evidence + more)
-    tried: list[str] = []
-
-    def rounds(_: object, current: MapFit, effects: list[Effect], *__: object, laws: bool) -> list[Hypothesis]:
-        assert not laws and "leak.with_pressure" not in {p.key for p in current.free}
-        tried.extend(effect.name for effect in effects)
-        return [second]
-
-    monkeypatch.setattr(joint_search, "_round", rounds)
-    monkeypatch.setattr(joint_search, "_leaves_much", lambda *_: leaves_much)
-    plain = joint_search._in_textbook_form(problem, law.textbook, best, [EFFECTS["pressure_gain"]], rng)
-    assert tried == (["pressure_gain"] if leaves_much else [])
-    assert (plain is None) == learned
-    if plain is not None:
-        assert plain.freed == () and plain.textbook is None
 
 
 def test_a_law_is_described_by_points_and_in_words(leaking: tuple[JointProblem, LearnedLaw]) -> None:
