@@ -179,6 +179,7 @@ EFFECT = Effect(
             "coulomb_friction.knee",
             *(parameter.key for parameter in (*_TRAVEL, _RELAXING)),
         ),
+        needs={_RELAXING.key: "soft_material"},
         quantity="friction",
         unit="nm",
         curve=curve,

@@ -63,6 +63,7 @@ EFFECT = Effect(
         monotone="rises with the pressure, from the one at which it opens, and is 0 at that of the room",
         over=("pressure",),
         coefficients=("leak.with_pressure", "leak.opens_pa"),
+        needs={"leak.opens_pa": "valve"},  # a closed volume that only empties does not tell it from the rate
         quantity="the loss",
         unit="pa_per_s",
         curve=curve,
