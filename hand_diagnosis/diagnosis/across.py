@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -37,7 +37,7 @@ def next_to_models(task: Task, done: Sequence[JointDiagnosis]) -> list[JointDiag
         if problem is None or own is None or [p.name for p in problem.segments] != [p.name for p in own.segments]:
             continue
         partner = task.with_bending(result.joint, model_accelerations(problem, other.search.final))
-        if _gained_below_floor(*_both_ways(own, [result.search.final], partner)) > SETTINGS.min_partner_gain:
+        if _gained_below_floor(own, [result.search.final], partner) > SETTINGS.min_partner_gain:
             renewed[k] = diagnose_joint(task, result.wording, result.joint, k, 2, partner=partner)
     return renewed
 
@@ -62,8 +62,8 @@ def with_bends(task: Task, done: Sequence[JointDiagnosis]) -> tuple[Task, list[s
             continue
         moved = [segment.exogenous[:, PARTNER] + more for segment, more in zip(whole.segments, added, strict=True)]
         begun = each.search.rounds[0][: SETTINGS.bending_leaders] if each.search.rounds else []
-        tried = _both_ways(whole, [each.search.final, *(hypothesis.fit for hypothesis in begun)], moved)
-        gains[each.joint] = _gained(*tried) if _remains(each) else _gained_below_floor(*tried)
+        gained = _gained if _remains(each) else _gained_below_floor
+        gains[each.joint] = gained(whole, [each.search.final, *(hypothesis.fit for hypothesis in begun)], moved)
     line = bending_line(gains)
     return (replace(task.with_tolerance(1.0), bends=True), [line]) if line else (task, [])
 
@@ -73,38 +73,41 @@ def _remains(result: JointDiagnosis) -> bool:
     return any(stage.remains for stage in result.results)
 
 
-def _both_ways(
-    whole: JointProblem, fits: Sequence[MapFit], partner: Sequence[Array]
-) -> tuple[JointProblem, tuple[MapFit, MapFit], tuple[MapFit, MapFit]]:
-    """The fitted part of a problem, and the best of some models with its accelerations of the partner and with these.
-
-    The second pair is the same below the practical floor.
-    """
-    measured = [segment.exogenous[:, PARTNER].copy() for segment in whole.segments]
-    problem = fit_part(whole)  # its arrays are those of the whole problem
-    found, sharp = [], []
-    for accelerations in (measured, partner):
-        put_partner(whole, accelerations)
-        again = [map_fit(problem, fit.free, fit.z, SETTINGS.rough_iterations) for fit in fits]
-        found.append(min(again, key=lambda fit: fit.cost))
-        sharp.append(refit_below_floor(problem, found[-1]))
-    put_partner(whole, measured)
-    return problem, (found[0], found[1]), (sharp[0], sharp[1])
+def _gained(whole: JointProblem, fits: Sequence[MapFit], partner: Sequence[Array]) -> float:
+    """Log evidence [nats] of all fitted data that the best of some models gains with accelerations of its partner."""
+    problem, before, after = _both_ways(whole, fits, partner, lambda _, fit: fit)
+    return log_evidence(problem, after) - log_evidence(problem, before)
 
 
-def _gained(problem: JointProblem, found: tuple[MapFit, MapFit], _: tuple[MapFit, MapFit]) -> float:
-    """Log evidence [nats] of all fitted data that the second model has more."""
-    return log_evidence(problem, found[1]) - log_evidence(problem, found[0])
-
-
-def _gained_below_floor(problem: JointProblem, _: tuple[MapFit, MapFit], sharp: tuple[MapFit, MapFit]) -> float:
-    """Log likelihood [nats] of the validation data that the second model has more, against white noise.
+def _gained_below_floor(whole: JointProblem, fits: Sequence[MapFit], partner: Sequence[Array]) -> float:
+    """Log likelihood [nats] of the validation data that it gains, against white noise.
 
     What the joint lacks itself may be large, and the push of its partner small, so that only errors below the practical
     floor show it.
     """
-    before, after = (likelihood_below_floor(problem, sharp[0], each) for each in sharp)
-    return after - before
+    problem, before, after = _both_ways(whole, fits, partner, refit_below_floor)
+    return likelihood_below_floor(problem, before, after) - likelihood_below_floor(problem, before, before)
+
+
+def _both_ways(
+    whole: JointProblem,
+    fits: Sequence[MapFit],
+    partner: Sequence[Array],
+    ended: Callable[[JointProblem, MapFit], MapFit],
+) -> tuple[JointProblem, MapFit, MapFit]:
+    """The fitted part of a problem, and the best model with its own accelerations of the partner and with these.
+
+    ended: how each of the two is fitted on.
+    """
+    measured = [segment.exogenous[:, PARTNER].copy() for segment in whole.segments]
+    problem = fit_part(whole)  # its arrays are those of the whole problem
+    found = []
+    for accelerations in (measured, partner):
+        put_partner(whole, accelerations)
+        again = [map_fit(problem, fit.free, fit.z, SETTINGS.rough_iterations) for fit in fits]
+        found.append(ended(problem, min(again, key=lambda fit: fit.cost)))
+    put_partner(whole, measured)
+    return problem, found[0], found[1]
 
 
 def without_unshared(task: Task, done: list[JointDiagnosis]) -> list[JointDiagnosis]:

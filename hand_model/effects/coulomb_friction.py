@@ -67,7 +67,7 @@ def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
 
 @inline
 def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
-    """Dahl's loop over the presliding motion, or by the law one with a knee, whose contacts relax after each step.
+    """Dahl's loop over the presliding motion; by the law, one with a knee, or one whose contacts relax.
 
     A loop z relaxes at the rate r where it would forget more slowly by the motion x, dz/dt = x'/s - z max(|x'|/s, r),
     so that slow motion is viscous and sliding has the whole level. That is solved for a constant speed over the step.
