@@ -6,7 +6,7 @@ Every number stands in the units of the hand or machine (Diagnosis.wording).
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.resources import files
 from pathlib import Path
@@ -301,32 +301,55 @@ def write_report(
     content = document(diagnosis, recordings, str(hand.path)) if made is None else dict(made)
     comment = f"Diagnosed from {', '.join(recordings)}: {diagnosis.verdict}. Nominal: {hand.path.name}."
     comment = "\n".join([comment, *_law_lines(diagnosis)])
-    kept: dict[str, Mapping[str, float]] = {}
     resolutions = {joint.joint: _resolutions(joint) for joint in diagnosis.joints}
+    wanted = {joint.joint: claimed_values(joint) for joint in diagnosis.joints}
+    for left in diagnosis.remainder:
+        if left.learned:
+            wanted[left.joint] |= left.learned.values()
+            resolutions[left.joint] |= left.learned.resolutions()
     out.mkdir(parents=True, exist_ok=True)
-    for joint in diagnosis.joints:
-        values = claimed_values(joint)
-        for law in [left.learned for left in diagnosis.remainder if left.joint == joint.joint and left.learned]:
-            values |= law.values()
-            resolutions[joint.joint] |= law.resolutions()
-        own = {key: value for key, value in values.items() if key in joint.search.effect_keys}
+
+    def write(changes: Mapping[str, Mapping[str, float]]) -> None:
+        write_model(hand, changes, out / "model.yaml", comment, resolutions=resolutions)
+
+    kept: dict[str, Mapping[str, float]] = {joint: values for joint, values in wanted.items() if values}
+    try:
+        write(kept)
+    except DescriptionError:
+        effects = {joint.joint: joint.search.effect_keys for joint in diagnosis.joints}
+        kept, lines = _valid_changes(wanted, effects, write)
+        content["data_check"] = [*content["data_check"], *lines]
+        write(kept)
+    write_json(content, out)
+    return content, kept
+
+
+def _valid_changes(
+    wanted: Mapping[str, Mapping[str, float]],
+    effects: Mapping[str, Collection[str]],
+    write: Callable[[Mapping[str, Mapping[str, float]]], None],
+) -> tuple[dict[str, Mapping[str, float]], list[str]]:
+    """Of the numbers of every joint, those that give a valid description, and a line about those that do not.
+
+    effects: keys of the effects of every joint.  write: raises DescriptionError for numbers that are not valid.
+    """
+    kept: dict[str, Mapping[str, float]] = {}
+    lines = []
+    for joint, values in wanted.items():
+        own = {key: value for key, value in values.items() if key in effects[joint]}
+        reason = ""
         for tried, left_out in ((values, ""), (own, "the changed nominal numbers"), ({}, "what was found")):
-            if not tried and not left_out:
-                break
             try:
-                write_model(hand, kept | {joint.joint: tried}, out / "model.yaml", comment, resolutions=resolutions)
+                write(kept | {joint: tried} if tried else kept)
             except DescriptionError as error:
                 reason = " ".join(str(error).split())
                 continue
             if left_out:
-                line = f"{joint.joint}: model.yaml is without {left_out}: {reason}"
-                content["data_check"] = [*content["data_check"], line]
+                lines.append(f"{joint}: model.yaml is without {left_out}: {reason}")
             if tried:
-                kept[joint.joint] = tried
+                kept[joint] = tried
             break
-    write_model(hand, kept, out / "model.yaml", comment, resolutions=resolutions)
-    write_json(content, out)
-    return content, kept
+    return kept, lines
 
 
 def _law_lines(diagnosis: Diagnosis) -> list[str]:

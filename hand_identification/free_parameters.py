@@ -96,6 +96,16 @@ class FreeParameter:
         return JOINT_PARAMETERS[self.row].key
 
 
+def values_of(free: Sequence[FreeParameter], z: Array) -> Array:
+    """Values (k, free) [SI] at coordinates z (k, free) [-], as FreeParameter.value gives those of one parameter."""
+    numbers = np.array([(p.centre, p.scale, p.low, p.high) for p in free]).reshape(len(free), 4)
+    centre, scale, low, high = numbers.T
+    values = centre + scale * z
+    log = np.array([p.log for p in free], dtype=bool)
+    values[:, log] = centre[log] * np.exp(scale[log] * z[:, log])
+    return np.asarray(np.clip(values, low, high))
+
+
 def fixed(parameter: FreeParameter, value: float, error: float = 0.0) -> FreeParameter:
     """The parameter at a value [SI] that a fit keeps; error: its standard deviation [SI], which the report states."""
     return FreeParameter(parameter.row, value, error, False, value, value)

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from hand_identification.free_parameters import START_CREEP, FreeParameter
+from hand_identification.free_parameters import START_CREEP, FreeParameter, values_of
 from hand_identification.settings import FITS
 from hand_model.arrays import Array, Flags
 from hand_model.compile_cache import without_arrays
@@ -72,7 +72,7 @@ class Segment:
     @property
     def measured(self) -> Array:
         """(OUTPUTS, T), SI."""
-        return np.array([self.pressure_pa, self.angle_rad, np.nan_to_num(self.force_n)])
+        return np.array([self.pressure_pa, self.angle_rad, np.where(np.isnan(self.force_n), 0.0, self.force_n)])
 
     @property
     def parts(self) -> int:
@@ -135,11 +135,9 @@ class JointProblem:
     def columns(self, free: Sequence[FreeParameter], z: Array) -> tuple[Array, Array]:
         """Parameter sets (k, rows) and starts (k, 1 + segments) of coordinates z (k, free)."""
         columns, starts = np.repeat(self.nominal[None], len(z), axis=0), self.starts(len(z))
-        for index, parameter in enumerate(free):
-            if parameter.row >= START_CREEP:
-                starts[:, parameter.row - START_CREEP] = parameter.value(z[:, index])
-            else:
-                columns[:, parameter.row] = parameter.value(z[:, index])
+        values, rows = values_of(free, z), np.array([parameter.row for parameter in free], dtype=np.intp)
+        later = rows >= START_CREEP
+        columns[:, rows[~later]], starts[:, rows[later] - START_CREEP] = values[:, ~later], values[:, later]
         return columns, starts
 
     def starts(self, count: int) -> Array:
@@ -186,11 +184,7 @@ class JointProblem:
         """Sums of squared residuals (k, OUTPUTS, blocks) of residuals (k, OUTPUTS, T) by segment."""
         total = np.zeros((len(residuals[0]), OUTPUTS, self.blocks))
         for segment, residual in zip(self.segments, residuals, strict=True):
-            first, last = segment.block[0], segment.block[-1]
-            starts = np.searchsorted(segment.block, np.arange(first, last + 1))
-            for column, values in zip(total, residual, strict=True):
-                with np.errstate(over="ignore"):  # a trial that diverges costs infinity
-                    column[:, first : last + 1] += np.add.reduceat(values * values, starts, axis=1)
+            _add_squares(residual, segment.block, total)
         return total
 
     @property
@@ -227,6 +221,15 @@ def _leave(predicted, measured, use, diverged):  # type: ignore[no-untyped-def]
                 left = measured[stage, n] - predicted[k, stage, n]
                 left = min(max(left, -diverged), diverged)
                 predicted[k, stage, n] = left if use[stage, n] else 0.0
+
+
+@without_arrays
+def _add_squares(residual, block, total):  # type: ignore[no-untyped-def]
+    """Add the squares of residuals (k, OUTPUTS, T) to the total of their blocks (k, OUTPUTS, blocks), in place."""
+    for k in range(residual.shape[0]):
+        for stage in range(residual.shape[1]):
+            for n in range(residual.shape[2]):
+                total[k, stage, block[n]] += residual[k, stage, n] ** 2
 
 
 @cache

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import correlate1d, uniform_filter1d
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from hand_model.arrays import Array, Flags
@@ -157,7 +158,22 @@ def white_noise(values: Array, known: Flags | None = None) -> float:
 
 def smoothed_over(values: Array, span: int) -> Array:
     """A signal (T,) [any unit] smoothed by quadratics over an odd number of samples; fewer than 5 change nothing."""
-    return values if span < LEAST_WINDOW or len(values) <= span else savgol_filter(values, span, 2)
+    if span < LEAST_WINDOW or len(values) <= span:
+        return values
+    smoother, half = quadratic_smoother(span), span // 2
+    smooth = np.asarray(correlate1d(values, smoother[half], mode="constant"), dtype=np.float64)
+    smooth[:half], smooth[-half:] = smoother[:half] @ values[:span], smoother[half + 1 :] @ values[-span:]
+    return smooth
+
+
+@cache
+def quadratic_smoother(span: int) -> Array:
+    """Weights (span, span) [-] of the samples of a window in the quadratic fitted to them, at each sample in a row.
+
+    Those of savgol_coeffs at its middle (Savitzky and Golay 1964), and beside it those of the window at an end.
+    """
+    powers = np.vander(np.linspace(-1.0, 1.0, span), 3)
+    return np.asarray(powers @ np.linalg.pinv(powers), dtype=np.float64)
 
 
 def slopes_over(values: Array, span: int, order: int, period_s: float) -> Array:
@@ -198,6 +214,6 @@ def smoothing_spans(values: Array, period_s: float) -> list[int]:
 
 def _left_out_error(values: Array, span: int) -> float:
     """Mean square error of each sample as predicted from its neighbours alone; the largest tenth is clipped."""
-    own = float(savgol_coeffs(span, 2)[span // 2])
+    own = float(quadratic_smoother(span)[span // 2, span // 2])
     error = np.abs(values - smoothed_over(values, span)) / (1.0 - own)
     return float(np.mean(np.minimum(error, np.quantile(error, READING.noise_quantile)) ** 2))

@@ -112,7 +112,8 @@ def open_loop(
     begun: list[Effect] = []
     if changed is not None:
         edges, holding = [0, changed[0], samples - 1], [columns, changed[1]]
-        begun = [each for each in CATALOGUE if np.any(columns[:, _OWN[each.name]] != changed[1][:, _OWN[each.name]])]
+        differs = (columns != changed[1]).any(axis=0)
+        begun = [each for each in CATALOGUE if differs[_OWN[each.name]].any()]
         around.append(_later(e, changed[0], begun, changed[1]))
     acting = active_effects(np.concatenate(holding).T) if effects is None else effects
     out = np.empty((-(-len(columns) // LANES) * LANES, OUTPUTS, samples))
