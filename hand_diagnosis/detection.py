@@ -184,10 +184,10 @@ def _unabsorbed(
     changes = [np.nan_to_num(new - old, posinf=np.inf) for new, old in zip(changed, fit.residuals, strict=True)]
     for segment, change, slopes in zip(problem.segments, changes, fit.sensitivity, strict=True):
         weight = np.sqrt(problem.weight)[:, None] * train[segment.block][None]
-        slope += np.einsum("kst,fst->kf", change * weight, slopes * weight)
+        slope += np.tensordot(change * weight, slopes * weight, axes=((1, 2), (1, 2)))
     response = -slope @ prior
     left = [
-        change + np.einsum("kf,fst->kst", response, slopes)
+        change + np.tensordot(response, slopes, axes=(1, 0))
         for change, slopes in zip(changes, fit.sensitivity, strict=True)
     ]
     return left, response

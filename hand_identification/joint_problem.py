@@ -42,6 +42,7 @@ class Segment:
     trust: factor of its residuals in the cost, below 1 where the recording is noisier than another.
     loose: (T - 1,) samples within which a set-point stepped at an unknown time, see step_times.py; None: nowhere.
     use: (OUTPUTS, T) samples that count.  block: (T,) number of the block of each sample, over all recordings.
+    starts: (blocks of the segment,) first sample of each.  counts: (OUTPUTS, blocks of the segment) samples that count.
     """
 
     name: str
@@ -68,6 +69,19 @@ class Segment:
     band_s: float = 0.0
     kept_noise_n: float = 0.0
     trust: float = 1.0
+    starts: NDArray[np.intp] = field(init=False)
+    counts: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Find where blocks begin, which fits ask for thousands of times."""
+        starts = np.searchsorted(self.block, np.arange(self.block[0], self.block[-1] + 1))
+        object.__setattr__(self, "starts", starts)
+        object.__setattr__(self, "counts", np.add.reduceat(self.use.astype(float), starts, axis=1))
+
+    @property
+    def blocks(self) -> slice:
+        """Its blocks among those of all recordings."""
+        return slice(int(self.block[0]), int(self.block[-1]) + 1)
 
     @property
     def measured(self) -> Array:
@@ -184,7 +198,9 @@ class JointProblem:
         """Sums of squared residuals (k, OUTPUTS, blocks) of residuals (k, OUTPUTS, T) by segment."""
         total = np.zeros((len(residuals[0]), OUTPUTS, self.blocks))
         for segment, residual in zip(self.segments, residuals, strict=True):
-            _add_squares(residual, segment.block, total)
+            for column, values in zip(total, residual, strict=True):
+                with np.errstate(over="ignore"):  # a trial that diverges costs infinity
+                    column[:, segment.blocks] += np.add.reduceat(values * values, segment.starts, axis=1)
         return total
 
     @property
@@ -192,7 +208,7 @@ class JointProblem:
         """Weights of squared residuals (OUTPUTS, blocks), with the trust in each recording."""
         weights = np.repeat(self.weight[:, None], self.blocks, axis=1)
         for segment in self.segments:
-            weights[:, int(segment.block[0]) : int(segment.block[-1]) + 1] *= segment.trust**2
+            weights[:, segment.blocks] *= segment.trust**2
         return weights
 
     @property
@@ -200,9 +216,7 @@ class JointProblem:
         """Number of samples that count, (OUTPUTS, blocks)."""
         counts = np.zeros((OUTPUTS, self.blocks))
         for segment in self.segments:
-            first, last = segment.block[0], segment.block[-1]
-            starts = np.searchsorted(segment.block, np.arange(first, last + 1))
-            counts[:, first : last + 1] += np.add.reduceat(segment.use.astype(float), starts, axis=1)
+            counts[:, segment.blocks] += segment.counts
         return counts
 
     def effective_counts(self, blocks: Flags) -> Array:
@@ -221,15 +235,6 @@ def _leave(predicted, measured, use, diverged):  # type: ignore[no-untyped-def]
                 left = measured[stage, n] - predicted[k, stage, n]
                 left = min(max(left, -diverged), diverged)
                 predicted[k, stage, n] = left if use[stage, n] else 0.0
-
-
-@without_arrays
-def _add_squares(residual, block, total):  # type: ignore[no-untyped-def]
-    """Add the squares of residuals (k, OUTPUTS, T) to the total of their blocks (k, OUTPUTS, blocks), in place."""
-    for k in range(residual.shape[0]):
-        for stage in range(residual.shape[1]):
-            for n in range(residual.shape[2]):
-                total[k, stage, block[n]] += residual[k, stage, n] ** 2
 
 
 @cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -38,7 +39,7 @@ from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import FreeParameter, nominal_free_parameters
 from hand_identification.joint_data import joint_problem
 from hand_identification.joint_problem import JointProblem
-from hand_identification.map_fit import map_fit
+from hand_identification.map_fit import MapFit, map_fit
 from hand_model.compile_cache import one_thread
 from hand_model.description import Hand
 from hand_model.effects.effect import Effect
@@ -200,8 +201,14 @@ def _reads_through_curve(
     for candidate, sign in ((signals, -1.0), (straight, 1.0)):
         for joint in chosen:
             problem, free = _nominal_problem(candidate, hand, joint, tolerance)
-            gained += sign * rough_evidence(problem, effects, free, np.random.default_rng(0))[0]
+            enough = partial(_is_explained_by_first, problem)  # no effect hides the sensors' error there
+            gained += sign * rough_evidence(problem, effects, free, np.random.default_rng(0), enough)[0]
     return gained > 0.0
+
+
+def _is_explained_by_first(problem: JointProblem, plain: MapFit, _: MapFit) -> bool:
+    """See `is_explained`, of the plain model."""
+    return is_explained(problem, plain)
 
 
 def _plain_cost(signals: Sequence[Signals], hand: Hand, joint: str, tolerance: float) -> tuple[float, bool]:

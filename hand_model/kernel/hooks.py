@@ -290,7 +290,8 @@ HAND_EFFECTS = tuple(effect for effect in OPEN_EFFECTS if OTHER_MACHINES.isdisjo
 """Those of them that a hand can have."""
 
 _OWNERS = [effect for effect in CATALOGUE for _ in effect.parameters]
-_OWN_ROWS = [ROW[own.key] for effect in CATALOGUE for own in effect.parameters]
+_OWN = slice(ROW[CATALOGUE[0].parameters[0].key], len(ROW))
+"""Rows of the parameters of all effects, which follow those of the plain plant in the order of the catalogue."""
 _OWN_NEUTRAL = np.array([own.neutral_si for effect in CATALOGUE for own in effect.parameters])
 
 
@@ -300,7 +301,8 @@ def active_effects(parameters: Array) -> tuple[Effect, ...]:
     parameters: (rows of JOINT_PARAMETERS, joints) in SI, or (rows, hands, joints). The other effects are identities and
     need not be compiled in.
     """
-    differs = (parameters[_OWN_ROWS].reshape(len(_OWN_ROWS), -1) != _OWN_NEUTRAL[:, None]).any(axis=1)
+    own = np.moveaxis(parameters[_OWN], 0, -1)
+    differs = (own != _OWN_NEUTRAL).reshape(-1, len(_OWN_NEUTRAL)).any(axis=0)
     return tuple(dict.fromkeys(_OWNERS[k] for k in np.flatnonzero(differs)))
 
 
