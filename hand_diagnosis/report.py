@@ -317,14 +317,14 @@ def write_report(
         write(kept)
     except DescriptionError:
         effects = {joint.joint: joint.search.effect_keys for joint in diagnosis.joints}
-        kept, lines = _valid_changes(wanted, effects, write)
+        kept, lines = valid_changes(wanted, effects, write)
         content["data_check"] = [*content["data_check"], *lines]
         write(kept)
     write_json(content, out)
     return content, kept
 
 
-def _valid_changes(
+def valid_changes(
     wanted: Mapping[str, Mapping[str, float]],
     effects: Mapping[str, Collection[str]],
     write: Callable[[Mapping[str, Mapping[str, float]]], None],
