@@ -168,9 +168,9 @@ def smoothed_over(values: Array, span: int) -> Array:
 
 @cache
 def quadratic_smoother(span: int) -> Array:
-    """Weights (span, span) [-] of the samples of a window in the quadratic fitted to them, at each sample in a row.
+    """Weights (span, span) [-] of the samples of a window in the quadratic fitted to them, a row for each sample.
 
-    Those of savgol_coeffs at its middle (Savitzky and Golay 1964), and beside it those of the window at an end.
+    Its middle row is that of savgol_coeffs (Savitzky and Golay 1964); the others serve the ends of a signal.
     """
     powers = np.vander(np.linspace(-1.0, 1.0, span), 3)
     return np.asarray(powers @ np.linalg.pinv(powers), dtype=np.float64)
