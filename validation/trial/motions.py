@@ -20,7 +20,7 @@ def _of_one_joint(kind: str, frames: int, frame_s: float, rng: np.random.Generat
     low, high = rng.uniform(1e4, 3e4), rng.uniform(0.8, 1.0) * HIGHEST_PA
     if kind == "staircase":
         rungs = np.concatenate([np.linspace(low, high, 6), np.linspace(high, low, 6)[1:]])
-        return _held(rungs[np.arange(200) % len(rungs)], t, rng.uniform(1.2, 2.0))
+        return _held(rungs, t, rng.uniform(1.2, 2.0))
     if kind == "triangle":
         period = rng.uniform(7.0, 12.0)
         return np.asarray(low + (high - low) * np.abs(2.0 * ((t / period + rng.uniform()) % 1.0) - 1.0))
@@ -37,7 +37,8 @@ def _of_one_joint(kind: str, frames: int, frame_s: float, rng: np.random.Generat
 
 
 def _held(values: Array, t: Array, hold_s: float) -> Array:
-    return np.asarray(values[(t / hold_s).astype(int)])
+    """Each value for a time, and all of them again until the end of a long recording."""
+    return np.asarray(values[(t / hold_s).astype(int) % len(values)])
 
 
 def _grasps(t: Array, low: float, high: float, rng: np.random.Generator) -> Array:

@@ -31,7 +31,7 @@ from validation.trial.document import (
 from validation.trial.grade import grade
 from validation.trial.limits import REPEATABILITY, Projector, limit_size, rms, scene
 from validation.trial.make import draw_cases
-from validation.trial.motions import EXPERIMENTS, set_points
+from validation.trial.motions import EXPERIMENTS, HIGHEST_PA, set_points
 from validation.trial.nominal import Nominal
 from validation.trial.plant import record
 from validation.trial.run import read_plan
@@ -74,6 +74,13 @@ def test_limits_are_what_they_say() -> None:
         left = projector.remainder(where.readings(concealed, size)[concealed.stage] - projector.plain)
         assert rms(left) == pytest.approx(1.0, abs=0.25), name
     assert len(REPEATABILITY) == 3
+
+
+@pytest.mark.parametrize("kind", EXPERIMENTS)
+def test_ten_minutes_of_every_motion(kind: str) -> None:
+    """Fails when a motion runs out of set-points in the longest recordings, or stops to move in them."""
+    u = set_points(kind, round(600.0 / FRAME_S), FRAME_S, 2, np.random.default_rng(4))
+    assert np.ptp(u[-round(60.0 / FRAME_S) :], axis=0).min() > 0.3 * HIGHEST_PA
 
 
 def test_the_set_has_the_promised_shares() -> None:
