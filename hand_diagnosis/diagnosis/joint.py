@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from hand_diagnosis.judgement import (
+    CONTRADICTED,
     Certificate,
     JointResult,
     LeftOut,
@@ -67,6 +68,11 @@ class JointDiagnosis(JointResult):
     causes: tuple[Cause, ...] = ()
 
     @property
+    def is_contradicted(self) -> bool:
+        """Whether test data contradict what was found; they may move as no other data do, and so show it better."""
+        return any(reason == CONTRADICTED for _, reason in self.withdrawn)
+
+    @property
     def broken(self) -> list[Certificate]:
         """Attacks that succeed on what the findings leave."""
         return [certificate for certificate in self.certificates if certificate.broken]
@@ -96,17 +102,13 @@ def diagnose_joint(
         fitted = _searched(task, wording, again, again.problem, effects, rng, causes)
         if not any(stage.remains for stage in fitted.results):
             return fitted
-    other = exchanged(ready.problem) if _shows_late(found) else None
+    late = any(stage.shows_late for stage in found.results)
+    other = exchanged(ready.problem) if late or found.is_contradicted else None
     if other is None:
         return found
     later = _searched(task, wording, task.with_test_data(ready, other), other, effects, rng, causes)
     explained = later.search.accepted and not any(stage.remains for stage in later.results)
-    return later if explained or (later.search.accepted and not found.search.accepted) else found
-
-
-def _shows_late(found: JointDiagnosis) -> bool:
-    """Whether a signal differs on test data, and hardly on training data, which so cannot show why."""
-    return any(stage.shows_late for stage in found.results)
+    return later if explained or (late and later.search.accepted and not found.search.accepted) else found
 
 
 def _searched(

@@ -1,7 +1,7 @@
 """What a fitted model leaves, and what that means: errors against noise, onsets, findings, remainders, certificates."""
 
 from hand_diagnosis.judgement.certificate import GAUSSIAN_PROCESS, LAGGED_INPUTS, Certificate, certify
-from hand_diagnosis.judgement.confirmation import confirm_laws, tested, without_repeating
+from hand_diagnosis.judgement.confirmation import CONTRADICTED, confirm_laws, tested, without_repeating
 from hand_diagnosis.judgement.findings import Finding, JointResult, joint_findings, ranked_findings
 from hand_diagnosis.judgement.left_out import (
     LeftOut,
@@ -20,6 +20,7 @@ from hand_diagnosis.judgement.stage_errors import Excess, StageResult, stage_res
 from hand_diagnosis.judgement.statement import Number, said
 
 __all__ = [
+    "CONTRADICTED",
     "GAUSSIAN_PROCESS",
     "LAGGED_INPUTS",
     "Certificate",

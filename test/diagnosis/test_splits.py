@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from hand_diagnosis import read_recording
 from hand_diagnosis.diagnosis import diagnose, joint
+from hand_diagnosis.judgement import CONTRADICTED
 from hand_diagnosis.problem import ErrorsOnTest, Task, evaluate_test, exchanged, fit_part, spans_of_test, spared_last
 from hand_diagnosis.report import document
-from hand_diagnosis.search import search_joint
+from hand_diagnosis.search import JointSearch, search_joint
+from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import map_fit
 from hand_model.description import Hand
+from hand_model.effects import EFFECTS
 from hand_recording.recording_files import RecordingError
 from hand_recording.signals import Signals
 from test.diagnosis import recordings
@@ -130,6 +134,34 @@ def test_an_obstacle_met_only_at_the_end_is_found(hand: Hand, monkeypatch: pytes
     assert result.joints[0].whole is not None and result.joints[0].whole.spared is not None
     assert {finding.effect for finding in result.findings} & {"contact", "end_stop"}
     assert any("only the last part of the recording shows" in line for line in result.check)
+
+
+@pytest.mark.parametrize("again", [False, True], ids=["once", "twice"])
+def test_what_test_data_contradict_is_sought_with_them(
+    hand: Hand, monkeypatch: pytest.MonkeyPatch, again: bool
+) -> None:
+    """Fails when a model that does not hold where only test data move so gets no second try, or passes without one."""
+    seed, asked, real = 203, [], joint.tested  # type: ignore[attr-defined]
+    print(f"seed {seed}")
+
+    def contradicting(whole: JointProblem, search: JointSearch, *rest: Any, **options: Any) -> Any:
+        test, withdrawn = real(whole, search, *rest, **options)
+        asked.append(whole.spared)
+        if whole.spared is not None and not again:
+            return test, withdrawn
+        names = [hypothesis.effect.name for hypothesis in search.accepted]
+        search.accepted.clear()
+        return test, tuple((name, CONTRADICTED) for name in names)
+
+    monkeypatch.setattr(joint, "tested", contradicting)
+    rubbing = changed(hand, JOINT, coulomb_friction__torque_nm=4e-3)
+    result = diagnose(
+        [record(rubbing, np.random.default_rng(seed), 20.0)], hand, tolerance=0.05, seed=0, joints=[JOINT],
+        without=[name for name in EFFECTS if name != "coulomb_friction"], sensor_curve=False,
+    )  # fmt: skip
+    assert len(asked) == 2 and asked[0] is None and asked[1] is not None
+    assert [finding.effect for finding in result.findings] == ([] if again else ["coulomb_friction"])
+    assert any("only the last part of the recording shows" in line for line in result.check) is not again
 
 
 def test_a_joint_that_fails_does_not_cost_the_report(
