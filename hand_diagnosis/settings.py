@@ -205,6 +205,9 @@ class Settings(PageSettings):
     noise_part_samples: int = setting(
         4, "samples", "Samples of the smallest part for which the parts are estimated apart.", CHOICE,
         "Unstable estimates.", "Jitter of fast samples is averaged out in short recordings.")
+    noise_latest_samples: float = setting(
+        10.0, "samples", "Most by which a sample may be taken at a wrong time; more says that the signal was at rest.",
+        CHOICE, "Jitter of fast samples counts as noise of all.", "A signal that moves once has absurd noise there.")
     median_of_noise: float = setting(
         0.6745, "-", "Median magnitude of a unit normal variable.", "definition", "Meaningless.", "Meaningless.")
     third_difference_variance: float = setting(

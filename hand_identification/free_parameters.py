@@ -121,16 +121,16 @@ def nominal_free_parameters(
     """Free parameters of the plain plant around its nominal parameters (rows,), each by a relative tolerance [-].
 
     own: tolerances of single parameters, by key; one with the tolerance 0 is exact and not free. The tolerance of a
-    parameter of 0 is absolute [SI], and that of the angle of a stop is relative to half the range between the stops.
+    parameter of 0 is absolute [SI], and that of the angle of a stop is relative to half the range between the stops, or
+    to the angle where that is larger.
 
     The bounds are FITS.max_tolerances away: a larger difference indicates missing physics, not a wrong number.
     rested: whether the joint was at rest without pressure before the recording, so that its creep has decayed.
     motion_rad: least and largest angle of the recordings; without them it is far from the stops.
     """
     free, own = [], own or {}
-    half_range = (nominal[ROW["end_stop.high_deg"]] - nominal[ROW["end_stop.low_deg"]]) / 2.0
-    at_stop = min(tolerance, FITS.stop_tolerance) * half_range
-    stops = _stops_near(nominal, FITS.max_tolerances * at_stop, motion_rad) if motion_rad else ()
+    at_stops = _stop_tolerances(nominal, tolerance)
+    stops = _stops_near(nominal, at_stops, motion_rad) if motion_rad else ()
     for key in (*NOMINAL_KEYS, *stops, *(key for key in STATED_KEYS if key in own)):
         row = ROW[key]
         size = max(abs(nominal[row]), FITS.least_sizes.get(key, 0.0)) or float(key in own)
@@ -141,8 +141,8 @@ def nominal_free_parameters(
         if key in STOP_KEYS[2:] and key not in own:
             free.append(_by_ratio(row, nominal[row]))
             continue
-        angle_of_stop = key in STOP_KEYS[:2] and key not in own
-        scale = at_stop if angle_of_stop else size * own.get(key, max(tolerance, FITS.wide.get(key, 0.0)))
+        angle_of_stop = key in at_stops and key not in own
+        scale = at_stops[key] if angle_of_stop else size * own.get(key, max(tolerance, FITS.wide.get(key, 0.0)))
         reach = FITS.max_tolerances * scale
         low = max(bound.low * bound.scale, nominal[row] - reach)
         high = min(bound.high * bound.scale, nominal[row] + reach)
@@ -160,11 +160,18 @@ def _by_ratio(row: int, centre: float) -> FreeParameter:
     return FreeParameter(row, centre, FITS.log_spread, True, low, high)
 
 
-def _stops_near(nominal: Array, reach: float, motion_rad: tuple[float, float]) -> tuple[str, ...]:
-    """Those of STOP_KEYS that matter where a joint moves between these angles; reach: how far a stop may be off."""
+def _stop_tolerances(nominal: Array, tolerance: float) -> dict[str, float]:
+    """Standard deviation [rad] of the angle of each stop, by key. A wrong number is off by a share of itself."""
+    angles = {key: float(nominal[ROW[key]]) for key in STOP_KEYS[:2]}
+    half_range = abs(angles[STOP_KEYS[1]] - angles[STOP_KEYS[0]]) / 2.0
+    return {key: min(tolerance, FITS.stop_tolerance) * max(half_range, abs(a)) for key, a in angles.items()}
+
+
+def _stops_near(nominal: Array, at_stops: Mapping[str, float], motion_rad: tuple[float, float]) -> tuple[str, ...]:
+    """Those of STOP_KEYS that matter where a joint moves between these angles; at_stops: see `_stop_tolerances`."""
     low, high, *how = STOP_KEYS
-    near = [low] if motion_rad[0] < nominal[ROW[low]] + reach else []
-    near += [high] if motion_rad[1] > nominal[ROW[high]] - reach else []
+    near = [low] if motion_rad[0] < nominal[ROW[low]] + FITS.max_tolerances * at_stops[low] else []
+    near += [high] if motion_rad[1] > nominal[ROW[high]] - FITS.max_tolerances * at_stops[high] else []
     return (*near, *how) if near else ()
 
 

@@ -76,7 +76,7 @@ class IdentificationSettings:
         CHOICE,
         "The tick looks like a delay.", "Delays pass as the tick.")
     stop_tolerance: float = setting(
-        0.05, "-", "Largest tolerance of the angle of an end stop, relative to half the range between the stops.",
+        0.05, "-", "Largest tolerance of the angle of an end stop, relative to the larger of it and half the range.",
         CHOICE, "Stops a little off look like effects.", "Stops that are clearly off pass as wrong numbers.")
     impact_margin: float = setting(
         0.05, "range", "Distance from an end stop from which a fast joint is about to hit it.", CHOICE,

@@ -85,6 +85,17 @@ def test_a_joint_without_either_agrees(plain: Signals, hand: Hand) -> None:
     assert {each.split for result in found.joints[0].results for each in result.elsewhere} == {"train", "test"}
 
 
+def test_a_signal_that_moves_once_has_the_noise_of_its_rest() -> None:
+    """Fails when slopes of rounding, at rest, are taken for a noise that grows without bound in the only step."""
+    samples = 3000
+    motion = 4e4 * (1.0 - np.exp(-np.arange(samples) / 3.0))
+    for seed in range(SEED, SEED + 10):
+        noise = 600.0 * np.random.default_rng(seed).standard_normal(samples)
+        still, by_slope = noise_law(noise, motion, np.ones(samples, dtype=bool))
+        measured = np.sqrt(still + by_slope * np.mean(np.gradient(motion) ** 2))
+        assert measured == pytest.approx(600.0, rel=0.1), seed
+
+
 @pytest.mark.parametrize("jitter", [0.0, 1.0, 4.0])
 def test_noise_that_grows_with_speed_is_measured(jitter: float) -> None:
     """Fails when the noise of samples taken at wrong times is off by 10 %, or smooth structure counts as noise."""
