@@ -87,9 +87,7 @@ def noise_law(residual: Array, predicted: Array, use: Flags) -> tuple[float, flo
         return white**2, 0.0
     rows = np.array([[1.0, float(np.median(slope[part])) ** 2] for part in parts]) / np.square(median)[:, None]
     still, by_slope = nnls(rows, np.ones(len(rows)))[0]
-    if (
-        by_slope > SETTINGS.noise_latest_samples**2
-    ):  # where a signal rests nearly always, its parts have no slope to tell
+    if by_slope > SETTINGS.noise_latest_samples**2:  # a signal that nearly always rests has no slopes to part it by
         return white**2, 0.0
     # Steps change by more within a sample than their slope says: what the parts show together is the least.
     shown = max(white**2, sum(len(part) * m * m for part, m in zip(parts, median, strict=True)) / len(order))

@@ -13,8 +13,9 @@ LEAST_PA = 1e-9
 
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
-    """Reciprocal of the width."""
-    return (1.0 / (q[0] + LEAST_PA),)
+    """Reciprocals of the widths of filling and venting."""
+    width, asymmetry = q[0], q[4]
+    return 1.0 / (width * (1.0 + asymmetry) + LEAST_PA), 1.0 / (width * (1.0 - asymmetry) + LEAST_PA)
 
 
 @inline
@@ -23,9 +24,13 @@ def valve_error(q, error):  # type: ignore[no-untyped-def]
 
     A gradual edge opens with the square of the error up to twice the width, as a rounded notch of a spool does.
     The law leaves a share of the slope within the band, which is the leakage of the closed edge, and lets the loss
-    fall again beyond the band, as for edges that a larger opening clears.
+    fall again beyond the band, as for edges that a larger opening clears. By the law, the edges of filling and venting
+    may overlap by different widths.
     """
-    width, soft, left, clearing, per_width = q
+    middle, soft, left, clearing, asymmetry, per_filling, per_venting = q
+    filling = 1.0 if error > 0.0 else 0.0
+    width = middle * (1.0 + asymmetry * (2.0 * filling - 1.0))
+    per_width = per_venting + filling * (per_filling - per_venting)
     sharp = min(max(error, -width), width)
     x = min(max(error * per_width, -2.0), 2.0)
     gradual = width * x * (1.0 - 0.25 * abs(x))
@@ -50,8 +55,12 @@ EFFECT = Effect(
         Parameter(
             "valve_deadband.clearing", 0.0, 5.0, "law: how soon the loss falls beyond it", 1.0, 0.0, 0.3, law=True
         ),
+        Parameter(
+            "valve_deadband.asymmetry", -0.9, 0.9, "law: share wider when filling, narrower when venting", 1.0, 0.0,
+            0.3, law=True,
+        ),
     ),
-    prepared=("per_width",),
+    prepared=("per_filling", "per_venting"),
     hooks={"prepare": prepare, "valve_error": valve_error},
     keys=("valve_deadband.width_pa", "valve_deadband.softness"),
     probes=((3e3, 0.0), (1.5e4, 0.0), (3e3, 1.0), (1.5e4, 1.0)),
@@ -65,8 +74,8 @@ EFFECT = Effect(
         sign="that of the error, and never more than it",
         monotone="rises with the error, and stays between 0 and the error",
         over=("pressure error",),
-        coefficients=("valve_deadband.slope_left", "valve_deadband.clearing"),
-        quantity="the error to which the valve reacts",
+        coefficients=("valve_deadband.slope_left", "valve_deadband.clearing", "valve_deadband.asymmetry"),
+        quantity="the error to which the valve reacts when it fills",
         unit="pa",
         curve=curve,
         source="sector condition of a memoryless nonlinearity, Khalil, Nonlinear Systems, 2002, sec. 6.1",

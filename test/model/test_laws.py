@@ -361,6 +361,10 @@ def test_a_dead_band_stays_within_its_sector() -> None:
     assert call(effect, "valve_error", numbers(effect, width_pa=5e3, slope_left=0.2), 4e3) == approx(800.0)
     clears = numbers(effect, width_pa=5e3, clearing=1.0)  # x - 1 / (1 + x^2) for x widths
     assert [call(effect, "valve_error", clears, 5e3 * x) for x in (-1.0, 3.0)] == approx([-2.5e3, 14.5e3])
+    apart = numbers(effect, width_pa=5e3, asymmetry=0.4)  # 7 kPa wide when filling, 3 kPa when venting
+    assert [call(effect, "valve_error", apart, x) for x in (9e3, -9e3)] == approx([2e3, -6e3])
+    rounded = numbers(effect, width_pa=5e3, softness=1.0, asymmetry=0.4)  # x^2 / (4 width) up to twice the width
+    assert [call(effect, "valve_error", rounded, x) for x in (7e3, -3e3)] == approx([1.75e3, -0.75e3])
 
 
 def test_a_tube_resists_more_at_a_larger_difference_and_less_under_pressure() -> None:
