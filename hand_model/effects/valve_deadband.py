@@ -56,8 +56,14 @@ EFFECT = Effect(
             "valve_deadband.clearing", 0.0, 5.0, "law: how soon the loss falls beyond it", 1.0, 0.0, 0.3, law=True
         ),
         Parameter(
-            "valve_deadband.asymmetry", -0.9, 0.9, "law: share wider when filling, narrower when venting", 1.0, 0.0,
-            0.3, law=True,
+            "valve_deadband.asymmetry",
+            -0.9,
+            0.9,
+            "law: share wider when filling, narrower when venting",
+            1.0,
+            0.0,
+            0.3,
+            law=True,
         ),
     ),
     prepared=("per_filling", "per_venting"),
