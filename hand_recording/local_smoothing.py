@@ -14,7 +14,7 @@ from scipy.ndimage import uniform_filter1d
 
 from hand_model.arrays import Array
 from hand_recording.settings import READING
-from hand_recording.signals import quadratic_smoother, smoothed_over, smoothing_spans
+from hand_recording.signals import middle_weights, smoothed_over, smoothing_spans
 
 Windows = NDArray[np.int64]
 """(T,) window of each sample [samples]: 1 keeps the sample as it is, NOISE takes it away."""
@@ -28,7 +28,7 @@ def local_windows(residual: Array, period_s: float, noise: Array) -> Windows:
     agree = np.ones(len(residual), dtype=bool)
     for span in smoothing_spans(residual, period_s):
         estimate = smoothed_over(residual, span)
-        own = float(quadratic_smoother(span)[span // 2, span // 2])
+        own = float(middle_weights(span)[span // 2])
         reach = READING.window_confidence * np.sqrt(own * uniform_filter1d(noise**2, span))
         low, high = np.maximum(low, estimate - reach), np.minimum(high, estimate + reach)
         agree &= low <= high

@@ -160,20 +160,28 @@ def smoothed_over(values: Array, span: int) -> Array:
     """A signal (T,) [any unit] smoothed by quadratics over an odd number of samples; fewer than 5 change nothing."""
     if span < LEAST_WINDOW or len(values) <= span:
         return values
-    smoother, half = quadratic_smoother(span), span // 2
-    smooth = np.asarray(correlate1d(values, smoother[half], mode="constant"), dtype=np.float64)
-    smooth[:half], smooth[-half:] = smoother[:half] @ values[:span], smoother[half + 1 :] @ values[-span:]
+    (powers, inverse), half = _quadratic(span), span // 2
+    smooth = np.asarray(correlate1d(values, middle_weights(span), mode="constant"), dtype=np.float64)
+    smooth[:half] = powers[:half] @ (inverse @ values[:span])
+    smooth[-half:] = powers[half + 1 :] @ (inverse @ values[-span:])
     return smooth
 
 
 @cache
-def quadratic_smoother(span: int) -> Array:
-    """Weights (span, span) [-] of the samples of a window in the quadratic fitted to them, a row for each sample.
+def middle_weights(span: int) -> Array:
+    """Weights (span,) [-] of the samples of an odd window in the quadratic fitted to them, at its middle.
 
-    Its middle row is that of savgol_coeffs (Savitzky and Golay 1964); the others serve the ends of a signal.
+    Those of savgol_coeffs (Savitzky and Golay 1964).
     """
+    powers, inverse = _quadratic(span)
+    return np.asarray(powers[span // 2] @ inverse, dtype=np.float64)
+
+
+@cache
+def _quadratic(span: int) -> tuple[Array, Array]:
+    """Powers (span, 3) of the places in a window, and their pseudo-inverse (3, span): from samples to a quadratic."""
     powers = np.vander(np.linspace(-1.0, 1.0, span), 3)
-    return np.asarray(powers @ np.linalg.pinv(powers), dtype=np.float64)
+    return powers, np.linalg.pinv(powers)
 
 
 def slopes_over(values: Array, span: int, order: int, period_s: float) -> Array:
@@ -214,6 +222,6 @@ def smoothing_spans(values: Array, period_s: float) -> list[int]:
 
 def _left_out_error(values: Array, span: int) -> float:
     """Mean square error of each sample as predicted from its neighbours alone; the largest tenth is clipped."""
-    own = float(quadratic_smoother(span)[span // 2, span // 2])
+    own = float(middle_weights(span)[span // 2])
     error = np.abs(values - smoothed_over(values, span)) / (1.0 - own)
     return float(np.mean(np.minimum(error, np.quantile(error, READING.noise_quantile)) ** 2))

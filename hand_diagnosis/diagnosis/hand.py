@@ -201,12 +201,12 @@ def _reads_through_curve(
     for candidate, sign in ((signals, -1.0), (straight, 1.0)):
         for joint in chosen:
             problem, free = _nominal_problem(candidate, hand, joint, tolerance)
-            enough = partial(_is_explained_by_first, problem)  # no effect hides the sensors' error there
+            enough = partial(_is_plain_enough, problem)  # no effect hides the sensors' error there
             gained += sign * rough_evidence(problem, effects, free, np.random.default_rng(0), enough)[0]
     return gained > 0.0
 
 
-def _is_explained_by_first(problem: JointProblem, plain: MapFit, _: MapFit) -> bool:
+def _is_plain_enough(problem: JointProblem, plain: MapFit, _: MapFit) -> bool:
     """See `is_explained`, of the plain model."""
     return is_explained(problem, plain)
 

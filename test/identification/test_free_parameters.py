@@ -1,13 +1,14 @@
-"""Free parameters of effects whose nominal numbers are zero."""
+"""Free parameters: of effects whose nominal numbers are zero, and many of them at once."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from hand_identification.free_parameters import effect_free_parameters
+from hand_identification.free_parameters import effect_free_parameters, values_of
 from hand_model.description import load_hand
 from hand_model.effects import CATALOGUE
 from hand_model.effects.effect import Effect
@@ -25,3 +26,14 @@ def test_a_number_that_is_zero_has_coordinates(effect: Effect) -> None:
         for parameter in effect_free_parameters(effect, nominal):
             for value in (float(nominal[parameter.row]), parameter.low, parameter.centre):
                 assert math.isfinite(parameter.coordinate(value)), parameter.key
+
+
+def test_values_of_many_are_those_of_each() -> None:
+    """Fails when a logarithmic parameter is taken as a linear one, or a value leaves its bounds."""
+    nominal, rng = load_hand(CONFIG).parameters[:, 0], np.random.default_rng(8)
+    free = [each for effect in CATALOGUE if effect.keys for each in effect_free_parameters(effect, nominal)]
+    assert {parameter.log for parameter in free} == {True, False}
+    z = rng.normal(0.0, 4.0, (5, len(free)))
+    each = np.column_stack([parameter.value(z[:, k]) for k, parameter in enumerate(free)])
+    np.testing.assert_array_equal(values_of(free, z), each)
+    assert values_of([], np.zeros((3, 0))).shape == (3, 0)

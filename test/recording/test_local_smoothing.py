@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import savgol_coeffs, savgol_filter
 
 from hand_recording.local_smoothing import NOISE, local_windows, smoothed_by
+from hand_recording.signals import middle_weights, smoothed_over
 
 PERIOD_S, SIGMA, SAMPLES, SEED = 0.01, 178.0, 3000, 17
 
@@ -60,3 +62,10 @@ def test_a_window_of_no_samples_is_zero_and_of_one_the_sample() -> None:
     values = np.arange(40.0)
     windows = np.where(np.arange(40) < 20, NOISE, 1)
     assert np.array_equal(smoothed_by(values, windows), np.where(np.arange(40) < 20, 0.0, values))
+
+
+@pytest.mark.parametrize("span", [5, 21, 1001])
+def test_quadratics_are_those_of_savitzky_and_golay(noise: np.ndarray, span: int) -> None:
+    """Fails when a window or an end of a signal is smoothed otherwise than by SciPy."""
+    np.testing.assert_allclose(middle_weights(span), savgol_coeffs(span, 2), atol=1e-12)
+    np.testing.assert_allclose(smoothed_over(noise, span), savgol_filter(noise, span, 2), atol=1e-9 * SIGMA)
