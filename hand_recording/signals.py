@@ -181,7 +181,7 @@ def middle_weights(span: int) -> Array:
 def _quadratic(span: int) -> tuple[Array, Array]:
     """Powers (span, 3) of the places in a window, and their pseudo-inverse (3, span): from samples to a quadratic."""
     powers = np.vander(np.linspace(-1.0, 1.0, span), 3)
-    return powers, np.linalg.pinv(powers)
+    return powers, np.asarray(np.linalg.pinv(powers), dtype=np.float64)
 
 
 def slopes_over(values: Array, span: int, order: int, period_s: float) -> Array:
