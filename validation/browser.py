@@ -122,17 +122,20 @@ class Browser:
         every = "[...document.querySelectorAll('button, [role=tab]')]"
         find = f"{every}.find(b => b.innerText.startsWith({json.dumps(label)}))"
         self.until(find)
-        self.run(f"{find}.scrollIntoView({{block: 'nearest'}})")
         x, y = self._still(find)
         for kind in ("mousePressed", "mouseReleased"):
             self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
     def _still(self, find: str) -> tuple[float, float]:
-        """The middle of an element [pixels], by a JavaScript expression, once a click there would reach it."""
+        """The middle of an element [pixels], by a JavaScript expression, once a click there would reach it.
+
+        It is scrolled to until then: a line that appears above it, such as why the hand was vented, moves it away.
+        """
         middle = "(r => [r.x + r.width / 2, r.y + r.height / 2])(e.getBoundingClientRect())"
         script = f"(e => (([x, y]) => [x, y, e.contains(document.elementFromPoint(x, y))])({middle}))({find})"
         before, end = None, time.monotonic() + WAIT_S
         while True:
+            self.run(f"{find}.scrollIntoView({{block: 'nearest'}})")
             x, y, reached = self.run(script)
             if reached and (x, y) == before:
                 return x, y

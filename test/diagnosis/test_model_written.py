@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hand_diagnosis.report import valid_changes
+from hand_diagnosis.diagnosis import valid_changes
 from hand_identification.model_file import write_model
 from hand_model.description import load_hand
 from hand_model.yaml_loader import DescriptionError
