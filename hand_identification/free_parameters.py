@@ -69,8 +69,7 @@ class FreeParameter:
 
     def value(self, z: Array) -> Array:
         """Values at coordinates z (k,), within the bounds, (k,)."""
-        raw = self.centre * np.exp(self.scale * z) if self.log else self.centre + self.scale * z
-        return np.asarray(np.clip(raw, self.low, self.high))
+        return values_of([self], z[..., None])[..., 0]
 
     def coordinate(self, value: float) -> float:
         """The coordinate of a value [SI], which is clipped to the bounds first."""
@@ -97,12 +96,12 @@ class FreeParameter:
 
 
 def values_of(free: Sequence[FreeParameter], z: Array) -> Array:
-    """Values (k, free) [SI] at coordinates z (k, free) [-], as FreeParameter.value gives those of one parameter."""
+    """Values (..., free) [SI] at coordinates z (..., free) [-] of several parameters, within their bounds."""
     numbers = np.array([(p.centre, p.scale, p.low, p.high) for p in free]).reshape(len(free), 4)
     centre, scale, low, high = numbers.T
     values = centre + scale * z
     log = np.array([p.log for p in free], dtype=bool)
-    values[:, log] = centre[log] * np.exp(scale[log] * z[:, log])
+    values[..., log] = centre[log] * np.exp(scale[log] * z[..., log])
     return np.asarray(np.clip(values, low, high))
 
 

@@ -29,7 +29,7 @@ def test_a_number_that_is_zero_has_coordinates(effect: Effect) -> None:
 
 
 def test_values_of_many_are_those_of_each() -> None:
-    """Fails when a logarithmic parameter is taken as a linear one, or a value leaves its bounds."""
+    """Fails when a logarithmic parameter is taken as a linear one, a value leaves its bounds, or has no way back."""
     nominal, rng = load_hand(CONFIG).parameters[:, 0], np.random.default_rng(8)
     free = [each for effect in CATALOGUE if effect.keys for each in effect_free_parameters(effect, nominal)]
     assert {parameter.log for parameter in free} == {True, False}
@@ -37,3 +37,12 @@ def test_values_of_many_are_those_of_each() -> None:
     each = np.column_stack([parameter.value(z[:, k]) for k, parameter in enumerate(free)])
     np.testing.assert_array_equal(values_of(free, z), each)
     assert values_of([], np.zeros((3, 0))).shape == (3, 0)
+    for column, parameter in zip(each.T, free, strict=True):
+        assert np.all((column >= parameter.low) & (column <= parameter.high)), parameter.key
+    gentle = 0.01 * rng.uniform(-1.0, 1.0, len(free))
+    back = [
+        parameter.coordinate(value) for parameter, value in zip(free, values_of(free, gentle[None])[0], strict=True)
+    ]
+    inside = [p.low < v < p.high for p, v in zip(free, values_of(free, gentle[None])[0], strict=True)]
+    assert {p.log for p, within in zip(free, inside, strict=True) if within} == {True, False}
+    np.testing.assert_allclose(np.array(back)[inside], gentle[inside], atol=1e-9)
