@@ -34,6 +34,11 @@ AS_COHERENT = 0.95
 """Coherence of a clock of constant rate, relative to that of a tracked one, from which it is the clock."""
 FIRST_SPAN, FIRST_REACH = 2000, 0.02
 """Frames over which the search for a constant rate begins; how far the usual period may be wrong, relative."""
+INCOHERENT = 0.3
+"""Coherence below which phases show no clock, and the one with the least scatter is sought: normal scatter of 0.25
+periods has this."""
+COUNTED_SPAN, MOST_LOST = 1000, 0.1
+"""Frames over which that search begins, and the largest share of lost ones among them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +68,11 @@ def rebuild_ticks(stamp_ns: Stamps, rate_hz: float) -> Ticks:
     usual = usual_period(at, nominal=1.0)
     tracked, steady = _tracked(at, usual), _steady(at, usual)
     # A clock that is tracked follows some of the scatter; one whose rate really changes is coherent in no other way.
-    number = ascending_ticks(steady if _coherence(steady) > AS_COHERENT * _coherence(tracked) else tracked)
-    number = min(number, np.arange(len(at)), key=lambda numbers: _surprise(at, numbers))
+    coherent = steady if _coherence(steady) > AS_COHERENT * _coherence(tracked) else tracked
+    candidates = [ascending_ticks(coherent), np.arange(len(at))]
+    if _coherence(coherent) < INCOHERENT:
+        candidates.append(_least_scattered(at))
+    number = min(candidates, key=lambda numbers: _surprise(at, numbers))
     slope, intercept = np.polyfit(number, since, 1)
     return Ticks(number, float(slope) * 1e-9, int(stamp_ns[0] + round(float(intercept))))
 
@@ -77,6 +85,36 @@ def _surprise(at: Array, number: Stamps) -> float:
     slope, intercept = np.polyfit(number, at, 1)
     scatter = float(np.mean(((at - intercept) / slope - number) ** 2)) + STEADY**2 / len(at)
     return len(at) * float(np.log(scatter)) + 2.0 * float(np.log(len(at))) * float(number[-1] + 1 - len(at))
+
+
+def _least_scattered(at: Array) -> Stamps:
+    """Ticks (N,) of frames at times (N,) on the clock of constant rate that leaves the least scatter.
+
+    Where stamps scatter by nearly half a period, their phases show no clock. Each frame has a tick of its own, though,
+    so the rate is at least that of the frames, and with a wrong number of lost ones frames drift away from their ticks.
+    """
+    count = min(COUNTED_SPAN, len(at))
+    most = count - 1 + np.arange(0.0, MOST_LOST * count, 0.5)
+    while True:
+        span = float(at[count - 1] - at[0])
+        ticks = [_ticks_of_own(at[:count] * (each / span)) for each in most]
+        surprise = [_surprise(at[:count], each) for each in ticks]
+        best = int(np.argmin(surprise))
+        if count == len(at):
+            return ticks[best]
+        further = min(2 * count, len(at))
+        expected = float(most[best]) * float(at[further - 1] - at[0]) / span
+        count, most = further, expected + np.arange(-2.0, 2.1, 0.25)
+
+
+def _ticks_of_own(places: Array) -> Stamps:
+    """Ascending ticks (N,) from 0 nearest to places (N,) [ticks] of which only the phase is unknown.
+
+    Between lost frames, the mean distance of frames from their ticks shows it.
+    """
+    levels = _levels(places)
+    phase = float(np.angle(np.exp(2j * np.pi * levels).sum())) / (2.0 * np.pi)
+    return _from_zero(np.rint(levels - phase))
 
 
 def usual_period(at: Array, nominal: float | None = None) -> float:
@@ -147,9 +185,16 @@ def _tracked(at: Array, usual: float) -> Array:
 def ascending_ticks(places: Array) -> Stamps:
     """Ascending ticks (N,) from 0 nearest to the places (N,) [ticks] of frames on a clock, in least squares.
 
-    Each frame has a tick of its own, so the number of lost frames before it never falls: an isotonic regression by
-    pooling neighbours (Barlow et al., Statistical inference under order restrictions, 1972), then rounded, which is
-    the best fit in whole numbers.
+    Each frame has a tick of its own, so the number of lost frames before it never falls: an isotonic regression,
+    then rounded, which is the best fit in whole numbers.
+    """
+    return _from_zero(np.rint(_levels(places)))
+
+
+def _levels(places: Array) -> Array:
+    """By how much places (N,) [ticks] are ahead of the frames' numbers, never falling, in least squares.
+
+    By pooling neighbours (Barlow et al., Statistical inference under order restrictions, 1972).
     """
     lost: list[float] = []
     weights: list[int] = []
@@ -160,5 +205,10 @@ def ascending_ticks(places: Array) -> Stamps:
             value, weight = lost.pop(), weights.pop()
             lost[-1] = (lost[-1] * weights[-1] + value * weight) / (weights[-1] + weight)
             weights[-1] += weight
-    number = np.rint(np.repeat(lost, weights)).astype(np.int64) + np.arange(len(places))
+    return np.repeat(lost, weights)
+
+
+def _from_zero(lost: Array) -> Stamps:
+    """Ticks (N,) of frames before which these numbers (N,) of frames were lost; the first one is tick 0."""
+    number = lost.astype(np.int64) + np.arange(len(lost))
     return np.asarray(number - number[0], dtype=np.int64)

@@ -35,7 +35,17 @@ def test_frames_get_their_ticks_although_stamps_scatter(scatter_ms: float, lost:
     assert stamp_scatter_s(stamps, ticks) == pytest.approx(scatter_ms * 1e-3 / np.sqrt(3.0), rel=0.05, abs=1e-8)
 
 
-@pytest.mark.parametrize(("rate_hz", "scatter_ms", "lost"), [(100.0, 3.0, 0.03), (100.0, 3.0, 0.0), (200.0, 2.0, 0.0)])
+@pytest.mark.parametrize(
+    ("rate_hz", "scatter_ms", "lost"),
+    [
+        (100.0, 3.0, 0.03),
+        (100.0, 3.0, 0.0),
+        (200.0, 2.0, 0.0),
+        (200.0, 2.0, 0.03),
+        (200.0, 3.0, 0.03),
+        (200.0, 3.0, 0.002),
+    ],
+)
 def test_wide_scatter_loses_no_frame_and_invents_none(rate_hz: float, scatter_ms: float, lost: float) -> None:
     """Fails when normal scatter of up to 0.4 periods shifts frames by whole ticks, or gives a wrong rate."""
     print("seed 83")
@@ -45,6 +55,8 @@ def test_wide_scatter_loses_no_frame_and_invents_none(rate_hz: float, scatter_ms
     stamps = np.unique(np.rint((tick / rate_hz + away) * 1e9).astype(np.int64))
     assert 1e9 / usual_period((stamps - stamps[0]).astype(float)) == pytest.approx(rate_hz, rel=0.02)
     ticks = rebuild_ticks(stamps, rate_hz)
+    assert ticks.period_s == pytest.approx(1.0 / rate_hz, rel=1e-4)
+    assert ticks.start_ns == pytest.approx(tick[0] / rate_hz * 1e9, abs=0.1e9 / rate_hz)
     # Between two frames that scatter, the place of a lost one is known to a few frames only.
     assert np.abs(ticks.number - (tick - tick[0])).max() <= 1
     assert np.mean(ticks.number != tick - tick[0]) < 0.02
