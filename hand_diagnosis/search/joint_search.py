@@ -224,13 +224,31 @@ def _with_best_laws(
     """
     if not hypotheses:
         return []
-    coarse = replace(problem, step_s=SETTINGS.passes[0].step_s)
     freed = [k for k, h in enumerate(hypotheses) if h.effect.coefficients][: SETTINGS.law_leaders]
-    if not _leaves_much(problem, current, hypotheses[0].fit):
-        # A textbook form fits; a rival that explains most of it as well may do so with its law.
-        enough = current.cost - SETTINGS.rival_share * (current.cost - hypotheses[0].fit.cost)
-        freed = [k for k in freed if k > 0 and hypotheses[k].fit.cost < enough]
-    begun = {k: begin_law(coarse, hypotheses[k].fit, hypotheses[k].effect, rng) for k in freed}
+    if _leaves_much(problem, current, hypotheses[0].fit):
+        return _with_laws_of(problem, current, hypotheses, freed, rng)
+    # A textbook form fits; a rival that explains most of it may do so with its law; the leader then gets its own, too.
+    enough = current.cost - SETTINGS.rival_share * (current.cost - hypotheses[0].fit.cost)
+    rivals = [k for k in freed if k > 0 and hypotheses[k].fit.cost < enough]
+    ranked = _with_laws_of(problem, current, hypotheses, rivals, rng)
+    surpassed = ranked[0].effect.name != hypotheses[0].effect.name
+    return _with_laws_of(problem, current, ranked, [ranked.index(hypotheses[0])], rng) if surpassed else ranked
+
+
+def _with_laws_of(
+    problem: JointProblem,
+    current: MapFit,
+    hypotheses: Sequence[Hypothesis],
+    freed: Sequence[int],
+    rng: np.random.Generator,
+) -> list[Hypothesis]:
+    """The hypotheses ranked again after the laws of those at the given places were freed."""
+    coarse = replace(problem, step_s=SETTINGS.passes[0].step_s)
+    begun = {
+        k: begin_law(coarse, hypotheses[k].fit, hypotheses[k].effect, rng)
+        for k in freed
+        if hypotheses[k].effect.coefficients
+    }
     if not begun:
         return list(hypotheses)
     first = min(begun, key=lambda k: begun[k][0].cost)

@@ -15,12 +15,14 @@ _leverage = inlined(leverage)
 def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     """Eq. 11 with coefficients that change in proportion to time; by the law also with the travel of the joint.
 
-    Of the travel, one part is in proportion, and two end after some 10 and 100 rad.
+    Of time and of travel, one part is in proportion, and two end after some 10 and 100 s or rad.
     """
-    stiffness_per_s, strength_per_s, stiffness, strength, early, later, a1, a2, a3 = q
+    stiffness_per_s, strength_per_s, stiffness, strength, early, later, soon, late, a1, a2, a3 = q
     (travel,) = m
-    elastic, strong = stiffness_per_s * e[TIME], strength_per_s * e[TIME]
+    time = e[TIME]
+    elastic, strong = stiffness_per_s * time, strength_per_s * time
     elastic += stiffness * travel + early * (travel / (10.0 + travel)) + later * (travel / (100.0 + travel))
+    elastic += soon * (time / (10.0 + time)) + late * (time / (100.0 + time))
     strong += strength * travel
     added = elastic * a1 * (phi - creep_angle) + strong * _leverage(phi, a2, a3) * p
     return added, -elastic * a1 - strong * a3 * p
@@ -34,10 +36,11 @@ def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
     """Relative change of the stiffness after the time x [s] and the travel y [rad]."""
-    return float(q[0] * x + q[2] * y + q[4] * (y / (10.0 + y)) + q[5] * (y / (100.0 + y)))
+    by_use = q[2] * y + q[4] * (y / (10.0 + y)) + q[5] * (y / (100.0 + y))
+    return float(q[0] * x + q[6] * (x / (10.0 + x)) + q[7] * (x / (100.0 + x)) + by_use)
 
 
-_BY_USE = (
+_CHANGES = (
     Parameter("ageing.stiffness_per_rad", -0.1, 0.1, "law: change of elasticity with travel", 1.0, 0.0, 5e-4, law=True),
     Parameter(
         "ageing.strength_per_rad", -0.1, 0.1, "law: change of pressure torque with travel", 1.0, 0.0, 5e-4, law=True
@@ -47,6 +50,10 @@ _BY_USE = (
     ),
     Parameter(
         "ageing.later", -0.9, 5.0, "law: change of elasticity, half of it after 100 rad", 1.0, 0.0, 0.05, law=True
+    ),
+    Parameter("ageing.soon", -0.9, 5.0, "law: change of elasticity, half of it after 10 s", 1.0, 0.0, 0.05, law=True),
+    Parameter(
+        "ageing.slowly", -0.9, 5.0, "law: change of elasticity, half of it after 100 s", 1.0, 0.0, 0.05, law=True
     ),
 )
 EFFECT = Effect(
@@ -58,7 +65,7 @@ EFFECT = Effect(
         Parameter(
             "ageing.strength_per_h", -60.0, 60.0, "relative change of pressure torque per hour", 1 / 3600, 0.0, 5.0
         ),
-        *_BY_USE,
+        *_CHANGES,
     ),
     reads=("statics.a1_nm_per_rad", "statics.a2_nm_per_pa", "statics.a3_nm_per_pa_rad"),
     memory=("travel",),
@@ -76,7 +83,7 @@ EFFECT = Effect(
         monotone="each part of the change goes one way, in time or in travel",
         memory="the time and the travel since the start",
         over=("time", "travel"),
-        coefficients=tuple(parameter.key for parameter in _BY_USE),
+        coefficients=tuple(parameter.key for parameter in _CHANGES),
         quantity="the relative change of the stiffness",
         curve=curve,
         source="Mullins, Rubber Chem. Technol. 42(1), 1969: softening by deformation, most of it early",

@@ -33,7 +33,18 @@ def test_names_end_in_their_unit() -> None:
     units += ("_m3", "_n", "_s_pa", "_per_s", "_per_h", "_rad2", "_rad3", "_pa2")
     shares: tuple[str, ...] = (".share", ".error", ".exponent", ".softening", ".choking", ".ratio", "_ratio")
     shares += (".second", ".softness", ".turbulent", ".sharpness")  # of nothing but numbers
-    shares += (".resonance", ".slope_left", ".with_pressure", ".denser", ".knee", ".early", ".later", ".by_use")
+    shares += (
+        ".resonance",
+        ".slope_left",
+        ".with_pressure",
+        ".denser",
+        ".knee",
+        ".early",
+        ".later",
+        ".soon",
+        ".slowly",
+        ".by_use",
+    )
     shares += (".inner_share", ".inner_gap", *(f".{side}_{third}" for side in ("fill", "vent") for third in (1, 2, 3)))
     shares += (
         ".clearing",
