@@ -7,10 +7,12 @@ the stamps are right, it is the other way round. The readings decide: at the rig
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from hand_model.arrays import Array, Flags
 from hand_recording.interpolation import interpolate, longest_gap_s
@@ -74,8 +76,10 @@ def steady_times(time_s: Array, grid_s: Array, values: Array) -> TableClock:
     if np.any(np.diff(stamps) <= 0):
         return unsteady
     ticks = rebuild_ticks(stamps, 1.0 / float(grid_s[1] - grid_s[0]))
-    scatter_s = stamp_scatter_s(stamps, ticks)
-    if scatter_s >= READING.max_scatter_periods * ticks.period_s:
+    scatter_s, lost = stamp_scatter_s(stamps, ticks), 1.0 - len(stamps) / (int(ticks.number[-1]) + 1)
+    # Times without a clock have one only if many ticks are lost.
+    most = READING.max_scatter_periods if lost > READING.complete_clock else READING.max_complete_scatter_periods
+    if scatter_s >= most * ticks.period_s:
         return unsteady
     clock = time_s[0] + 1e-9 * ticks.stamp_ns
     moved = TableClock(clock[ticks.number], clock, clock[ticks.number])
@@ -113,19 +117,34 @@ def steadier(stamps_ns: NDArray[np.int64], ticks: Ticks, values: Array) -> bool 
     """Whether readings (N, J) [any unit] are clearly smoother at their ticks than at their stamps (N,); None:
     neither is.
 
-    Readings at the ticks are compared with those interpolated at the ticks from the stamps, by third differences.
+    Readings at the ticks are compared with those interpolated at the ticks from the stamps, by third differences. A
+    line between two readings halves their noise, so readings put on ticks are smoothed until noise is as rough in both.
     """
-    grid = ticks.stamp_ns
-    put = interpolate(grid, grid[ticks.number], values, longest_gap_s(ticks.period_s) * 1e9)
-    own = interpolate(grid, stamps_ns, values, longest_gap_s(ticks.period_s) * 1e9)
-    # A line between two readings halves their noise: readings put on ticks are compared after the same smoothing.
-    share = (stamps_ns - grid[ticks.number]) / (ticks.period_s * 1e9)
-    lost = np.interp(np.arange(len(grid)), ticks.number, np.abs(share))[:, None]
-    put = put[1:-1] + 0.5 * lost[1:-1] * (put[2:] - 2.0 * put[1:-1] + put[:-2])
-    rough = [_roughness(each) for each in (put, own[1:-1])]
+    grid, longest_ns = ticks.stamp_ns, longest_gap_s(ticks.period_s) * 1e9
+    share = np.abs(stamps_ns - grid[ticks.number]) / (ticks.period_s * 1e9)
+    lost = np.interp(np.arange(len(grid)), ticks.number, np.minimum(share, 1.0))[1:-1, None]
+
+    def both(readings: Array) -> tuple[Array, Array]:
+        put = interpolate(grid, grid[ticks.number], readings, longest_ns)
+        return put, interpolate(grid, stamps_ns, readings, longest_ns)[1:-1]
+
+    def smoothed(put: Array, by: float) -> Array:
+        return put[1:-1] + 0.5 * by * lost * (put[2:] - 2.0 * put[1:-1] + put[:-2])
+
+    noise_put, noise_own = both(np.random.default_rng(READING.clock_seed).standard_normal((len(stamps_ns), 1)))
+    by = _root(lambda by: _roughness(smoothed(noise_put, by)) - _roughness(noise_own))
+    put, own = both(values)
+    rough = [_roughness(smoothed(put, by)), _roughness(own)]
     if rough[0] < READING.clearly_smoother * rough[1]:
         return True
     return False if rough[1] < READING.clearly_smoother * rough[0] else None
+
+
+def _root(falling: Callable[[float], float]) -> float:
+    """Where a falling function is 0 between 0 and 1; the end nearer to it where it is 0 nowhere."""
+    if falling(0.0) <= 0.0:
+        return 0.0
+    return 1.0 if falling(1.0) >= 0.0 else float(brentq(falling, 0.0, 1.0, xtol=1e-3))
 
 
 def _roughness(values: Array) -> float:

@@ -57,6 +57,14 @@ class ReadingSettings:
         0.35, "periods", "Scatter beyond which a table has no steady clock; times spread evenly scatter by 0.29.",
         CHOICE,
         "Clocks of busy hosts are not found.", "Samples at random times get a clock.")
+    max_complete_scatter_periods: float = setting(
+        0.45, "periods", "The same where hardly a tick is without a row.", CHOICE,
+        "As above, at high rates.", "As above.")
+    complete_clock: float = setting(
+        0.01, "-", "Share of ticks without a row up to which a clock counts as complete.", CHOICE,
+        "Clocks with a few lost rows are not found.", "Samples at random times get a clock.")
+    clock_seed: int = setting(
+        0, "-", "Seed of the noise by which two clocks are compared.", CHOICE, "Another draw.", "Another draw.")
     own_reading_periods: float = setting(
         0.75, "periods", "Distance within which a reading is that of a time.", CHOICE,
         "Readings of irregular tables count as interpolated.", "Interpolated samples count as readings.")

@@ -90,7 +90,7 @@ def _table(path: Path, hand: Hand, mapping: Path) -> Signals:
     signals = _signals(path, names, float(grid[1] - grid[0]), data, share)
     return replace(
         signals,
-        known=signals.known & has_reading(grid, clock.time_s)[:, None] & ~commands.unknown,
+        known=signals.known & has_reading(grid, clock.tick_s)[:, None] & ~commands.unknown,
         notes=clock.notes,
         jitter_s=clock.jitter_s,
         own=readings_of_samples(grid, clock.time_s, read_pa, read_rad) if between_samples(grid, clock.time_s) else None,

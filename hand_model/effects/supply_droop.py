@@ -17,7 +17,7 @@ def prepare(q, h):  # type: ignore[no-untyped-def]
 
 @inline
 def set_point(q, m, u, p, e, h):  # type: ignore[no-untyped-def]
-    """No valve delivers more than the supply has; a regulator passes a part of the sag on, a throttle its ratio.
+    """No valve delivers more than the supply has; a regulator passes a part of what it lacks on, a throttle its ratio.
 
     By the law the resistance grows with the flow, the reservoir recovers at another rate than it sags, the flow that
     refills it does not exceed what the source gives, and valves fill more slowly the lower the supply is.
@@ -29,7 +29,7 @@ def set_point(q, m, u, p, e, h):  # type: ignore[no-untyped-def]
     change = resistance * e[INFLOW] * (1.0 + q[5] * (e[INFLOW] * per_supply)) - refill
     growth = max(change, 0.0) * approach + min(change, 0.0) * recovering
     sag = before + 0.5 * growth  # in the middle of the step, for which the set-point holds
-    passed = (share + ratio_per_pa * u) * sag
+    passed = (share + ratio_per_pa * u) * (deficit + sag)
     to = max(min(u - passed, supply - deficit - sag), 0.0)
     slower = slowing * min(max(sag * per_supply, 0.0), 1.0) * max(to - p, 0.0)
     return to - slower, (before + growth,)
@@ -52,7 +52,13 @@ EFFECT = Effect(
         Parameter("supply_droop.resistance_s", 0.0, 20.0, "sag per sum of all pressure rises", 1.0, 0.0, 0.05),
         Parameter("supply_droop.time_constant_s", 5e-3, 200.0, "in which the supply sags and recovers", 1.0, 0.1),
         Parameter(
-            "supply_droop.share", -0.5, 1.0, "of the sag that valves pass on; negative: they rise", 1.0, 0.0, 0.3
+            "supply_droop.share",
+            -0.5,
+            1.0,
+            "of what is missing that valves pass on; negative: they rise",
+            1.0,
+            0.0,
+            0.3,
         ),
         Parameter("supply_droop.ratio", 0.0, 2.0, "of set-point over supply that they pass on, too", 1.0, 0.0, 0.3),
         Parameter(
@@ -80,6 +86,7 @@ EFFECT = Effect(
     probes=(
         (5e4, 0.0, 0.1, 0.0, 0.0),
         (2e5, 0.0, 0.1, 0.0, 0.0),
+        (5e4, 0.0, 0.1, 0.0, 0.7),
         (0.0, 0.1, 0.05, 0.0, 0.0),
         (0.0, 0.05, 0.05, 0.7, 0.0),
         (0.0, 0.05, 0.3, 0.0, 0.7),
