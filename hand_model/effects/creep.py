@@ -83,6 +83,7 @@ EFFECT = Effect(
     shape=("material.extension_time_s", "material.recovery_time_s"),
     says="the material creeps by up to {phi_max_deg}, with time constants of {extension_time_s} under"
     " {pressure} and {recovery_time_s} in recovery",
+    lasting=True,
     experiments=("staircase", "hold"),
     doc="Viscoelastic shift of the rest angle in three zones: extension, hold, recovery.",
     source="Eqs. 11-13, Martin et al. 2004",

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hand_diagnosis.problem.noise import noise_laws
 from hand_identification.driving import shape_driving
 from hand_identification.joint_data import joint_problem
 from hand_identification.own_times import on_samples
@@ -92,6 +93,18 @@ def test_pressures_after_steps_agree_with_the_right_model(tmp_path: Path, scatte
     assert signals.own is not None
     assert left_pa(signals) < 1.1 * NOISE_PA
     assert left_pa(replace(signals, own=None)) > 1.8 * NOISE_PA
+
+
+@pytest.mark.parametrize(("scatter", "period_s"), [(0.45, 0.005), (0.3, 0.01), (0.2, 0.04)])
+def test_noise_on_lines_between_readings_has_its_size(tmp_path: Path, scatter: float, period_s: float) -> None:
+    """Fails when the noise floor is that of white noise, which noise on lines between readings is smoother than."""
+    problem = joint_problem([recorded(tmp_path, scatter, period_s, 56)], load_hand(CONFIG), JOINT)
+    shape_driving(problem, (), np.zeros(0))
+    segment, start = problem.segments[0], problem.columns((), np.zeros((1, 0)))
+    (still, _), *_ = noise_laws(segment, problem.predict(*start)[0][0])
+    left = problem.residuals(*start)[0][0, 0][segment.use[0]]
+    assert np.sqrt(still) == pytest.approx(np.std(left), rel=0.08)
+    assert np.std(left) < NOISE_PA
 
 
 @pytest.mark.parametrize(("scatter", "period_s"), [(0.0, 0.01), (0.1, 0.01), (0.4, 0.005), (0.4, 0.02)])

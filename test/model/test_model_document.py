@@ -43,6 +43,7 @@ def test_names_end_in_their_unit() -> None:
         ".later",
         ".soon",
         ".slowly",
+        ".before_inertia",
         ".by_use",
     )
     shares += (".inner_share", ".inner_gap", *(f".{side}_{third}" for side in ("fill", "vent") for third in (1, 2, 3)))

@@ -128,6 +128,33 @@ def test_rounded_times_of_a_table_are_those_of_its_clock(rate_hz: float, digits:
     np.testing.assert_array_equal(clock.time_s, clock.grid_s)
 
 
+@pytest.mark.parametrize("scatter", [0.36, 0.4])
+def test_a_table_with_widely_scattered_times_keeps_its_clock(scatter: float) -> None:
+    """Fails when rows of a clock without a lost tick get another rate, some of them count as lost, or noise decides
+    whose times are right.
+    """
+    print("seed 85")
+    rng = np.random.default_rng(85)
+    at = np.sort(np.arange(COUNT) + scatter * rng.standard_normal(COUNT)) / RATE_HZ
+    kept, grid = uniform_clock(Path("table.csv"), at)
+    at = at[kept]
+    noise = 0.02 * rng.standard_normal((len(at), 1))
+    clock = steady_times(at, grid, motion(at) + noise)
+    assert len(clock.grid_s) == pytest.approx(COUNT, abs=2)
+    assert clock.grid_s[1] - clock.grid_s[0] == pytest.approx(1.0 / RATE_HZ, rel=1e-4)
+    assert has_reading(clock.grid_s, clock.tick_s).mean() > 0.999
+    np.testing.assert_array_equal(clock.time_s, at)  # readings belong to their stamps, or noise hides to what
+
+
+def test_times_without_a_clock_get_none() -> None:
+    """Fails when rows at random times are put on the ticks of a clock that nothing has."""
+    print("seed 86")
+    at = np.cumsum(np.random.default_rng(86).exponential(1.0 / RATE_HZ, COUNT))
+    kept, grid = uniform_clock(Path("table.csv"), at)
+    clock = steady_times(at[kept], grid, motion(at[kept]))
+    np.testing.assert_array_equal(clock.tick_s, at[kept])
+
+
 def test_lost_samples_have_no_reading() -> None:
     """Fails when a sample that was lost counts as a reading, or one that exists does not."""
     print("seed 82")
