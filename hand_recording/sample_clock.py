@@ -129,7 +129,7 @@ def steadier(stamps_ns: NDArray[np.int64], ticks: Ticks, values: Array) -> bool 
         return put, interpolate(grid, stamps_ns, readings, longest_ns)[1:-1]
 
     def smoothed(put: Array, by: float) -> Array:
-        return put[1:-1] + 0.5 * by * lost * (put[2:] - 2.0 * put[1:-1] + put[:-2])
+        return np.asarray(put[1:-1] + 0.5 * by * lost * (put[2:] - 2.0 * put[1:-1] + put[:-2]))
 
     noise_put, noise_own = both(np.random.default_rng(READING.clock_seed).standard_normal((len(stamps_ns), 1)))
     by = _root(lambda by: _roughness(smoothed(noise_put, by)) - _roughness(noise_own))

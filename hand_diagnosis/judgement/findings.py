@@ -98,12 +98,14 @@ class JointResult:
 def ranked_findings(joints: Sequence[JointResult], signals: Sequence[Signals]) -> list[Finding]:
     """The findings of every joint by how much they explain, one of the hand only once; missing frames last.
 
-    Frames that are missing are bridged and explain nothing of what the others show.
+    What is hardly sure counts the less, so that no guess about one joint comes before a sure finding on another. Frames
+    that are missing are bridged and explain nothing of what the others show.
     """
     scored: list[tuple[float, Finding]] = []
     for result in joints:
         gain = result.search.nominal.cost - result.search.final.cost
-        scored += [(gain / (order + 1.0), finding) for order, finding in enumerate(joint_findings(result))]
+        found = joint_findings(result)
+        scored += [(_sure(each) * gain / (order + 1.0), each) for order, each in enumerate(found)]
     scored.sort(key=lambda pair: -pair[0])
     unique: list[Finding] = []
     for _, finding in scored:
@@ -111,6 +113,12 @@ def ranked_findings(joints: Sequence[JointResult], signals: Sequence[Signals]) -
             continue
         unique.append(finding)
     return unique + _dropped_frames(signals)
+
+
+def _sure(finding: Finding) -> float:
+    """Probability, 0 ... 1, of the finding or of one of those that tie with it."""
+    tied = (probability for name, probability, _ in finding.alternatives if name in finding.tied_with)
+    return finding.probability + sum(tied)
 
 
 def _dropped_frames(signals: Sequence[Signals]) -> list[Finding]:

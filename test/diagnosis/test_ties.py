@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hand_diagnosis.experiments import SIMULATED, next_experiment, recordings_needed, tie_separations
-from hand_diagnosis.judgement import Finding
+from hand_diagnosis.judgement import Finding, findings
 from hand_diagnosis.search import Hypothesis
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import effect_free_parameters
@@ -122,3 +122,37 @@ def test_a_tie_is_broken_by_evidence() -> None:
     assert recordings_needed(enough, 0.0) == 1
     assert recordings_needed(0.5 * enough, 0.0) == 4
     assert recordings_needed(enough, enough) == recordings_needed(0.1 * enough, 0.0) == recordings_needed(0.0, 0.0) == 0
+
+
+@pytest.mark.parametrize(("unsure", "first"), [(0.3, JOINTS[1]), (0.9, JOINTS[0])])
+def test_a_guess_stands_behind_a_sure_finding(monkeypatch: pytest.MonkeyPatch, unsure: float, first: str) -> None:
+    """Fails when a guess about a joint that missed more comes before what is sure on another, or a tie counts as one."""
+
+    def finding(joint: str, effect: str, probability: float, *tied: str) -> Finding:
+        return Finding(
+            joint=joint,
+            place="valve",
+            effect=effect,
+            probability=probability,
+            alternatives=(("leak", 0.45, "hold"), ("gravity", 0.5, "hold")),
+            when=(),
+            signal="pressure",
+            condition="everywhere",
+            numbers=(),
+            statement="",
+            tied_with=tied,
+        )
+
+    of_joints = {
+        JOINTS[0]: [finding(JOINTS[0], "creep", 0.98), finding(JOINTS[0], "contact", unsure)],
+        JOINTS[1]: [finding(JOINTS[1], "valve_lag", 0.5, "leak")],
+    }
+    monkeypatch.setattr(findings, "joint_findings", lambda result: of_joints[result.joint])
+    costs = {JOINTS[0]: 100.0, JOINTS[1]: 40.0}
+    ended = SimpleNamespace(cost=0.0)
+    results: list[Any] = [
+        SimpleNamespace(joint=joint, search=SimpleNamespace(nominal=SimpleNamespace(cost=cost), final=ended))
+        for joint, cost in costs.items()
+    ]
+    ranked = findings.ranked_findings(results, [])
+    assert ranked[0].effect == "creep" and ranked[1].joint == first
