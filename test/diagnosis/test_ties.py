@@ -126,7 +126,7 @@ def test_a_tie_is_broken_by_evidence() -> None:
 
 @pytest.mark.parametrize(("unsure", "first"), [(0.3, JOINTS[1]), (0.9, JOINTS[0])])
 def test_a_guess_stands_behind_a_sure_finding(monkeypatch: pytest.MonkeyPatch, unsure: float, first: str) -> None:
-    """Fails when a guess about a joint that missed more comes before what is sure on another, or a tie is no sure one."""
+    """Fails when a guess about a joint that missed more comes before what is sure on another, or a tie is a guess."""
 
     def finding(joint: str, effect: str, probability: float, *tied: str) -> Finding:
         return Finding(
