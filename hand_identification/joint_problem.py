@@ -18,7 +18,7 @@ from hand_model.kernel.open_loop import OUTPUTS, READINGS, MeasuredInputs, open_
 from hand_recording.local_smoothing import Windows
 from hand_recording.own_readings import OwnReadings
 from hand_recording.settings import READING
-from hand_recording.signals import in_band, white_noise
+from hand_recording.signals import in_band, shown_noise, white_noise
 
 STAGES = READINGS
 """The signal that each stage predicts, in the order of the model's outputs."""
@@ -95,7 +95,9 @@ class Segment:
 
     def white_noise(self, stage: int, values: Array) -> float:
         """White noise [SI] of samples (n,) of a reading or of what a model leaves, no less than a window keeps."""
-        return max(white_noise(values), self.kept_noise_n if stage == FORCE else 0.0)
+        if stage == FORCE:
+            return max(white_noise(values), self.kept_noise_n)
+        return white_noise(values) / (1.0 if self.own is None else shown_noise(self.own, self.period_s))
 
 
 @dataclass(slots=True)

@@ -19,7 +19,7 @@ ROUNDING = 1e-3
 """Part of a period by which a time may miss its sample because it was rounded."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class OwnReadings:
     """The reading that belongs to each of T samples; NaN where there is none.
 

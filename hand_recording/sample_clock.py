@@ -131,7 +131,7 @@ def steadier(stamps_ns: NDArray[np.int64], ticks: Ticks, values: Array) -> bool 
     def smoothed(put: Array, by: float) -> Array:
         return np.asarray(put[1:-1] + 0.5 * by * lost * (put[2:] - 2.0 * put[1:-1] + put[:-2]))
 
-    noise_put, noise_own = both(np.random.default_rng(READING.clock_seed).standard_normal((len(stamps_ns), 1)))
+    noise_put, noise_own = both(np.random.default_rng(READING.noise_seed).standard_normal((len(stamps_ns), 1)))
     by = _root(lambda by: _roughness(smoothed(noise_put, by)) - _roughness(noise_own))
     put, own = both(values)
     rough = [_roughness(smoothed(put, by)), _roughness(own)]
@@ -144,7 +144,7 @@ def _root(falling: Callable[[float], float]) -> float:
     """Where a falling function is 0 between 0 and 1; the end nearer to it where it is 0 nowhere."""
     if falling(0.0) <= 0.0:
         return 0.0
-    return 1.0 if falling(1.0) >= 0.0 else float(brentq(falling, 0.0, 1.0, xtol=1e-3))
+    return 1.0 if falling(1.0) >= 0.0 else float(brentq(falling, 0.0, 1.0))
 
 
 def _roughness(values: Array) -> float:

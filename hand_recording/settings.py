@@ -63,8 +63,9 @@ class ReadingSettings:
     complete_clock: float = setting(
         0.01, "-", "Share of ticks without a row up to which a clock counts as complete.", CHOICE,
         "Clocks with a few lost rows are not found.", "Samples at random times get a clock.")
-    clock_seed: int = setting(
-        0, "-", "Seed of the noise by which two clocks are compared.", CHOICE, "Another draw.", "Another draw.")
+    noise_seed: int = setting(
+        0, "-", "Seed of the noise by which clocks, and lines between readings, are tried.", CHOICE, "Another draw.",
+        "Another draw.")
     own_reading_periods: float = setting(
         0.75, "periods", "Distance within which a reading is that of a time.", CHOICE,
         "Readings of irregular tables count as interpolated.", "Interpolated samples count as readings.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from scipy.ndimage import correlate1d, uniform_filter1d
@@ -154,6 +154,18 @@ def white_noise(values: Array, known: Flags | None = None) -> float:
     # Third differences of unit white noise have variance 1 + 9 + 9 + 1. Of quantised or quiet signals most are 0.
     trimmed = float(np.sqrt(np.mean(np.minimum(quiet, np.quantile(quiet, READING.noise_quantile)) ** 2)))
     return max(float(np.median(quiet)) / 0.6745, READING.quiet_noise_share * trimmed) / float(np.sqrt(20.0))
+
+
+@lru_cache(maxsize=64)
+def shown_noise(own: OwnReadings, period_s: float) -> float:
+    """What third differences show of noise on samples to which lines lead from their own readings, 0 ... 1.
+
+    Neighbouring samples then share a reading, so that their noise is smoother than white noise of its size.
+    """
+    read, number = np.isfinite(own.late_s), np.arange(len(own.late_s))
+    noise = np.random.default_rng(READING.noise_seed).standard_normal(int(read.sum()))
+    samples = np.interp(number, number[read] + own.late_s[read] / period_s, noise)
+    return white_noise(samples) / float(np.std(samples))
 
 
 def smoothed_over(values: Array, span: int) -> Array:

@@ -20,8 +20,7 @@ from hand_model.effects.effect import ACCELERATION, ANGLE, SPEED
 from hand_model.kernel.open_loop import OUTPUTS
 from hand_recording.interpolation import refine
 from hand_recording.local_smoothing import smoothed_by
-from hand_recording.own_readings import OwnReadings
-from hand_recording.signals import derivatives, white_noise
+from hand_recording.signals import derivatives, shown_noise, white_noise
 
 
 def noise_of(
@@ -60,21 +59,9 @@ def noise_laws(segment: Segment, predicted: Array) -> list[tuple[float, float]]:
     steep = by_slope * float(np.mean(_slopes(predicted[FORCE]) ** 2))
     laws[FORCE] = max(still, segment.kept_noise_n**2 - steep), by_slope
     if segment.own is not None:
-        hidden = _hidden_between_readings(segment.own, segment.period_s)
-        laws[:FORCE] = [(hidden * still, hidden * by_slope) for still, by_slope in laws[:FORCE]]
+        shown = shown_noise(segment.own, segment.period_s) ** 2
+        laws[:FORCE] = [(still / shown, by_slope / shown) for still, by_slope in laws[:FORCE]]
     return laws
-
-
-def _hidden_between_readings(own: OwnReadings, period_s: float) -> float:
-    """Variance of noise on samples over what third differences show of it, where lines lead there from the readings.
-
-    Neighbouring samples then share a reading, so that their noise is smoother than white noise of its size.
-    """
-    read = np.isfinite(own.late_s)
-    number = np.arange(len(read))
-    noise = np.random.default_rng(SETTINGS.noise_seed).standard_normal(int(read.sum()))
-    samples = np.interp(number, number[read] + own.late_s[read] / period_s, noise)
-    return float(np.var(samples)) / white_noise(samples) ** 2
 
 
 def _slopes(predicted: Array) -> Array:

@@ -339,7 +339,8 @@ def test_the_next_experiment_is_a_command_that_runs(
 ) -> None:
     """Fails when --ask prints a command that is not valid, or a report names two experiments for one question.
 
-    A leak through a gap and a span error of the pressure are alike in this recording.
+    A leak through a gap, a span error of the pressure and a supply that is too low for the valve are alike in this
+    recording of one joint.
     """
     monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(102)
@@ -349,7 +350,7 @@ def test_the_next_experiment_is_a_command_that_runs(
     first, asked = made.findings[0], made.next_experiment
     assert asked is not None
     assert asked["name"] == first["alternatives"][0]["separate_by"]
-    assert f"{first['effect']} (" in asked["why"] and "in simulation the two differ by" in asked["why"]
+    assert f"{first['effect']} (" in asked["why"] and "in simulation they differ by" in asked["why"]
     assert asked["name"] not in first["statement"]
     for finding in made.findings:
         assert bool(finding["tied_with"]) == (finding["tie"] is not None)
