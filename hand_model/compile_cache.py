@@ -87,7 +87,7 @@ def _with_sources(stamp: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 def _is_ours(file: str) -> bool:
     path = Path(file).resolve()
-    return path.is_relative_to(_ROOT) and path.relative_to(_ROOT).parts[0].startswith(("hand_", "validation"))
+    return path.is_relative_to(_ROOT) and path.relative_to(_ROOT).parts[0].startswith(("hand_", "validation", "test"))
 
 
 def is_kept(function: Any, signature: str) -> bool:

@@ -158,7 +158,7 @@ def white_noise(values: Array, known: Flags | None = None) -> float:
 
 @lru_cache(maxsize=64)
 def shown_noise(own: OwnReadings, period_s: float) -> float:
-    """What third differences show of noise on samples to which lines lead from their own readings, 0 ... 1.
+    """Share, 0 ... 1 [-], that third differences show of noise on samples to which lines lead from their own readings.
 
     Neighbouring samples then share a reading, so that their noise is smoother than white noise of its size.
     """
