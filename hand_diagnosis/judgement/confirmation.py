@@ -10,10 +10,11 @@ from dataclasses import replace
 import numpy as np
 
 from hand_diagnosis.judgement.remainder_law import repeating_torque
-from hand_diagnosis.problem import ErrorsOnTest, evaluate_test
+from hand_diagnosis.problem import ErrorsOnTest, evaluate_test, fitted_rmse, validation_rmse
 from hand_diagnosis.search import Hypothesis, JointSearch, fit_without, training_evidence
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import STAGES, JointProblem
+from hand_identification.map_fit import MapFit
 from hand_model.kernel.rows import ROW
 
 CONTRADICTED = "it improves the validation error and makes the test error clearly larger"
@@ -36,7 +37,7 @@ def without_repeating(search: JointSearch) -> Withdrawn:
         return ()
     problem, placed, fit = found
     gain = training_evidence(problem, fit) - training_evidence(search.problem, search.final)
-    if gain < SETTINGS.strong_log_evidence:
+    if gain < SETTINGS.strong_log_evidence or not _leaves_as_little(search.problem, fit, search.final):
         return ()
     names = [search.accepted[k].effect.name for k in places]
     kept = [hypothesis for k, hypothesis in enumerate(search.accepted) if k not in places]
@@ -46,6 +47,12 @@ def without_repeating(search: JointSearch) -> Withdrawn:
     turn = 1.0 / problem.columns(fit.free, fit.z[None])[0][0, ROW[placed.key]]
     reason = f"a torque that repeats every {np.degrees(turn):.3g} deg of the joint explains the same more simply"
     return tuple((name, reason) for name in names)
+
+
+def _leaves_as_little(problem: JointProblem, fit: MapFit, other: MapFit) -> bool:
+    """Whether a fit leaves no more than another one, but for what is not claimed, of fitted and of validation data."""
+    errors = ((rmse(problem, fit.squares), rmse(problem, other.squares)) for rmse in (fitted_rmse, validation_rmse))
+    return all(bool(np.all(np.nan_to_num(own) <= np.hypot(np.nan_to_num(rest), problem.floor))) for own, rest in errors)
 
 
 def _over_the_angle(hypothesis: Hypothesis) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,9 @@ from typer.testing import CliRunner
 
 from hand_diagnosis.api import diagnose
 from hand_diagnosis.judgement import RemainderLaw, describe, described, learn_remainder
+from hand_diagnosis.judgement.confirmation import _leaves_as_little
 from hand_diagnosis.problem import Task, fit_part
+from hand_identification.joint_data import joint_problem
 from hand_identification.map_fit import map_fit
 from hand_model.description import Hand, load_hand
 from hand_model.effects import EFFECTS
@@ -170,3 +173,12 @@ def test_a_curve_is_drafted_as_its_points(tmp_path: Path) -> None:
         assert value == pytest.approx(float(np.interp(phi, knots[:, 0], knots[:, 1])), abs=1e-3)
         slope = scope["law"](1.0, phi + 1e-6)[0] - value
         assert stiffness == pytest.approx(-slope / 1e-6, abs=1e-3)
+
+
+def test_a_harmonic_that_leaves_more_explains_nothing_more_simply(hand: Hand) -> None:
+    """Fails when an effect is withdrawn for a harmonic that leaves several times its error, however simple that is."""
+    signals, _ = recording(hand, "cogging", FLOORS, SEED)
+    problem = joint_problem([signals], nominal_model(hand, SEED), JOINT)
+    fit = map_fit(problem, [], np.zeros(0), 1)
+    assert _leaves_as_little(problem, fit, fit)
+    assert not _leaves_as_little(problem, replace(fit, squares=9.0 * fit.squares), fit)
