@@ -95,9 +95,11 @@ class Segment:
 
     def white_noise(self, stage: int, values: Array) -> float:
         """White noise [SI] of samples (n,) of a reading or of what a model leaves, no less than a window keeps."""
-        if stage == FORCE:
-            return max(white_noise(values), self.kept_noise_n)
-        return white_noise(values) / (1.0 if self.own is None else shown_noise(self.own, self.period_s))
+        return max(white_noise(values) / self.shown(stage), self.kept_noise_n if stage == FORCE else 0.0)
+
+    def shown(self, stage: int) -> float:
+        """Share, 0 ... 1 [-], that third differences show of the noise of a reading; see `shown_noise`."""
+        return 1.0 if self.own is None or stage == FORCE else shown_noise(self.own, self.period_s)
 
 
 @dataclass(slots=True)

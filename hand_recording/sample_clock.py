@@ -45,7 +45,7 @@ def on_steady_clock(recording: Recording, ticks: Ticks, rate_hz: float) -> tuple
     )
     if not steady:
         return recording, scatter_s if steady is None else 0.0, [line + OUTCOMES[steady]]
-    moved = {name: _moved(recording, name, rate_hz) for name in MEASURED if name in recording}
+    moved = {name: _moved(recording[name], rate_hz, stamps, ticks) for name in MEASURED if name in recording}
     topics = recording.topics | {name: topic for name, topic in moved.items() if topic is not None}
     return replace(recording, topics=topics), 0.0, [line + OUTCOMES[steady]]
 
@@ -157,11 +157,13 @@ def _roughness(values: Array) -> float:
     return float(np.sqrt(total))
 
 
-def _moved(recording: Recording, name: str, rate_hz: float) -> TopicData | None:
-    """A topic with its stamps on a steady clock of its own, which keeps a delay between topics; None: too short."""
-    topic = recording[name]
+def _moved(topic: TopicData, rate_hz: float, known_ns: NDArray[np.int64], known: Ticks) -> TopicData | None:
+    """A topic with its stamps on a steady clock of its own, which keeps a delay between topics; None: too short.
+
+    known: the ticks of the stamps known_ns (N,), which are not rebuilt for a topic of the same stamps.
+    """
     stamps, places = np.unique(topic.stamp_ns, return_inverse=True)
     if len(stamps) < 2:
         return None
-    ticks = rebuild_ticks(stamps, rate_hz)
+    ticks = known if np.array_equal(stamps, known_ns) else rebuild_ticks(stamps, rate_hz)
     return replace(topic, stamp_ns=ticks.stamp_ns[ticks.number][places])

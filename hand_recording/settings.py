@@ -59,7 +59,7 @@ class ReadingSettings:
         "Clocks of busy hosts are not found.", "Samples at random times get a clock.")
     max_complete_scatter_periods: float = setting(
         0.45, "periods", "The same where hardly a tick is without a row.", CHOICE,
-        "As above, at high rates.", "As above.")
+        "Clocks of busy hosts are not found at high rates.", "Samples at random times get a clock.")
     complete_clock: float = setting(
         0.01, "-", "Share of ticks without a row up to which a clock counts as complete.", CHOICE,
         "Clocks with a few lost rows are not found.", "Samples at random times get a clock.")

@@ -20,7 +20,7 @@ from hand_model.effects.effect import ACCELERATION, ANGLE, SPEED
 from hand_model.kernel.open_loop import OUTPUTS
 from hand_recording.interpolation import refine
 from hand_recording.local_smoothing import smoothed_by
-from hand_recording.signals import derivatives, shown_noise, white_noise
+from hand_recording.signals import derivatives, white_noise
 
 
 def noise_of(
@@ -58,10 +58,8 @@ def noise_laws(segment: Segment, predicted: Array) -> list[tuple[float, float]]:
     still, by_slope = laws[FORCE]
     steep = by_slope * float(np.mean(_slopes(predicted[FORCE]) ** 2))
     laws[FORCE] = max(still, segment.kept_noise_n**2 - steep), by_slope
-    if segment.own is not None:
-        shown = shown_noise(segment.own, segment.period_s) ** 2
-        laws[:FORCE] = [(still / shown, by_slope / shown) for still, by_slope in laws[:FORCE]]
-    return laws
+    shown = [segment.shown(stage) ** 2 for stage in range(OUTPUTS)]
+    return [(still / share, by_slope / share) for (still, by_slope), share in zip(laws, shown, strict=True)]
 
 
 def _slopes(predicted: Array) -> Array:

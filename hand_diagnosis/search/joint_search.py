@@ -231,8 +231,8 @@ def _with_best_laws(
     enough = current.cost - SETTINGS.rival_share * (current.cost - hypotheses[0].fit.cost)
     rivals = [k for k in freed if k > 0 and hypotheses[k].fit.cost < enough]
     ranked = _with_laws_of(problem, current, hypotheses, rivals, rng)
-    surpassed = ranked[0].effect.name != hypotheses[0].effect.name
-    return _with_laws_of(problem, current, ranked, [ranked.index(hypotheses[0])], rng) if surpassed else ranked
+    surpassed = [k for k, each in enumerate(ranked) if each is hypotheses[0] and k > 0 and 0 in freed]
+    return _with_laws_of(problem, current, ranked, surpassed, rng)
 
 
 def _with_laws_of(
@@ -244,11 +244,7 @@ def _with_laws_of(
 ) -> list[Hypothesis]:
     """The hypotheses ranked again after the laws of those at the given places were freed."""
     coarse = replace(problem, step_s=SETTINGS.passes[0].step_s)
-    begun = {
-        k: begin_law(coarse, hypotheses[k].fit, hypotheses[k].effect, rng)
-        for k in freed
-        if hypotheses[k].effect.coefficients
-    }
+    begun = {k: begin_law(coarse, hypotheses[k].fit, hypotheses[k].effect, rng) for k in freed}
     if not begun:
         return list(hypotheses)
     first = min(begun, key=lambda k: begun[k][0].cost)

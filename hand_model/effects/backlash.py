@@ -7,9 +7,10 @@ from hand_model.effects.effect import Effect
 from hand_model.effects.operators import lag_constants, lagged
 from hand_model.kernel.inline import inline, inlined
 from hand_model.kernel.plant_rows import DEGREE, Parameter
-from hand_model.statics import leverage
+from hand_model.statics import stiffness
+from hand_model.statics import torque as static_torque
 
-_leverage = inlined(leverage)
+_static_torque, _stiffness = inlined(static_torque), inlined(stiffness)
 
 
 @inline
@@ -52,7 +53,7 @@ def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     The actuator has no inertia, so on either side of the gap its torque is that at the angle of its own side.
     """
     half, a0, a1, a2, a3 = q[10], q[5], q[6], q[7], q[8]
-    whole, slope = a0 + a1 * (phi - creep_angle) + _leverage(phi, a2, a3) * p, a1 + a3 * p
+    whole, slope = _static_torque(p, phi, creep_angle, a0, a1, a2, a3, 1.0), _stiffness(p, a1, a3)
     most = half * abs(slope)
     inside = abs(whole) < most
     return -min(max(whole, -most), most), slope if inside else 0.0
