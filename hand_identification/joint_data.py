@@ -52,7 +52,8 @@ def joint_problem(
         if joint in recording.joints:
             segments.append(_segment(recording, hand, joint, first))
             first = int(segments[-1].block[-1]) + 1
-    noises = np.array([_noise(segment) for segment in segments])
+    whites = [_white(segment) for segment in segments]
+    noises = np.array([_noise(segment, white) for segment, white in zip(segments, whites, strict=True)])
     noise = np.max(noises, axis=0)
     if signals[0].machine:
         segments = _trusted(segments, [recording for recording in signals if joint in recording.joints])
@@ -66,6 +67,7 @@ def joint_problem(
         driven=signals[0].driven,
         floor=np.asarray(floor),
         machine=signals[0].machine,
+        white=np.repeat(np.transpose(whites), [len(segment.starts) for segment in segments], axis=1),
     )
     if any(segment.loose is not None for segment in segments):
         settle_steps(problem)
@@ -187,9 +189,13 @@ def _use(signals: Signals, j: int, force: Array, after_impacts: Flags) -> Flags:
     return use
 
 
-def _noise(segment: Segment) -> Array:
+def _white(segment: Segment) -> Array:
+    """White noise of each measured signal (OUTPUTS,), SI."""
+    return np.array([segment.white_noise(stage, signal) for stage, signal in enumerate(segment.measured)])
+
+
+def _noise(segment: Segment, white: Array) -> Array:
     """Standard deviation of the noise of each measured signal (OUTPUTS,), SI: white noise, and speed times jitter."""
-    white = np.array([segment.white_noise(stage, signal) for stage, signal in enumerate(segment.measured)])
     if segment.jitter_s == 0.0:
         return white
     speeds = np.gradient(segment.measured, segment.period_s, axis=1)

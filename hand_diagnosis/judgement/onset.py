@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hand_diagnosis.judgement.stage_errors import StageResult
-from hand_diagnosis.problem import likelihood_at_most, log_evidence, most_to_gain
+from hand_diagnosis.problem import likelihood_at_most, log_evidence, most_to_gain, white_squares
 from hand_diagnosis.search import JointSearch, amounts, refit_below_floor
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import FreeParameter, fixed
@@ -285,18 +285,23 @@ def _changing(problem: JointProblem, fit: MapFit, rows: Sequence[int], onset: On
     columns, starts = problem.columns(fit.free, fit.z[None])
     first, last = SETTINGS.min_onset_s, len(segment.angle_rad) * period_s - SETTINGS.min_onset_s
     low, high = first, last
-    scores: dict[float, float] = {}
+    left: dict[float, Array] = {}
+
+    def likelihood(squares: Array) -> Array:
+        return np.asarray(-0.5 * (counts * np.log1p(squares / counts)).sum(axis=-1))
+
     for _ in range(SETTINGS.onset_grids):
         times = np.unique(np.linspace(low, high, SETTINGS.onset_steps).round(decimals=9) // period_s) * period_s
         for at_s in times:
-            if float(at_s) not in scores:
+            if float(at_s) not in left:
                 changes = with_onset(problem, replace(onset, at_s=float(at_s)), rows)
-                squares = (changes.residuals(columns, starts)[0][0] ** 2).sum(axis=1) * problem.weight
-                scores[float(at_s)] = -0.5 * float((counts * np.log1p(squares / counts)).sum())
-        best, step = max(scores, key=scores.__getitem__), (high - low) / (SETTINGS.onset_steps - 1)
+                left[float(at_s)] = (changes.residuals(columns, starts)[0][0] ** 2).sum(axis=1) * problem.weight
+        best = max(left, key=lambda at_s: float(likelihood(left[at_s])))
+        step = (high - low) / (SETTINGS.onset_steps - 1)
         low, high = max(best - step, first), min(best + step, last)
-    times = np.array(sorted(scores))
-    return times, np.array([scores[float(at_s)] for at_s in times])
+    times = np.array(sorted(left))
+    squares = np.array([left[float(at_s)] for at_s in times])
+    return times, likelihood(squares - np.minimum(white_squares(problem), squares.min(axis=0)))
 
 
 def _both(problem: JointProblem, fit: MapFit, rows: Sequence[int]) -> tuple[Array, Array]:
@@ -315,8 +320,8 @@ def _profile(problem: JointProblem, on: Array, off: Array, begins: bool) -> tupl
     first, last = (off, on) if begins else (on, off)
     before = np.cumsum(first, axis=1)
     after = last.sum(axis=1, keepdims=True) - np.cumsum(last, axis=1)
-    counts = _independent(problem)[:, None]
-    score = -0.5 * (counts * np.log1p((before + after) / counts)).sum(axis=0)
+    counts, noise = _independent(problem)[:, None], white_squares(problem)[:, None]
+    score = -0.5 * (counts * np.log1p(np.maximum(before + after - noise, 0.0) / counts)).sum(axis=0)
     times = np.arange(1, on.shape[1] + 1) * segment.period_s
     inside = (times >= SETTINGS.min_onset_s) & (times <= times[-1] - SETTINGS.min_onset_s)
     return np.asarray(times[inside]), np.asarray(score[inside])
@@ -334,10 +339,9 @@ def _candidates(search: JointSearch, results: Sequence[StageResult]) -> list[Ons
     problem, found = search.problem, []
     if search.own_rows:
         on, off = _both(problem, search.final, search.own_rows)
-        counts = np.maximum(
-            problem.segments[0].use.sum(axis=1) * problem.segments[0].period_s / problem.correlation_s, 1.0
-        )
-        always = -0.5 * float((counts * np.log1p(on.sum(axis=1) / counts)).sum())
+        counts = _independent(problem)
+        left = np.maximum(on.sum(axis=1) - white_squares(problem), 0.0)
+        always = -0.5 * float((counts * np.log1p(left / counts)).sum())
         for begins in (True, False):
             times, score = _profile(problem, on, off, begins)
             if score.max() > always + SETTINGS.min_onset_gain:
@@ -365,28 +369,30 @@ def _change(problem: JointProblem, nominal: MapFit, begins: bool) -> tuple[float
         part = _with_only(problem, sound)
         fit = map_fit(part, nominal.free, np.zeros(len(nominal.z)), SETTINGS.nominal_iterations)
         squares = problem.residuals(*problem.columns(fit.free, fit.z[None]))[0][0] ** 2 * problem.weight[:, None]
-        gain, at, rises = _split(squares, segment.use, times, segment.period_s)
+        gain, at, rises = _split(squares, segment.use, white_squares(problem), times, segment.period_s)
         if gain < SETTINGS.min_onset_gain or rises != begins:
             return best
         best = gain, Onset(at, 0.0, begins, 0.0)
     return best
 
 
-def _split(squares: Array, use: Flags, times: Array, period_s: float) -> tuple[float, float, bool]:
+def _split(squares: Array, use: Flags, noise: Array, times: Array, period_s: float) -> tuple[float, float, bool]:
     """Gain in log likelihood of two scales of the noise, the time between them [s], and whether the second is larger.
 
-    squares: (OUTPUTS, T), weighted; of the signal that gains most.
+    squares: (OUTPUTS, T), weighted; of the signal that gains most.  noise: (OUTPUTS,) sums of those of white noise.
     """
     inside = (times >= SETTINGS.min_onset_s) & (times <= times[-1] - SETTINGS.min_onset_s)
     best = (-np.inf, 0.0, True)
-    for values, used in zip(squares, use, strict=True):
+    for values, used, white in zip(squares, use, noise, strict=True):
         n = np.cumsum(used) * min(period_s / FITS.correlation_s, 1.0)
-        total = np.cumsum(values)
         if n[-1] <= 1.0:
             continue
-        first, second = total / np.maximum(n, 1e-9), (total[-1] - total) / np.maximum(n[-1] - n, 1e-9)
+        total, least = np.cumsum(values), white * n / n[-1]
+        before, after = np.maximum(total - least, 0.0), np.maximum(total[-1] - total - (least[-1] - least), 0.0)
+        first, second = before / np.maximum(n, 1e-9), after / np.maximum(n[-1] - n, 1e-9)
         score = -0.5 * (n * np.log1p(first) + (n[-1] - n) * np.log1p(second))
-        score = np.where(inside, score + 0.5 * n[-1] * np.log1p(total[-1] / n[-1]), -np.inf)
+        whole = max(total[-1] - least[-1], 0.0) / n[-1]
+        score = np.where(inside, score + 0.5 * n[-1] * np.log1p(whole), -np.inf)
         k = int(np.argmax(score))
         if score[k] > best[0]:
             best = float(score[k]), float(times[k]), bool(second[k] > first[k])

@@ -11,10 +11,12 @@ from hand_diagnosis.problem.evidence import (
     log_likelihood,
     most_to_gain,
     shared_log_evidence,
+    shrunk,
     validation_rmse,
     weighted_by_noise,
     weighted_by_rest,
     white_parts,
+    white_squares,
 )
 from hand_diagnosis.problem.noise import noise_law
 from hand_diagnosis.problem.splits import (
@@ -77,6 +79,7 @@ __all__ = [
     "repeatability",
     "residuals_on_test",
     "shared_log_evidence",
+    "shrunk",
     "slice_of",
     "spans_of_test",
     "spared_last",
@@ -86,4 +89,5 @@ __all__ = [
     "weighted_by_noise",
     "weighted_by_rest",
     "white_parts",
+    "white_squares",
 ]

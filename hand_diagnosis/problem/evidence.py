@@ -2,7 +2,9 @@
 
 The scale of the correlated noise is not known beforehand, only its floor (FITS.floor). With n independent
 samples of a signal and the weighted sum of squares chi2, log p = -n/2 log(1 + chi2 / n): a parabola near the floor, and
-a logarithm far above it, where no model fits and differences of squares overstate what is known.
+a logarithm far above it, where no model fits and differences of squares overstate what is known. The white noise of
+the readings is known, and hardly anything of it is left in the mean over one independent sample: its squares do not
+count.
 """
 
 from __future__ import annotations
@@ -23,8 +25,24 @@ from hand_model.arrays import Array, Flags
 def log_likelihood(problem: JointProblem, squares: Array, blocks: Flags) -> float:
     """Log likelihood of the blocks chosen (blocks,), from sums of squares (OUTPUTS, blocks) in SI."""
     counts = np.maximum(problem.effective_counts(blocks), 1.0)
-    chi2 = (problem.block_weights * squares)[:, blocks].sum(axis=1)
-    return float(-0.5 * (counts * np.log1p(chi2 / counts)).sum())
+    return float(-0.5 * (counts * np.log1p(_misfit(problem, squares, blocks) / counts)).sum())
+
+
+def _misfit(problem: JointProblem, squares: Array, blocks: Flags) -> Array:
+    """Weighted sums (OUTPUTS,) of squares (OUTPUTS, blocks) in the blocks chosen, without those of white noise."""
+    total: Array = (problem.block_weights * squares)[:, blocks].sum(axis=1)
+    return np.maximum(total - white_squares(problem, blocks), 0.0)
+
+
+def white_squares(problem: JointProblem, blocks: Flags | None = None) -> Array:
+    """Weighted squares (OUTPUTS,) of the readings' white noise in all blocks or those chosen (blocks,); see its field.
+
+    0 where it is not left out.
+    """
+    if problem.white is None:
+        return np.zeros(len(problem.weight))
+    squares = problem.block_weights * problem.white[:, : problem.blocks] ** 2 * problem.block_counts
+    return np.asarray(squares[:, slice(None) if blocks is None else blocks].sum(axis=1))
 
 
 def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[Sequence[int]] = ()) -> float:
@@ -38,7 +56,7 @@ def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[Sequence
     """
     if not np.isfinite(fit.normal).all():
         return -np.inf
-    precision = np.eye(len(fit.z)) + _shrink(problem, fit) * fit.normal
+    precision = np.eye(len(fit.z)) + shrunk(problem, fit) * fit.normal
     whole = _fitted_likelihood(problem, fit.squares) + _laplace(fit.z, precision)
     covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
     return whole + sum(_mean_over_subsets(fit.z, covariance, group) for group in optional)
@@ -59,7 +77,7 @@ def shared_log_evidence(
         return -np.inf
     total, shrink = 0.0, []
     for problem, fit, groups in zip(problems, found.fits, optional, strict=True):
-        shrink.append(_shrink(problem, fit))
+        shrink.append(shrunk(problem, fit))
         private = len(fit.z) - count
         precision = np.eye(private) + shrink[-1] * fit.normal[:private, :private]
         total += _fitted_likelihood(problem, fit.squares) + _laplace(fit.z[:private], precision)
@@ -71,12 +89,11 @@ def shared_log_evidence(
     return total + sum(_mean_over_subsets(found.z, covariance, group) for group in optional_shared)
 
 
-def _shrink(problem: JointProblem, fit: MapFit) -> float:
+def shrunk(problem: JointProblem, fit: MapFit) -> float:
     """Factor of the curvature of a fit: far above the floor the noise is larger than its weight says."""
     train = ~problem.validation
     counts = np.maximum(problem.effective_counts(train), 1.0)
-    chi2 = (problem.block_weights * fit.squares)[:, train].sum(axis=1)
-    return float((counts.sum()) / (counts.sum() + chi2.sum()))
+    return float(counts.sum() / (counts.sum() + _misfit(problem, fit.squares, train).sum()))
 
 
 def most_to_gain(problem: JointProblem, fit: MapFit, known: MapFit | None = None) -> float:
@@ -85,8 +102,11 @@ def most_to_gain(problem: JointProblem, fit: MapFit, known: MapFit | None = None
     known: a fit with residuals, which show the noise; by default the fit itself.
     """
     noise = white_parts(problem, known or fit)[:, None] ** 2 * problem.block_counts
-    best = _fitted_likelihood(problem, np.minimum(fit.squares, noise))
-    return best - _fitted_likelihood(problem, fit.squares)
+    best = fit.squares.copy()
+    for part in (problem.validation, ~problem.validation):  # single blocks have less than their noise by chance
+        total, least = (squares[:, part].sum(axis=1) for squares in (fit.squares, noise))
+        best[:, part] *= np.minimum(least / np.maximum(total, 1e-300), 1.0)[:, None]
+    return _fitted_likelihood(problem, best) - _fitted_likelihood(problem, fit.squares)
 
 
 def likelihood_at_most(problem: JointProblem, fit: MapFit, part: JointProblem, squares: Array) -> float:
@@ -186,7 +206,7 @@ def weighted_by_noise(problem: JointProblem, fit: MapFit) -> JointProblem:
     for stage, noise in enumerate(white_parts(problem, fit)):
         if noise > 0.0:
             weight[stage] = max(min(weight[stage], 1.0 / noise**2), problem.weight[stage])
-    return replace(problem, weight=weight)
+    return replace(problem, weight=weight, white=None)
 
 
 def weighted_by_rest(problem: JointProblem, fit: MapFit) -> JointProblem:

@@ -267,7 +267,7 @@ def _with_best_law(
         return hypothesis
     fit = map_fit(problem, law.fit.free, law.fit.z, SETTINGS.restart_iterations)
     learned = judged(problem, current, hypothesis.effect, fit, rng)
-    if learned.log_evidence < hypothesis.log_evidence + SETTINGS.min_log_evidence:
+    if learned.log_evidence < hypothesis.log_evidence:
         return hypothesis
     return replace(learned, freed=(*hypothesis.freed, *law.freed), textbook=hypothesis.fit.without_arrays())
 

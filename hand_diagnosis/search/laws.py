@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hand_diagnosis.problem import block_bootstrap, fitted_rmse, log_likelihood, validation_rmse
+from hand_diagnosis.problem import block_bootstrap, fitted_rmse, log_likelihood, shrunk, validation_rmse
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import START_CREEP, FreeParameter, law_free_parameters, probe_values
 from hand_identification.joint_problem import JointProblem
@@ -118,13 +118,13 @@ def training_evidence(problem: JointProblem, fit: MapFit) -> float:
     if not np.isfinite(fit.normal).all():
         return -np.inf
     train = ~problem.validation
-    _, logdet = np.linalg.slogdet(np.eye(len(fit.z)) + _shrink(problem, fit) * fit.normal)
+    _, logdet = np.linalg.slogdet(np.eye(len(fit.z)) + shrunk(problem, fit) * fit.normal)
     return log_likelihood(problem, fit.squares, train) - 0.5 * float(fit.z @ fit.z) - 0.5 * float(logdet)
 
 
 def posterior_covariance(problem: JointProblem, fit: MapFit) -> Array:
     """Covariance of the coordinates (free, free) [-]; where the error is above the floor, its scale is the error's."""
-    precision = np.eye(len(fit.z)) + _shrink(problem, fit) * fit.normal
+    precision = np.eye(len(fit.z)) + shrunk(problem, fit) * fit.normal
     return np.asarray(np.linalg.inv(precision), dtype=np.float64)
 
 
@@ -136,14 +136,6 @@ def posterior_draws(problem: JointProblem, fit: MapFit) -> Array:
     rng = np.random.default_rng(SETTINGS.noise_seed)
     covariance = posterior_covariance(problem, fit)
     return rng.multivariate_normal(fit.z, covariance, SETTINGS.law_draws, method="eigh")
-
-
-def _shrink(problem: JointProblem, fit: MapFit) -> float:
-    """Ratio of the floor's variance to that of the error."""
-    train = ~problem.validation
-    counts = np.maximum(problem.effective_counts(train), 1.0)
-    chi2 = (problem.block_weights * fit.squares)[:, train].sum(axis=1)
-    return float(counts.sum() / (counts.sum() + chi2.sum()))
 
 
 def _starts(

@@ -15,7 +15,7 @@ from hand_identification.map_fit import MapFit, map_fit
 from hand_model.description import Hand
 from hand_model.effects import EFFECTS
 from hand_model.kernel.rows import ROW
-from test.diagnosis.recordings import changed, record
+from test.diagnosis.recordings import ANGLE_NOISE_RAD, changed, record
 
 JOINT = "index_distal"
 
@@ -60,6 +60,27 @@ def test_no_model_gains_more_than_what_is_above_the_white_noise(hand: Hand) -> N
     assert gained > 20.0
     assert gained <= most_to_gain(problem, plain) < gained + 5.0
     assert 0.0 <= most_to_gain(problem, right) < 2.0
+
+
+def test_white_noise_is_no_evidence_against_a_model(hand: Hand) -> None:
+    """Fails when sensors of four times the noise hide an effect that their mean over half a second shows as well."""
+    gains, moved = [], changed(hand, JOINT, coulomb_friction__torque_nm=5e-4)
+    quiet = record(moved, np.random.default_rng(83), 20.0)
+    noise = 3.0 * np.random.default_rng(84).standard_normal(quiet.angle_rad.shape)
+    loud = replace(quiet, angle_rad=quiet.angle_rad + ANGLE_NOISE_RAD * noise)
+    keys = ("coulomb_friction.torque_nm",)
+    for signals in (quiet, loud):
+        task = Task(signals=[signals], model=hand, joints=[JOINT], effects=[], tolerance=0.05, seed=0, floors={})
+        ready = task.prepare(JOINT)
+        plain = map_fit(ready.problem, ready.free, np.zeros(len(ready.free)), 12)
+        own = effect_free_parameters(EFFECTS["coulomb_friction"], ready.problem.nominal)
+        free = merged(ready.free, [parameter for parameter in own if parameter.key in keys])
+        start = np.where([parameter.key in keys for parameter in free], 0.05, 0.0)
+        found = map_fit(ready.problem, free, start, 12)
+        gains.append(log_evidence(ready.problem, found) - log_evidence(ready.problem, plain))
+    print("gains", gains)
+    assert gains[0] > 20.0
+    assert gains[1] > 0.7 * gains[0]
 
 
 def test_validation_blocks_are_evidence(hand: Hand) -> None:
