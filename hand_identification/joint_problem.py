@@ -111,8 +111,8 @@ class JointProblem:
     holds_out: whether there are validation blocks; without, every block is fitted.  draw: number of their drawing.
     spared: first sample and the one behind the last of the test data of the only recording; None: the usual ones.
     correlation_s: distance of samples that count as independent.  machine: whether it is another one than a hand.
-    white: (OUTPUTS, blocks) SI, white noise of the readings, which says nothing against a model; None: all that is left
-    does, as where the weights are those of the white noise.
+    white: (OUTPUTS, blocks) SI, white noise of the readings, which is no evidence against a model; None: it counts, as
+    where the weights are those of the white noise.
     """
 
     joint: str

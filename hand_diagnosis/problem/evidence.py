@@ -29,13 +29,13 @@ def log_likelihood(problem: JointProblem, squares: Array, blocks: Flags) -> floa
 
 
 def _misfit(problem: JointProblem, squares: Array, blocks: Flags) -> Array:
-    """Weighted sums (OUTPUTS,) of squares (OUTPUTS, blocks) in the blocks chosen, without those of white noise."""
+    """Weighted sums (OUTPUTS,) [-] of squares (OUTPUTS, blocks) [SI] in the blocks chosen, without white noise."""
     total: Array = (problem.block_weights * squares)[:, blocks].sum(axis=1)
     return np.maximum(total - white_squares(problem, blocks), 0.0)
 
 
 def white_squares(problem: JointProblem, blocks: Flags | None = None) -> Array:
-    """Weighted squares (OUTPUTS,) of the readings' white noise in all blocks or those chosen (blocks,); see its field.
+    """Weighted squares (OUTPUTS,) [-] of the white noise (JointProblem.white) in all blocks or those chosen (blocks,).
 
     0 where it is not left out.
     """
@@ -90,7 +90,7 @@ def shared_log_evidence(
 
 
 def shrunk(problem: JointProblem, fit: MapFit) -> float:
-    """Factor of the curvature of a fit: far above the floor the noise is larger than its weight says."""
+    """Factor [-] of the curvature of a fit: far above the floor the noise is larger than its weight says."""
     train = ~problem.validation
     counts = np.maximum(problem.effective_counts(train), 1.0)
     return float(counts.sum() / (counts.sum() + _misfit(problem, fit.squares, train).sum()))
