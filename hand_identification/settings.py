@@ -161,6 +161,15 @@ class IdentificationSettings:
     least_scale_gain: float = setting(
         1.0, "nats", "Least fall of the cost by the prior for which that is tried.", CHOICE, "Slower.",
         "Torques keep a common error.")
+    idle_information: float = setting(
+        0.01, "-", "Information of the data in a number, relative to that of its prior, below which it is idle.",
+        CHOICE, "Stops that a fit has stepped away from stay there.", "Numbers that the data show a little lose that.")
+    idle_difference: float = setting(
+        0.01, "sigma", "Difference of an idle number from its expected value that is left as it is.", CHOICE, "Slower.",
+        "Stops stay a little wrong.")
+    idle_cost: float = setting(
+        1.0, "cost", "Rise of the cost below which an idle number gets its expected value.", CHOICE,
+        "Stops that a fit has stepped away from stay there.", "Numbers that fit better are lost.")
     iterations: int = setting(
         12, "iterations", "Iterations of a fit where none are given.", CHOICE, "Fits end early.", "No other result.")
     tolerance: float = setting(

@@ -30,6 +30,7 @@ from hand_diagnosis.search.laws import learn_law, posterior_covariance, thinned
 from hand_diagnosis.settings import SETTINGS, FitPass
 from hand_identification.common_scale import at_prior_scale
 from hand_identification.free_parameters import FreeParameter, law_free_parameters, speed_free_parameters
+from hand_identification.idle_numbers import idle_at_prior
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, map_fit, residual_is_correlated
 from hand_identification.robust_errors import robust_errors
@@ -131,7 +132,7 @@ def refit_below_floor(problem: JointProblem, fit: MapFit) -> MapFit:
     """
     sharp = weighted_by_noise(problem, fit)
     refit = map_fit(sharp, fit.free, fit.z, SETTINGS.refit_iterations).without_slopes()
-    return at_floor(problem, at_prior_scale(sharp, refit))
+    return at_floor(problem, idle_at_prior(sharp, at_prior_scale(sharp, refit)))
 
 
 def with_validation(

@@ -11,6 +11,7 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from hand_identification.common_scale import at_prior_scale
 from hand_identification.free_parameters import FreeParameter, nominal_free_parameters
+from hand_identification.idle_numbers import idle_at_prior
 from hand_identification.joint_data import joint_problem
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, costs_at, map_fit, multi_start
@@ -217,3 +218,29 @@ def test_torques_that_are_all_too_large_return_to_their_prior(problem: JointProb
     measured = replace(problem, segments=[replace(s, use=np.ones_like(s.use)) for s in problem.segments])
     assert at_prior_scale(measured, drifted) is drifted
     assert at_prior_scale(problem, back) is back
+
+
+def _with_stop(problem: JointProblem, free: list[FreeParameter], beyond_deg: float) -> tuple[FreeParameter, ...]:
+    """The free parameters and the angle of a stop, expected beyond the largest angle that was read, give or take 5."""
+    row = ROW["end_stop.high_deg"]
+    expected = problem.motion_rad[1] + np.radians(beyond_deg)
+    return (*free, FreeParameter(row, expected, float(np.radians(5.0)), False, -1.0, 3.0))
+
+
+@pytest.mark.parametrize("beyond_deg", [2.0, -10.0], ids=["not reached", "in the way"])
+def test_a_stop_that_is_not_reached_returns_to_its_expected_angle(
+    problem: JointProblem, free: list[FreeParameter], beyond_deg: float
+) -> None:
+    """Fails when a fit keeps a stop where it stepped to and which the joint does not reach, or moves it into
+    the way.
+    """
+    with_stop = _with_stop(problem, free, beyond_deg)
+    fitted = map_fit(problem, free, np.zeros(len(free)))
+    done = map_fit(problem, with_stop, np.array([*fitted.z, (12.0 - beyond_deg) / 5.0]), 1)
+    assert done.normal[-1, -1] == 0.0 and done.z[-1] > 1.0
+    back = idle_at_prior(problem, done)
+    assert back.z[:-1] == pytest.approx(done.z[:-1])
+    if beyond_deg > 0.0:
+        assert back.z[-1] == 0.0 and back.cost < done.cost
+    else:
+        assert back is done
