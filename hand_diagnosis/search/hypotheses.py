@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hand_diagnosis.problem import block_bootstrap, fitted_rmse, log_evidence, validation_rmse
+from hand_diagnosis.problem import block_bootstrap, fitted_rmse, log_evidence, swings_freely, validation_rmse
+from hand_diagnosis.search.horizons import from_the_first_part
 from hand_diagnosis.settings import SETTINGS, FitPass
 from hand_identification.free_parameters import (
     START_CREEP,
@@ -212,9 +213,11 @@ def promising(
     """Effects to fit, by the predicted gain of their probes; where every gain is small, also by the cost of starts.
 
     Where one of them promises much, effects that the nominal numbers imitate are tried, too: those numbers have moved
-    to where the effect promises nothing. laws: see `screen`.
+    to where the effect promises nothing. Twice as many of an axis that swings freely, where no promise is worth much:
+    its errors are not proportional to what is missing. laws: see `screen`.
     """
     coarse = SETTINGS.passes[0]
+    most = 2 * coarse.most if swings_freely(problem) else coarse.most
     screened = screen(problem, current, effects, laws=laws)
     worth = [found for found in screened if found.gain > SETTINGS.min_promised_gain]
     if not worth:
@@ -223,11 +226,11 @@ def promising(
         least = max(SETTINGS.min_promised_gain, SETTINGS.hidden_gain * worth[0].gain)
         tried = [_tried(problem, current, found) for found in screened if _may_hide(found)]
         worth = [*worth, *(found for found in tried if found.gain > least)]
-        return sorted(worth, key=lambda found: -found.gain)[: coarse.most]
-    others = [(float(_begin(problem, current, s, coarse)[2].min()), s) for s in screened[len(worth[: coarse.most]) :]]
+        return sorted(worth, key=lambda found: -found.gain)[:most]
+    others = [(float(_begin(problem, current, s, coarse)[2].min()), s) for s in screened[len(worth[:most]) :]]
     limit = current.cost - SETTINGS.min_promised_gain
     others = sorted((pair for pair in others if pair[0] < limit), key=lambda pair: pair[0])
-    return worth[: coarse.most] + [found for _, found in others[: coarse.most]]
+    return worth[:most] + [found for _, found in others[:most]]
 
 
 def _may_hide(found: Screened) -> bool:
@@ -246,13 +249,17 @@ def _tried(problem: JointProblem, current: MapFit, screened: Screened) -> Screen
 def fit_roughly(problem: JointProblem, current: MapFit, screened: Screened, rng: np.random.Generator) -> Hypothesis:
     """The hypothesis of an effect by the first, coarse pass, from the screen's start and from the cheapest one.
 
-    Of a law and its textbook form, the form counts unless the law has clearly more evidence.
+    Of an axis that swings freely, also from where both lead in the first part of its recordings. Of a law and its
+    textbook form, the form counts unless the law has clearly more evidence.
     """
     coarse = SETTINGS.passes[0]
     rough = replace(problem, step_s=coarse.step_s)
     free, starts, costs = _begin(problem, current, screened, coarse)
     cheapest = starts[1 + int(np.argmin(costs[1:]))]
-    tried = [map_fit(rough, free, start, coarse.iterations, coarse.tolerance) for start in (starts[0], cheapest)]
+    begun = [starts[0], cheapest]
+    if swings_freely(problem):
+        begun += [from_the_first_part(rough, free, start, coarse) for start in begun]
+    tried = [map_fit(rough, free, start, coarse.iterations, coarse.tolerance) for start in begun]
     best = min(tried, key=lambda fit: fit.cost)
     made = replace(judged(problem, current, screened.effect, best.without_arrays(), rng), freed=_freed(screened))
     if screened.plain is None:

@@ -12,7 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from hand_diagnosis.problem import fitted_rmse, log_evidence, validation_rmse, white_parts
+from hand_diagnosis.problem import fitted_rmse, log_evidence, validation_rmse
+from hand_diagnosis.search.acceptance import error_taken, is_accepted, leaves_much, too_small
 from hand_diagnosis.search.completion import (
     completed,
     learned_below_floor,
@@ -43,10 +44,6 @@ from hand_model.effects.effect import Effect
 from hand_model.kernel.rows import ROW
 
 SCATTER = "the scatter of the fit over its starting points"
-REPEATABILITY = "the repeatability"
-Errors = Callable[[JointProblem, Array], Array]
-"""RMS errors (OUTPUTS,) from squares (OUTPUTS, blocks)."""
-
 
 Beginning = Callable[[JointSearch, MapFit, np.random.Generator], Hypothesis]
 """Adds a round to a search and returns the effect that it chose, around the model so far."""
@@ -76,6 +73,7 @@ def search_joint(
     left = [effect for effect in effects if effect.name not in given]
     for _ in range(SETTINGS.max_effects):
         best = _best_of_round(found, current, evidence, left, rng)
+        best = best or _next_to_textbook(found, current, evidence, left, rng)
         if best is None:
             break
         found.accepted.append(best)
@@ -149,20 +147,45 @@ def _best_of_round(
     found.rounds.append(hypotheses)
     found.evidences.append(evidence)
     for hypothesis in hypotheses:
-        if not _is_accepted(problem, current, hypothesis, evidence):
+        if not is_accepted(problem, current, hypothesis, evidence):
             continue
         best = hypothesis
         if not best.fit.residuals:  # only the coarse passes fitted it
             best = refined(problem, current, best, SETTINGS.passes[-1], rng)
-            if not _is_accepted(problem, current, best, evidence):
+            if not is_accepted(problem, current, best, evidence):
                 continue
         best, scatter = _from_other_starts(problem, current, best, rng)
-        taken = max(_error_taken(problem, current, best, rmse) for rmse in (validation_rmse, fitted_rmse))
+        taken = max(error_taken(problem, current, best, rmse) for rmse in (validation_rmse, fitted_rmse))
         if taken >= scatter:
             return _with_textbook(problem, replace(best, fit=with_slopes(problem, best.fit)))
         found.not_claimable.append(NotClaimable(best.effect, best.stage, taken, scatter, SCATTER))
-    found.not_claimable += _too_small(problem, current, hypotheses)
+    found.not_claimable += too_small(problem, current, hypotheses)
     return None
+
+
+def _next_to_textbook(
+    found: JointSearch, current: MapFit, evidence: float, effects: Sequence[Effect], rng: np.random.Generator
+) -> Hypothesis | None:
+    """The effect to add where nothing helps next to the last law: in addition to its textbook form, it explains more.
+
+    A learned law may take over a second effect in part, as drag at low speeds does friction; no other one then helps,
+    although much is left. If two textbook forms have clearly more evidence, the last effect gets its own back.
+    """
+    last = found.accepted[-1] if found.accepted else None
+    if last is None or last.given or last.textbook is None or not leaves_much(found.problem, current, current):
+        return None
+    textbook = last.textbook
+    plain = map_fit(found.problem, textbook.free, textbook.z, SETTINGS.nominal_iterations)
+    kept, small = len(found.rounds), list(found.not_claimable)
+    best = _best_of_round(found, plain, log_evidence(found.problem, plain, amounts(plain)), effects, rng)
+    surpasses = best is not None and best.log_evidence >= evidence + SETTINGS.min_log_evidence
+    gone = kept - 1 if surpasses else kept  # the round that found nothing, or this one
+    del found.rounds[gone], found.evidences[gone]
+    if best is None or not surpasses:
+        found.not_claimable = small
+        return None
+    found.accepted[-1] = replace(last, fit=plain, freed=(), textbook=None)
+    return best
 
 
 def _with_textbook(problem: JointProblem, best: Hypothesis) -> Hypothesis:
@@ -194,14 +217,14 @@ def _driven_by_own_valve(problem: JointProblem, fit: MapFit) -> MapFit:
 def _round(
     problem: JointProblem, current: MapFit, effects: Sequence[Effect], rng: np.random.Generator, *, laws: bool
 ) -> list[Hypothesis]:
-    chosen = promising(problem, current, effects, laws=laws and _leaves_much(problem, current, current))
+    chosen = promising(problem, current, effects, laws=laws and leaves_much(problem, current, current))
     ranked = _ranked([fit_roughly(problem, current, screened, rng) for screened in chosen])
     for fit_pass in SETTINGS.passes[1:]:
         ranked = [replace(hypothesis, fit=hypothesis.fit.without_arrays()) for hypothesis in ranked]
         near = ranked[: fit_pass.most]
         if fit_pass is SETTINGS.passes[-1]:
             near = [h for h in near if h.log_evidence > ranked[0].log_evidence - SETTINGS.max_evidence_gap]
-        elif near and _leaves_much(problem, current, near[0].fit):
+        elif near and leaves_much(problem, current, near[0].fit):
             near = [restarted(problem, current, hypothesis, fit_pass, rng) for hypothesis in near]
         further = [_without_slopes(refined(problem, current, each, fit_pass, rng)) for each in near]
         ranked = _ranked(further + ranked[len(near) :])
@@ -225,7 +248,7 @@ def _with_best_laws(
     if not hypotheses:
         return []
     freed = [k for k, h in enumerate(hypotheses) if h.effect.coefficients][: SETTINGS.law_leaders]
-    if _leaves_much(problem, current, hypotheses[0].fit):
+    if leaves_much(problem, current, hypotheses[0].fit):
         return _with_laws_of(problem, current, hypotheses, freed, rng)
     # A textbook form fits; a rival that explains most of it may do so with its law; the leader then gets its own, too.
     enough = current.cost - SETTINGS.rival_share * (current.cost - hypotheses[0].fit.cost)
@@ -274,56 +297,6 @@ def _with_best_law(
 
 def _ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     return sorted(hypotheses, key=lambda hypothesis: -hypothesis.log_evidence)
-
-
-def _is_accepted(problem: JointProblem, current: MapFit, hypothesis: Hypothesis, evidence: float) -> bool:
-    """Whether the evidence for an effect over the model without it, of log evidence `evidence`, is enough.
-
-    Either the validation error falls significantly as well, or the evidence is strong; then the error may fall where
-    only training blocks show the effect. In both cases the error that the effect removes is larger than what may be
-    claimed. The evidence counts effective coefficients: in Laplace's determinant a coefficient that the data do not
-    determine has the factor 1.
-    """
-    gain = hypothesis.log_evidence - evidence
-    if gain < SETTINGS.min_log_evidence or hypothesis.fall[1] < 0.0:
-        return False
-    if hypothesis.fall[0] > 0.0 and _large(problem, current, hypothesis, validation_rmse):
-        return True
-    strong = gain >= SETTINGS.strong_log_evidence
-    return strong and any(_large(problem, current, hypothesis, rmse) for rmse in (validation_rmse, fitted_rmse))
-
-
-def _large(problem: JointProblem, current: MapFit, hypothesis: Hypothesis, rmse: Errors) -> bool:
-    """Whether an error falls by a share of itself that counts, and by more than may be claimed."""
-    stage = hypothesis.stage
-    before, after = (float(rmse(problem, fit.squares)[stage]) for fit in (current, hypothesis.fit))
-    large = _error_taken(problem, current, hypothesis, rmse) > float(problem.claimable[stage])
-    return large and before - after > SETTINGS.min_relative_improvement * before
-
-
-def _error_taken(
-    problem: JointProblem, current: MapFit, hypothesis: Hypothesis, rmse: Errors = validation_rmse
-) -> float:
-    """Error that an effect removes, SI: the root of the fall of the mean square, by default on validation data."""
-    before, after = (rmse(problem, fit.squares)[hypothesis.stage] for fit in (current, hypothesis.fit))
-    return float(np.sqrt(max(before**2 - after**2, 0.0)))
-
-
-def _too_small(problem: JointProblem, current: MapFit, hypotheses: Sequence[Hypothesis]) -> list[NotClaimable]:
-    """Improvements that the validation data confirm and that are below the repeatability."""
-    small = []
-    for h in hypotheses:
-        taken, claimable = _error_taken(problem, current, h), float(problem.claimable[h.stage])
-        if h.fall[0] > 0.0 and SETTINGS.min_listed_floors * problem.floor[h.stage] < taken <= claimable:
-            small.append(NotClaimable(h.effect, h.stage, taken, claimable, REPEATABILITY))
-    return small[: SETTINGS.listed_improvements]
-
-
-def _leaves_much(problem: JointProblem, current: MapFit, fit: MapFit) -> bool:
-    """Whether a fit leaves an error clearly above the noise, the white part of the current residuals, of any signal."""
-    rmse = np.fmax(validation_rmse(problem, fit.squares), fitted_rmse(problem, fit.squares))
-    left = np.nan_to_num(rmse**2 - white_parts(problem, current) ** 2)
-    return bool(np.any(left > (SETTINGS.law_min_excess * problem.floor) ** 2))
 
 
 def _from_other_starts(
