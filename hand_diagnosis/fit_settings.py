@@ -166,7 +166,7 @@ class FitSettings:
         (0.1, 0.3, 1.0, 2.5, 6.0), "-", "Shares of the way to each probe at which starts are simulated.", CHOICE,
         "Large effects start too far away.", "Small effects start too far away.")
     horizons: tuple[float, ...] = setting(
-        (0.15, 0.4), "-", "Shares of every recording of an axis that swings freely to which a start is fitted first.",
+        (0.15, 0.4), "-", "Shares of every recording of an axis that was released to which a start is fitted first.",
         CHOICE, "Late swings are fitted by wrong turns.", "Slower.")
     restart_points: int = setting(
         160, "points", "Points elsewhere in the numbers of a leading effect that leaves more than noise.", CHOICE,

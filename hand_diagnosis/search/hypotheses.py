@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hand_diagnosis.problem import block_bootstrap, fitted_rmse, log_evidence, swings_freely, validation_rmse
-from hand_diagnosis.search.horizons import from_the_first_part
+from hand_diagnosis.problem import block_bootstrap, fitted_rmse, log_evidence, validation_rmse
+from hand_diagnosis.search.horizons import from_the_first_part, is_released
 from hand_diagnosis.settings import SETTINGS, FitPass
 from hand_identification.free_parameters import (
     START_CREEP,
@@ -213,11 +213,11 @@ def promising(
     """Effects to fit, by the predicted gain of their probes; where every gain is small, also by the cost of starts.
 
     Where one of them promises much, effects that the nominal numbers imitate are tried, too: those numbers have moved
-    to where the effect promises nothing. Twice as many of an axis that swings freely, where no promise is worth much:
+    to where the effect promises nothing. Twice as many of an axis that was released, where no promise is worth much:
     its errors are not proportional to what is missing. laws: see `screen`.
     """
     coarse = SETTINGS.passes[0]
-    most = 2 * coarse.most if swings_freely(problem) else coarse.most
+    most = 2 * coarse.most if is_released(problem) else coarse.most
     screened = screen(problem, current, effects, laws=laws)
     worth = [found for found in screened if found.gain > SETTINGS.min_promised_gain]
     if not worth:
@@ -249,7 +249,7 @@ def _tried(problem: JointProblem, current: MapFit, screened: Screened) -> Screen
 def fit_roughly(problem: JointProblem, current: MapFit, screened: Screened, rng: np.random.Generator) -> Hypothesis:
     """The hypothesis of an effect by the first, coarse pass, from the screen's start and from the cheapest one.
 
-    Of an axis that swings freely, also from where both lead in the first part of its recordings. Of a law and its
+    Of an axis that was released, also from where the latter leads in the first part of its recordings. Of a law and its
     textbook form, the form counts unless the law has clearly more evidence.
     """
     coarse = SETTINGS.passes[0]
@@ -257,8 +257,8 @@ def fit_roughly(problem: JointProblem, current: MapFit, screened: Screened, rng:
     free, starts, costs = _begin(problem, current, screened, coarse)
     cheapest = starts[1 + int(np.argmin(costs[1:]))]
     begun = [starts[0], cheapest]
-    if swings_freely(problem):
-        begun += [from_the_first_part(rough, free, start, coarse) for start in begun]
+    if is_released(problem):
+        begun.append(from_the_first_part(rough, free, cheapest, coarse))
     tried = [map_fit(rough, free, start, coarse.iterations, coarse.tolerance) for start in begun]
     best = min(tried, key=lambda fit: fit.cost)
     made = replace(judged(problem, current, screened.effect, best.without_arrays(), rng), freed=_freed(screened))
