@@ -12,7 +12,13 @@ from scipy.integrate import solve_ivp
 
 from hand_diagnosis.diagnosis import Diagnosis, diagnose
 from hand_diagnosis.pages import page_plots
+from hand_diagnosis.problem import Task
+from hand_diagnosis.search.horizons import from_the_first_part, is_released
+from hand_diagnosis.settings import SETTINGS
+from hand_identification.free_parameters import effect_free_parameters, merged
+from hand_identification.map_fit import map_fit
 from hand_machine.machine import Machine, load_machine
+from hand_model.effects import EFFECTS
 from hand_model.kernel.rows import JOINT_PARAMETERS, ROW
 
 SEED = 11
@@ -98,9 +104,39 @@ def test_the_viscous_friction_of_a_released_pendulum_is_named(tmp_path: Path, mo
     assert page_plots.state_means(result.joints[0], 1) is None
 
 
+def test_a_fit_begins_with_the_first_swings(tmp_path: Path) -> None:
+    """Broken by a start from which the late swings of a recording are fitted by a wrong number of them."""
+    machine = _loaded(_swings(tmp_path, 50.0, 20.0, 0.0, 5e-4, (1.6, 0.9), drag=1.4e-5))
+    effect, rng = EFFECTS["coulomb_friction"], np.random.default_rng(SEED)
+    task = Task(
+        signals=machine.signals,
+        model=machine.model,
+        joints=["axis"],
+        effects=[effect],
+        tolerance=0.05,
+        seed=0,
+        floors={},
+    )
+    ready = task.prepare("axis")
+    problem = ready.problem
+    assert is_released(problem)
+    free = merged(ready.free, effect_free_parameters(effect, problem.nominal))
+    coarse, costs = SETTINGS.passes[0], []
+    for _ in range(6):
+        start = rng.standard_normal(len(free))
+        first = from_the_first_part(problem, free, start, coarse)
+        costs.append([map_fit(problem, free, z, 12).cost for z in (start, first)])
+    print(np.array(costs))
+    direct, begun = np.median(costs, axis=0)
+    assert begun < 0.5 * direct
+
+
 @pytest.mark.parametrize(
     ("starts", "seconds", "rate_hz", "noise_rad"),
-    [((1.62, 1.22, 0.94, 0.73), 9.0, 100.0, 2e-5), ((1.6, 0.9, 0.5), 20.0, 50.0, 1e-3)],
+    [
+        ((1.62, 1.22, 0.94, 0.73), 9.0, 100.0, 2e-5),
+        pytest.param((1.6, 0.9, 0.5), 20.0, 50.0, 1e-3, marks=pytest.mark.long),
+    ],
     ids=["exact", "long"],
 )
 def test_drag_and_friction_of_a_released_pendulum_are_two_effects(
