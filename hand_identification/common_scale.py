@@ -28,10 +28,9 @@ _DRIVE, _INPUT = "drive_gain.error", "statics.a2_nm_per_pa"
 def at_prior_scale(problem: JointProblem, fit: MapFit) -> MapFit:
     """A fit continued from where all torques are scaled alike towards their prior, where that one costs less."""
     places = {parameter.key: k for k, parameter in enumerate(fit.free)}
-    if _DRIVE in places and _INPUT in places:
-        fit = _nearer(problem, fit, {places[_DRIVE]: 1.0, places[_INPUT]: -1.0})
     scaled = {k: 1.0 for key, k in places.items() if _TORQUE.search(key) or key == _DRIVE}
-    if _DRIVE in places and _INPUT in places:
+    if {_DRIVE, _INPUT} <= places.keys():
+        fit = _nearer(problem, fit, {places[_DRIVE]: 1.0, places[_INPUT]: -1.0})
         del scaled[places[_INPUT]]
     measured = any(bool(segment.use[FORCE].any()) for segment in problem.segments)
     return fit if measured or problem.driven or not scaled else _nearer(problem, fit, scaled)

@@ -286,22 +286,18 @@ def _changing(problem: JointProblem, fit: MapFit, rows: Sequence[int], onset: On
     first, last = SETTINGS.min_onset_s, len(segment.angle_rad) * period_s - SETTINGS.min_onset_s
     low, high = first, last
     left: dict[float, Array] = {}
-
-    def likelihood(squares: Array) -> Array:
-        return np.asarray(-0.5 * (counts * np.log1p(squares / counts)).sum(axis=-1))
-
     for _ in range(SETTINGS.onset_grids):
         times = np.unique(np.linspace(low, high, SETTINGS.onset_steps).round(decimals=9) // period_s) * period_s
         for at_s in times:
             if float(at_s) not in left:
                 changes = with_onset(problem, replace(onset, at_s=float(at_s)), rows)
                 left[float(at_s)] = (changes.residuals(columns, starts)[0][0] ** 2).sum(axis=1) * problem.weight
-        best = max(left, key=lambda at_s: float(likelihood(left[at_s])))
+        best = max(left, key=lambda at_s: float(_likelihood(counts, left[at_s])))
         step = (high - low) / (SETTINGS.onset_steps - 1)
         low, high = max(best - step, first), min(best + step, last)
     times = np.array(sorted(left))
     squares = np.array([left[float(at_s)] for at_s in times])
-    return times, likelihood(squares - np.minimum(white_squares(problem), squares.min(axis=0)))
+    return times, _likelihood(counts, squares - np.minimum(white_squares(problem), squares.min(axis=0)))
 
 
 def _both(problem: JointProblem, fit: MapFit, rows: Sequence[int]) -> tuple[Array, Array]:
@@ -320,11 +316,15 @@ def _profile(problem: JointProblem, on: Array, off: Array, begins: bool) -> tupl
     first, last = (off, on) if begins else (on, off)
     before = np.cumsum(first, axis=1)
     after = last.sum(axis=1, keepdims=True) - np.cumsum(last, axis=1)
-    counts, noise = _independent(problem)[:, None], white_squares(problem)[:, None]
-    score = -0.5 * (counts * np.log1p(np.maximum(before + after - noise, 0.0) / counts)).sum(axis=0)
+    score = _likelihood(_independent(problem), np.maximum((before + after).T - white_squares(problem), 0.0))
     times = np.arange(1, on.shape[1] + 1) * segment.period_s
     inside = (times >= SETTINGS.min_onset_s) & (times <= times[-1] - SETTINGS.min_onset_s)
     return np.asarray(times[inside]), np.asarray(score[inside])
+
+
+def _likelihood(counts: Array, squares: Array) -> Array:
+    """Log likelihoods (...) [nats] of weighted squares (..., OUTPUTS) [-]; counts: as of `_independent`."""
+    return np.asarray(-0.5 * (counts * np.log1p(squares / counts)).sum(axis=-1))
 
 
 def _independent(problem: JointProblem) -> Array:
@@ -339,9 +339,8 @@ def _candidates(search: JointSearch, results: Sequence[StageResult]) -> list[Ons
     problem, found = search.problem, []
     if search.own_rows:
         on, off = _both(problem, search.final, search.own_rows)
-        counts = _independent(problem)
         left = np.maximum(on.sum(axis=1) - white_squares(problem), 0.0)
-        always = -0.5 * float((counts * np.log1p(left / counts)).sum())
+        always = float(_likelihood(_independent(problem), left))
         for begins in (True, False):
             times, score = _profile(problem, on, off, begins)
             if score.max() > always + SETTINGS.min_onset_gain:
