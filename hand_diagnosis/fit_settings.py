@@ -126,6 +126,10 @@ class FitSettings:
     tolerance_factors: tuple[float, ...] = setting(
         (2.0, 4.0), "-", "Larger tolerances that are tried, relative to the given one.", CHOICE,
         "Numbers that are far off look like effects.", "Small effects pass as wrong numbers.")
+    tolerance_log_evidence: float = setting(
+        3.0, "log", "Log evidence of a larger tolerance from which it replaces the given one of one or two joints, if"
+        " their models then leave no more than noise: odds of 20 to 1.", CHOICE,
+        "Small effects pass as wrong numbers.", "Wrong numbers look like effects.")
     rough_leaders: int = setting(
         3, "hypotheses", "Of one or two joints: effects that are fitted on before a larger tolerance is believed.",
         CHOICE, "An effect passes as wrong numbers.", "Slower, no other result.")

@@ -15,6 +15,7 @@ import numpy as np
 
 from hand_identification.free_parameters import START_CREEP, FreeParameter
 from hand_identification.joint_problem import JointProblem
+from hand_identification.posterior import covariance_of
 from hand_identification.settings import FITS
 from hand_model.arrays import Array
 from hand_model.compile_cache import njit
@@ -58,7 +59,7 @@ class MapFit:
     @property
     def covariance(self) -> Array:
         """Posterior covariance of z (free, free), the prior included."""
-        return np.asarray(np.linalg.inv(self.normal + np.eye(len(self.z))), dtype=np.float64)
+        return covariance_of(self.normal)
 
     def resolutions(self, columns: Array) -> dict[str, float]:
         """Standard deviation [SI] of each free parameter while all others keep their values, by key.

@@ -18,6 +18,7 @@ import numpy as np
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit
+from hand_identification.posterior import posterior_of
 from hand_identification.shared_fit import SharedFit
 from hand_model.arrays import Array, Flags
 
@@ -57,8 +58,8 @@ def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[Sequence
     if not np.isfinite(fit.normal).all():
         return -np.inf
     precision = np.eye(len(fit.z)) + shrunk(problem, fit) * fit.normal
-    whole = _fitted_likelihood(problem, fit.squares) + _laplace(fit.z, precision)
-    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+    covariance, logdet = posterior_of(precision)
+    whole = _fitted_likelihood(problem, fit.squares) + _laplace(fit.z, logdet)
     return whole + sum(_mean_over_subsets(fit.z, covariance, group) for group in optional)
 
 
@@ -80,12 +81,11 @@ def shared_log_evidence(
         shrink.append(shrunk(problem, fit))
         private = len(fit.z) - count
         precision = np.eye(private) + shrink[-1] * fit.normal[:private, :private]
-        total += _fitted_likelihood(problem, fit.squares) + _laplace(fit.z[:private], precision)
-        covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+        covariance, logdet = posterior_of(precision)
+        total += _fitted_likelihood(problem, fit.squares) + _laplace(fit.z[:private], logdet)
         total += sum(_mean_over_subsets(fit.z[:private], covariance, group) for group in groups)
-    precision = found.precision(shrink)
-    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
-    total += _laplace(found.z, precision)
+    covariance, logdet = posterior_of(found.precision(shrink))
+    total += _laplace(found.z, logdet)
     return total + sum(_mean_over_subsets(found.z, covariance, group) for group in optional_shared)
 
 
@@ -126,10 +126,9 @@ def _fitted_likelihood(problem: JointProblem, squares: Array) -> float:
     return log_likelihood(problem, squares, train) + log_likelihood(problem, squares, ~train)
 
 
-def _laplace(z: Array, precision: Array) -> float:
-    """Log of prior density over posterior density at the best point z (k,), whose precision is (k, k)."""
-    _, logdet = np.linalg.slogdet(precision)
-    return -0.5 * float(z @ z) - 0.5 * float(logdet)
+def _laplace(z: Array, logdet: float) -> float:
+    """Log of prior density over posterior density at the best point z (k,). logdet: of the posterior's precision."""
+    return -0.5 * float(z @ z) - 0.5 * logdet
 
 
 def _mean_over_subsets(z: Array, covariance: Array, optional: Sequence[int]) -> float:
@@ -141,10 +140,8 @@ def _mean_over_subsets(z: Array, covariance: Array, optional: Sequence[int]) -> 
 
 def _density_ratio(z: Array, covariance: Array) -> float:
     """Log of posterior over prior density at the neutral point, of coordinates (k,) with a unit prior around it."""
-    if not len(z):
-        return 0.0
-    _, logdet = np.linalg.slogdet(covariance)
-    return -0.5 * float(z @ np.linalg.solve(covariance, z)) - 0.5 * float(logdet)
+    precision, logdet = posterior_of(covariance)
+    return -0.5 * float(z @ precision @ z) - 0.5 * logdet
 
 
 def validation_rmse(problem: JointProblem, squares: Array) -> Array:

@@ -27,6 +27,7 @@ from hand_identification.free_parameters import (
     probe_values,
 )
 from hand_identification.map_fit import MapFit, map_fit, start_at
+from hand_identification.posterior import posterior_of
 from hand_identification.shared_fit import Part, SharedFit, shared_fit
 from hand_model.arrays import Array
 from hand_model.effects.effect import Effect
@@ -303,7 +304,7 @@ def _shows(side: _Side, effect: Effect, found: SharedFit) -> bool:
 
 def _as_cause(sides: Sequence[_Side], effect: Effect, found: SharedFit, evidence: float, without: float) -> Cause:
     precision = found.precision()
-    errors, alone = np.sqrt(np.diag(np.linalg.inv(precision))), 1.0 / np.sqrt(np.diag(precision))
+    errors, alone = np.sqrt(np.diag(posterior_of(precision)[0])), 1.0 / np.sqrt(np.diag(precision))
     shared = []
     for parameter, z, error, own in zip(found.shared, found.z, errors, alone, strict=True):
         value = float(parameter.value(np.array([z]))[0])

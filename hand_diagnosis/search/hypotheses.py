@@ -202,9 +202,9 @@ def _products(problem: JointProblem, fit: MapFit, changed: Sequence[Array]) -> t
         sr += s @ r
         cross += s @ j.T
         slope += j @ r
-    prior = np.linalg.inv(fit.normal + np.eye(free))
-    own = np.maximum(ss - np.einsum("pm,mn,pn->p", cross, prior, cross), 1e-9 * ss + 1e-12)
-    return own, -(sr - cross @ prior @ (slope + fit.z)), ss
+    covariance = fit.covariance
+    own = np.maximum(ss - np.einsum("pm,mn,pn->p", cross, covariance, cross), 1e-9 * ss + 1e-12)
+    return own, -(sr - cross @ covariance @ (slope + fit.z)), ss
 
 
 def promising(

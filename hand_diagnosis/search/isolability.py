@@ -12,6 +12,7 @@ from hand_diagnosis.search.hypotheses import probes_at
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit
+from hand_identification.posterior import covariance_of
 from hand_model.arrays import Array
 from hand_model.effects.effect import Effect
 
@@ -56,7 +57,7 @@ def isolability(problem: JointProblem, fit: MapFit, effects: Sequence[Effect]) -
         gram += s @ s.T
         cross += s @ j.T
         normal += j @ j.T
-    left = gram - cross @ np.linalg.inv(normal + np.eye(free)) @ cross.T
+    left = gram - cross @ covariance_of(normal) @ cross.T
     return _isolability(names, owner, gram, left)
 
 

@@ -22,6 +22,7 @@ from hand_diagnosis.settings import SETTINGS
 from hand_identification.free_parameters import START_CREEP, FreeParameter, law_free_parameters, probe_values
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, costs_at, map_fit
+from hand_identification.posterior import covariance_of, posterior_of
 from hand_model.arrays import Array
 from hand_model.effects.effect import Effect
 from hand_model.kernel.plant_rows import PLANT_PARAMETERS
@@ -118,14 +119,13 @@ def training_evidence(problem: JointProblem, fit: MapFit) -> float:
     if not np.isfinite(fit.normal).all():
         return -np.inf
     train = ~problem.validation
-    _, logdet = np.linalg.slogdet(np.eye(len(fit.z)) + shrunk(problem, fit) * fit.normal)
+    _, logdet = posterior_of(np.eye(len(fit.z)) + shrunk(problem, fit) * fit.normal)
     return log_likelihood(problem, fit.squares, train) - 0.5 * float(fit.z @ fit.z) - 0.5 * float(logdet)
 
 
 def posterior_covariance(problem: JointProblem, fit: MapFit) -> Array:
     """Covariance of the coordinates (free, free) [-]; where the error is above the floor, its scale is the error's."""
-    precision = np.eye(len(fit.z)) + shrunk(problem, fit) * fit.normal
-    return np.asarray(np.linalg.inv(precision), dtype=np.float64)
+    return covariance_of(fit.normal, shrunk(problem, fit))
 
 
 def posterior_draws(problem: JointProblem, fit: MapFit) -> Array:

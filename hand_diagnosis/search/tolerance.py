@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,6 +15,19 @@ from hand_identification.map_fit import MapFit
 from hand_model.description import Hand
 
 Fits = Sequence[tuple[JointProblem, MapFit]]
+
+
+@dataclass(frozen=True, slots=True)
+class BestModels:
+    """Joints, each with the one effect that explains most, or none.
+
+    evidence: log evidence [nats] of all of them.  to_gain: what a larger tolerance adds to it at most.  explained:
+    whether they leave no more than noise and what is tolerated without an effect.
+    """
+
+    evidence: float
+    to_gain: float
+    explained: bool
 
 
 def tolerant(task: Task) -> tuple[Task, list[str]]:
@@ -55,22 +69,23 @@ def _of_most_joints(task: Task, known: Fits) -> Task:
 
 
 def _of_few_joints(task: Task, known: Fits) -> Task:
-    """The task with the tolerance with which one or two joints have strongly more evidence, each with one effect.
+    """The task with the tolerance with which one or two joints have more evidence, each with one effect.
 
     Here no other joint separates wrong numbers from an effect. But one effect explains more than numbers that are a
-    little more free, and several wrong numbers are no one effect.
+    little more free, and several wrong numbers are no one effect. Where the models leave much, the evidence must be
+    strong: numbers that may change more always explain a part of other physics.
     """
-    share = SETTINGS.strong_log_evidence / len(known)
-    evidence, to_gain = _evidence_with_effects(task, known, little=share)
-    if to_gain <= SETTINGS.strong_log_evidence:
+    least, strong = SETTINGS.tolerance_log_evidence, SETTINGS.strong_log_evidence
+    given = _best_models(task, known, little=least / len(known))
+    if given.to_gain <= least:
         return task
     if len(known) > 1:  # one of them may have been left early
-        evidence, _ = _evidence_with_effects(task, known)
-    best, most = task, evidence + SETTINGS.strong_log_evidence
+        given = _best_models(task, known)
+    best, most = task, given.evidence
     for tried in _more_tolerant(task):
-        other, _ = _evidence_with_effects(tried, tried.nominal_fits())
-        if other > most:
-            best, most = tried, other
+        models = _best_models(tried, tried.nominal_fits())
+        if models.evidence > max(most, given.evidence + (least if models.explained else strong)):
+            best, most = tried, models.evidence
     return best
 
 
@@ -78,25 +93,23 @@ def _more_tolerant(task: Task) -> list[Task]:
     return [task.with_tolerance(factor) for factor in SETTINGS.tolerance_factors]
 
 
-def _evidence_with_effects(task: Task, fits: Fits, little: float = -np.inf) -> tuple[float, float]:
-    """Log evidence [nats] of all joints, each with the one effect that explains most, or none, and what it may gain.
-
-    little: gain [nats] of a joint from which its best model is not sought any further.
-    """
+def _best_models(task: Task, fits: Fits, little: float = -np.inf) -> BestModels:
+    """The best models of all joints. little: gain [nats] of a joint from which its model is not sought any further."""
     rng = np.random.default_rng(task.seed)
-    evidence = to_gain = 0.0
-    for problem, plain in fits:
-        found, gain = _with_one_effect(task, problem, plain, rng, little)
-        evidence, to_gain = evidence + found, to_gain + gain
-    return evidence, to_gain
+    models = [_with_one_effect(task, problem, plain, rng, little) for problem, plain in fits]
+    return BestModels(
+        sum(model.evidence for model in models),
+        sum(model.to_gain for model in models),
+        all(model.explained for model in models),
+    )
 
 
 def _with_one_effect(
     task: Task, problem: JointProblem, plain: MapFit, rng: np.random.Generator, little: float
-) -> tuple[float, float]:
-    """Log evidence [nats] of a joint with the best effect or none, and what a larger tolerance adds to it at most.
+) -> BestModels:
+    """The best model of a joint; little: as in `_best_models`.
 
-    That takes away the penalty of the numbers at most, and the fit then leaves white noise at best.
+    A larger tolerance takes away the penalty of the numbers at most, and the fit then leaves white noise at best.
     """
     numbers = {parameter.row for parameter in plain.free}
 
@@ -108,13 +121,17 @@ def _with_one_effect(
         return may_gain(known, best) <= little
 
     found, best = rough_evidence(problem, task.effects, plain.free, rng, enough)
-    return found, may_gain(plain, best)
+    shown = best if best.residuals else plain
+    return BestModels(found, may_gain(plain, best), is_explained(problem, best, shown))
 
 
-def is_explained(problem: JointProblem, fit: MapFit) -> bool:
-    """Whether a plain model leaves no more of any signal than noise and what is tolerated without an effect."""
-    rmse = np.nan_to_num(validation_rmse(problem, fit.squares))
-    return bool(np.all(rmse <= np.hypot(white_parts(problem, fit), SETTINGS.unexplained_floors * problem.floor)))
+def is_explained(problem: JointProblem, fit: MapFit, known: MapFit | None = None) -> bool:
+    """Whether a model leaves no more of any signal than noise and what is tolerated without an effect.
+
+    known: a fit with residuals, which show the noise; by default the fit itself.
+    """
+    rmse, noise = np.nan_to_num(validation_rmse(problem, fit.squares)), white_parts(problem, known or fit)
+    return bool(np.all(rmse <= np.hypot(noise, SETTINGS.unexplained_floors * problem.floor)))
 
 
 def moved(fit: MapFit) -> float:

@@ -1,0 +1,42 @@
+"""The covariance of a fit's coordinates, also where a matrix rounds to a singular one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hand_identification.posterior import covariance_of, posterior_of
+
+
+@pytest.mark.parametrize("grade", [1.0, 1e4, 1e10])
+def test_a_precision_is_inverted(grade: float) -> None:
+    """Fails when covariance or determinant are wrong, or lose the digits of a matrix whose rows differ in size."""
+    rng = np.random.default_rng(3)
+    print("seed 3")
+    size = np.geomspace(1.0, grade, 6)
+    slopes = rng.standard_normal((40, 6))
+    precision = (np.eye(6) + slopes.T @ slopes) * np.outer(size, size)
+    covariance, logdet = posterior_of(precision)
+    exact = np.linalg.inv(np.eye(6) + slopes.T @ slopes) / np.outer(size, size)
+    np.testing.assert_allclose(covariance, exact, rtol=1e-10)
+    assert logdet == pytest.approx(np.linalg.slogdet(precision)[1], abs=1e-9)
+
+
+def test_nothing_is_known_of_no_coordinate() -> None:
+    """Fails when a model without free numbers has no covariance."""
+    covariance, logdet = posterior_of(np.zeros((0, 0)))
+    assert covariance.shape == (0, 0)
+    assert logdet == 0.0
+
+
+@pytest.mark.parametrize("size", [1e20, 1e40, 1e120])
+def test_a_simulation_that_almost_diverges_has_a_covariance(size: float) -> None:
+    """Fails when slopes so large that the prior is lost in rounding end a diagnosis, or count as evidence."""
+    slope = np.array([1.0, 2.0, 3.0])
+    normal = size * np.outer(slope, slope)
+    with pytest.raises(np.linalg.LinAlgError):
+        np.linalg.inv(np.eye(3) + normal)
+    covariance = covariance_of(normal)
+    assert np.isfinite(covariance).all()
+    assert (np.linalg.eigvalsh(covariance) >= 0.0).all()
+    assert posterior_of(np.eye(3) + normal)[1] >= np.log1p(size * slope @ slope)
