@@ -25,6 +25,7 @@ from hand_identification.map_fit import (
     residual_slopes,
     usable_point,
 )
+from hand_identification.posterior import posterior_of
 from hand_identification.settings import FITS
 from hand_model.arrays import Array
 
@@ -147,7 +148,7 @@ def _eliminated(normal: Array, gradient: Array, private: int) -> tuple[Array, Ar
     """
     own = normal[:private, :private] + np.eye(private)
     cross = normal[:private, private:]
-    both = np.linalg.solve(own, np.column_stack([cross, gradient[:private]]))
+    both = posterior_of(own)[0] @ np.column_stack([cross, gradient[:private]])
     return (
         normal[private:, private:] - cross.T @ both[:, :-1],
         gradient[private:] - cross.T @ both[:, -1],

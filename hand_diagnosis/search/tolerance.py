@@ -3,31 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hand_diagnosis.problem import Task, log_evidence, most_to_gain, validation_rmse, white_parts
+from hand_diagnosis.problem import (
+    Task,
+    log_evidence,
+    most_to_gain,
+    validation_rmse,
+    white_parts,
+)
 from hand_diagnosis.search.joint_search import rough_evidence
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import JointProblem
-from hand_identification.map_fit import MapFit
+from hand_identification.map_fit import MapFit, map_fit
+from hand_model.arrays import Flags
 from hand_model.description import Hand
 
 Fits = Sequence[tuple[JointProblem, MapFit]]
 
 
 @dataclass(frozen=True, slots=True)
-class BestModels:
-    """Joints, each with the one effect that explains most, or none.
+class BestModel:
+    """The plain model of a joint, or the one with the one effect that explains most.
 
-    evidence: log evidence [nats] of all of them.  to_gain: what a larger tolerance adds to it at most.  explained:
-    whether they leave no more than noise and what is tolerated without an effect.
+    evidence: log evidence [nats].  explained: the signals (OUTPUTS,) of which it leaves no more than noise and what is
+    tolerated without an effect.  to_gain: what a larger tolerance adds to the evidence at most.
     """
 
+    problem: JointProblem
+    fit: MapFit
     evidence: float
-    to_gain: float
-    explained: bool
+    explained: Flags
+    to_gain: float = np.inf
 
 
 def tolerant(task: Task) -> tuple[Task, list[str]]:
@@ -52,20 +61,48 @@ def tolerant(task: Task) -> tuple[Task, list[str]]:
 
 
 def _of_most_joints(task: Task, known: Fits) -> Task:
-    """The task with the tolerance that the plain models of most joints ask for.
+    """The task with the tolerance that most joints ask for.
 
-    Wrong numbers are all that a joint lacks whose plain model then fits; the gain of another may come from an effect
-    and does not count. Most joints must gain.
+    Wrong numbers are all that a joint lacks whose plain model then fits. Where the plain models of most joints never
+    fit, as with friction in every joint, some joints are asked with one effect each.
     """
-    best, evidence = task, np.array([log_evidence(problem, fit) for problem, fit in known])
+    plain = [(task, _plain(known)), *((tried, _plain(tried.nominal_fits())) for tried in _more_tolerant(task))]
+    best = _asked_for(plain)
+    fitting = [np.median([model.explained.all() for model in models]) > 0.0 for _, models in plain]
+    if best is not task or any(fitting):
+        return best
+    some = np.linspace(0, len(task.joints) - 1, SETTINGS.min_tolerance_joints).round().astype(int)
+    chosen = [(tried, replace(tried, joints=[task.joints[k] for k in some])) for tried, _ in plain]
+    return _asked_for([(tried, _best_models(few, few.nominal_fits())) for tried, few in chosen])
+
+
+def _asked_for(models: Sequence[tuple[Task, Sequence[BestModel]]]) -> Task:
+    """Of tasks with rising tolerance, and models of joints, the one that most joints ask for; else the first."""
+    (best, before), *larger = models
     most = SETTINGS.strong_log_evidence
-    for tried in _more_tolerant(task):
-        fits = tried.nominal_fits()
-        other = np.array([log_evidence(problem, fit) for problem, fit in fits])
-        gain = np.where([is_explained(problem, fit) for problem, fit in fits], other - evidence, 0.0)
+    for tried, found in larger:
+        gain = np.array([_gain(new, old) for new, old in zip(found, before, strict=True)])
         if np.median(gain) > 0.0 and float(np.clip(gain, -most, most).sum()) > SETTINGS.min_log_evidence:
-            best, evidence = tried, other
+            best, before = tried, found
     return best
+
+
+def _gain(new: BestModel, old: BestModel) -> float:
+    """Log evidence [nats] of a larger tolerance, from the signals of which the new model leaves no more than noise.
+
+    What another signal gains may come from an effect.
+    """
+    if new.explained.all():
+        return new.evidence - old.evidence
+    with_new, with_old = (_evidence_of(model, new.explained) for model in (new, old))
+    return with_new - with_old
+
+
+def _evidence_of(model: BestModel, signals: Flags) -> float:
+    """Log evidence [nats] of a model from some signals (OUTPUTS,) alone."""
+    problem = replace(model.problem, weight=np.where(signals, model.problem.weight, 0.0))
+    fit = map_fit(problem, model.fit.free, model.fit.z, SETTINGS.rough_iterations)
+    return log_evidence(problem, fit)
 
 
 def _of_few_joints(task: Task, known: Fits) -> Task:
@@ -77,15 +114,18 @@ def _of_few_joints(task: Task, known: Fits) -> Task:
     """
     least, strong = SETTINGS.tolerance_log_evidence, SETTINGS.strong_log_evidence
     given = _best_models(task, known, little=least / len(known))
-    if given.to_gain <= least:
+    if sum(model.to_gain for model in given) <= least:
         return task
     if len(known) > 1:  # one of them may have been left early
         given = _best_models(task, known)
-    best, most = task, given.evidence
+    best, before = task, sum(model.evidence for model in given)
+    most = before
     for tried in _more_tolerant(task):
         models = _best_models(tried, tried.nominal_fits())
-        if models.evidence > max(most, given.evidence + (least if models.explained else strong)):
-            best, most = tried, models.evidence
+        evidence = sum(model.evidence for model in models)
+        explained = all(model.explained.all() for model in models)
+        if evidence > max(most, before + (least if explained else strong)):
+            best, most = tried, evidence
     return best
 
 
@@ -93,20 +133,24 @@ def _more_tolerant(task: Task) -> list[Task]:
     return [task.with_tolerance(factor) for factor in SETTINGS.tolerance_factors]
 
 
-def _best_models(task: Task, fits: Fits, little: float = -np.inf) -> BestModels:
-    """The best models of all joints. little: gain [nats] of a joint from which its model is not sought any further."""
+def _plain(fits: Fits) -> list[BestModel]:
+    return [
+        BestModel(problem, fit, log_evidence(problem, fit), explained_signals(problem, fit)) for problem, fit in fits
+    ]
+
+
+def _best_models(task: Task, fits: Fits, little: float = -np.inf) -> list[BestModel]:
+    """Of each joint the model with the one effect that explains most, or none.
+
+    little: gain [nats] of a joint from which its model is not sought any further.
+    """
     rng = np.random.default_rng(task.seed)
-    models = [_with_one_effect(task, problem, plain, rng, little) for problem, plain in fits]
-    return BestModels(
-        sum(model.evidence for model in models),
-        sum(model.to_gain for model in models),
-        all(model.explained for model in models),
-    )
+    return [_with_one_effect(task, problem, plain, rng, little) for problem, plain in fits]
 
 
 def _with_one_effect(
     task: Task, problem: JointProblem, plain: MapFit, rng: np.random.Generator, little: float
-) -> BestModels:
+) -> BestModel:
     """The best model of a joint; little: as in `_best_models`.
 
     A larger tolerance takes away the penalty of the numbers at most, and the fit then leaves white noise at best.
@@ -121,17 +165,22 @@ def _with_one_effect(
         return may_gain(known, best) <= little
 
     found, best = rough_evidence(problem, task.effects, plain.free, rng, enough)
-    shown = best if best.residuals else plain
-    return BestModels(found, may_gain(plain, best), is_explained(problem, best, shown))
+    known = best if best.residuals else plain
+    return BestModel(problem, best, found, explained_signals(problem, best, known), may_gain(plain, best))
 
 
-def is_explained(problem: JointProblem, fit: MapFit, known: MapFit | None = None) -> bool:
-    """Whether a model leaves no more of any signal than noise and what is tolerated without an effect.
+def is_explained(problem: JointProblem, fit: MapFit) -> bool:
+    """Whether a plain model leaves no more of any signal than noise and what is tolerated without an effect."""
+    return bool(explained_signals(problem, fit).all())
+
+
+def explained_signals(problem: JointProblem, fit: MapFit, known: MapFit | None = None) -> Flags:
+    """The signals (OUTPUTS,) of which a model leaves no more than noise and what is tolerated without an effect.
 
     known: a fit with residuals, which show the noise; by default the fit itself.
     """
     rmse, noise = np.nan_to_num(validation_rmse(problem, fit.squares)), white_parts(problem, known or fit)
-    return bool(np.all(rmse <= np.hypot(noise, SETTINGS.unexplained_floors * problem.floor)))
+    return np.asarray(rmse <= np.hypot(noise, SETTINGS.unexplained_floors * problem.floor))
 
 
 def moved(fit: MapFit) -> float:

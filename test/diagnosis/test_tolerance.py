@@ -107,12 +107,12 @@ def test_a_larger_tolerance_gains_no_more_than_is_said(hand: Hand) -> None:
     task = Task(
         signals=[signals], model=model, joints=JOINTS[:1], effects=effects, tolerance=TOLERANCE, seed=0, floors={}
     )
-    given = best_models(task, task.nominal_fits())
+    (given,) = best_models(task, task.nominal_fits())
     for tried in more_tolerant(task):
-        models = best_models(tried, tried.nominal_fits())
-        assert 10.0 < models.evidence - given.evidence < given.to_gain
-        assert models.to_gain < given.to_gain
-        assert models.explained
+        (model,) = best_models(tried, tried.nominal_fits())
+        assert 10.0 < model.evidence - given.evidence < given.to_gain
+        assert model.to_gain < given.to_gain
+        assert model.explained.all()
 
 
 def test_effects_of_all_joints_are_no_wrong_numbers(hand: Hand) -> None:

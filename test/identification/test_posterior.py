@@ -40,3 +40,12 @@ def test_a_simulation_that_almost_diverges_has_a_covariance(size: float) -> None
     assert np.isfinite(covariance).all()
     assert (np.linalg.eigvalsh(covariance) >= 0.0).all()
     assert posterior_of(np.eye(3) + normal)[1] >= np.log1p(size * slope @ slope)
+
+
+def test_an_indefinite_precision_says_nothing() -> None:
+    """Fails when a number whose information is lost in rounding ends the fit of a cause, or counts as known."""
+    precision = np.array([[1e20, 0.0], [0.0, -1e3]])
+    covariance, logdet = posterior_of(precision)
+    assert covariance[0, 0] == pytest.approx(1e-20)
+    assert covariance[1, 1] > 1e-6
+    assert np.isfinite(logdet)
