@@ -12,8 +12,11 @@ def posterior_of(precision: Array) -> tuple[Array, float]:
 
     By the eigenvalues of the matrix with a diagonal of ones, none below its rounding error: where a small change of a
     number almost lets a simulation diverge, entries are so large that the matrix rounds to a singular or an indefinite
-    one. Nearly the best scaling of rows and columns is that diagonal (van der Sluis, Numer. Math. 14, 1969).
+    one. Nearly the best scaling of rows and columns is that diagonal (van der Sluis, Numer. Math. 14, 1969). One that
+    is not finite leaves nothing open: zeros, and infinity.
     """
+    if not np.isfinite(precision).all():
+        return np.zeros_like(precision), np.inf
     rounding = len(precision) * np.finfo(np.float64).eps
     diagonal = np.diag(precision)
     lost = rounding * np.max(np.abs(diagonal), initial=0.0)

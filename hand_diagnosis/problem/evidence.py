@@ -55,9 +55,9 @@ def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[Sequence
     (Dickey, Ann. Math. Stat. 42(1), 1971), effects taken one by one: a number that is not needed costs nothing.
     A fit at which a small change of a number lets the simulation diverge has none: -inf.
     """
-    if not np.isfinite(fit.normal).all():
-        return -np.inf
     precision = np.eye(len(fit.z)) + shrunk(problem, fit) * fit.normal
+    if not np.isfinite(precision).all():
+        return -np.inf
     covariance, logdet = posterior_of(precision)
     whole = _fitted_likelihood(problem, fit.squares) + _laplace(fit.z, logdet)
     return whole + sum(_mean_over_subsets(fit.z, covariance, group) for group in optional)
@@ -74,13 +74,13 @@ def shared_log_evidence(
     optional: of each joint, indices of its private free parameters.  optional_shared: indices of the shared ones.
     """
     count = len(found.shared)
-    if not all(np.isfinite(fit.normal).all() for fit in found.fits):
+    shrink = [shrunk(problem, fit) for problem, fit in zip(problems, found.fits, strict=True)]
+    if not all(np.isfinite(factor * fit.normal).all() for factor, fit in zip(shrink, found.fits, strict=True)):
         return -np.inf
-    total, shrink = 0.0, []
-    for problem, fit, groups in zip(problems, found.fits, optional, strict=True):
-        shrink.append(shrunk(problem, fit))
+    total = 0.0
+    for problem, fit, groups, factor in zip(problems, found.fits, optional, shrink, strict=True):
         private = len(fit.z) - count
-        precision = np.eye(private) + shrink[-1] * fit.normal[:private, :private]
+        precision = np.eye(private) + factor * fit.normal[:private, :private]
         covariance, logdet = posterior_of(precision)
         total += _fitted_likelihood(problem, fit.squares) + _laplace(fit.z[:private], logdet)
         total += sum(_mean_over_subsets(fit.z[:private], covariance, group) for group in groups)

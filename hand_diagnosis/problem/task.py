@@ -122,6 +122,7 @@ class Task:
     """Recordings of a hand or machine, and how they are diagnosed.
 
     joints: those that are diagnosed.  tolerance: relative standard deviation of the nominal numbers [-].
+    looser: factor [-] of the tolerance of single joints.
     floors: repeatability (OUTPUTS,) [Pa, rad, N] of joints, from re-runs.
     bends: whether the inertia of a finger changes with the angle between its phalanges, see two_links.py.
     """
@@ -134,6 +135,7 @@ class Task:
     seed: int
     floors: Mapping[str, Array]
     bends: bool = False
+    looser: Mapping[str, float] = field(default_factory=dict)
     _rough: dict[str, Prepared] = field(default_factory=dict)
     _inflows: dict[int, Array] = field(default_factory=dict)
     _bending: dict[str, list[Array]] = field(default_factory=dict)
@@ -141,6 +143,10 @@ class Task:
     def with_tolerance(self, factor: float) -> Task:
         """The task with its tolerance times a factor, of which no joint is prepared."""
         return replace(self, tolerance=factor * self.tolerance, _rough={}, _inflows={}, _bending={})
+
+    def with_looser(self, factors: Mapping[str, float]) -> Task:
+        """The task with factors of the tolerance of single joints, of which no joint is prepared."""
+        return replace(self.with_tolerance(1.0), looser=factors)
 
     def prepare(self, joint: str) -> Prepared:
         """The problem of a joint, with the acceleration of its partner as the partner's own model gives it."""
@@ -205,7 +211,8 @@ class Task:
     def _free(self, fitted: JointProblem) -> list[FreeParameter]:
         """What is free in the plain plant of a joint. fitted: its problem without test data."""
         rested, own = initial_rest_angle(self.signals, fitted.joint), self.model.tolerances
-        free = nominal_free_parameters(fitted.nominal, self.tolerance, rested, own, fitted.motion_rad)
+        tolerance = self.tolerance * self.looser.get(fitted.joint, 1.0)
+        free = nominal_free_parameters(fitted.nominal, tolerance, rested, own, fitted.motion_rad)
         return free if fitted.driven else free + speed_free_parameters(fitted.starts(1)[0, 1:].tolist())
 
     def _roughly(self, joint: str) -> Prepared:

@@ -45,19 +45,44 @@ def tolerant(task: Task) -> tuple[Task, list[str]]:
     Empirical Bayes: a larger tolerance replaces a smaller one where the models of all joints together have clearly more
     evidence with it. Numbers of a machine have tolerances of their own, so one or two axes keep them.
     """
-    few = len(task.joints) < SETTINGS.min_tolerance_joints
-    if not task.joints or (few and not isinstance(task.model, Hand)):
+    few, is_hand = len(task.joints) < SETTINGS.min_tolerance_joints, isinstance(task.model, Hand)
+    if not task.joints or (few and not is_hand):
         return task, []
-    known = task.nominal_fits()
-    if np.median([moved(fit) for _, fit in known]) < SETTINGS.tolerance_moved:
-        return task, []
-    best = _of_few_joints(task, known) if few else _of_most_joints(task, known)
-    if best is task:
-        return task, []
-    used, given = f"{100.0 * best.tolerance:.3g} %", f"{100.0 * task.tolerance:.3g} %"
-    who = "the recordings ask" if few else "most joints ask"
-    line = f"{who} for larger changes of the nominal numbers than the tolerance of {given}; {used} is used"
-    return best, [f"{line}, so that small effects may go unnoticed: identify the numbers of the hand first"]
+    best, known = task, task.nominal_fits()
+    if np.median([moved(fit) for _, fit in known]) >= SETTINGS.tolerance_moved:
+        best = _of_few_joints(task, known) if few else _of_most_joints(task, known)
+    lines = [_line("the recordings ask" if few else "most joints ask", task, best)] if best is not task else []
+    if few or not is_hand:
+        return best, lines
+    alone = _alone(best, known if best is task else best.nominal_fits())
+    lines += [_line(f"{joint} asks", best, tried) for joint, tried in alone.items()]
+    factors = {joint: tried.tolerance / best.tolerance for joint, tried in alone.items()}
+    return best.with_looser(factors) if factors else best, lines
+
+
+def _line(who: str, given: Task, used: Task) -> str:
+    """The line of the data check about a larger tolerance."""
+    return (
+        f"{who} for larger changes of the nominal numbers than the tolerance of {100.0 * given.tolerance:.3g} %;"
+        f" {100.0 * used.tolerance:.3g} % is used, so that small effects may go unnoticed: identify the numbers of the"
+        " hand first"
+    )
+
+
+def _alone(task: Task, known: Fits) -> dict[str, Task]:
+    """Of a hand whose joints have a tolerance, the joints with the one that they ask for alone.
+
+    Some numbers are further off than most. The other joints are evidence against that, so it must be strong, and the
+    model must then fit.
+    """
+    found = {}
+    for joint, (problem, fit) in zip(task.joints, known, strict=True):
+        if moved(fit) >= SETTINGS.tolerance_moved:
+            single = replace(task, joints=[joint])
+            tried = _of_few_joints(single, [(problem, fit)], SETTINGS.strong_log_evidence, np.inf)
+            if tried is not single:
+                found[joint] = tried
+    return found
 
 
 def _of_most_joints(task: Task, known: Fits) -> Task:
@@ -105,14 +130,20 @@ def _evidence_of(model: BestModel, signals: Flags) -> float:
     return log_evidence(problem, fit)
 
 
-def _of_few_joints(task: Task, known: Fits) -> Task:
+def _of_few_joints(
+    task: Task,
+    known: Fits,
+    least: float = SETTINGS.tolerance_log_evidence,
+    strong: float = SETTINGS.strong_log_evidence,
+) -> Task:
     """The task with the tolerance with which one or two joints have more evidence, each with one effect.
 
     Here no other joint separates wrong numbers from an effect. But one effect explains more than numbers that are a
     little more free, and several wrong numbers are no one effect. Where the models leave much, the evidence must be
     strong: numbers that may change more always explain a part of other physics.
+
+    least: log evidence [nats] from which a larger tolerance is used if the models then fit.  strong: otherwise.
     """
-    least, strong = SETTINGS.tolerance_log_evidence, SETTINGS.strong_log_evidence
     given = _best_models(task, known, little=least / len(known))
     if sum(model.to_gain for model in given) <= least:
         return task

@@ -49,3 +49,11 @@ def test_an_indefinite_precision_says_nothing() -> None:
     assert covariance[0, 0] == pytest.approx(1e-20)
     assert covariance[1, 1] > 1e-6
     assert np.isfinite(logdet)
+
+
+def test_a_simulation_that_diverges_has_no_evidence() -> None:
+    """Fails when slopes that are not finite end a diagnosis, or count as evidence."""
+    for broken in (np.inf, np.nan):
+        covariance, logdet = posterior_of(np.array([[2.0, 0.0], [0.0, broken]]))
+        assert not covariance.any()
+        assert logdet == np.inf
