@@ -8,7 +8,7 @@ from hand_model.arrays import Array
 
 
 def posterior_of(precision: Array) -> tuple[Array, float]:
-    """Covariance (k, k) and log determinant of a symmetric precision (k, k).
+    """Covariance (k, k) [-] and log determinant of a symmetric precision (k, k) [-].
 
     By the eigenvalues of the matrix with a diagonal of ones, none below its rounding error: where a small change of a
     number almost lets a simulation diverge, entries are so large that the matrix rounds to a singular or an indefinite

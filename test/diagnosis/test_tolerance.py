@@ -23,6 +23,7 @@ from test.diagnosis.recordings import changed, record
 
 JOINTS = ["index_distal", "middle_proximal", "thumb_distal"]
 SEED, TOLERANCE = 6, 0.05
+EVERYWHERE = [{"valve_lag__time_constant_s": 0.03}, {"coulomb_friction__torque_nm": 0.02}]
 
 
 def recorded(true: Hand, nominal: Hand, share: float, seed: int = SEED) -> tuple[Signals, Hand]:
@@ -36,22 +37,19 @@ def recorded(true: Hand, nominal: Hand, share: float, seed: int = SEED) -> tuple
     return signals, replace(nominal, parameters=parameters)
 
 
+def task_of(signals: Signals, model: Hand, joints: list[str], effects: Sequence[Effect]) -> Task:
+    """The diagnosis of a recording."""
+    return Task(
+        signals=[signals], model=model, joints=joints, effects=list(effects), tolerance=TOLERANCE, seed=0, floors={}
+    )
+
+
 def tolerance_of(
     true: Hand, nominal: Hand, share: float, joints: list[str], effects: Sequence[Effect] = (), seed: int = SEED
 ) -> float:
     """The tolerance with which the joints are diagnosed."""
     signals, model = recorded(true, nominal, share, seed)
-    return tolerant(
-        Task(
-            signals=[signals],
-            model=model,
-            joints=joints,
-            effects=list(effects),
-            tolerance=TOLERANCE,
-            seed=0,
-            floors={},
-        )
-    )[0].tolerance
+    return tolerant(task_of(signals, model, joints, effects))[0].tolerance
 
 
 def test_wrong_numbers_of_all_joints_are_no_effects(hand: Hand) -> None:
@@ -104,9 +102,7 @@ def test_a_larger_tolerance_gains_no_more_than_is_said(hand: Hand) -> None:
     """Fails when the evidence with a larger tolerance rises by more than the gain up to which none is tried."""
     signals, model = recorded(hand, hand, 0.2)
     effects = effects_without((), hand)
-    task = Task(
-        signals=[signals], model=model, joints=JOINTS[:1], effects=effects, tolerance=TOLERANCE, seed=0, floors={}
-    )
+    task = task_of(signals, model, JOINTS[:1], effects)
     (given,) = best_models(task, task.nominal_fits())
     for tried in more_tolerant(task):
         (model,) = best_models(tried, tried.nominal_fits())
@@ -121,6 +117,32 @@ def test_effects_of_all_joints_are_no_wrong_numbers(hand: Hand) -> None:
     true = changed(true, JOINTS[1], tube_lag__time_constant_s=0.05)
     true = changed(true, JOINTS[2], valve_flow_limit__choking=1.0, valve__fill_rate_pa_per_s=6e5)
     assert tolerance_of(true, hand, 0.03, JOINTS) == TOLERANCE
+
+
+@pytest.mark.parametrize("change", EVERYWHERE, ids=["slow valves", "dry friction"])
+def test_wrong_numbers_are_found_next_to_an_effect_of_every_joint(hand: Hand, change: dict[str, float]) -> None:
+    """Fails when no plain model fits, because every joint has an effect, and wrong numbers become effects for that.
+
+    Of the slow valves, the angles over the measured pressures show the numbers; of friction, models with one effect.
+    """
+    true = hand
+    for joint in JOINTS:
+        true = changed(true, joint, **change)
+    assert tolerance_of(true, hand, 0.2, JOINTS, effects_without((), hand)) > TOLERANCE
+
+
+def test_one_joint_may_be_further_off_than_the_others(hand: Hand) -> None:
+    """Fails when wrong numbers of one joint become its effects because those of the others are right."""
+    signals, far = recorded(hand, hand, 0.2)
+    _, near = recorded(hand, hand, 0.03)
+    parameters = near.parameters.copy()
+    column = hand.joints.index(JOINTS[0])
+    parameters[:, column] = far.parameters[:, column]
+    model = replace(hand, parameters=parameters)
+    found, lines = tolerant(task_of(signals, model, JOINTS, effects_without((), hand)))
+    assert found.tolerance == TOLERANCE
+    assert list(found.looser) == JOINTS[:1]
+    assert any(line.startswith(f"{JOINTS[0]} asks for larger changes") for line in lines)
 
 
 @pytest.mark.parametrize("joints", [JOINTS[:1], JOINTS[:2]], ids=["one joint", "two joints"])

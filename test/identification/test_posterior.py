@@ -42,7 +42,7 @@ def test_a_simulation_that_almost_diverges_has_a_covariance(size: float) -> None
     assert posterior_of(np.eye(3) + normal)[1] >= np.log1p(size * slope @ slope)
 
 
-def test_an_indefinite_precision_says_nothing() -> None:
+def test_an_indefinite_precision_gives_no_information() -> None:
     """Fails when a number whose information is lost in rounding ends the fit of a cause, or counts as known."""
     precision = np.array([[1e20, 0.0], [0.0, -1e3]])
     covariance, logdet = posterior_of(precision)
