@@ -105,10 +105,10 @@ def test_a_larger_tolerance_gains_no_more_than_is_said(hand: Hand) -> None:
     task = task_of(signals, model, JOINTS[:1], effects)
     (given,) = best_models(task, task.nominal_fits())
     for tried in more_tolerant(task):
-        (model,) = best_models(tried, tried.nominal_fits())
-        assert 10.0 < model.evidence - given.evidence < given.to_gain
-        assert model.to_gain < given.to_gain
-        assert model.explained.all()
+        (best,) = best_models(tried, tried.nominal_fits())
+        assert 10.0 < best.evidence - given.evidence < given.to_gain
+        assert best.to_gain < given.to_gain
+        assert best.explained.all()
 
 
 def test_effects_of_all_joints_are_no_wrong_numbers(hand: Hand) -> None:
