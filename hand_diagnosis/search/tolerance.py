@@ -11,6 +11,7 @@ from hand_diagnosis.problem import (
     Task,
     log_evidence,
     most_to_gain,
+    shrunk,
     validation_rmse,
     white_parts,
 )
@@ -18,6 +19,7 @@ from hand_diagnosis.search.joint_search import rough_evidence
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, map_fit
+from hand_identification.posterior import posterior_of
 from hand_model.arrays import Flags
 from hand_model.description import Hand
 
@@ -186,10 +188,10 @@ def _with_one_effect(
 
     A larger tolerance takes away the penalty of the numbers at most, and the fit then leaves white noise at best.
     """
-    numbers = {parameter.row for parameter in plain.free}
 
     def may_gain(known: MapFit, best: MapFit) -> float:
-        penalty = sum(z**2 for row, z in best.by_row.items() if row in numbers) / 2.0
+        numbers = np.isin([parameter.row for parameter in best.free], [parameter.row for parameter in plain.free])
+        penalty = float(np.sum(best.z[numbers] ** 2)) / 2.0 - _cost_of_tolerance(problem, best, numbers)
         return most_to_gain(problem, best, best if best.residuals else known) + penalty
 
     def enough(known: MapFit, best: MapFit) -> bool:
@@ -198,6 +200,18 @@ def _with_one_effect(
     found, best = rough_evidence(problem, task.effects, plain.free, rng, enough)
     known = best if best.residuals else plain
     return BestModel(problem, best, found, explained_signals(problem, best, known), may_gain(plain, best))
+
+
+def _cost_of_tolerance(problem: JointProblem, fit: MapFit, numbers: Flags) -> float:
+    """Log evidence [nats] that the smallest of the larger tolerances costs the numbers chosen (free,) of a fit.
+
+    By Occam's factor: what the data determine was less expected where more is allowed.
+    """
+    factor = min(SETTINGS.tolerance_factors)
+    information = shrunk(problem, fit) * fit.normal
+    looser = np.diag(np.where(numbers, factor**-2, 1.0))
+    given, larger = (posterior_of(prior + information)[1] for prior in (np.eye(len(looser)), looser))
+    return float(np.sum(numbers) * np.log(factor)) - 0.5 * (given - larger)
 
 
 def is_explained(problem: JointProblem, fit: MapFit) -> bool:
