@@ -31,7 +31,7 @@ class BestModel:
     """The plain model of a joint, or the one with the one effect that explains most.
 
     evidence: log evidence [nats].  explained: the signals (OUTPUTS,) of which it leaves no more than noise and what is
-    tolerated without an effect.  to_gain: what a larger tolerance adds to the evidence at most.
+    tolerated without an effect.  to_gain: what a larger tolerance adds to the evidence of this model at most.
     """
 
     problem: JointProblem
@@ -147,14 +147,17 @@ def _of_few_joints(
     least: log evidence [nats] from which a larger tolerance is used if the models then fit.  strong: otherwise.
     """
     given = _best_models(task, known, little=least / len(known))
-    if sum(model.to_gain for model in given) <= least:
+    before = sum(model.evidence for model in given)
+    larger = [(tried, tried.nominal_fits()) for tried in _more_tolerant(task)]
+    needless = any(sum(log_evidence(*each) for each in plain) > before for _, plain in larger)
+    if not needless and sum(model.to_gain for model in given) <= least:
         return task
     if len(known) > 1:  # one of them may have been left early
         given = _best_models(task, known)
-    best, before = task, sum(model.evidence for model in given)
-    most = before
-    for tried in _more_tolerant(task):
-        models = _best_models(tried, tried.nominal_fits())
+        before = sum(model.evidence for model in given)
+    best, most = task, before
+    for tried, plain in larger:
+        models = _best_models(tried, plain)
         evidence = sum(model.evidence for model in models)
         explained = all(model.explained.all() for model in models)
         if evidence > max(most, before + (least if explained else strong)):
