@@ -52,18 +52,25 @@ REFEREE_GOALS = {
 
 
 def runs_table(runs: list[dict[str, Any]]) -> str:
-    """Every run against plants of others, in the order in which they were made: a row a score, a column a run."""
-    heads = [f"{run['plant']}, {run['made']['date']}" for run in runs]
-    lines = ["| score | goal | " + " | ".join(heads) + " |", "|---" * (2 + len(runs)) + "|"]
-    for name in REFEREE_GOALS:
-        cells = [score_cell(name, run["scores"][name]) for run in runs]
-        lines.append(f"| {LABELS[name]} | {goal_of(name)} | " + " | ".join(cells) + " |")
+    """Every run against plants of others: a row a run, by plant and in the order in which they were made."""
+    made: dict[str, list[dict[str, Any]]] = {}
+    for run in runs:
+        made.setdefault(run["plant"], []).append(run)
+    ordered = [run for of_plant in made.values() for run in of_plant]
+    heads = ["plant", "date", "commit", *(LABELS[name] for name in REFEREE_GOALS)]
+    lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
+    lines.append("| goal | | | " + " | ".join(goal_of(name) for name in REFEREE_GOALS) + " |")
+    for run in ordered:
+        cells = [score_cell(name, run["scores"][name]) for name in REFEREE_GOALS]
+        lines.append(
+            f"| {run['plant']} | {run['made']['date']} | {run['made']['commit']} | " + " | ".join(cells) + " |"
+        )
     lines.append("")
-    for head, run in zip(heads, runs, strict=True):
+    for run in ordered:
         kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(run["kinds"].items()))
         lines.append(
-            f"- {head}: commit {run['made']['commit']}, master seed {run['seed']}, commitment `{run['commitment']}`,"
-            f" {run['recordings']} recordings ({kinds})."
+            f"- {run['plant']}, {run['made']['date']}: commit {run['made']['commit']}, master seed {run['seed']},"
+            f" commitment `{run['commitment']}`, {run['recordings']} recordings ({kinds})."
         )
     return "\n".join(lines) + "\n"
 

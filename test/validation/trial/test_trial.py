@@ -254,6 +254,7 @@ def test_runs_against_plants_of_others_are_added_and_never_replaced(tmp_path: Pa
         "held_back, 2026-01-02: commit abcdef0, master seed 5, commitment `c0ffee`, 4 recordings (4 single)." in table
     )
     assert all(f"| {LABELS[name]} |" in table for name in REFEREE_GOALS)
+    assert "| held_back | 2026-01-02 | abcdef0 | 25 % (10 to 60) of 4 |" in table
     assert "| held_back | a stack | 4 | 1 of 4 | 1 of 4 | 1 of 4 |" in families_table(found)
     if before:
         (tmp_path / "scores.json").write_text(
