@@ -5,15 +5,19 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+import threading
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 PASSED_ON = ("PATH", "HOME", "LANG", "LD_LIBRARY_PATH", "PYTHONPATH", "AMENT_PREFIX_PATH", "VIRTUAL_ENV", "TMPDIR")
 """The only environment variables that the diagnosing processes get."""
-BATCH = 24
+BATCH = 6
+"""Recordings that one process diagnoses: few, so that no core waits long for another one."""
 CASE: dict[str, type] = {"number": int, "model": str, "without": str, "tolerance": float}
 KINDS = {int: "a whole number", str: "text", float: "a number with a decimal point"}
 MOST_CASES = 100_000
@@ -57,6 +61,79 @@ def recording_of(folder: Path, model: str, number: int) -> Path:
     return folder / "recordings" / f"case_{number:04d}.{'npz' if Path(model).name == MACHINE else 'mcap'}"
 
 
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Recordings with one nominal model that one process diagnoses; name: of the folder of their reports."""
+
+    name: str
+    model: str
+    without: str
+    tolerance: float
+    numbers: tuple[int, ...]
+
+    def arguments(self, folder: Path) -> list[str]:
+        """Arguments of `hand diagnose`."""
+        of_machine = Path(self.model).name == MACHINE
+        return [
+            *(str(recording_of(folder, self.model, number)) for number in self.numbers),
+            *("--machine" if of_machine else "--model", str(folder / self.model)),
+            *("--out", str(folder / "reports" / self.name), "--tolerance", str(self.tolerance), "--each"),
+            *(["--without", self.without] if self.without else []),
+            # The trial records true angles, not readings of the Hall sensors.
+            *([] if of_machine else ["--no-sensor-curve"]),
+        ]
+
+
+def _batches(folder: Path, plan: Sequence[Mapping[str, Any]], tolerance: float, most: int) -> list[Batch]:
+    """Batches of at most `most` recordings, those with the largest files first: these take longest."""
+    groups: dict[tuple[str, str, float], list[int]] = defaultdict(list)
+    for case in plan:
+        groups[case["model"], case["without"], case["tolerance"] or tolerance].append(case["number"])
+
+    found, sizes = [], {}
+    for group, ((model, without, allowed), numbers) in enumerate(groups.items()):
+        files = {number: recording_of(folder, model, number) for number in numbers}
+        sizes |= {number: file.stat().st_size if file.is_file() else 0 for number, file in files.items()}
+        ordered = sorted(numbers, key=sizes.__getitem__, reverse=True)
+        for first in range(0, len(ordered), most):
+            found.append(Batch(f"{group}_{first}", model, without, allowed, tuple(ordered[first : first + most])))
+    return sorted(found, key=lambda batch: -sizes[batch.numbers[0]])
+
+
+class _Processes:
+    """Commands that run side by side, and end with what started them."""
+
+    def __init__(self, jobs: int) -> None:
+        self._pool = ThreadPoolExecutor(jobs)
+        self._running: list[subprocess.Popen[str]] = []
+        self._ended = threading.Event()
+
+    def __enter__(self) -> _Processes:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        for process in self._running:
+            process.terminate()
+        self._pool.shutdown()
+
+    def start(self, command: Sequence[str], environment: Mapping[str, str]) -> Future[None]:
+        """Run a command; its result raises RuntimeError with the last line of the command where it fails."""
+        return self._pool.submit(self._run, command, environment)
+
+    def _run(self, command: Sequence[str], environment: Mapping[str, str]) -> None:
+        with subprocess.Popen(
+            command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        ) as process:
+            self._running.append(process)
+            if self._ended.is_set():
+                process.terminate()
+            lines = process.communicate()[1].strip().splitlines() or ["no message"]
+        if process.returncode != 0:
+            raise RuntimeError(f"hand diagnose ended with {process.returncode}: {lines[-1]}")
+
+
 def run(
     folder: Path,
     command: list[str],
@@ -73,31 +150,19 @@ def run(
     ValueError for a broken plan, RuntimeError with the last line of the tool where it fails.
     """
     plan = read_plan(folder)
-    groups: dict[tuple[str, str, float], list[int]] = defaultdict(list)
-    for case in plan:
-        groups[case["model"], case["without"], case["tolerance"] or tolerance].append(case["number"])
     environment = {name: os.environ[name] for name in PASSED_ON if name in os.environ}
     environment |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     begun, done = time.monotonic(), 0
-    for group, ((model, without, allowed), numbers) in enumerate(groups.items()):
-        for first in range(0, len(numbers), BATCH):
-            batch = numbers[first : first + BATCH]
-            recordings = [str(recording_of(folder, model, number)) for number in batch]
-            reports = folder / "reports" / f"{group}_{first}"
-            kind = "--machine" if Path(model).name == MACHINE else "--model"
-            options = [kind, str(folder / model), "--out", str(reports), "--tolerance", str(allowed)]
-            own = ["--jobs", str(min(jobs, len(batch)))] if scheduler is None else ["--scheduler", scheduler]
-            options += ["--each", *own] + (["--without", without] if without else [])
-            if kind == "--model":  # the trial records true angles, not readings of the Hall sensors
-                options.append("--no-sensor-curve")
-            finished = subprocess.run(
-                [*command, "diagnose", *recordings, *options, "--json"],
-                env=environment, capture_output=True, text=True, check=False,
-            )  # fmt: skip
-            if finished.returncode != 0:
-                lines = finished.stderr.strip().splitlines() or ["no message"]
-                raise RuntimeError(f"hand diagnose ended with {finished.returncode}: {lines[-1]}")
-            done += len(batch)
+    batches = _batches(folder, plan, tolerance, len(plan) if scheduler else BATCH)
+    where = ["--jobs", "1"] if scheduler is None else ["--scheduler", scheduler]
+    with _Processes(1 if scheduler else jobs) as processes:
+        waiting = {
+            processes.start([*command, "diagnose", *batch.arguments(folder), *where, "--json"], environment): batch
+            for batch in batches
+        }
+        for future in as_completed(waiting):
+            future.result()
+            done += len(waiting[future].numbers)
             progress(done / len(plan))
     timing = {"seconds": time.monotonic() - begun, "jobs": jobs}
     (folder / "timing.json").write_text(json.dumps(timing), encoding="utf-8")
