@@ -90,7 +90,8 @@ def _batches(folder: Path, plan: Sequence[Mapping[str, Any]], tolerance: float, 
     for case in plan:
         groups[case["model"], case["without"], case["tolerance"] or tolerance].append(case["number"])
 
-    found, sizes = [], {}
+    found: list[Batch] = []
+    sizes: dict[int, int] = {}
     for group, ((model, without, allowed), numbers) in enumerate(groups.items()):
         files = {number: recording_of(folder, model, number) for number in numbers}
         sizes |= {number: file.stat().st_size if file.is_file() else 0 for number, file in files.items()}

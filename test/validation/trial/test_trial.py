@@ -34,7 +34,7 @@ from validation.trial.make import draw_cases
 from validation.trial.motions import EXPERIMENTS, HIGHEST_PA, set_points
 from validation.trial.nominal import Nominal
 from validation.trial.plant import record
-from validation.trial.run import read_plan
+from validation.trial.run import BATCH, read_plan, run
 from validation.trial.score import LABELS, score, scores_of
 from validation.trial.seal import NUMBERS, SEALED, new_key, seal, tool_numbers, unseal
 
@@ -262,6 +262,50 @@ def test_runs_against_plants_of_others_are_added_and_never_replaced(tmp_path: Pa
         )
         with pytest.raises(ValueError, match="is stored already"):
             read_run(tmp_path)
+
+
+def test_recordings_are_diagnosed_side_by_side_the_largest_first(tmp_path: Path) -> None:
+    """Fails when a recording is left out or diagnosed with another model, or a large one comes last and all wait."""
+    (tmp_path / "recordings").mkdir()
+    models = ["model.yaml"] * (BATCH + 1) + ["machine.yaml"]
+    plan = [{"number": k, "model": model, "without": "", "tolerance": 0.0} for k, model in enumerate(models)]
+    (tmp_path / "plan.json").write_text(json.dumps(plan), encoding="utf-8")
+    for number, model in enumerate(models):
+        kind = "npz" if model == "machine.yaml" else "mcap"
+        (tmp_path / "recordings" / f"case_{number:04d}.{kind}").write_bytes(b"x" * (1 + number))
+    tool = tmp_path / "tool.py"
+    tool.write_text(
+        "import sys\nfrom pathlib import Path\n"
+        "with Path(__file__).with_suffix('.log').open('a') as log: log.write(' '.join(sys.argv[2:]) + '\\n')\n"
+    )
+    shares: list[float] = []
+    run(tmp_path, [sys.executable, str(tool)], 1, 0.05, shares.append)
+    calls = [line.split() for line in tool.with_suffix(".log").read_text(encoding="utf-8").splitlines()]
+    named = [[Path(word).stem for word in call if "case_" in Path(word).name] for call in calls]
+    assert named == [["case_0007"], [f"case_{k:04d}" for k in range(BATCH, 0, -1)], ["case_0000"]]
+    assert ["--machine" in call for call in calls] == ["--no-sensor-curve" not in call for call in calls]
+    assert shares[-1] == 1.0
+
+
+def test_a_diagnosis_that_fails_ends_the_trial_and_the_others(tmp_path: Path) -> None:
+    """Fails when a trial goes on without a recording, names no reason, or leaves a process behind."""
+    (tmp_path / "recordings").mkdir()
+    plan = [{"number": k, "model": f"model_{k}.yaml", "without": "", "tolerance": 0.0} for k in range(2)]
+    (tmp_path / "plan.json").write_text(json.dumps(plan), encoding="utf-8")
+    tool = tmp_path / "tool.py"
+    tool.write_text(
+        "import os, sys, time\nfrom pathlib import Path\n"
+        "pid = Path(__file__).with_suffix('.pid')\n"
+        "if 'model_0' in ' '.join(sys.argv):\n"
+        "    part = pid.with_suffix('.part')\n    part.write_text(str(os.getpid()))\n    part.rename(pid)\n"
+        "    time.sleep(600)\n"
+        "while not pid.exists():\n    time.sleep(0.01)\n"
+        "sys.exit('broken recording')\n"
+    )
+    with pytest.raises(RuntimeError, match="ended with 1: broken recording"):
+        run(tmp_path, [sys.executable, str(tool)], 2, 0.05, lambda _: None)
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(tool.with_suffix(".pid").read_text(encoding="utf-8")), 0)
 
 
 def test_a_small_trial_from_end_to_end(tmp_path: Path) -> None:
