@@ -214,7 +214,7 @@ def _cost_of_tolerance(problem: JointProblem, fit: MapFit, numbers: Flags) -> fl
     information = shrunk(problem, fit) * fit.normal
     looser = np.diag(np.where(numbers, factor**-2, 1.0))
     given, larger = (posterior_of(prior + information)[1] for prior in (np.eye(len(looser)), looser))
-    return float(np.sum(numbers) * np.log(factor)) - 0.5 * (given - larger)
+    return float(np.sum(numbers) * np.log(factor)) - (given - larger) / 2.0
 
 
 def is_explained(problem: JointProblem, fit: MapFit) -> bool:
