@@ -45,8 +45,8 @@ def tolerant(task: Task) -> tuple[Task, list[str]]:
     """The task with a larger tolerance where its joints ask for larger changes of their numbers, and a line about it.
 
     Empirical Bayes: a larger tolerance replaces a smaller one where the models of all joints together have clearly more
-    evidence with it; afterwards a joint of a hand may ask for one alone. Numbers of a machine have tolerances of their own,
-    so one or two axes keep them.
+    evidence with it; afterwards a joint of a hand may ask for one alone. Numbers of a machine have tolerances of their
+    own, so one or two axes keep them.
     """
     few, is_hand = len(task.joints) < SETTINGS.min_tolerance_joints, isinstance(task.model, Hand)
     if not task.joints or (few and not is_hand):
