@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from hand_model.arrays import Array
+
+_GROWTH = 100.0
 
 
 def posterior_of(precision: Array) -> tuple[Array, float]:
     """Covariance (k, k) [-] and log determinant of a symmetric precision (k, k) [-].
 
-    By the eigenvalues of the matrix with a diagonal of ones, none below its rounding error: where a small change of a
-    number almost lets a simulation diverge, entries are so large that the matrix rounds to a singular or an indefinite
-    one. Nearly the best scaling of rows and columns is that diagonal (van der Sluis, Numer. Math. 14, 1969). One that
-    is not finite leaves nothing open: zeros, and infinity.
+    By Cholesky's factor of the matrix with a diagonal of ones, which is nearly the best scaling of rows and columns
+    (van der Sluis, Numer. Math. 14, 1969). Where a small change of a number almost lets a simulation diverge, entries
+    are so large that the matrix rounds to a singular or an indefinite one; its diagonal is then raised from the
+    rounding error on. One that is not finite leaves nothing open: zeros, and infinity.
     """
     if not np.isfinite(precision).all():
         return np.zeros_like(precision), np.inf
@@ -21,10 +24,19 @@ def posterior_of(precision: Array) -> tuple[Array, float]:
     diagonal = np.diag(precision)
     lost = rounding * np.max(np.abs(diagonal), initial=0.0)
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, lost))
-    values, vectors = np.linalg.eigh(precision * scale * scale[:, None])
-    values = np.maximum(values, rounding)
-    root = scale[:, None] * vectors / np.sqrt(values)
-    return np.asarray(root @ root.T), float(np.log(values).sum() - 2.0 * np.log(scale).sum())
+    factor = _factor(precision * scale * scale[:, None], rounding)
+    root = solve_triangular(factor, np.diag(scale), lower=True, check_finite=False)
+    return np.asarray(root.T @ root), float(2.0 * (np.log(np.diag(factor)) - np.log(scale)).sum())
+
+
+def _factor(matrix: Array, rounding: float) -> Array:
+    """Cholesky's factor (k, k) of a matrix with a diagonal of ones, raised where it is not positive definite."""
+    raised = 0.0
+    while True:
+        try:
+            return np.asarray(np.linalg.cholesky(matrix + raised * np.eye(len(matrix))))
+        except np.linalg.LinAlgError:
+            raised = max(_GROWTH * raised, rounding)
 
 
 def covariance_of(normal: Array, factor: float = 1.0) -> Array:

@@ -38,7 +38,8 @@ def test_a_simulation_that_almost_diverges_has_a_covariance(size: float) -> None
         np.linalg.inv(np.eye(3) + normal)
     covariance = covariance_of(normal)
     assert np.isfinite(covariance).all()
-    assert (np.linalg.eigvalsh(covariance) >= 0.0).all()
+    values = np.linalg.eigvalsh(covariance)
+    assert values.min() >= -1e-12 * values.max()  # rounded
     assert posterior_of(np.eye(3) + normal)[1] >= np.log1p(size * slope @ slope)
 
 
@@ -46,7 +47,7 @@ def test_an_indefinite_precision_gives_no_information() -> None:
     """Fails when a number whose information is lost in rounding ends the fit of a cause, or counts as known."""
     precision = np.array([[1e20, 0.0], [0.0, -1e3]])
     covariance, logdet = posterior_of(precision)
-    assert covariance[0, 0] == pytest.approx(1e-20)
+    assert covariance[0, 0] == pytest.approx(1e-20, rel=0.1)  # the diagonal is raised
     assert covariance[1, 1] > 1e-6
     assert np.isfinite(logdet)
 
