@@ -73,7 +73,10 @@ def test_the_effect_of_one_joint_changes_no_tolerance(hand: Hand) -> None:
     assert tolerance_of(rubbing, hand, 0.03, JOINTS) == TOLERANCE
 
 
-@pytest.mark.parametrize("joints", [JOINTS[:1], JOINTS[:2]], ids=["one joint", "two joints"])
+@pytest.mark.parametrize(
+    "joints",
+    [pytest.param(JOINTS[:1], id="one joint"), pytest.param(JOINTS[:2], id="two joints", marks=pytest.mark.long)],
+)
 def test_wrong_numbers_of_few_joints_are_no_effects(hand: Hand, joints: list[str]) -> None:
     """Fails when one or two joints, whose numbers are off by more than the tolerance, get effects for them."""
     signals, model = recorded(hand, hand, 0.2)

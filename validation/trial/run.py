@@ -154,7 +154,8 @@ def run(
     environment = {name: os.environ[name] for name in PASSED_ON if name in os.environ}
     environment |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     begun, done = time.monotonic(), 0
-    batches = _batches(folder, plan, tolerance, len(plan) if scheduler else BATCH)
+    most = len(plan) if scheduler else min(BATCH, -(-len(plan) // jobs))
+    batches = _batches(folder, plan, tolerance, most)
     where = ["--jobs", "1"] if scheduler is None else ["--scheduler", scheduler]
     with _Processes(1 if scheduler else jobs) as processes:
         waiting = {
