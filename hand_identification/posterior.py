@@ -8,6 +8,7 @@ from scipy.linalg import solve_triangular
 from hand_model.arrays import Array
 
 _GROWTH = 100.0
+"""Factor from one trial to raise the diagonal to the next."""
 
 
 def posterior_of(precision: Array) -> tuple[Array, float]:
@@ -30,13 +31,17 @@ def posterior_of(precision: Array) -> tuple[Array, float]:
 
 
 def _factor(matrix: Array, rounding: float) -> Array:
-    """Cholesky's factor (k, k) of a matrix with a diagonal of ones, raised where it is not positive definite."""
-    raised = 0.0
-    while True:
+    """Cholesky's factor (k, k) of a matrix with a diagonal of ones, raised where it is not positive definite.
+
+    Raised by the sum of all entries it is, by Gershgorin's theorem. Raises LinAlgError where they are not finite.
+    """
+    raised, most = 0.0, _GROWTH * float(np.abs(matrix).sum())
+    while raised <= most < np.inf:
         try:
             return np.asarray(np.linalg.cholesky(matrix + raised * np.eye(len(matrix))))
         except np.linalg.LinAlgError:
             raised = max(_GROWTH * raised, rounding)
+    raise np.linalg.LinAlgError("the precision of a fit has no finite scale")
 
 
 def covariance_of(normal: Array, factor: float = 1.0) -> Array:

@@ -22,8 +22,8 @@ def robust_errors(problem: JointProblem, fit: MapFit) -> Array:
     """Standard errors (free,) [-] of the coordinates of a fit to all blocks of a problem; 0 without its sensitivity."""
     if not fit.sensitivity or not len(fit.z):
         return np.zeros(len(fit.z))
-    scores = _scores(problem, fit)
-    found = [_errors(fit.covariance, scores, groups) for groups in _groups(problem)]
+    bread, scores = fit.covariance, _scores(problem, fit)
+    found = [_errors(bread, scores, groups) for groups in _groups(problem)]
     return np.asarray(np.max(found, axis=0)) if found else np.zeros(len(fit.z))
 
 

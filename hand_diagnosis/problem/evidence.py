@@ -55,10 +55,9 @@ def log_evidence(problem: JointProblem, fit: MapFit, optional: Sequence[Sequence
     (Dickey, Ann. Math. Stat. 42(1), 1971), effects taken one by one: a number that is not needed costs nothing.
     A fit at which a small change of a number lets the simulation diverge has none: -inf.
     """
-    precision = np.eye(len(fit.z)) + shrunk(problem, fit) * fit.normal
-    if not np.isfinite(precision).all():
+    covariance, logdet = posterior_of(np.eye(len(fit.z)) + shrunk(problem, fit) * fit.normal)
+    if logdet == np.inf:
         return -np.inf
-    covariance, logdet = posterior_of(precision)
     whole = _fitted_likelihood(problem, fit.squares) + _laplace(fit.z, logdet)
     return whole + sum(_mean_over_subsets(fit.z, covariance, group) for group in optional)
 

@@ -144,10 +144,6 @@ class Task:
         """The task with its tolerance times a factor, of which no joint is prepared."""
         return replace(self, tolerance=factor * self.tolerance, _rough={}, _inflows={}, _bending={})
 
-    def with_looser(self, factors: Mapping[str, float]) -> Task:
-        """The task with factors of the tolerance of single joints, of which no joint is prepared."""
-        return replace(self.with_tolerance(1.0), looser=factors)
-
     def prepare(self, joint: str) -> Prepared:
         """The problem of a joint, with the acceleration of its partner as the partner's own model gives it."""
         rough = self._roughly(joint)

@@ -60,7 +60,7 @@ def tolerant(task: Task) -> tuple[Task, list[str]]:
     alone = _alone(best, known if best is task else best.nominal_fits())
     lines += [_line(f"{joint} asks", best, tried) for joint, tried in alone.items()]
     factors = {joint: tried.tolerance / best.tolerance for joint, tried in alone.items()}
-    return best.with_looser(factors) if factors else best, lines
+    return replace(best.with_tolerance(1.0), looser=factors) if factors else best, lines
 
 
 def _line(who: str, given: Task, used: Task) -> str:

@@ -52,6 +52,12 @@ def test_an_indefinite_precision_gives_no_information() -> None:
     assert np.isfinite(logdet)
 
 
+def test_a_precision_without_a_scale_ends_at_once() -> None:
+    """Fails when the diagonal of a matrix that cannot be scaled is raised for ever."""
+    with np.errstate(divide="ignore", invalid="ignore"), pytest.raises(np.linalg.LinAlgError, match="no finite scale"):
+        posterior_of(np.zeros((2, 2)))
+
+
 def test_a_simulation_that_diverges_has_no_evidence() -> None:
     """Fails when slopes that are not finite end a diagnosis, or count as evidence."""
     for broken in (np.inf, np.nan):

@@ -53,10 +53,8 @@ REFEREE_GOALS = {
 
 def runs_table(runs: list[dict[str, Any]]) -> str:
     """Every run against plants of others: a row a run, by plant and in the order in which they were made."""
-    made: dict[str, list[dict[str, Any]]] = {}
-    for run in runs:
-        made.setdefault(run["plant"], []).append(run)
-    ordered = [run for of_plant in made.values() for run in of_plant]
+    plants = [run["plant"] for run in runs]
+    ordered = sorted(runs, key=lambda run: plants.index(run["plant"]))
     heads = ["plant", "date", "commit", *(LABELS[name] for name in REFEREE_GOALS)]
     lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
     lines.append("| goal | | | " + " | ".join(goal_of(name) for name in REFEREE_GOALS) + " |")

@@ -298,8 +298,10 @@ def test_a_diagnosis_that_fails_ends_the_trial_and_the_others(tmp_path: Path) ->
         "pid = Path(__file__).with_suffix('.pid')\n"
         "if 'model_0' in ' '.join(sys.argv):\n"
         "    part = pid.with_suffix('.part')\n    part.write_text(str(os.getpid()))\n    part.rename(pid)\n"
-        "    time.sleep(600)\n"
-        "while not pid.exists():\n    time.sleep(0.01)\n"
+        "    time.sleep(600)  # a long diagnosis, which must be ended\n"
+        "for _ in range(3000):  # the other one fails while that one runs, or after half a minute\n"
+        "    if pid.exists(): break\n"
+        "    time.sleep(0.01)\n"
         "sys.exit('broken recording')\n"
     )
     with pytest.raises(RuntimeError, match="ended with 1: broken recording"):
