@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
+import io
 import itertools
 import re
+import runpy
 import shlex
 import subprocess
 import sys
+import warnings
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -28,6 +32,7 @@ PAGES += sorted((ROOT / "docs").glob("*.md"))
 NAMES = [page.relative_to(ROOT).as_posix() for page in PAGES]
 WRITTEN = ("out/", "build/", "install/", "log/", ".venv")
 """Folders that commands write."""
+PARSER: Any = typer.main.get_command(app)
 COMMANDS = re.compile(r"(hand|make|python3? -m|ros2 run|ros2 launch) ")
 
 
@@ -155,7 +160,7 @@ def test_every_command_exists(page: str, line: str) -> None:
 
 def check_hand(words: list[str]) -> None:
     """The subcommand and its options, by the command line's own parser."""
-    command: Any = typer.main.get_command(app)
+    command = PARSER
     context: Any = typer.Context(command, info_name="hand")
     while hasattr(command, "get_command") and words and not words[0].startswith("-"):
         name, *words = words
@@ -185,11 +190,19 @@ def check_make(words: list[str]) -> None:
 
 @cache
 def help_of(module: str) -> str:
-    done = subprocess.run(
-        [sys.executable, "-m", module, "--help"], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
-    )
-    assert done.returncode == 0, f"python -m {module} --help: {done.stderr}"
-    return done.stdout
+    """What `python -m MODULE --help` prints; in this process, which has most imports already."""
+    printed = io.StringIO()
+    with (
+        contextlib.redirect_stdout(printed),
+        pytest.MonkeyPatch.context() as patch,
+        warnings.catch_warnings(),
+        pytest.raises(SystemExit) as ended,
+    ):
+        patch.setattr(sys, "argv", [module, "--help"])
+        warnings.filterwarnings("ignore", ".*found in sys.modules", RuntimeWarning)
+        runpy.run_module(module, run_name="__main__")
+    assert not ended.value.code, f"python -m {module} --help"
+    return printed.getvalue()
 
 
 def check_module(module: str, words: list[str]) -> None:
@@ -282,7 +295,7 @@ def subcommands(command: Any, names: tuple[str, ...] = ()) -> Iterator[tuple[str
             yield from subcommands(command.get_command(context, name), (*names, name))
 
 
-@pytest.mark.parametrize("names", [names for names in subcommands(typer.main.get_command(app)) if names])
+@pytest.mark.parametrize("names", [names for names in subcommands(PARSER) if names])
 def test_every_help_has_an_example(names: tuple[str, ...]) -> None:
     """Fails when a command's --help does not run or shows no example, or when the example is no command of the tool."""
     done = CliRunner().invoke(app, [*names, "--help"])
@@ -297,7 +310,7 @@ def test_every_help_has_an_example(names: tuple[str, ...]) -> None:
 
 
 def command_named(names: tuple[str, ...]) -> Any:
-    command: Any = typer.main.get_command(app)
+    command = PARSER
     for name in names:
         command = command.get_command(typer.Context(command, info_name="hand"), name)
     return command

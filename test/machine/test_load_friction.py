@@ -99,7 +99,7 @@ def diagnosed(axis: Machine) -> Diagnosis:
             *("gear_friction", "gear_friction", {"per_drive": (0.13, 0.06), "per_load": (0.19, 0.06)}),
             marks=pytest.mark.long,
         ),
-        ("spring", "spring", {"stiffness_nm_per_rad": (0.35, 0.04)}),
+        pytest.param("spring", "spring", {"stiffness_nm_per_rad": (0.35, 0.04)}, marks=pytest.mark.long),
         ("negative spring", "spring", {"stiffness_nm_per_rad": (-0.2, 0.02)}),
         ("drive_gain", "drive_gain", {"error": (0.45 / 1.03, 0.07)}),
     ],
