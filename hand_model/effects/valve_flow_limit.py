@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from hand_model.effects.constitution import Constitution
 from hand_model.effects.effect import ATMOSPHERE_PA, Effect, Times
 from hand_model.kernel.inline import inline
@@ -24,13 +26,16 @@ def prepare(q, h):  # type: ignore[no-untyped-def]
 
 @inline
 def valve_error(q, error):  # type: ignore[no-untyped-def]
-    """By the law the flow approaches its limit gradually: an error e with the limit at E acts like e / (1 + |e| / E).
+    """By the law the flow approaches its limit gradually. The result has the sign of the error and never exceeds it.
 
-    The law takes a share of it. The result has the sign of the error and never exceeds it.
+    An error of x times the one that reaches the limit acts like f, with (1 - g^2) f^2 - (1 + x) f + x = 0: a
+    hyperbola between the lines f = x and f = 1. It is these lines where g is 0, and x / (1 + x) where g is 1.
     """
     gradual, per_filling, per_venting = q[7], q[17], q[18]
     share = error * per_filling if error > 0.0 else -error * per_venting
-    return error - gradual * error * (share / (1.0 + share))
+    root = math.sqrt((1.0 - share) * (1.0 - share) + 4.0 * gradual * gradual * share)
+    bent = 2.0 * error / (1.0 + share + root)
+    return bent if gradual > 0.0 else error
 
 
 @inline
@@ -78,7 +83,7 @@ EFFECT = Effect(
             "valve_flow_limit.gradual",
             0.0,
             1.0,
-            "law: share of a gradual approach to the limit",
+            "law: 0 a sharp limit, 1 a gradual approach to it",
             1.0,
             0.0,
             0.2,

@@ -18,10 +18,11 @@ SMALL_SHARE = 0.05
 
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
-    """Constants of the spool, the reciprocal of the ratio while venting, and the size of small errors."""
-    tau, venting, _, _, _, inertia, _, supply = q
+    """Constants of the spool on its way up and down, the reciprocal of the ratio while venting, and small errors."""
+    tau, venting, _, _, _, inertia, returning, _, supply = q
     even, odd, slowness = second_order_constants(tau, inertia, h)
-    return even, odd, slowness, 1.0 / venting, SMALL_SHARE * supply
+    even_down, odd_down, slowness_down = second_order_constants(returning * tau, inertia, h)
+    return even, odd, slowness, even_down, odd_down, slowness_down, 1.0 / venting, SMALL_SHARE * supply
 
 
 @inline
@@ -32,12 +33,15 @@ def set_point(q, m, u, p, e, h):  # type: ignore[no-untyped-def]
     poles from mu = 1/4 on. And it feeds the error of the pressure back with the gain k. Without inertia this is,
     with the valve's own lag T, tau T p'' + (tau + T) p' + (1 + k) p = (1 + k) u, stable for every k >= 0. With inertia
     it is stable, whatever T, while k < 1/mu; so k / (1 + k mu) is used. Nothing of it leaves an error at rest. The
-    pressure in the middle of the step is extrapolated from the last one.
+    pressure in the middle of the step is extrapolated from the last one. On its way back a spool may have another tau,
+    as one that a coil pulls and a spring returns.
     """
-    resonance, inertia, even, odd, slowness = q[2], q[5], q[8], q[9], q[10]
+    resonance, inertia = q[2], q[5]
     lagged, last, moving = m
     toward = u + resonance / (1.0 + resonance * inertia) * (u - p - 0.5 * (p - last))
     behind = lagged - toward
+    down = 1.0 if behind > 0.0 else 0.0  # selected values would be conditional reads, which are not vectorised
+    even, odd, slowness = q[9] + down * (q[12] - q[9]), q[10] + down * (q[13] - q[10]), q[11] + down * (q[14] - q[11])
     remaining = (even + odd) * behind + 2.0 * inertia * odd * moving
     going = (even - odd) * moving - 2.0 * odd * behind
     mean = toward + ((behind - remaining) + inertia * (moving - going)) * slowness
@@ -51,7 +55,7 @@ def valve_error(q, error):  # type: ignore[no-untyped-def]
     The law lets the time constant go over from one to the other within an error, and be another one for small errors.
     The rate rises with the error for all values within their bounds.
     """
-    venting, blend, small, per_venting, small_pa = q[1], q[3], q[4], q[11], q[12]
+    venting, blend, small, per_venting, small_pa = q[1], q[3], q[4], q[15], q[16]
     sharp = error if error > 0.0 else error * per_venting
     root = math.sqrt(error * error + blend * blend) + 1e-300
     smooth = error / (1.0 + 0.5 * (venting - 1.0) * (1.0 - error / root))
@@ -66,7 +70,7 @@ def curve(q, x, y):  # type: ignore[no-untyped-def]
     from scipy.linalg import expm  # noqa: PLC0415 - slow to import, and no node draws a curve
 
     tau, inertia = max(q[0], 1e-6), q[5]
-    own = q[6] * (1.0 + q[4]) * (1.0 + 0.5 * (q[1] - 1.0) if q[3] > 0.0 else 1.0)
+    own = q[7] * (1.0 + q[4]) * (1.0 + 0.5 * (q[1] - 1.0) if q[3] > 0.0 else 1.0)
     gain = q[2] / (1.0 + q[2] * inertia)
     left = np.trim_zeros((1.0 + gain, tau + own, (inertia * tau + own) * tau, inertia * tau * tau * own), "b")
     order = len(left) - 1
@@ -108,9 +112,15 @@ EFFECT = Effect(
             0.5,
             law=True,
         ),
+        Parameter(
+            "valve_lag.returning_ratio", 0.2, 5.0, "law: lag on the way down over that up", 1.0, 1.0, 0.3, law=True
+        ),
     ),
     reads=("valve.time_constant_s", "supply.pressure_pa"),
-    prepared=("even", "odd", "slowness", "per_venting", "small_pa"),
+    prepared=(
+        *("even", "odd", "slowness", "even_down", "odd_down", "slowness_down"),
+        *("per_venting", "small_pa"),
+    ),
     memory={"lagged": "pressure", "last": "pressure", "moving": 0.0},
     law_memory=("last", "moving"),
     hooks={"prepare": prepare, "set_point": set_point, "valve_error": valve_error},
@@ -128,7 +138,10 @@ EFFECT = Effect(
         monotone="the rate rises with the error; all poles are stable",
         memory="one to three poles, real or a complex pair",
         over=("time", "direction", "pressure error"),
-        coefficients=("valve_lag.resonance", "valve_lag.blend_pa", "valve_lag.small", "valve_lag.inertia_ratio"),
+        coefficients=(
+            *("valve_lag.resonance", "valve_lag.blend_pa", "valve_lag.small"),
+            *("valve_lag.inertia_ratio", "valve_lag.returning_ratio"),
+        ),
         quantity="the share of a step that the {pressure} has made",
         curve=curve,
         source="Routh's criterion for polynomials of second and third order; Merritt, Hydraulic Control Systems, 1967,"
