@@ -14,7 +14,7 @@ Equations are pure functions of scalars. They know neither rows nor lanes; kerne
     set_point             q, [m,] u, p, e, h                     u [Pa]; with memory (u, m)
     valve_error           q, error                               set-point minus pressure as the valve reacts to it [Pa]
     flow_limit            q, limit, p, fills                     limit [Pa/s] of filling or of venting; once per step
-    pressure_source       q, p, e                                rate [Pa/s] in addition to the valve's; once per step
+    pressure_source       q, [m,] p, e                           rate [Pa/s] in addition to the valve's; once per step
     pressure_reading      q, p                                   reading [Pa]
     pressure_true         q, reading                             p [Pa]; the inverse of pressure_reading
     actuator_pressure     q, [m,] p, h                           p at the actuator [Pa]; with memory (p, m)
@@ -135,7 +135,7 @@ HOOKS: dict[str, tuple[str, ...]] = {
 }
 """Arguments of every hook after q and m."""
 WITHOUT_MEMORY = frozenset(
-    ("prepare", "valve_error", "flow_limit", "pressure_source", "pressure_reading", "pressure_true", "damping"),
+    ("prepare", "valve_error", "flow_limit", "pressure_reading", "pressure_true", "damping"),
 )
 """Hooks that never take m."""
 ONLY_WITH_MEMORY = frozenset(("moved", "angle_sensor", "force_sensor", "valve"))

@@ -15,28 +15,36 @@ SMALLEST_M3 = 1e-7
 
 @inline
 def prepare(q, h):  # type: ignore[no-untyped-def]
-    """Reciprocal of the supply pressure."""
-    return (1.0 / q[7],)
+    """Reciprocal of the supply pressure, and the share of the way to the wall's temperature within a step."""
+    return 1.0 / q[9], h / (q[6] + 0.5 * h)
 
 
 @inline
-def pressure_source(q, p, e):  # type: ignore[no-untyped-def]
+def set_point(q, m, u, p, e, h):  # type: ignore[no-untyped-def]
+    """The speed as the heat of the gas follows it, a first-order lag by the midpoint rule; the set-point as it is."""
+    return u, (m[0] + (e[SPEED] - m[0]) * q[11],)
+
+
+@inline
+def pressure_source(q, m, p, e):  # type: ignore[no-untyped-def]
     """p_abs V^n is constant but for what the valve feeds; dV/dphi = a2 + a3 phi by virtual work.
 
     V also grows with the pressure, by c_V: p_abs' = -n p_abs (a2 + a3 phi) phi' / (V + n c_V p_abs).
     The law multiplies it by gains that change linearly with the pressure and with the angle and are never negative.
+    And it lets the wall take a share of what compression heats, so that a slow motion has a smaller exponent.
     """
-    exponent, vented, growth, gain, per_rad, a2, a3, _, per_supply = q
+    exponent, vented, growth, gain, per_rad, taken, _, a2, a3, _, per_supply, _ = q
     stiff = exponent * (p + ATMOSPHERE_PA)
     volume = max(_volume(p, e[ANGLE], vented, growth, a2, a3), SMALLEST_M3)
-    rate = -stiff * _leverage(e[ANGLE], a2, a3) * e[SPEED] / (volume + stiff * growth)
+    speed = e[SPEED] - taken * m[0]
+    rate = -stiff * _leverage(e[ANGLE], a2, a3) * speed / (volume + stiff * growth)
     over_angle = min(max(1.0 + per_rad * e[ANGLE], 0.0), 10.0)
     return rate * (1.0 + gain * min(max(p * per_supply, 0.0), 1.0)) * over_angle
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
-    """Rise of the pressure x [Pa] per angle of extension [Pa/rad], at the angle 0."""
-    return float(pressure_source(q, x, (0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0)))
+    """Rise of the pressure x [Pa] per angle of a fast extension [Pa/rad], at the angle 0."""
+    return float(pressure_source(q, (0.0,), x, (0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0)))
 
 
 EFFECT = Effect(
@@ -51,10 +59,16 @@ EFFECT = Effect(
             "gas_compression.with_pressure", -1.0, 10.0, "law: growth up to supply pressure", 1.0, 0.0, 0.5, law=True
         ),
         Parameter("gas_compression.gain_per_rad", -5.0, 20.0, "law: growth with the angle", 1.0, 0.0, 0.3, law=True),
+        Parameter(
+            "gas_compression.heat_share", 0.0, 1.0, "law: share that a slow motion lacks", 1.0, 0.0, 0.2, law=True
+        ),
+        Parameter("gas_compression.heat_time_s", 0.02, 10.0, "law: of the exchange of heat", 1.0, 0.5, 0.3, law=True),
     ),
     reads=("statics.a2_nm_per_pa", "statics.a3_nm_per_pa_rad", "supply.pressure_pa"),
-    prepared=("per_supply",),
-    hooks={"prepare": prepare, "pressure_source": pressure_source},
+    prepared=("per_supply", "approach"),
+    memory=("felt",),
+    law_memory=("felt",),
+    hooks={"prepare": prepare, "set_point": set_point, "pressure_source": pressure_source},
     keys=("gas_compression.exponent",),
     probes=((1.0,), (0.3,)),
     spread={"gas_compression.volume_m3": 1.0, "gas_compression.volume_m3_per_pa": 1.0},
@@ -67,13 +81,15 @@ EFFECT = Effect(
         sign="opposes the change of volume",
         passive=True,
         monotone="in proportion to the speed; the gain is not negative at any pressure and angle",
-        memory="the pressure itself",
+        memory="the pressure, and the heat of the gas",
         over=("pressure", "angle", "speed"),
         coefficients=(
             "gas_compression.volume_m3",
             "gas_compression.volume_m3_per_pa",
             "gas_compression.with_pressure",
             "gas_compression.gain_per_rad",
+            "gas_compression.heat_share",
+            "gas_compression.heat_time_s",
         ),
         quantity="the rise of the {pressure} per {angle} against the {flexion}",
         unit="pa_per_rad",

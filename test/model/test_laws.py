@@ -250,6 +250,8 @@ def test_every_coefficient_acts_and_a_small_one_is_small(effect: Effect) -> None
         base = acting(effect) | ({"inner_share": 0.3} if key == "inner_gap" else {})
         if key in ("knee", "relaxing_per_s"):  # contacts that yield, and against which the drawn steps are slow
             base["presliding_deg"] = 0.01 if key == "knee" else 20.0
+        if key == "heat_time_s":
+            base["heat_share"] = 0.2
         if key == "blend_pa":  # from one time constant to another
             base["venting_ratio"] = 2.0
         reference = still if base == acting(effect) else responses(effect, numbers(effect, **base))
@@ -434,18 +436,41 @@ def test_flow_does_not_fall_with_the_difference_that_drives_it() -> None:
     assert call(effect, "flow_limit", one, 1e6, 1e5, True) == approx(1e6)
 
 
+COLD = (0.0,)
+"""Memory of the gas before any motion."""
+
+
+def test_a_slow_motion_of_a_gas_lacks_what_the_wall_takes() -> None:
+    """Fails when heat is exchanged with another time constant, or fast motion is not adiabatic, slow one not softer."""
+    gas, tau, taken, h = EFFECTS["gas_compression"], 0.4, 0.286, 1e-3
+    q = numbers(gas, h, exponent=1.4, heat_share=taken, heat_time_s=tau)
+    whole = numbers(gas, h, exponent=1.4)
+    for omega in (0.5, 2.5, 20.0):
+        m, rates = COLD, []
+        times = h * np.arange(round((8.0 * tau + 4.0 * np.pi / omega) / h))
+        for t in times:
+            e = tuple(np.cos(omega * t) if column == SPEED else 0.0 for column in range(EXOGENOUS))
+            u, m = call(gas, "set_point", q, m, 2e5, 1e5, e, h)
+            assert u == 2e5
+            rates.append(call(gas, "pressure_source", q, m, 1e5, e))
+        settled = times > 8.0 * tau
+        unit = call(gas, "pressure_source", whole, COLD, 1e5, tuple(float(c == SPEED) for c in range(EXOGENOUS)))
+        expected = (1.0 - taken / (1.0 + 1j * omega * tau)) * np.exp(1j * omega * times)
+        np.testing.assert_allclose(np.array(rates)[settled], unit * expected.real[settled], atol=0.01 * abs(unit))
+
+
 def test_gas_and_leak_stay_passive() -> None:
     """Fails when a gain of the gas is negative, a loss falls with the pressure, or either is not linear in it."""
     gas, leak = EFFECTS["gas_compression"], EFFECTS["leak"]
     squeezed = tuple(1.0 if column == SPEED else 0.0 for column in range(EXOGENOUS))
     for q in drawn("gas_compression", 6, exponent=1.2):
-        source = [call(gas, "pressure_source", q, p, squeezed) for p in np.linspace(0.0, SUPPLY_PA, 30)]
+        source = [call(gas, "pressure_source", q, COLD, p, squeezed) for p in np.linspace(0.0, SUPPLY_PA, 30)]
         assert max(source) <= 0.0
         bent = tuple(0.5 if column == ANGLE else value for column, value in enumerate(squeezed))
-        assert call(gas, "pressure_source", q, 3e5, bent) <= 0.0
+        assert call(gas, "pressure_source", q, COLD, 3e5, bent) <= 0.0
     straight, angled = numbers(gas, exponent=1.2), numbers(gas, exponent=1.2, gain_per_rad=2.0)
-    assert call(gas, "pressure_source", angled, 3e5, bent) == approx(
-        2.0 * call(gas, "pressure_source", straight, 3e5, bent)
+    assert call(gas, "pressure_source", angled, COLD, 3e5, bent) == approx(
+        2.0 * call(gas, "pressure_source", straight, COLD, 3e5, bent)
     )
     for q in drawn("leak", 6, rate_per_s=0.5, turbulent=0.3):
         opens = q[3]
@@ -457,8 +482,11 @@ def test_gas_and_leak_stay_passive() -> None:
     half = numbers(leak, rate_per_s=0.5, with_pressure=2.0)
     assert call(leak, "pressure_source", half, 3e5, REST) == approx(-0.5 * 3e5 * 2.0)
     plain_gas, twice = numbers(gas, exponent=1.0), numbers(gas, exponent=1.0, with_pressure=2.0)
-    ratio = [call(gas, "pressure_source", twice, p, squeezed) / call(gas, "pressure_source", plain_gas, p, squeezed)
-             for p in (0.0, 3e5)]  # fmt: skip
+    ratio = [
+        call(gas, "pressure_source", twice, COLD, p, squeezed)
+        / call(gas, "pressure_source", plain_gas, COLD, p, squeezed)
+        for p in (0.0, 3e5)
+    ]
     assert ratio == approx([1.0, 2.0])
 
 

@@ -52,6 +52,7 @@ def test_names_end_in_their_unit() -> None:
         ".travel_slope",
         ".travel_bow",
         ".gradual",
+        ".heat_share",
         ".critical",
         ".faster",
         ".unload_2",
