@@ -1,4 +1,4 @@
-"""Recordings of one finger joint whose missing physics has another textbook form than the catalogue's.
+"""Recordings of one joint without a partner whose missing physics has another textbook form than the catalogue's.
 
 The plain equations are those of Martin et al. 2004 (Eqs. 6, 8, 11 and 12), integrated here by explicit steps of 0.25 ms
 and without the code of hand_model. Each form acts with one size, which is raised until the recording differs from that
@@ -24,7 +24,8 @@ from hand_model.description import Hand
 from hand_model.kernel.rows import ROW
 from hand_recording.signals import Signals
 
-JOINT, RATE_HZ, SECONDS, FINER = "index_distal", 100.0, 28.0, 40
+JOINT, RATE_HZ, SECONDS, FINER = "thumb_opposition", 100.0, 28.0, 40
+"""The model of a joint with a partner would expect its motion."""
 FLOOR_PA, FLOOR_RAD = 300.0, math.radians(0.05)
 NOISE_PA, NOISE_RAD = 150.0, math.radians(0.03)
 ATMOSPHERE_PA = 1.0e5

@@ -94,6 +94,7 @@ EFFECT = Effect(
         quantity="the rise of the {pressure} per {angle} against the {flexion}",
         unit="pa_per_rad",
         curve=curve,
-        source="second law for a gas spring: its stiffness is positive; Beater, Pneumatic Drives, 2007, ch. 2",
+        source="second law for a gas spring: its stiffness is positive; Beater, Pneumatic Drives, 2007, ch. 2;"
+        " thermal time constant: Otis and Pourmovahed, J. Dyn. Sys. Meas. Control 107, 1985",
     ),
 )
