@@ -161,7 +161,8 @@ class Effect:
     prepared: names of the constants that the hook `prepare` returns.
     memory: names, or names with what each starts at (STARTS); 0 where nothing is given.
     law_memory: names of memory that only law coefficients multiply; loops without laws leave it out.
-    hooks: its equations by the name of the hook.
+    hooks: its equations by the name of the hook.  law_hooks: names of those that do nothing but keep memory of laws;
+    loops without laws leave them out.
     keys: parameters that a fit may move, own ones and numbers of the plain plant.
     probes: starting points of a search, each a value per key in the key's unit, or Times(factor) of the nominal one.
     spread: prior standard deviation of the logarithm of a key; where none is given, 0.7 for a number of the plain
@@ -197,6 +198,7 @@ class Effect:
     memory: Mapping[str, float | str] | tuple[str, ...] = ()
     law_memory: tuple[str, ...] = ()
     hooks: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
+    law_hooks: tuple[str, ...] = ()
     keys: tuple[str, ...] = ()
     probes: tuple[tuple[float, ...], ...] = ()
     spread: Mapping[str, float] = field(default_factory=dict)
@@ -273,6 +275,9 @@ class Effect:
         for memory in self.law_memory:
             if memory not in self.starts:
                 raise self._error("law_memory", memory, self.starts)
+        for hook in self.law_hooks:
+            if hook not in self.hooks:
+                raise self._error("law_hooks", hook, self.hooks)
 
     def _check_keys(self) -> None:
         known = {*PLANT_ROW, *(parameter.key for parameter in self.parameters)}

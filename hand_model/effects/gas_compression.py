@@ -69,6 +69,7 @@ EFFECT = Effect(
     memory=("felt",),
     law_memory=("felt",),
     hooks={"prepare": prepare, "set_point": set_point, "pressure_source": pressure_source},
+    law_hooks=("set_point",),
     keys=("gas_compression.exponent",),
     probes=((1.0,), (0.3,)),
     spread={"gas_compression.volume_m3": 1.0, "gas_compression.volume_m3_per_pa": 1.0},

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -235,7 +236,7 @@ def compose(effects: tuple[Effect, ...], laws: bool = True) -> Hooks:
     if list(effects) != [effect for effect in CATALOGUE if effect in effects]:
         raise ValueError("the effects of a set must be different and in the order of the catalogue")
     if not laws:
-        effects = tuple(effect for effect in effects if not all(own.law for own in effect.parameters))
+        effects = tuple(_textbook(effect) for effect in effects if not all(own.law for own in effect.parameters))
     writer = _Writer(laws)
     bodies = _bodies(writer, effects)
     arguments: dict[str, tuple[str, ...] | None] = {"valve_replaced": (), "set_point_trial": HOOKS["set_point"]}
@@ -247,6 +248,14 @@ def compose(effects: tuple[Effect, ...], laws: bool = True) -> Hooks:
             for hook in Hooks._fields
         }
     )
+
+
+def _textbook(effect: Effect) -> Effect:
+    """The effect without the hooks that only keep memory of laws."""
+    if not effect.law_hooks:
+        return effect
+    hooks = {hook: equation for hook, equation in effect.hooks.items() if hook not in effect.law_hooks}
+    return replace(effect, hooks=hooks, law_hooks=())
 
 
 @inline

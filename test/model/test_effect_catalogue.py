@@ -306,6 +306,7 @@ WRONG: tuple[tuple[dict[str, Any], str], ...] = (
     ({"hooks": {"moved": other_hook}}, "hook 'moved' needs memory"),
     ({"hooks": {"torque": other_hook}}, "arguments of 'torque' is 'q, phi'; it must be one of q, phi, omega, p"),
     ({"memory": ("loop",)}, "arguments of 'torque' is .* it must be one of q, m, phi"),
+    ({"law_hooks": ("moved",)}, "law_hooks is 'moved'; it must be one of torque"),
     ({"hooks": {"prepare": prepare}}, "'prepared' and the hook 'prepare' must be given together"),
     ({"prepared": ("per_scale",)}, "'prepared' and the hook 'prepare' must be given together"),
 )
