@@ -50,6 +50,9 @@ FORMS: dict[str, tuple[int, float, frozenset[str]]] = {
     "shaken": (16, 5e-3, frozenset()),
     "plain": (0, 0.0, frozenset()),
     "coarse_teeth": (17, 5e-3, frozenset()),
+    "returning_spool": (18, 0.03, frozenset({"valve_lag"})),
+    "bending_flow": (19, 1e-6, frozenset({"valve_flow_limit"})),
+    "gas_with_heat": (20, 0.5, frozenset({"gas_compression"})),
 }
 
 
@@ -62,7 +65,7 @@ def _simulate(u, q, form, size, dt, finer):  # type: ignore[no-untyped-def]
     delay = round(dead / h)
     # at rest: the angle of zero pressure
     phi = min(max(-a0 / a1, low), high)
-    p = pv = w = creep = rate = k1 = k2 = spool = bristle = 0.0
+    p = pv = w = creep = rate = k1 = k2 = spool = bristle = warmed = 0.0
     pa = 0.0
     plays = np.full(5, phi)
     for k in range(len(u)):
@@ -81,7 +84,13 @@ def _simulate(u, q, form, size, dt, finer):  # type: ignore[no-untyped-def]
                 rate += h * ((goal - pv) / (size * size) - 0.9 / size * rate)
                 pv += h * rate
                 error = pv - p
+            if form == 18:  # a coil pulls, a spring returns
+                pv += h / (size * (1.0 if goal > pv else 2.5)) * (goal - pv)
+                error = pv - p
             flow = error / tau
+            if form == 19:  # sharper than a fraction, softer than a corner
+                share = abs(flow) * size * (1.0 if flow > 0.0 else 1.4)
+                flow /= (1.0 + share**3) ** (1.0 / 3.0)
             if form == 3:
                 limit = 1.0 / size
                 flow = limit * math.tanh(flow / limit)
@@ -90,6 +99,11 @@ def _simulate(u, q, form, size, dt, finer):  # type: ignore[no-untyped-def]
                 flow -= size * math.sqrt(max(p, 0.0) * (p + ATMOSPHERE_PA)) / ATMOSPHERE_PA
             if form == 7:
                 flow -= size * (p + ATMOSPHERE_PA) * 0.3 / (1.0 + 0.3 * phi) * w
+            if form == 20:  # adiabatic at first, at the wall's temperature in the end
+                volume = 2e-6 + a2 * phi + 0.5 * a3 * phi * phi
+                work = size * (p + ATMOSPHERE_PA) * (a2 + a3 * phi) * w / volume
+                warmed += h / 0.6 * (work - warmed)
+                flow -= work - 0.286 * warmed
             p += h * flow
             if form == 6:
                 gap = p - pa

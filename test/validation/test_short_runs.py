@@ -60,3 +60,18 @@ def test_a_form_outside_the_catalogue_is_named_and_a_plain_joint_is_not(tmp_path
     assert max(leak["ratios"].values()) <= development.FLOORS
     assert plain["null"] and plain["findings"] == [] and plain["remainder"] == 0.0
     assert development.summary([leak, plain]).startswith("first 1 of 1; test error at most 1.25 floors 1 of 1;")
+
+
+@pytest.mark.parametrize(
+    ("form", "effect", "most"), [("returning_spool", "valve_lag", 1.25), ("bending_flow", "valve_flow_limit", 2.0)]
+)
+def test_the_learned_law_of_a_valve_follows_another_form(tmp_path: Path, form: str, effect: str, most: float) -> None:
+    """Fails when a spool with another speed of return, or a limit that bends, gets another name or a large test error.
+
+    A lag of one time constant, and a mean of a sharp and a gradual limit, leave 4 to 7 times the noise.
+    """
+    out = tmp_path / "rows.json"
+    development.main(CONFIG, 305, laws.TUNED, (form,), deleted=False, out=out)
+    (row,) = json.loads(out.read_text(encoding="utf-8"))
+    assert row["findings"][0][0] == effect and row["remainder"] == 0.0
+    assert max(row["ratios"].values()) <= most
