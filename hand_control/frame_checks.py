@@ -167,7 +167,8 @@ def _displaced(v, i, p, angle, speed):  # type: ignore[no-untyped-def]
     gas = 0.0
     if v[_EXPONENT, i] > 0.0:
         law = (v[_EXPONENT, i], v[_VOLUME, i], v[_GAS_GROWTH, i], v[_GAS_GAIN, i], v[_GAS_PER_RAD, i])
-        gas = gas_rate((*law, a2, a3, v[_SUPPLY, i], v[_PER_SUPPLY, i]), p, around)
+        # Without what the wall takes of the heat, which makes the rate smaller.
+        gas = gas_rate((*law, 0.0, 0.0, a2, a3, v[_SUPPLY, i], v[_PER_SUPPLY, i], 0.0), (0.0,), p, around)
     if v[_LIQUID, i] > 0.0:
         return full * v[_LIQUID, i] + gas, UNCERTAIN * abs(full), UNCERTAIN * abs(full)
     return gas, max(-full, gas, 0.0), max(full, -gas, 0.0)
