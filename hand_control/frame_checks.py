@@ -167,7 +167,7 @@ def _displaced(v, i, p, angle, speed):  # type: ignore[no-untyped-def]
     gas = 0.0
     if v[_EXPONENT, i] > 0.0:
         law = (v[_EXPONENT, i], v[_VOLUME, i], v[_GAS_GROWTH, i], v[_GAS_GAIN, i], v[_GAS_PER_RAD, i])
-        # Without what the wall takes of the heat, which makes the rate smaller.
+        # Without an exchange of heat, which would need memory: its share is 0.
         gas = gas_rate((*law, 0.0, 0.0, a2, a3, v[_SUPPLY, i], v[_PER_SUPPLY, i], 0.0), (0.0,), p, around)
     if v[_LIQUID, i] > 0.0:
         return full * v[_LIQUID, i] + gas, UNCERTAIN * abs(full), UNCERTAIN * abs(full)

@@ -138,8 +138,8 @@ def main(path: Path, seed: int, half: str, names: Sequence[str], *, deleted: boo
             continue
         begun = time.process_time()
         without = sorted(case.right) if deleted else []
-        options: dict[str, Any] = {"tolerance": 0.05, "seed": 0, "without": without, "sensor_curve": False}
-        found = diagnose([case.signals], case.model, joints=list(case.signals.joints), **options)
+        found = diagnose([case.signals], case.model, tolerance=0.05, seed=0, joints=list(case.signals.joints),
+                         without=without, sensor_curve=False)  # fmt: skip
         rows.append(row_of(case, found, deleted, time.process_time() - begun))
         print(line_of(rows[-1]), flush=True)
         if out:

@@ -81,7 +81,8 @@ EFFECT = Effect(
         acts_on="rate of the pressure",
         sign="opposes the change of volume",
         passive=True,
-        monotone="in proportion to the speed; the gain is not negative at any pressure and angle",
+        monotone="in proportion to the speed, with at most as much for a slow motion as for a fast one; the gain is not"
+        " negative at any pressure and angle",
         memory="the pressure, and the heat of the gas",
         over=("pressure", "angle", "speed"),
         coefficients=(

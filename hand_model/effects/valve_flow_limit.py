@@ -29,7 +29,8 @@ def valve_error(q, error):  # type: ignore[no-untyped-def]
     """By the law the flow approaches its limit gradually. The result has the sign of the error and never exceeds it.
 
     An error of x times the one that reaches the limit acts like f, with (1 - g^2) f^2 - (1 + x) f + x = 0: a
-    hyperbola between the lines f = x and f = 1. It is these lines where g is 0, and x / (1 + x) where g is 1.
+    hyperbola between the lines f = x and f = 1, and x / (1 + x) where g is 1. Where g is 0, the error remains as it is,
+    and the limit alone makes both lines of it.
     """
     gradual, per_filling, per_venting = q[7], q[17], q[18]
     share = error * per_filling if error > 0.0 else -error * per_venting

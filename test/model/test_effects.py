@@ -320,23 +320,24 @@ def chamber(p: float, phi: float) -> float:
 
 def gas_compression(_: Any) -> None:
     """Broken by a wrong sign, by gauge instead of absolute pressure or by a volume other than Eq. 7's."""
+    cold = memory(EFFECTS["gas_compression"])
     for exponent in (1.0, 1.3):
         q = numbers("gas_compression", exponent=exponent)
         angles = np.linspace(0.6, 0.1, 4001)
         p, speed = 2e5, (angles[1] - angles[0]) / H
         for before, after in pairwise(angles):
-            first = call("gas_compression", "pressure_source", q, (0.0,), p, around(angle=before, speed=speed))
+            first = call("gas_compression", "pressure_source", q, cold, p, around(angle=before, speed=speed))
             trial = p + 0.5 * H * first
             middle = 0.5 * (before + after)
-            p += H * call("gas_compression", "pressure_source", q, (0.0,), trial, around(angle=middle, speed=speed))
+            p += H * call("gas_compression", "pressure_source", q, cold, trial, around(angle=middle, speed=speed))
         assert p > 2e5  # extending closes the chamber
         held = (2e5 + ATMOSPHERE_PA) * chamber(2e5, 0.6) ** exponent
         assert (p + ATMOSPHERE_PA) * chamber(p, 0.1) ** exponent == approx(held, rel=1e-7)
     tiny = numbers("gas_compression", exponent=1.0, volume_m3=1e-7)
-    closed = call("gas_compression", "pressure_source", tiny, (0.0,), 0.0, around(angle=-1.0, speed=1.0))
+    closed = call("gas_compression", "pressure_source", tiny, cold, 0.0, around(angle=-1.0, speed=1.0))
     smallest = 1e-7 + 1.2e-12 * ATMOSPHERE_PA  # the map's volume is negative here
     assert closed == approx(-ATMOSPHERE_PA * (A2 - A3) / smallest)
-    still = call("gas_compression", "pressure_source", numbers("gas_compression", exponent=1.0), (0.0,), 2e5, REST)
+    still = call("gas_compression", "pressure_source", numbers("gas_compression", exponent=1.0), cold, 2e5, REST)
     assert still == 0.0
 
 

@@ -438,6 +438,8 @@ def test_flow_does_not_fall_with_the_difference_that_drives_it() -> None:
 
 COLD = (0.0,)
 """Memory of the gas before any motion."""
+SQUEEZED = tuple(1.0 if column == SPEED else 0.0 for column in range(EXOGENOUS))
+"""Surroundings of a joint at angle 0 that flexes with 1 rad/s."""
 
 
 def test_a_slow_motion_of_a_gas_lacks_what_the_wall_takes() -> None:
@@ -449,12 +451,12 @@ def test_a_slow_motion_of_a_gas_lacks_what_the_wall_takes() -> None:
         m, rates = COLD, []
         times = h * np.arange(round((8.0 * tau + 4.0 * np.pi / omega) / h))
         for t in times:
-            e = tuple(np.cos(omega * t) if column == SPEED else 0.0 for column in range(EXOGENOUS))
+            e = tuple(np.cos(omega * t) * each for each in SQUEEZED)
             u, m = call(gas, "set_point", q, m, 2e5, 1e5, e, h)
             assert u == 2e5
             rates.append(call(gas, "pressure_source", q, m, 1e5, e))
         settled = times > 8.0 * tau
-        unit = call(gas, "pressure_source", whole, COLD, 1e5, tuple(float(c == SPEED) for c in range(EXOGENOUS)))
+        unit = call(gas, "pressure_source", whole, COLD, 1e5, SQUEEZED)
         expected = (1.0 - taken / (1.0 + 1j * omega * tau)) * np.exp(1j * omega * times)
         np.testing.assert_allclose(np.array(rates)[settled], unit * expected.real[settled], atol=0.01 * abs(unit))
 
@@ -462,11 +464,10 @@ def test_a_slow_motion_of_a_gas_lacks_what_the_wall_takes() -> None:
 def test_gas_and_leak_stay_passive() -> None:
     """Fails when a gain of the gas is negative, a loss falls with the pressure, or either is not linear in it."""
     gas, leak = EFFECTS["gas_compression"], EFFECTS["leak"]
-    squeezed = tuple(1.0 if column == SPEED else 0.0 for column in range(EXOGENOUS))
     for q in drawn("gas_compression", 6, exponent=1.2):
-        source = [call(gas, "pressure_source", q, COLD, p, squeezed) for p in np.linspace(0.0, SUPPLY_PA, 30)]
+        source = [call(gas, "pressure_source", q, COLD, p, SQUEEZED) for p in np.linspace(0.0, SUPPLY_PA, 30)]
         assert max(source) <= 0.0
-        bent = tuple(0.5 if column == ANGLE else value for column, value in enumerate(squeezed))
+        bent = tuple(0.5 if column == ANGLE else value for column, value in enumerate(SQUEEZED))
         assert call(gas, "pressure_source", q, COLD, 3e5, bent) <= 0.0
     straight, angled = numbers(gas, exponent=1.2), numbers(gas, exponent=1.2, gain_per_rad=2.0)
     assert call(gas, "pressure_source", angled, COLD, 3e5, bent) == approx(
@@ -483,8 +484,8 @@ def test_gas_and_leak_stay_passive() -> None:
     assert call(leak, "pressure_source", half, 3e5, REST) == approx(-0.5 * 3e5 * 2.0)
     plain_gas, twice = numbers(gas, exponent=1.0), numbers(gas, exponent=1.0, with_pressure=2.0)
     ratio = [
-        call(gas, "pressure_source", twice, COLD, p, squeezed)
-        / call(gas, "pressure_source", plain_gas, COLD, p, squeezed)
+        call(gas, "pressure_source", twice, COLD, p, SQUEEZED)
+        / call(gas, "pressure_source", plain_gas, COLD, p, SQUEEZED)
         for p in (0.0, 3e5)
     ]
     assert ratio == approx([1.0, 2.0])
