@@ -41,6 +41,9 @@ class Settings(PageSettings):
     near_log_evidence: float = setting(
         12.0, "log", "Log evidence behind the first effect up to which others are compared with it below the practical"
         " floor.", CHOICE, "Twins of other forms are separated less often.", "Slower.")
+    pair_leaders: int = setting(
+        2, "hypotheses", "Leaders of a round that no effect wins, each of which is tried with a second one.",
+        CHOICE, "Pairs that hide each other are missed.", "Slower where physics is unknown.")
     tie_recordings: int = setting(
         10, "recordings", "Recordings of one experiment that may be asked for to break a tie.",
         CHOICE, "More ties are left without an experiment.", "Experiments are proposed that nobody repeats so often.")

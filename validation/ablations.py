@@ -38,7 +38,7 @@ from validation.trial.workers import end_with_parent
 
 COMMAND = "python -m validation.ablations FOLDER"
 WHOLE, TEXTBOOK = "nothing (all parts)", "learned laws (textbook forms only)"
-_SEARCH = "hand_diagnosis.search.joint_search"
+_SEARCH, _ROUNDS = "hand_diagnosis.search.joint_search", "hand_diagnosis.search.rounds"
 Changes = tuple[tuple[str, str, Any], ...]
 """Modules, their attributes, and what stands there instead."""
 SHOWN = (
@@ -68,6 +68,10 @@ def _straight(task: Any, _: Sequence[Any]) -> tuple[Any, list[str]]:
 SWITCHES: Mapping[str, Changes] = {
     TEXTBOOK: (("hand_diagnosis.diagnosis.joint", "search_joint", _textbook),),
     "further effects on a joint": ((_SEARCH, "SETTINGS", replace(SETTINGS, max_effects=1)),),
+    "two effects at once, and each weighed again": (
+        (_SEARCH, "two_at_once", lambda *_: []),
+        (_SEARCH, "weighed_again", lambda *_: None),
+    ),
     "fits over the whole hand and its pairs": (
         ("hand_diagnosis.diagnosis.hand", "without_unshared", _as_given),
         ("hand_diagnosis.diagnosis.hand", "next_to_models", _as_given),
@@ -77,11 +81,12 @@ SWITCHES: Mapping[str, Changes] = {
     "Occam's factor (likelihood only)": (
         (_SEARCH, "log_evidence", _likelihood),
         ("hand_diagnosis.search.hypotheses", "log_evidence", _likelihood),
+        ("hand_diagnosis.search.completion", "log_evidence", _likelihood),
     ),
     "comparison below the practical floor": (
-        (_SEARCH, "separated_below_floor", lambda _, __, hypotheses, ___: list(hypotheses)),
+        (_ROUNDS, "separated_below_floor", lambda _, __, hypotheses, ___: list(hypotheses)),
     ),
-    "starts elsewhere": ((_SEARCH, "restarted", lambda _, __, rough, ___, ____: rough),),
+    "starts elsewhere": ((_ROUNDS, "restarted", lambda _, __, rough, ___, ____: rough),),
     "onsets": (("hand_diagnosis.diagnosis.joint", "search_with_onset", lambda *_: None),),
 }
 """The parts that are switched off, one a row."""

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -57,8 +58,11 @@ FORMS: dict[str, tuple[int, float, frozenset[str]]] = {
 
 
 @njit(cache=True)
-def _simulate(u, q, form, size, dt, finer):  # type: ignore[no-untyped-def]
-    """Pressures and angles (T, 2) under set-points u (T,). q: plain numbers in the order of `_numbers`."""
+def _simulate(u, q, sizes, dt, finer):  # type: ignore[no-untyped-def]
+    """Pressures and angles (T, 2) under set-points u (T,). q: plain numbers in the order of `_numbers`.
+
+    sizes: of the forms, by their numbers, 0 for those that are absent.
+    """
     tau, dead, fill, vent, a0, a1, a2, a3, phi_max, p_min, b1, t_ext, b0, t_rec, inertia, damp, low, high, stop = q
     out = np.empty((len(u), 2))
     h = dt / finer
@@ -74,40 +78,40 @@ def _simulate(u, q, form, size, dt, finer):  # type: ignore[no-untyped-def]
             at = k * finer + n - delay
             goal = u[max(at, 0) // finer] if at >= 0 else u[0]
             t = (k * finer + n) * h
-            if form == 4:
-                spool = min(max(spool, goal - size), goal + size)
+            if sizes[4] > 0.0:
+                spool = min(max(spool, goal - sizes[4]), goal + sizes[4])
                 goal = spool
             error = goal - p
-            if form == 1:
-                error = error * error * error / (error * error + size * size)
-            if form == 2:  # second order, damping ratio 0.45, in series with the plain valve
-                rate += h * ((goal - pv) / (size * size) - 0.9 / size * rate)
+            if sizes[1] > 0.0:
+                error = error * error * error / (error * error + sizes[1] * sizes[1])
+            if sizes[2] > 0.0:  # second order, damping ratio 0.45, in series with the plain valve
+                rate += h * ((goal - pv) / (sizes[2] * sizes[2]) - 0.9 / sizes[2] * rate)
                 pv += h * rate
                 error = pv - p
-            if form == 18:  # a coil pulls, a spring returns
-                pv += h / (size * (1.0 if goal > pv else 2.5)) * (goal - pv)
+            if sizes[18] > 0.0:  # a coil pulls, a spring returns
+                pv += h / (sizes[18] * (1.0 if goal > pv else 2.5)) * (goal - pv)
                 error = pv - p
             flow = error / tau
-            if form == 19:  # sharper than a fraction, softer than a corner
-                share = abs(flow) * size * (1.0 if flow > 0.0 else 1.4)
+            if sizes[19] > 0.0:  # sharper than a fraction, softer than a corner
+                share = abs(flow) * sizes[19] * (1.0 if flow > 0.0 else 1.4)
                 flow /= (1.0 + share**3) ** (1.0 / 3.0)
-            if form == 3:
-                limit = 1.0 / size
+            if sizes[3] > 0.0:
+                limit = 1.0 / sizes[3]
                 flow = limit * math.tanh(flow / limit)
             flow = min(max(flow, -vent), fill)
-            if form == 5:
-                flow -= size * math.sqrt(max(p, 0.0) * (p + ATMOSPHERE_PA)) / ATMOSPHERE_PA
-            if form == 7:
-                flow -= size * (p + ATMOSPHERE_PA) * 0.3 / (1.0 + 0.3 * phi) * w
-            if form == 20:  # adiabatic at first, at the wall's temperature in the end
+            if sizes[5] > 0.0:
+                flow -= sizes[5] * math.sqrt(max(p, 0.0) * (p + ATMOSPHERE_PA)) / ATMOSPHERE_PA
+            if sizes[7] > 0.0:
+                flow -= sizes[7] * (p + ATMOSPHERE_PA) * 0.3 / (1.0 + 0.3 * phi) * w
+            if sizes[20] > 0.0:  # adiabatic at first, at the wall's temperature in the end
                 volume = 2e-6 + a2 * phi + 0.5 * a3 * phi * phi
-                work = size * (p + ATMOSPHERE_PA) * (a2 + a3 * phi) * w / volume
+                work = sizes[20] * (p + ATMOSPHERE_PA) * (a2 + a3 * phi) * w / volume
                 warmed += h / 0.6 * (work - warmed)
                 flow -= work - 0.286 * warmed
             p += h * flow
-            if form == 6:
+            if sizes[6] > 0.0:
                 gap = p - pa
-                pa += h / size * math.copysign(math.sqrt(abs(gap) + 1.0) - 1.0, gap) * 30.0
+                pa += h / sizes[6] * math.copysign(math.sqrt(abs(gap) + 1.0) - 1.0, gap) * 30.0
             else:
                 pa = p
             ext = max(0.0, (b1 * (pa - p_min) - creep) / t_ext)
@@ -115,36 +119,36 @@ def _simulate(u, q, form, size, dt, finer):  # type: ignore[no-untyped-def]
             creep += h * (ext + rec)
             m = a0 + a1 * (phi - creep * phi_max) + (a2 + a3 * phi) * pa - damp * w
             drive = a2 * pa
-            if form == 8:
-                k1 += h / 0.7 * (size * drive - k1)
-                k2 += h / 9.0 * (size * drive - k2)
+            if sizes[8] > 0.0:
+                k1 += h / 0.7 * (sizes[8] * drive - k1)
+                k2 += h / 9.0 * (sizes[8] * drive - k2)
                 m += k1 + k2
-            elif form == 9:  # LuGre, Canudas de Wit et al. 1995
-                level = size * (1.0 + 0.4 * math.exp(-((w / 0.1) ** 2)))
-                stiff = size / math.radians(0.15)
+            if sizes[9] > 0.0:  # LuGre, Canudas de Wit et al. 1995
+                level = sizes[9] * (1.0 + 0.4 * math.exp(-((w / 0.1) ** 2)))
+                stiff = sizes[9] / math.radians(0.15)
                 slide = w - stiff * abs(w) / level * bristle
                 bristle += h * slide
                 m -= stiff * bristle + 0.02 * math.sqrt(stiff * inertia) * slide
-            elif form == 10:  # Prandtl-Ishlinskii
+            if sizes[10] > 0.0:  # Prandtl-Ishlinskii
                 for j in range(5):
                     half = math.radians(1.0 + 2.5 * j)
                     plays[j] = min(max(plays[j], phi - half), phi + half)
-                    m -= size / 5.0 * (phi - plays[j]) / half
-            elif form == 11:
+                    m -= sizes[10] / 5.0 * (phi - plays[j]) / half
+            if sizes[11] > 0.0:
                 depth = max(phi - math.radians(45.0), 0.0)
-                m -= size * depth * math.sqrt(depth)
-            elif form == 12:
-                m -= a1 * size * (1.0 - math.exp(-t / 12.0)) * phi
-            elif form == 13:
-                m -= size * math.sinh(1.8 * (phi - 0.3)) / 3.0
-            elif form == 14:
-                m -= size * math.copysign(math.sqrt(abs(w) + 0.01) - 0.1, w)
-            elif form == 15:
-                m -= size * math.sin(14.0 * phi)
-            elif form == 17:
-                m -= size * math.sin(7.0 * phi + 0.5)
-            elif form == 16:
-                m += size * math.sin(2.0 * math.pi * 1.7 * t)
+                m -= sizes[11] * depth * math.sqrt(depth)
+            if sizes[12] > 0.0:
+                m -= a1 * sizes[12] * (1.0 - math.exp(-t / 12.0)) * phi
+            if sizes[13] > 0.0:
+                m -= sizes[13] * math.sinh(1.8 * (phi - 0.3)) / 3.0
+            if sizes[14] > 0.0:
+                m -= sizes[14] * math.copysign(math.sqrt(abs(w) + 0.01) - 0.1, w)
+            if sizes[15] > 0.0:
+                m -= sizes[15] * math.sin(14.0 * phi)
+            if sizes[17] > 0.0:
+                m -= sizes[17] * math.sin(7.0 * phi + 0.5)
+            if sizes[16] > 0.0:
+                m += sizes[16] * math.sin(2.0 * math.pi * 1.7 * t)
             m += stop * (max(low - phi, 0.0) - max(phi - high, 0.0))
             w += h * m / inertia
             phi += h * w
@@ -180,28 +184,41 @@ def difference_floors(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.sqrt(square.max())) if np.isfinite(square).all() else math.inf
 
 
-def recording(hand: Hand, form: str, floors: float, seed: int) -> tuple[Signals, float]:
-    """A recording of the joint with one form, and the size of it, in the form's own unit.
+def simulated(u: np.ndarray, q: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Pressures and angles (T, 2) [Pa, rad] under set-points u (T,) [Pa] of the joint with numbers q and forms."""
+    return np.asarray(_simulate(u, q, sizes, 1.0 / RATE_HZ, FINER))
 
-    floors: RMS change of a signal by the form, in practical floors [-].
+
+def _size_of(form: str, floors: float, u: np.ndarray, q: np.ndarray, plain: np.ndarray) -> float:
+    """Size at which a form alone changes a signal by so many practical floors."""
+    number, size, _ = FORMS[form]
+    if not number:
+        return 0.0
+    low, high = math.log(size) - 7.0, math.log(size) + 7.0
+    sizes = np.zeros(len(FORMS))
+    for _ in range(18):
+        middle = 0.5 * (low + high)
+        sizes[number] = math.exp(middle)
+        low, high = (middle, high) if difference_floors(simulated(u, q, sizes), plain) < floors else (low, middle)
+    return math.exp(low)
+
+
+def recording(hand: Hand, forms: str, floors: float, seed: int) -> tuple[Signals, dict[str, float]]:
+    """A recording of the joint with one form, or several joined by +, and their sizes, in the forms' own units.
+
+    floors: RMS change of a signal by each form alone, in practical floors [-].
     """
     rng = np.random.default_rng(seed)
-    number, size, _ = FORMS[form]
     u, q = commands_pa(rng), _numbers(hand)
-    plain = _simulate(u, q, 0, 0.0, 1.0 / RATE_HZ, FINER)
-    out = plain
-    if number:
-        low, high = math.log(size) - 7.0, math.log(size) + 7.0
-        for _ in range(18):
-            middle = 0.5 * (low + high)
-            out = _simulate(u, q, number, math.exp(middle), 1.0 / RATE_HZ, FINER)
-            low, high = (middle, high) if difference_floors(out, plain) < floors else (low, middle)
-        size = math.exp(low)
-        out = _simulate(u, q, number, size, 1.0 / RATE_HZ, FINER)
+    sizes, plain = np.zeros(len(FORMS)), simulated(u, q, np.zeros(len(FORMS)))
+    given = {form: _size_of(form, floors, u, q, plain) for form in forms.split("+")}
+    for form, size in given.items():
+        sizes[FORMS[form][0]] = size
+    out = simulated(u, q, sizes)
     yes = np.ones(1, dtype=bool)
     shape = (len(u), 1)
     signals = Signals(
-        name=f"{form}_{seed}",
+        name=f"{forms}_{seed}",
         joints=(JOINT,),
         period_s=1.0 / RATE_HZ,
         set_point_pa=u[:, None],
@@ -212,7 +229,7 @@ def recording(hand: Hand, form: str, floors: float, seed: int) -> tuple[Signals,
         has_set_point=yes,
         has_pressure=yes,
     )
-    return signals, size
+    return signals, given
 
 
 def nominal_model(hand: Hand, seed: int, share: float = 0.03) -> Hand:
@@ -228,8 +245,15 @@ def nominal_model(hand: Hand, seed: int, share: float = 0.03) -> Hand:
     return replace(hand, parameters=parameters)
 
 
-def main(seed: int, floors: float = 12.0) -> None:
-    """Print the verdict, the findings and the remainder of a recording of every form.
+def pairs(count: int, seed: int) -> list[str]:
+    """Names of random pairs of forms, joined by +; both are of the catalogue."""
+    known = [form for form, (number, _, right) in FORMS.items() if number and right]
+    rng = np.random.default_rng(seed)
+    return ["+".join(rng.choice(known, 2, replace=False)) for _ in range(count)]
+
+
+def main(seed: int, floors: float = 12.0, forms: Sequence[str] = tuple(FORMS)) -> None:
+    """Print the verdict, the findings and the remainder of a recording of every form, or of pairs of them.
 
     floors: RMS change of a signal by each form, in practical floors [-].
     """
@@ -237,7 +261,8 @@ def main(seed: int, floors: float = 12.0) -> None:
     from hand_model.description import load_hand  # noqa: PLC0415 - as above
 
     hand = load_hand(Path(__file__).parents[1] / "config" / "hand.yaml")
-    for k, (form, (_, _, right)) in enumerate(FORMS.items()):
+    for k, form in enumerate(forms):
+        right = ["/".join(sorted(FORMS[each][2])) or "none" for each in form.split("+")]
         own = seed + 17 * k
         signals, _ = recording(hand, form, floors, own)
         model = nominal_model(hand, own)
@@ -246,17 +271,18 @@ def main(seed: int, floors: float = 12.0) -> None:
         left = [f"remainder {entry.probability:.2f}" for entry in found.remainder]
         test, results = found.joints[0].test, found.joints[0].results
         errors = [] if test is None else [f"{test.rmse(1)[r.stage] / r.noise:.2f}" for r in results]
-        print(f"{form} (seed {own}, right: {', '.join(sorted(right)) or 'none'}): {found.verdict}; {named + left};"
+        print(f"{form} (seed {own}, right: {', '.join(right)}): {found.verdict}; {named + left};"
               f" test error over the noise: {', '.join(errors)}", flush=True)  # fmt: skip
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(
         prog="python -m validation.other_forms",
-        description="Diagnose a recording of every form.",
+        description="Diagnose a recording of every form, or of random pairs of forms.",
         epilog="Example: python -m validation.other_forms 1 --floors 12",
     )
     parser.add_argument("seed", type=int, help="seed of the first recording")
     parser.add_argument("--floors", type=float, default=12.0, help="RMS change of a signal, in practical floors")
-    given = parser.parse_args()
-    main(given.seed, given.floors)
+    parser.add_argument("--pairs", type=int, default=0, help="number of recordings with two forms each, instead")
+    asked = parser.parse_args()
+    main(asked.seed, asked.floors, pairs(asked.pairs, asked.seed) if asked.pairs else tuple(FORMS))

@@ -94,7 +94,7 @@ def diagnose_joint(
     ready = task.prepare(joint)
     if partner:
         put_partner(ready.problem, partner)
-    effects = [effect for effect in task.effects if effect.name != without]
+    effects = [effect for effect in task.effects_beside(ready.problem) if effect.name != without]
     rng = np.random.default_rng([task.seed, *seed])
     found = _searched(task, wording, ready, ready.problem, effects, rng, causes)
     if any(stage.shows_held_out for stage in found.results):

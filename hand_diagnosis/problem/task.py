@@ -161,6 +161,16 @@ class Task:
             segment.exogenous[:, INFLOW] = self._inflow(number)
         return rough
 
+    def effects_beside(self, problem: JointProblem) -> list[Effect]:
+        """The effects without those of a neighbour, where none was recorded that moves.
+
+        A spring from a joint at rest, which its law may bend in any way, is nothing but an elastic torque of this one.
+        """
+        neighbours = [segment.exogenous[:, NEIGHBOUR] for segment in problem.segments]
+        if any(np.ptp(angle) > SETTINGS.min_travel_rad for angle in neighbours):
+            return list(self.effects)
+        return [effect for effect in self.effects if "other_joint" not in effect.needs]
+
     def with_bending(self, joint: str, partner_rad_s2: Sequence[Array]) -> list[Array]:
         """Acceleration (T,) [rad/s^2] of a joint's partner in every segment, with what a changing inertia adds to it.
 

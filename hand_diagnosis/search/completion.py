@@ -20,12 +20,13 @@ import numpy as np
 from hand_diagnosis.problem import (
     block_bootstrap,
     likelihood_below_floor,
+    log_evidence,
     validation_rmse,
     weighted_by_noise,
     weighted_by_rest,
     white_parts,
 )
-from hand_diagnosis.search.hypotheses import Hypothesis, with_other_fit
+from hand_diagnosis.search.hypotheses import Hypothesis, amounts, with_other_fit
 from hand_diagnosis.search.laws import learn_law, posterior_covariance, thinned
 from hand_diagnosis.settings import SETTINGS, FitPass
 from hand_identification.common_scale import at_prior_scale
@@ -122,6 +123,33 @@ def _score_below_floor(
         law = learn_law(sharp, fit, hypothesis.effect, rng)
         fit = law.chosen
     return likelihood_below_floor(problem, current, fit)
+
+
+def with_known_numbers(problem: JointProblem, nominal: MapFit, accepted: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """The effects found, those with a law around the numbers of the plain plant as these are known, if that suffices.
+
+    Many a textbook form is other numbers of the plain plant, free far beyond their tolerance. Next to a law they need
+    not be, and what the data leave open of them mispredicts other data. They stay free where leaving them so has the
+    log evidence that an effect needs. nominal: the plain model.
+    """
+    fit, known = accepted[-1].fit, {parameter.row: parameter for parameter in nominal.free}
+    lawful = [hypothesis for hypothesis in accepted if hypothesis.freed and not hypothesis.given]
+    rows = {ROW[key] for hypothesis in lawful for key in hypothesis.effect.keys} & known.keys()
+    if not rows:
+        return list(accepted)
+    have = {p.row for p in fit.free}
+    added = [p for h in lawful for p in law_free_parameters(h.effect, problem.nominal) if p.row not in have]
+    free = [*(known[p.row] if p.row in rows else p for p in fit.free), *added]
+    values = zip(free, fit.free, fit.z, strict=False)
+    here = [q.coordinate(float(p.value(z[None])[0])) if q.row in rows else float(z) for q, p, z in values]
+    starts = [np.array([*here, *[size] * len(added)]) for size in (0.0, SETTINGS.law_start_of_all)]
+    fits = [map_fit(problem, free, start, SETTINGS.law_iterations[1]) for start in starts]
+    laws = {ROW[key] for hypothesis in lawful for key in hypothesis.effect.coefficients}
+    tight = thinned(problem, min(fits, key=lambda each: each.cost), laws)
+    before, after = (log_evidence(problem, each, amounts(each)) for each in (fit, tight))
+    if after < before - SETTINGS.min_log_evidence:
+        return list(accepted)
+    return _with_fit(problem, accepted, tight)
 
 
 def refit_below_floor(problem: JointProblem, fit: MapFit) -> MapFit:

@@ -15,7 +15,7 @@ from hand_diagnosis.search.hypotheses import (
     amounts,
 )
 from hand_diagnosis.settings import SETTINGS
-from hand_identification.free_parameters import merged
+from hand_identification.free_parameters import effect_free_parameters, merged
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, map_fit, start_at
 from hand_model.effects.effect import Effect
@@ -91,7 +91,8 @@ class JointSearch:
         own = [hypothesis for hypothesis in self.accepted if not hypothesis.given]
         laws = {ROW[key] for hypothesis in own for key in hypothesis.freed}
         start = {p.row: z for p, z in zip(self.final.free, self.final.z, strict=True) if p.row not in laws}
-        free = [p for p in self.final.free if p.row in start]
+        expected = {p.row: p for each in own for p in effect_free_parameters(each.effect, self.problem.nominal)}
+        free = [expected.get(p.row, p) for p in self.final.free if p.row in start]
         for hypothesis in own:
             if hypothesis.textbook is not None:
                 start |= {p.row: z for p, z in zip(hypothesis.textbook.free, hypothesis.textbook.z, strict=True)}

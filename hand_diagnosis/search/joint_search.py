@@ -12,38 +12,33 @@ from dataclasses import replace
 
 import numpy as np
 
-from hand_diagnosis.problem import fitted_rmse, log_evidence, validation_rmse
-from hand_diagnosis.search.acceptance import error_taken, is_accepted, leaves_much, too_small
+from hand_diagnosis.problem import log_evidence
+from hand_diagnosis.search.acceptance import leaves_much
 from hand_diagnosis.search.completion import (
     completed,
     learned_below_floor,
     refit_below_floor,
-    restarted,
-    separated_below_floor,
+    with_known_numbers,
 )
-from hand_diagnosis.search.found import JointSearch, NotClaimable, fit_without
+from hand_diagnosis.search.found import JointSearch, fit_without
 from hand_diagnosis.search.hypotheses import (
     Hypothesis,
     amounts,
     fit_roughly,
-    judged,
     promising,
     refined,
-    with_other_fit,
 )
-from hand_diagnosis.search.laws import begin_law, learn_law, training_evidence, with_nominal_numbers_of
+from hand_diagnosis.search.pairs import two_at_once, weighed_again
+from hand_diagnosis.search.rounds import best_of_round, by_evidence
 from hand_diagnosis.search.turns import with_periods
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.driving import shape_driving
 from hand_identification.free_parameters import FreeParameter
 from hand_identification.joint_problem import STAGES, JointProblem
-from hand_identification.map_fit import MapFit, map_fit, residual_is_correlated, with_slopes
+from hand_identification.map_fit import MapFit, map_fit, residual_is_correlated
 from hand_identification.starts import fit_plain
 from hand_model.arrays import Array
 from hand_model.effects.effect import Effect
-from hand_model.kernel.rows import ROW
-
-SCATTER = "the scatter of the fit over its starting points"
 
 Beginning = Callable[[JointSearch, MapFit, np.random.Generator], Hypothesis]
 """Adds a round to a search and returns the effect that it chose, around the model so far."""
@@ -72,20 +67,30 @@ def search_joint(
     given = {hypothesis.effect.name for hypothesis in found.accepted}
     left = [effect for effect in effects if effect.name not in given]
     for _ in range(SETTINGS.max_effects):
-        best = _best_of_round(found, current, evidence, left, rng)
-        best = best or _next_to_textbook(found, current, evidence, left, rng)
-        if best is None:
+        added = _next_effects(found, current, evidence, left, rng)
+        if not added:
             break
-        found.accepted.append(best)
-        current, evidence = best.fit, best.log_evidence
-        if STAGES[best.stage] == "pressure":
+        found.accepted += added
+        current, evidence = added[-1].fit, added[-1].log_evidence
+        if any(STAGES[each.stage] == "pressure" for each in added):
             current, evidence = _driven_anew(found, current)
-        left = [effect for effect in left if effect.name != best.effect.name]
+        names = {each.effect.name for each in added}
+        left = [effect for effect in left if effect.name not in names]
+    weighed_again(found, effects, rng)
     _eliminate_backward(found)
     _refit_below_floor(found, rng)
     found.rounds = [[replace(h, fit=h.fit.without_arrays()) for h in hypotheses] for hypotheses in found.rounds]
     found.accepted[:-1] = [replace(h, fit=h.fit.without_arrays()) for h in found.accepted[:-1]]
     return found
+
+
+def _next_effects(
+    found: JointSearch, current: MapFit, evidence: float, effects: Sequence[Effect], rng: np.random.Generator
+) -> list[Hypothesis]:
+    """One effect to add to the current model of log evidence `evidence`, or two at once; none ends the search."""
+    best = best_of_round(found, current, evidence, effects, rng)
+    best = best or _next_to_textbook(found, current, evidence, effects, rng)
+    return [best] if best is not None else two_at_once(found, current, evidence, effects, rng)
 
 
 def _begun(found: JointSearch, begin: Sequence[Beginning], rng: np.random.Generator) -> tuple[MapFit, float]:
@@ -116,7 +121,7 @@ def rough_evidence(
     plain = log_evidence(problem, nominal)
     if enough(nominal, nominal):
         return plain, nominal
-    fits = _ranked([fit_roughly(problem, nominal, each, rng) for each in promising(problem, nominal, effects)])
+    fits = by_evidence([fit_roughly(problem, nominal, each, rng) for each in promising(problem, nominal, effects)])
     if not fits or fits[0].log_evidence < plain:
         return plain, nominal
     if enough(nominal, fits[0].fit):
@@ -129,38 +134,8 @@ def rough_evidence(
         for each in leaders
     ]
     ended = [refined(problem, nominal, each, SETTINGS.passes[-1], rng) for each in (*leaders, *begun)]
-    best = _ranked(ended)[0]
+    best = by_evidence(ended)[0]
     return max(best.log_evidence, fits[0].log_evidence), best.fit
-
-
-def _best_of_round(
-    found: JointSearch, current: MapFit, evidence: float, effects: Sequence[Effect], rng: np.random.Generator
-) -> Hypothesis | None:
-    """The hypothesis to add to the current model of log evidence `evidence`; None ends the search.
-
-    The first in the order of evidence that is accepted; one that is not does not stand in the way of the next.
-    """
-    problem = found.problem
-    hypotheses = _round(problem, current, effects, rng, laws=found.laws)
-    if found.laws:
-        hypotheses = separated_below_floor(problem, current, _with_best_laws(problem, current, hypotheses, rng), rng)
-    found.rounds.append(hypotheses)
-    found.evidences.append(evidence)
-    for hypothesis in hypotheses:
-        if not is_accepted(problem, current, hypothesis, evidence):
-            continue
-        best = hypothesis
-        if not best.fit.residuals:  # only the coarse passes fitted it
-            best = refined(problem, current, best, SETTINGS.passes[-1], rng)
-            if not is_accepted(problem, current, best, evidence):
-                continue
-        best, scatter = _from_other_starts(problem, current, best, rng)
-        taken = max(error_taken(problem, current, best, rmse) for rmse in (validation_rmse, fitted_rmse))
-        if taken >= scatter:
-            return _with_textbook(problem, replace(best, fit=with_slopes(problem, best.fit)))
-        found.not_claimable.append(NotClaimable(best.effect, best.stage, taken, scatter, SCATTER))
-    found.not_claimable += too_small(problem, current, hypotheses)
-    return None
 
 
 def _next_to_textbook(
@@ -177,7 +152,7 @@ def _next_to_textbook(
     textbook = last.textbook
     plain = map_fit(found.problem, textbook.free, textbook.z, SETTINGS.nominal_iterations)
     kept, small = len(found.rounds), list(found.not_claimable)
-    best = _best_of_round(found, plain, log_evidence(found.problem, plain, amounts(plain)), effects, rng)
+    best = best_of_round(found, plain, log_evidence(found.problem, plain, amounts(plain)), effects, rng)
     surpasses = best is not None and best.log_evidence >= evidence + SETTINGS.min_log_evidence
     gone = kept - 1 if surpasses else kept  # the round that found nothing, or this one
     del found.rounds[gone], found.evidences[gone]
@@ -186,17 +161,6 @@ def _next_to_textbook(
         return None
     found.accepted[-1] = replace(last, fit=plain, freed=(), textbook=None)
     return best
-
-
-def _with_textbook(problem: JointProblem, best: Hypothesis) -> Hypothesis:
-    """The hypothesis with a fit of its textbook form, which one that began with its law has not."""
-    if not best.freed or best.textbook is not None:
-        return best
-    rows = {ROW[key] for key in best.freed}
-    kept = np.array([parameter.row not in rows for parameter in best.fit.free])
-    free = [parameter for parameter, keep in zip(best.fit.free, kept, strict=True) if keep]
-    textbook = map_fit(problem, free, best.fit.z[kept], SETTINGS.nominal_iterations)
-    return replace(best, textbook=textbook.without_arrays())
 
 
 def _driven_anew(found: JointSearch, current: MapFit) -> tuple[MapFit, float]:
@@ -212,108 +176,6 @@ def _driven_by_own_valve(problem: JointProblem, fit: MapFit) -> MapFit:
     """The fit continued after its model of the valve shapes the joint's driving pressure."""
     shape_driving(problem, fit.free, fit.z)
     return map_fit(problem, fit.free, fit.z, SETTINGS.nominal_iterations)
-
-
-def _round(
-    problem: JointProblem, current: MapFit, effects: Sequence[Effect], rng: np.random.Generator, *, laws: bool
-) -> list[Hypothesis]:
-    chosen = promising(problem, current, effects, laws=laws and leaves_much(problem, current, current))
-    ranked = _ranked([fit_roughly(problem, current, screened, rng) for screened in chosen])
-    for fit_pass in SETTINGS.passes[1:]:
-        ranked = [replace(hypothesis, fit=hypothesis.fit.without_arrays()) for hypothesis in ranked]
-        near = ranked[: fit_pass.most]
-        if fit_pass is SETTINGS.passes[-1]:
-            near = [h for h in near if h.log_evidence > ranked[0].log_evidence - SETTINGS.max_evidence_gap]
-        elif near and leaves_much(problem, current, near[0].fit):
-            near = [restarted(problem, current, hypothesis, fit_pass, rng) for hypothesis in near]
-        further = [_without_slopes(refined(problem, current, each, fit_pass, rng)) for each in near]
-        ranked = _ranked(further + ranked[len(near) :])
-    return ranked
-
-
-def _without_slopes(hypothesis: Hypothesis) -> Hypothesis:
-    """A hypothesis that may not be chosen keeps no slopes: those of a dozen take much memory."""
-    return replace(hypothesis, fit=hypothesis.fit.without_slopes())
-
-
-def _with_best_laws(
-    problem: JointProblem, current: MapFit, hypotheses: Sequence[Hypothesis], rng: np.random.Generator
-) -> list[Hypothesis]:
-    """The hypotheses of a round ranked again, the leaders by the better one of their laws.
-
-    A class wins or loses by its best law, not by its textbook form. Laws are freed only where the first hypothesis
-    leaves clearly more than the noise. Every rival whose coarse fit is near the best one is fitted to the end, so that
-    learned laws are compared with learned laws.
-    """
-    if not hypotheses:
-        return []
-    freed = [k for k, h in enumerate(hypotheses) if h.effect.coefficients][: SETTINGS.law_leaders]
-    if leaves_much(problem, current, hypotheses[0].fit):
-        return _with_laws_of(problem, current, hypotheses, freed, rng)
-    # A textbook form fits; a rival that explains most of it may do so with its law; the leader then gets its own, too.
-    enough = current.cost - SETTINGS.rival_share * (current.cost - hypotheses[0].fit.cost)
-    rivals = [k for k in freed if k > 0 and hypotheses[k].fit.cost < enough]
-    ranked = _with_laws_of(problem, current, hypotheses, rivals, rng)
-    surpassed = [k for k, each in enumerate(ranked) if each is hypotheses[0] and k > 0 and 0 in freed]
-    return _with_laws_of(problem, current, ranked, surpassed, rng)
-
-
-def _with_laws_of(
-    problem: JointProblem,
-    current: MapFit,
-    hypotheses: Sequence[Hypothesis],
-    freed: Sequence[int],
-    rng: np.random.Generator,
-) -> list[Hypothesis]:
-    """The hypotheses ranked again after the laws of those at the given places were freed."""
-    coarse = replace(problem, step_s=SETTINGS.passes[0].step_s)
-    begun = {k: begin_law(coarse, hypotheses[k].fit, hypotheses[k].effect, rng) for k in freed}
-    if not begun:
-        return list(hypotheses)
-    first = min(begun, key=lambda k: begun[k][0].cost)
-    for number in begun.keys() - {first}:
-        begun[number].insert(0, with_nominal_numbers_of(coarse, begun[number][0], begun[first][0]))
-    evidence = {number: training_evidence(coarse, fits[0]) for number, fits in begun.items()}
-    ranked, limit = list(hypotheses), max(evidence.values()) - SETTINGS.max_evidence_gap
-    for number in [k for k in begun if evidence[k] > limit]:
-        ranked[number] = _with_best_law(problem, current, hypotheses[number], begun[number], rng)
-    return _ranked(ranked)
-
-
-def _with_best_law(
-    problem: JointProblem, current: MapFit, hypothesis: Hypothesis, begun: Sequence[MapFit], rng: np.random.Generator
-) -> Hypothesis:
-    """The hypothesis with its learned law where that is preferred, and otherwise as it is."""
-    coarse = replace(problem, step_s=SETTINGS.passes[0].step_s)
-    law = learn_law(coarse, hypothesis.fit, hypothesis.effect, rng, begun)
-    if not law.preferred:
-        return hypothesis
-    fit = map_fit(problem, law.fit.free, law.fit.z, SETTINGS.restart_iterations)
-    learned = judged(problem, current, hypothesis.effect, fit, rng)
-    if learned.log_evidence < hypothesis.log_evidence:
-        return hypothesis
-    return replace(learned, freed=(*hypothesis.freed, *law.freed), textbook=hypothesis.fit.without_arrays())
-
-
-def _ranked(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-    return sorted(hypotheses, key=lambda hypothesis: -hypothesis.log_evidence)
-
-
-def _from_other_starts(
-    problem: JointProblem, current: MapFit, best: Hypothesis, rng: np.random.Generator
-) -> tuple[Hypothesis, float]:
-    """The best of several starts, and the range of the validation errors [SI] of those that fit equally well."""
-    fits = [best.fit]
-    for _ in range(SETTINGS.further_starts):
-        start = best.fit.z + SETTINGS.start_jitter * rng.standard_normal(len(best.fit.z))
-        fits.append(map_fit(problem, best.fit.free, start, SETTINGS.restart_iterations))
-    fits.sort(key=lambda fit: fit.cost)
-    alike = [fit for fit in fits if fit.cost < fits[0].cost + SETTINGS.min_log_evidence]
-    errors = [validation_rmse(problem, fit.squares)[best.stage] for fit in alike]
-    chosen = best
-    if fits[0] is not best.fit:
-        chosen = with_other_fit(problem, current, best, fits[0], rng)
-    return chosen, float(np.ptp(errors))
 
 
 def _eliminate_backward(found: JointSearch) -> None:
@@ -339,6 +201,7 @@ def _refit_below_floor(found: JointSearch, rng: np.random.Generator) -> None:
     """
     found.forget_sensitivities()
     if found.accepted:
+        found.accepted = with_known_numbers(found.problem, found.nominal, found.accepted)
         last = found.accepted[-1]
         left = residual_is_correlated(found.problem, last.fit, SETTINGS.min_correlated_ratio)
         found.accepted[-1] = replace(last, fit=refit_below_floor(found.problem, last.fit))

@@ -15,6 +15,7 @@ from hand_diagnosis.problem import (
     validation_rmse,
     white_parts,
 )
+from hand_diagnosis.search.hypotheses import amounts
 from hand_diagnosis.search.joint_search import rough_evidence
 from hand_diagnosis.settings import SETTINGS
 from hand_identification.joint_problem import JointProblem
@@ -161,9 +162,28 @@ def _of_few_joints(
         models = _best_models(tried, plain)
         evidence = sum(model.evidence for model in models)
         explained = all(model.explained.all() for model in models)
-        if evidence > max(most, before + (least if explained else strong)):
+        if evidence <= max(most, before + (least if explained else strong)):
+            continue
+        # A fit that a minimum holds with the given tolerance may have been freed by a larger one.
+        before = max(before, sum(_within(*each) for each in zip(known, plain, models, strict=True)))
+        if evidence > before + (least if explained else strong):
             best, most = tried, evidence
     return best
+
+
+def _within(given: tuple[JointProblem, MapFit], larger: tuple[JointProblem, MapFit], found: BestModel) -> float:
+    """Log evidence [nats] with the given tolerance of a model that was found with a larger one, fitted from there.
+
+    given, larger: the plain models with both.
+    """
+    problem, plain = given
+    known = {parameter.row: parameter for parameter in plain.free}
+    freer = {parameter.row: parameter for parameter in larger[1].free}
+    free = [known[p.row] if p.row in known and p == freer.get(p.row) else p for p in found.fit.free]
+    values = [float(p.value(z[None])[0]) for p, z in zip(found.fit.free, found.fit.z, strict=True)]
+    start = np.array([p.coordinate(value) for p, value in zip(free, values, strict=True)])
+    fit = map_fit(problem, free, start, SETTINGS.nominal_iterations)
+    return log_evidence(problem, fit, amounts(fit))
 
 
 def _more_tolerant(task: Task) -> list[Task]:

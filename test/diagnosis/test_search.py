@@ -10,7 +10,7 @@ import pytest
 
 from hand_diagnosis.diagnosis import diagnose
 from hand_diagnosis.problem import Task, fit_part
-from hand_diagnosis.search import joint_search, refit_below_floor, search_joint
+from hand_diagnosis.search import refit_below_floor, rounds, search_joint
 from hand_diagnosis.search.completion import separated_below_floor
 from hand_diagnosis.search.hypotheses import Hypothesis, fit_roughly, judged, promising, screen
 from hand_diagnosis.settings import SETTINGS
@@ -147,13 +147,13 @@ def test_names_for_one_claim_are_separated_below_floor_below_the_floor(
 def test_hypotheses_that_are_compared_keep_no_slopes(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> None:
     """Broken by a search whose memory grows with the number of its hypotheses, or a chosen one without its slopes."""
     seen: list[list[bool]] = []
-    ranked = joint_search._ranked
+    ranked = rounds.by_evidence
 
     def spied(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
         seen.append([bool(hypothesis.fit.sensitivity) for hypothesis in hypotheses])
         return ranked(hypotheses)
 
-    monkeypatch.setattr(joint_search, "_ranked", spied)
+    monkeypatch.setattr(rounds, "by_evidence", spied)
     rubbed = changed(hand, JOINT, coulomb_friction__torque_nm=0.012)
     signals = [record(rubbed, np.random.default_rng(92), 16.0)]
     ready = Task(signals=signals, model=hand, joints=[JOINT], effects=[], tolerance=0.05, seed=0, floors={}).prepare(
