@@ -22,7 +22,8 @@ def two_at_once(
     """Two effects that explain what neither does alone; none where little is left, or no pair is accepted.
 
     While one is missing, the error that the other takes away falls in some blocks only, and is no reason to accept it.
-    Each leader of the last round is tried with the best effect next to it.
+    Each leader of the last round is tried with the best effect next to it. The pair has clearly more evidence than any
+    effect alone.
     """
     problem = found.problem
     if len(found.accepted) > SETTINGS.max_effects - 2 or not leaves_much(problem, current, current):
@@ -39,7 +40,8 @@ def two_at_once(
         if second is None:
             continue
         both = judged(problem, current, second.effect, second.fit, rng)
-        if is_accepted(problem, current, both, evidence):
+        surpasses = second.log_evidence >= found.rounds[-1][0].log_evidence + SETTINGS.min_log_evidence
+        if surpasses and is_accepted(problem, current, both, evidence):
             tried.append(([without_slopes(first), second], rounds))
     found.not_claimable = small
     if not tried:
