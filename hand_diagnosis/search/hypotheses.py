@@ -212,9 +212,9 @@ def promising(
 ) -> list[Screened]:
     """Effects to fit, by the predicted gain of their probes; where every gain is small, also by the cost of starts.
 
-    Where one of them promises much, effects that the nominal numbers imitate are tried, too: those numbers have moved
-    to where the effect promises nothing. Twice as many of an axis that was released, where no promise is worth much:
-    its errors are not proportional to what is missing. laws: see `screen`.
+    Effects that the nominal numbers imitate are tried, too: those numbers have moved to where such an effect promises
+    little. Twice as many of an axis that was released, where no promise is worth much: its errors are not proportional
+    to what is missing. laws: see `screen`.
     """
     coarse = SETTINGS.passes[0]
     most = 2 * coarse.most if is_released(problem) else coarse.most
@@ -222,19 +222,19 @@ def promising(
     worth = [found for found in screened if found.gain > SETTINGS.min_promised_gain]
     if not worth:
         return []
-    if worth[0].gain > SETTINGS.min_promised_share * current.cost:
-        least = max(SETTINGS.min_promised_gain, SETTINGS.hidden_gain * worth[0].gain)
-        tried = [_tried(problem, current, found) for found in screened if _may_hide(found)]
-        worth = [*worth, *(found for found in tried if found.gain > least)]
-        return sorted(worth, key=lambda found: -found.gain)[:most]
-    others = [(float(_begin(problem, current, s, coarse)[2].min()), s) for s in screened[len(worth[:most]) :]]
-    limit = current.cost - SETTINGS.min_promised_gain
-    others = sorted((pair for pair in others if pair[0] < limit), key=lambda pair: pair[0])
-    return worth[:most] + [found for _, found in others[:most]]
-
-
-def _may_hide(found: Screened) -> bool:
-    return found.gain <= SETTINGS.min_promised_gain and found.imitated > SETTINGS.hidden_share
+    chosen, further = worth[:most], [*worth[most:], *screened[len(worth) :]]
+    much = worth[0].gain > SETTINGS.min_promised_share * current.cost
+    if not much:
+        begun = [(float(_begin(problem, current, each, coarse)[2].min()), each) for each in further]
+        limit = current.cost - SETTINGS.min_promised_gain
+        begun = sorted((pair for pair in begun if pair[0] < limit), key=lambda pair: pair[0])
+        chosen += [found for _, found in begun[:most]]
+    names = {found.effect.name for found in chosen}
+    hidden = [each for each in further if each.imitated > SETTINGS.hidden_share and each.effect.name not in names]
+    least = max(SETTINGS.min_promised_gain, SETTINGS.hidden_gain * worth[0].gain)
+    tried = [found for found in (_tried(problem, current, each) for each in hidden) if found.gain > least]
+    tried.sort(key=lambda found: -found.gain)
+    return sorted([*chosen, *tried], key=lambda found: -found.gain)[:most] if much else [*chosen, *tried[:most]]
 
 
 def _tried(problem: JointProblem, current: MapFit, screened: Screened) -> Screened:

@@ -8,16 +8,16 @@ from hand_model.effects.force_curves import steeper
 from hand_model.kernel.inline import inline
 from hand_model.kernel.plant_rows import DEGREE, Parameter
 
-DIFFERENCES_RAD = (0.05, 0.15, 0.5)
-"""Differences of the angles beyond the gap at which the slope of the law changes."""
+DIFFERENCES_RAD = (0.1, 0.3, 1.0)
+"""Differences of the angles beyond the gap between which the slope of the law changes."""
 
 
 @inline
 def torque(q, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     """A spring from the neighbour to this joint, whose arm may change with the angle.
 
-    By the law it is slack over a gap on either side, and beyond it steeper or flatter by a share for each range of
-    differences of the angles: a skin that is loose at first, a string that pulls one way, or harder the further.
+    By the law it is slack over a gap on either side, and beyond it steeper or flatter by shares at some differences of
+    the angles: a skin that is loose at first, a string that pulls one way, or harder the further.
     """
     stiffness, ratio, softening, ahead_gap, behind_gap = q[:5]
     apart = e[NEIGHBOUR] - ratio * phi
@@ -37,7 +37,7 @@ def curve(q, x, y):  # type: ignore[no-untyped-def]
     return float(torque(q, 0.0, 0.0, 0.0, 0.0, around)[0])
 
 
-_WHERE = (*(f"up to {edge:g} rad" for edge in DIFFERENCES_RAD), "beyond")
+_WHERE = ("where it begins", *(f"at {node:g} rad" for node in DIFFERENCES_RAD))
 _LAW = tuple(
     Parameter(f"joint_coupling.{side}_gap_deg", 0.0, 180.0, f"law: slack, neighbour {side}", DEGREE, 0.0, 5.0, law=True)
     for side in ("ahead", "behind")

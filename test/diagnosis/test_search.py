@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hand_diagnosis.diagnosis import diagnose
-from hand_diagnosis.problem import Task, fit_part
+from hand_diagnosis.problem import Task, effects_without, fit_part
 from hand_diagnosis.search import refit_below_floor, rounds, search_joint
 from hand_diagnosis.search.completion import separated_below_floor
 from hand_diagnosis.search.hypotheses import Hypothesis, fit_roughly, judged, promising, screen
@@ -112,6 +112,24 @@ def test_an_effect_that_nominal_numbers_hide_is_tried(hand: Hand) -> None:
     print(current.cost, gains, tried)
     assert gains["valve_lag"] < SETTINGS.min_promised_gain < gains["valve_flow_limit"]
     assert tried == ["valve_lag", "valve_flow_limit"]
+
+
+@pytest.mark.parametrize("seed", [92, 93])
+def test_a_large_load_that_nominal_numbers_hide_is_tried(hand: Hand, seed: int) -> None:
+    """Fails when a load so large that all numbers go to their limits against it is not fitted, but curves are."""
+    print(f"seed {seed}")
+    rng = np.random.default_rng(seed)
+    truth = changed(hand, JOINT, constant_load__torque_nm=-0.05)
+    ready = Task(
+        signals=[record(truth, rng, 20.0)], model=hand, joints=[JOINT], effects=[], tolerance=0.05, seed=0, floors={}
+    ).prepare(JOINT)
+    problem = fit_part(ready.problem)
+    current = map_fit(problem, ready.free, ready.start)
+    effects = effects_without((), hand)
+    tried = {found.effect.name: found for found in promising(problem, current, effects)}
+    fit = fit_roughly(problem, current, tried["constant_load"], rng).fit
+    print(current.cost, fit.cost, list(tried))
+    assert fit.cost < 0.01 * current.cost
 
 
 def test_names_for_one_claim_are_separated_below_floor_below_the_floor(
