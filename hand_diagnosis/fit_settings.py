@@ -151,7 +151,7 @@ class FitSettings:
         "Large nonlinear effects may be missed.", "The search takes longer.")
     hidden_share: float = setting(
         0.8, "-", "Share of a probe's square that the nominal numbers imitate, from which its effect is tried by a"
-        " short fit where it promises nothing and another effect does.", CHOICE,
+        " short fit where it promises too little to be fitted.", CHOICE,
         "Slower.", "Effects that the nominal numbers have hidden are not fitted.")
     hidden_gain: float = setting(
         0.3, "-", "Share of the best promise that such a fit must bring.", CHOICE,
