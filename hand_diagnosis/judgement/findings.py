@@ -297,18 +297,16 @@ def _rivals(search: JointSearch, accepted: Hypothesis) -> tuple[dict[str, tuple[
     effects that no catalogue holds, is weighed by the caller.
     """
     name = accepted.effect.name
-    for hypotheses, without in reversed(list(zip(search.rounds, search.evidences, strict=True))):
-        own = next((h for h in hypotheses if h.effect.name == name), None)
-        if own is None or own.log_evidence <= without:
-            continue
-        logs = np.array([hypothesis.log_evidence for hypothesis in hypotheses] + [without])
-        weights = np.exp((logs - logs.max()) / SETTINGS.evidence_temperature)
-        weights *= (1.0 - SETTINGS.min_probability) / weights.sum()
-        near = own.log_evidence - SETTINGS.tie_log_evidence
-        later = {found.effect.name for found in search.accepted}
-        tied = [h.effect.name for h in hypotheses if h.log_evidence > max(near, without) and h.effect.name not in later]
-        return {h.effect.name: (h.effect, float(w)) for h, w in zip(hypotheses, weights, strict=False)}, tied
-    raise ValueError(f"{name} was accepted in no round")  # the search keeps the round of each effect
+    place = search.round_of(name)
+    hypotheses, without = search.rounds[place], search.evidences[place]
+    own = next(hypothesis for hypothesis in hypotheses if hypothesis.effect.name == name)
+    logs = np.array([hypothesis.log_evidence for hypothesis in hypotheses] + [without])
+    weights = np.exp((logs - logs.max()) / SETTINGS.evidence_temperature)
+    weights *= (1.0 - SETTINGS.min_probability) / weights.sum()
+    near = own.log_evidence - SETTINGS.tie_log_evidence
+    later = {found.effect.name for found in search.accepted}
+    tied = [h.effect.name for h in hypotheses if h.log_evidence > max(near, without) and h.effect.name not in later]
+    return {h.effect.name: (h.effect, float(w)) for h, w in zip(hypotheses, weights, strict=False)}, tied
 
 
 def _alternatives(effect: Effect, rivals: dict[str, tuple[Effect, float]]) -> tuple[tuple[str, float, str], ...]:

@@ -71,6 +71,17 @@ class JointSearch:
         """Rows of the parameters of the effects of this joint alone, in order; none for causes of the whole hand."""
         return sorted({ROW[key] for found in self.accepted if not found.given for key in found.keys})
 
+    def round_of(self, name: str) -> int:
+        """Number of the round in which an effect was accepted: the last one in which it has evidence.
+
+        Raises ValueError where there is none.
+        """
+        for number in reversed(range(len(self.rounds))):
+            evidence = [each.log_evidence for each in self.rounds[number] if each.effect.name == name]
+            if evidence and evidence[0] > self.evidences[number]:
+                return number
+        raise ValueError(f"{name} was accepted in no round")
+
     def with_effects_off(self, *names: str) -> MapFit:
         """The best model with effects switched off (all, where none is named); its residuals show where they act.
 

@@ -23,7 +23,7 @@ def two_at_once(
 
     While one is missing, the error that the other takes away falls in some blocks only, and is no reason to accept it.
     Each leader of the last round is tried with the best effect next to it. The pair has clearly more evidence than any
-    effect alone.
+    effect alone. evidence: log evidence of the current model [nats].
     """
     problem = found.problem
     if len(found.accepted) > SETTINGS.max_effects - 2 or not leaves_much(problem, current, current):
@@ -60,9 +60,7 @@ def weighed_again(found: JointSearch, effects: Sequence[Effect], rng: np.random.
     """
     for name in [hypothesis.effect.name for hypothesis in found.accepted[:-1] if not hypothesis.given]:
         index = next(k for k, each in enumerate(found.accepted) if each.effect.name == name)
-        place = _round_of(found, name)
-        if place is None:
-            continue
+        place = found.round_of(name)
         evidence, without = fit_without(found, index)
         without = with_slopes(found.problem, without)
         accepted = found.accepted[index]
@@ -70,20 +68,12 @@ def weighed_again(found: JointSearch, effects: Sequence[Effect], rng: np.random.
         rivals = [effect for effect in effects if effect.name in named]
         own = with_other_fit(found.problem, without, accepted, found.final, rng)
         hypotheses = ranked_round(found, without, rivals, rng, [own])
-        found.rounds[place], found.evidences[place] = hypotheses, evidence
-        best = hypotheses[0]
-        if best.effect.name == name or best.log_evidence < own.log_evidence + SETTINGS.min_log_evidence / 2.0:
-            continue
-        best = best if best.fit.residuals else refined(found.problem, without, best, SETTINGS.passes[-1], rng)
-        if is_accepted(found.problem, without, best, evidence):
-            best = with_textbook(found.problem, replace(best, fit=with_slopes(found.problem, best.fit)))
-            found.accepted = [*(each for k, each in enumerate(found.accepted) if k != index), best]
-
-
-def _round_of(found: JointSearch, name: str) -> int | None:
-    """Number of the round in which an effect was accepted."""
-    places = [k for k, hypotheses in enumerate(found.rounds) if any(each.effect.name == name for each in hypotheses)]
-    rounds = [
-        k for k in places if next(e for e in found.rounds[k] if e.effect.name == name).log_evidence > found.evidences[k]
-    ]
-    return rounds[-1] if rounds else None
+        best, own = hypotheses[0], next(each for each in hypotheses if each.effect.name == name)
+        if best.log_evidence >= own.log_evidence + SETTINGS.min_log_evidence / 2.0:
+            best = best if best.fit.residuals else refined(found.problem, without, best, SETTINGS.passes[-1], rng)
+            if is_accepted(found.problem, without, best, evidence):
+                best = with_textbook(found.problem, replace(best, fit=with_slopes(found.problem, best.fit)))
+                found.accepted = [*(each for k, each in enumerate(found.accepted) if k != index), best]
+                own = best
+        if own.log_evidence > evidence:  # one that is not needed is removed later, unless another one is
+            found.rounds[place], found.evidences[place] = hypotheses, evidence

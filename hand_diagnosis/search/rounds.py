@@ -25,7 +25,7 @@ SCATTER = "the scatter of the fit over its starting points"
 def best_of_round(
     found: JointSearch, current: MapFit, evidence: float, effects: Sequence[Effect], rng: np.random.Generator
 ) -> Hypothesis | None:
-    """The hypothesis to add to the current model of log evidence `evidence`; None ends the search.
+    """The hypothesis to add to the current model of log evidence `evidence` [nats]; None ends the search.
 
     The first in the order of evidence that is accepted; one that is not does not stand in the way of the next.
     """
