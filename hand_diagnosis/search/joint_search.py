@@ -1,8 +1,9 @@
 """From a joint's problem to the effects that explain it: forward, one effect at a time, then backward elimination.
 
 First the nominal numbers move within their tolerance. Then every effect is screened, the promising ones are fitted, and
-the one with the most evidence is accepted if that is enough, up to SETTINGS.max_effects. Redundant
-effects are removed by backward elimination. All effects are treated alike. The last fit goes below the practical floor.
+the one with the most evidence is accepted if that is enough, up to SETTINGS.max_effects; where none is, two are tried
+at once. Each is weighed again next to the others, and redundant effects are removed by backward elimination. All are
+treated alike. The last fit goes below the practical floor.
 """
 
 from __future__ import annotations
