@@ -20,7 +20,7 @@ from hand_model.kernel.rows import ROW
 from test.diagnosis.recordings import changed, record
 from validation.other_forms import JOINT, nominal_model, recording
 
-VALVE = ("valve_deadband", "valve_hysteresis", "pressure_gain", "leak", "valve_lag", "gas_compression")
+PRESSURE = ("valve_deadband", "valve_hysteresis", "gas_compression")
 
 
 def prepared(hand: Hand, forms: str, floors: float, seed: int) -> Prepared:
@@ -59,7 +59,7 @@ def pair_of(found: JointSearch, effects: Sequence[Effect]) -> list[Hypothesis]:
 
 def test_two_effects_are_found_at_once(hand: Hand) -> None:
     """Fails when a round without an acceptable effect is not followed by pairs, or its rounds miss rivals."""
-    effects = chosen(*VALVE)
+    effects = chosen(*PRESSURE)
     found = begun(prepared(hand, "smooth_dead_zone+chamber_volume", 20.0, 3), effects)
     pair = pair_of(found, effects)
     assert names_of(pair) == {"valve_deadband", "gas_compression"}
@@ -72,7 +72,7 @@ def test_two_effects_are_found_at_once(hand: Hand) -> None:
 def test_one_effect_gets_no_second_one(hand: Hand) -> None:
     """Fails when the only effect of a joint, or none, is found with a second one that is not there."""
     for form in ("smooth_dead_zone", "plain"):
-        effects = chosen(*VALVE)
+        effects = chosen(*PRESSURE)
         found = begun(prepared(hand, form, 20.0, 4), effects)
         assert pair_of(found, effects) == []
         assert (len(found.rounds), len(found.evidences)) == (1, 1)
@@ -81,7 +81,7 @@ def test_one_effect_gets_no_second_one(hand: Hand) -> None:
 def test_an_effect_gives_way_to_a_better_name_next_to_a_later_one(hand: Hand) -> None:
     """Fails when a dead band that stood for a leak while the hysteresis of the valve was missing is kept."""
     ready = prepared(hand, "orifice_leak+play_of_spool", 30.0, 6)
-    effects = chosen(*VALVE)
+    effects = chosen("valve_deadband", "valve_hysteresis", "pressure_gain", "leak")
     found = search_joint(fit_part(ready.problem), effects, ready.free, np.random.default_rng(0), ready.start)
     assert names_of(found.accepted) == {"leak", "valve_hysteresis"}
 
