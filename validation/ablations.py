@@ -67,7 +67,10 @@ def _straight(task: Any, _: Sequence[Any]) -> tuple[Any, list[str]]:
 
 SWITCHES: Mapping[str, Changes] = {
     TEXTBOOK: (("hand_diagnosis.diagnosis.joint", "search_joint", _textbook),),
-    "further effects on a joint": ((_SEARCH, "SETTINGS", replace(SETTINGS, max_effects=1)),),
+    "further effects on a joint": (
+        (_SEARCH, "SETTINGS", replace(SETTINGS, max_effects=1)),
+        (_SEARCH, "two_at_once", lambda *_: []),
+    ),
     "two effects at once, and each weighed again": (
         (_SEARCH, "two_at_once", lambda *_: []),
         (_SEARCH, "weighed_again", lambda *_: None),

@@ -82,8 +82,6 @@ def _simulate(u, q, sizes, dt, finer):  # type: ignore[no-untyped-def]
                 spool = min(max(spool, goal - sizes[4]), goal + sizes[4])
                 goal = spool
             error = goal - p
-            if sizes[1] > 0.0:
-                error = error * error * error / (error * error + sizes[1] * sizes[1])
             if sizes[2] > 0.0:  # second order, damping ratio 0.45, in series with the plain valve
                 rate += h * ((goal - pv) / (sizes[2] * sizes[2]) - 0.9 / sizes[2] * rate)
                 pv += h * rate
@@ -91,6 +89,8 @@ def _simulate(u, q, sizes, dt, finer):  # type: ignore[no-untyped-def]
             if sizes[18] > 0.0:  # a coil pulls, a spring returns
                 pv += h / (sizes[18] * (1.0 if goal > pv else 2.5)) * (goal - pv)
                 error = pv - p
+            if sizes[1] > 0.0:
+                error = error * error * error / (error * error + sizes[1] * sizes[1])
             flow = error / tau
             if sizes[19] > 0.0:  # sharper than a fraction, softer than a corner
                 share = abs(flow) * sizes[19] * (1.0 if flow > 0.0 else 1.4)
@@ -246,10 +246,10 @@ def nominal_model(hand: Hand, seed: int, share: float = 0.03) -> Hand:
 
 
 def pairs(count: int, seed: int) -> list[str]:
-    """Names of random pairs of forms, joined by +; both are of the catalogue."""
+    """Names of random pairs of forms, joined by +; both are of the catalogue, and no effect names both."""
     known = [form for form, (number, _, right) in FORMS.items() if number and right]
-    rng = np.random.default_rng(seed)
-    return ["+".join(rng.choice(known, 2, replace=False)) for _ in range(count)]
+    apart = [f"{a}+{b}" for a in known for b in known if FORMS[a][2].isdisjoint(FORMS[b][2])]
+    return [str(pair) for pair in np.random.default_rng(seed).choice(apart, count)]
 
 
 def main(seed: int, floors: float = 12.0, forms: Sequence[str] = tuple(FORMS)) -> None:

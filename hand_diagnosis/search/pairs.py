@@ -28,28 +28,26 @@ def two_at_once(
     problem = found.problem
     if len(found.accepted) > SETTINGS.max_effects - 2 or not leaves_much(problem, current, current):
         return []
-    least, kept, small = evidence + SETTINGS.min_log_evidence, len(found.rounds), list(found.not_claimable)
-    tried: list[tuple[list[Hypothesis], list[list[Hypothesis]]]] = []
+    least = evidence + SETTINGS.min_log_evidence
+    surpassing = found.rounds[-1][0].log_evidence + SETTINGS.min_log_evidence
+    tried: list[tuple[Hypothesis, Hypothesis, JointSearch]] = []
     for leader in [each for each in found.rounds[-1] if each.log_evidence >= least][: SETTINGS.pair_leaders]:
         first = refined(problem, current, leader, SETTINGS.passes[-1], rng)
-        first = replace(first, fit=with_slopes(problem, first.fit))
+        slopes = with_slopes(problem, first.fit)
         others = [effect for effect in effects if effect.name != first.effect.name]
-        second = best_of_round(found, first.fit, first.log_evidence, others, rng)
-        rounds = found.rounds[kept:]
-        del found.rounds[kept:], found.evidences[kept:]
-        if second is None:
+        beside = replace(found, rounds=[], evidences=[], not_claimable=[])
+        second = best_of_round(beside, slopes, first.log_evidence, others, rng)
+        if second is None or second.log_evidence < surpassing:
             continue
         both = judged(problem, current, second.effect, second.fit, rng)
-        surpasses = second.log_evidence >= found.rounds[-1][0].log_evidence + SETTINGS.min_log_evidence
-        if surpasses and is_accepted(problem, current, both, evidence):
-            tried.append(([without_slopes(first), second], rounds))
-    found.not_claimable = small
+        if is_accepted(problem, current, both, evidence):
+            tried.append((without_slopes(first), second, beside))
     if not tried:
         return []
-    pair, rounds = max(tried, key=lambda each: each[0][-1].log_evidence)
-    found.rounds += rounds
-    found.evidences.append(pair[0].log_evidence)
-    return pair
+    first, second, beside = max(tried, key=lambda each: each[1].log_evidence)
+    found.rounds += beside.rounds
+    found.evidences += beside.evidences
+    return [first, second]
 
 
 def weighed_again(found: JointSearch, effects: Sequence[Effect], rng: np.random.Generator) -> None:
