@@ -29,15 +29,15 @@ def two_at_once(
     if len(found.accepted) > SETTINGS.max_effects - 2 or not leaves_much(problem, current, current):
         return []
     least = evidence + SETTINGS.min_log_evidence
-    surpassing = found.rounds[-1][0].log_evidence + SETTINGS.min_log_evidence
+    leaders = [each for each in found.rounds[-1] if each.log_evidence >= least][: SETTINGS.pair_leaders]
     tried: list[tuple[Hypothesis, Hypothesis, JointSearch]] = []
-    for leader in [each for each in found.rounds[-1] if each.log_evidence >= least][: SETTINGS.pair_leaders]:
+    for leader in leaders:
         first = refined(problem, current, leader, SETTINGS.passes[-1], rng)
         slopes = with_slopes(problem, first.fit)
         others = [effect for effect in effects if effect.name != first.effect.name]
         beside = replace(found, rounds=[], evidences=[], not_claimable=[])
         second = best_of_round(beside, slopes, first.log_evidence, others, rng)
-        if second is None or second.log_evidence < surpassing:
+        if second is None or second.log_evidence < leaders[0].log_evidence + SETTINGS.min_log_evidence:
             continue
         both = judged(problem, current, second.effect, second.fit, rng)
         if is_accepted(problem, current, both, evidence):
