@@ -32,7 +32,7 @@ class LawSettings(FitSettings):
         CHOICE, "Starts near the effect's absence.", "Starts too near the textbook form.")
     law_random_spread: float = setting(0.7, "prior sd", "Standard deviation of the random starts.", CHOICE,
         "Starts near the textbook form.", "Many starts at the bounds.")
-    law_fits: tuple[int, int, int] = setting((3, 8, 3), "fits", "Starts next to the textbook form that are fitted"
+    law_fits: tuple[int, int, int] = setting((3, 8, 3), "fits", "Starts other than the textbook form that are fitted"
         " coarsely, in a whole fit, and best of them, continued.", CHOICE, "The wrong fit is continued.", "Slower.")
     law_iterations: tuple[int, int] = setting((8, 25), "iterations", "Iterations of these fits, at most.", CHOICE,
         "Fits end early.", "Slower.")

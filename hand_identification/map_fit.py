@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hand_identification.free_parameters import START_CREEP, FreeParameter
+from hand_identification.free_parameters import START_CREEP, FreeParameter, values_of
 from hand_identification.joint_problem import JointProblem
 from hand_identification.posterior import covariance_of
 from hand_identification.settings import FITS
@@ -60,6 +60,11 @@ class MapFit:
     def covariance(self) -> Array:
         """Posterior covariance of z (free, free), the prior included."""
         return covariance_of(self.normal)
+
+    def around(self, free: Sequence[FreeParameter]) -> Array:
+        """Coordinates (free,) [-] of the values of this fit by other centres and scales; 0 of what it lacks."""
+        values = {p.row: float(value) for p, value in zip(self.free, values_of(self.free, self.z), strict=True)}
+        return np.array([p.coordinate(values[p.row]) if p.row in values else 0.0 for p in free])
 
     def resolutions(self, columns: Array) -> dict[str, float]:
         """Standard deviation [SI] of each free parameter while all others keep their values, by key.

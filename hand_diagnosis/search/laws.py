@@ -3,7 +3,8 @@
 A learned law starts from the fit of the textbook form and frees the coefficients of the class (hand_model/effects). The
 prior of each coefficient is centred on the textbook form, so the form remains where it suffices. The cost has several
 minima; the fit therefore begins at many points: the textbook form itself, each coefficient alone, all of them together,
-with the textbook parameters smaller and with the nominal numbers released. Surplus coefficients are then removed.
+with the textbook parameters smaller and with the nominal numbers released, where the search tries the effect, and
+random ones. The cheapest of each kind are fitted in turn. Surplus coefficients are then removed.
 
 The evidence is that of the training data alone, by Laplace's approximation. The validation data decide whether the
 learned form is preferred. The effective number of coefficients is the trace of the share of information that the data
@@ -14,12 +15,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 
 import numpy as np
 
 from hand_diagnosis.problem import block_bootstrap, fitted_rmse, log_likelihood, shrunk, validation_rmse
 from hand_diagnosis.settings import SETTINGS
-from hand_identification.free_parameters import START_CREEP, FreeParameter, law_free_parameters, probe_values
+from hand_identification.free_parameters import (
+    START_CREEP,
+    FreeParameter,
+    law_free_parameters,
+    law_probe_values,
+    probe_values,
+)
 from hand_identification.joint_problem import JointProblem
 from hand_identification.map_fit import MapFit, costs_at, map_fit
 from hand_identification.posterior import covariance_of, posterior_of
@@ -74,7 +82,7 @@ def learn_law(
 def begin_law(
     problem: JointProblem, textbook: MapFit, effect: Effect, rng: np.random.Generator, fits: int = SETTINGS.law_fits[0]
 ) -> list[MapFit]:
-    """Short fits of the law from the textbook form and from the `fits` cheapest other starts, the best one first.
+    """Short fits of the law from the textbook form and from `fits` other starts, the best one first.
 
     Raises ValueError for an effect without a learned law.
     """
@@ -82,12 +90,11 @@ def begin_law(
         raise ValueError(f"the effect {effect.name} has no learned law")
     added = _added(problem, textbook, effect)
     free = [*textbook.free, *added]
-    starts = _starts(problem, textbook, effect, added, rng)
-    costs = costs_at(problem, free, np.array(starts))
-    cheapest = sorted(range(1, len(starts)), key=lambda k: float(costs[k]))[:fits]
+    form, *others = distinct(_starts(problem, textbook, effect, added, rng))
+    ranked = [_by_cost(problem, free, group) for group in others]
     rough = [
-        map_fit(problem, free, starts[k], SETTINGS.law_iterations[0], SETTINGS.law_coarse_tolerance).without_arrays()
-        for k in (0, *cheapest)
+        map_fit(problem, free, start, SETTINGS.law_iterations[0], SETTINGS.law_coarse_tolerance).without_arrays()
+        for start in (*form, *in_turn(ranked, fits))
     ]
     return sorted(rough, key=lambda fit: fit.cost)
 
@@ -136,14 +143,42 @@ def posterior_draws(problem: JointProblem, fit: MapFit) -> Array:
     return rng.multivariate_normal(fit.z, covariance, SETTINGS.law_draws, method="eigh")
 
 
+def distinct(groups: Sequence[Sequence[Array]]) -> list[list[Array]]:
+    """The groups without the points (free,) [-] that an earlier one equals: at a bound many do.
+
+    groups, returns: lists of points (free,) [-], which may be empty.
+    """
+    seen: set[bytes] = set()
+    found = []
+    for group in groups:
+        new = {(start + 0.0).tobytes(): start for start in group}  # the sum has no negative zeros
+        found.append([start for key, start in new.items() if key not in seen])
+        seen |= new.keys()
+    return found
+
+
+def _by_cost(problem: JointProblem, free: Sequence[FreeParameter], starts: Sequence[Array]) -> list[Array]:
+    """Points (free,), the cheapest first."""
+    costs = costs_at(problem, free, np.array(starts)) if starts else np.zeros(0)
+    return [starts[k] for k in np.argsort(costs, kind="stable")]
+
+
+def in_turn(groups: Sequence[Sequence[Array]], count: int) -> list[Array]:
+    """The first `count` [-] points (free,) [-] where groups take turns: the cheapest ones of all lie in one valley.
+
+    groups: lists of points (free,) [-]. Fewer where the groups hold fewer.
+    """
+    return [start for row in zip_longest(*groups) for start in row if start is not None][:count]
+
+
 def _starts(
     problem: JointProblem,
     textbook: MapFit,
     effect: Effect,
     added: Sequence[FreeParameter],
     rng: np.random.Generator,
-) -> list[Array]:
-    """Points to start from (free,), the textbook form first."""
+) -> tuple[list[Array], ...]:
+    """Points to start from (free,): the textbook form, ones next to it, ones at the probes, and random ones."""
     low = np.array([p.coordinate(p.low) for p in added])
     high = np.array([p.coordinate(p.high) for p in added])
 
@@ -153,22 +188,22 @@ def _starts(
     count, here = len(added), textbook.z
     smaller, own = _scaled(textbook, effect, SETTINGS.law_smaller_start), _own(textbook, effect)
     released = np.where(_nominal(textbook), 0.0, here)
-    starts = [at(np.zeros(count), here)]
-    for base in (here, smaller):
-        starts += [
-            at(sign * SETTINGS.law_start_of_one * np.eye(count)[k], base) for k in range(count) for sign in (1.0, -1.0)
-        ]
-        starts += [at(np.full(count, size), base) for size in (SETTINGS.law_start_of_all, -SETTINGS.law_start_of_all)]
-    starts += [at(np.full(count, size), released) for size in (0.0, SETTINGS.law_start_of_all)]
-    for probe in probe_values(effect, problem.nominal):
+    sizes = (SETTINGS.law_start_of_all, -SETTINGS.law_start_of_all)
+    near = [at(np.full(count, size), base) for base in (here, smaller) for size in sizes]
+    near += [at(np.full(count, size), released) for size in (0.0, SETTINGS.law_start_of_all)]
+    ones = SETTINGS.law_start_of_one * np.eye(count)
+    near += [at(sign * single, base) for base in (here, smaller) for single in ones for sign in (1.0, -1.0)]
+    probed = []
+    for probe in (*probe_values(effect, problem.nominal), *law_probe_values(effect, problem.nominal)):
         there = np.array([p.coordinate(probe.get(p.row, 0.0)) for p in textbook.free])
-        bases = [np.where(own, there, base) for base in (here, released)]
-        starts += [at(np.full(count, size), base) for size in (0.0, SETTINGS.law_start_of_one) for base in bases]
+        alone = np.array([p.coordinate(probe[p.row]) if p.row in probe else 0.0 for p in added])
+        more = (0.0, SETTINGS.law_start_of_one) if not alone.any() else (0.0,)
+        probed += [at(alone + size, np.where(own, there, base)) for size in more for base in (here, released)]
+    drawn, spread = [], SETTINGS.law_random_spread
     for k in range(SETTINGS.law_random_starts):
-        spread = SETTINGS.law_random_spread
         base = here + spread * np.where(own, rng.standard_normal(len(here)), 0.0) if k % 2 else here
-        starts.append(at(spread * rng.standard_normal(count), base))
-    return starts
+        drawn.append(at(spread * rng.standard_normal(count), base))
+    return [at(np.zeros(count), here)], near, probed, drawn
 
 
 def _own(fit: MapFit, effect: Effect) -> Array:

@@ -180,9 +180,7 @@ def _within(given: tuple[JointProblem, MapFit], larger: tuple[JointProblem, MapF
     known = {parameter.row: parameter for parameter in plain.free}
     freer = {parameter.row: parameter for parameter in larger[1].free}
     free = [known[p.row] if p.row in known and p == freer.get(p.row) else p for p in found.fit.free]
-    values = [float(p.value(z[None])[0]) for p, z in zip(found.fit.free, found.fit.z, strict=True)]
-    start = np.array([p.coordinate(value) for p, value in zip(free, values, strict=True)])
-    fit = map_fit(problem, free, start, SETTINGS.nominal_iterations)
+    fit = map_fit(problem, free, found.fit.around(free), SETTINGS.nominal_iterations)
     return log_evidence(problem, fit, amounts(fit))
 
 

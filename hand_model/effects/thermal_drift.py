@@ -11,6 +11,8 @@ from hand_model.kernel.plant_rows import Parameter
 
 PER_STRAIN = 4.0
 """Reciprocal of the angle [rad] away from rest at which work against the elasticity heats as much as the rest."""
+PER_LOAD = 4.0
+"""Reciprocal of the share of the supply pressure at which friction under load heats as much as the rest."""
 
 
 @inline
@@ -19,20 +21,23 @@ def prepare(q, h):  # type: ignore[no-untyped-def]
 
     It is minus the angle at which the elasticity of the plain plant has no torque, 0 where there is none.
     """
-    tau, faster, a0, a1 = q[2], q[2] * q[5], q[9], q[10]
-    return h / (tau + 0.5 * h), h / (faster + 0.5 * h), 1.0 / h, a0 * a1 / (a1 * a1 + 1e-12)
+    tau, faster, a0, a1, supply = q[2], q[2] * q[5], q[10], q[11], q[12]
+    return h / (tau + 0.5 * h), h / (faster + 0.5 * h), 1.0 / h, a0 * a1 / (a1 * a1 + 1e-12), PER_LOAD / supply
 
 
 @inline
-def heat(speed, strain, by_use, by_square, by_strain):  # type: ignore[no-untyped-def]
+def heat(speed, strain, load, shares):  # type: ignore[no-untyped-def]
     """Heat at a speed over 1 rad/s: a constant, parts in proportion to it and to its square; 1 at 1 rad/s.
 
-    And a part in proportion to the power against the elasticity, of which soft material loses a share as heat; strain:
-    angle from rest [rad].
+    And two in proportion to a power: against the elasticity, of which soft material loses a share as heat, and against
+    friction that rises with the pressure.  strain: angle from rest [rad].  load: PER_LOAD times the pressure over that
+    of the supply.
     """
+    by_use, by_square, by_strain, by_load = shares
     constant = 1.0 + by_use * (speed - 1.0)
     moving = constant + by_square * (speed * speed - constant)
-    return moving + by_strain * (PER_STRAIN * strain * speed - moving)
+    straining = moving + by_strain * (PER_STRAIN * strain * speed - moving)
+    return straining + by_load * (load * speed - straining)
 
 
 @inline
@@ -44,26 +49,34 @@ def bent(warmth, bend):  # type: ignore[no-untyped-def]
 @inline
 def torque(q, m, phi, omega, p, creep_angle, e):  # type: ignore[no-untyped-def]
     """A rest torque and a loss of elasticity in proportion to the warmth; by the law, of two capacities, and bent."""
-    shift, softening, second, a1 = q[0], q[1], q[4], q[10]
-    slow, fast = m
+    shift, softening, second, a1 = q[0], q[1], q[4], q[11]
+    slow, fast, _ = m
     warmth = bent(slow + second * (fast - slow), q[7])
     elastic = softening * warmth * a1
     return shift * warmth - elastic * (phi - creep_angle), elastic
 
 
 @inline
+def actuator_pressure(q, m, p, h):  # type: ignore[no-untyped-def]
+    """The pressure as it is, kept as the load under which the joint moves."""
+    slow, fast, _ = m
+    return p, (slow, fast, abs(p) * q[17])
+
+
+@inline
 def moved(q, m, before, after, h):  # type: ignore[no-untyped-def]
     """Warmth goes from 0 to 1 as a first-order lag; by the law it follows speed, its square or work in part."""
-    slow, fast = m
-    speed, strain = abs(after - before) * q[13], abs(0.5 * (after + before) + q[14])
-    heated = heat(speed, strain, q[3], q[6], q[8])
-    return slow + (heated - slow) * q[11], fast + (heated - fast) * q[12]
+    slow, fast, load = m
+    speed, strain = abs(after - before) * q[15], abs(0.5 * (after + before) + q[16])
+    heated = heat(speed, strain, load, (q[3], q[6], q[8], q[9]))
+    return slow + (heated - slow) * q[13], fast + (heated - fast) * q[14], load
 
 
 def curve(q, x, y):  # type: ignore[no-untyped-def]
     """Torque gained [N m] after the time x [s] at the speed y [rad/s]."""
     slow, fast = -math.expm1(-x / q[2]), -math.expm1(-x / (q[2] * q[5]))
-    return float(q[0] * bent(heat(y, 1.0 / PER_STRAIN, q[3], q[6], q[8]) * (slow + q[4] * (fast - slow)), q[7]))
+    heated = heat(y, 1.0 / PER_STRAIN, 1.0, (q[3], q[6], q[8], q[9]))
+    return float(q[0] * bent(heated * (slow + q[4] * (fast - slow)), q[7]))
 
 
 EFFECT = Effect(
@@ -93,12 +106,16 @@ EFFECT = Effect(
             0.3,
             law=True,
         ),
+        Parameter(
+            "thermal_drift.by_load", 0.0, 1.0, "law: share of the work against friction", 1.0, 0.0, 0.3, law=True
+        ),
     ),
-    reads=("statics.a0_nm", "statics.a1_nm_per_rad"),
-    prepared=("approach", "fast_approach", "per_h", "rest"),
-    memory=("slow", "fast"),
-    law_memory=("fast",),
-    hooks={"prepare": prepare, "torque": torque, "moved": moved},
+    reads=("statics.a0_nm", "statics.a1_nm_per_rad", "supply.pressure_pa"),
+    prepared=("approach", "fast_approach", "per_h", "rest", "per_supply"),
+    memory=("slow", "fast", "load"),
+    law_memory=("fast", "load"),
+    hooks={"prepare": prepare, "actuator_pressure": actuator_pressure, "torque": torque, "moved": moved},
+    law_hooks=("actuator_pressure",),
     keys=("thermal_drift.torque_nm", "thermal_drift.softening", "thermal_drift.time_constant_s"),
     probes=((0.01, 0.0, 20.0), (-0.01, 0.0, 20.0), (0.0, 0.1, 20.0), (0.01, 0.0, 150.0), (0.0, -0.1, 60.0)),
     spread={"thermal_drift.time_constant_s": 1.0, "thermal_drift.faster": 0.7},
@@ -114,7 +131,7 @@ EFFECT = Effect(
         sign="either",
         monotone="rises with the warmth, which follows the heat without overshoot",
         memory="the warmth of one or two capacities",
-        over=("time", "speed"),
+        over=("time", "speed", "pressure"),
         coefficients=(
             "thermal_drift.by_use",
             "thermal_drift.second",
@@ -122,11 +139,13 @@ EFFECT = Effect(
             "thermal_drift.by_square",
             "thermal_drift.bend",
             "thermal_drift.by_strain",
+            "thermal_drift.by_load",
         ),
         quantity="the {torque} gained by warming",
         unit="nm",
         curve=curve,
         source="heat balance of lumped capacities, Incropera and DeWitt, Fundamentals of Heat Transfer, 2002, ch. 5;"
-        " heat of cyclic strain: Gent, Engineering with Rubber, 3rd ed. 2012, ch. 4",
+        " heat of cyclic strain: Gent, Engineering with Rubber, 3rd ed. 2012, ch. 4; friction rises with the load:"
+        " Bowden and Tabor, The Friction and Lubrication of Solids, 1950",
     ),
 )

@@ -55,6 +55,7 @@ TRUTHS: Mapping[str, Mapping[str, float]] = {
     "hall_misalignment": {"sine_deg": 0.02, "cosine_3_deg": 0.02},
     "gravity": {"sine_nm": 0.03, "turning_rad_per_s": 0.03},
     "valve_hysteresis": {"width_pa": 1.2e4, "follows": 0.4, "inner": 0.5},
+    "thermal_drift": {"softening": 0.3, "time_constant_s": 15.0, "by_use": 0.9, "by_strain": 0.6},
     "contact": {"angle_deg": 0.7, "stiffness_nm_per_rad": 0.02, "steeper_2": 3.0, "steeper_3": 20.0},
 }
 """Own parameters of the plant by effect, SI; their names without the effect."""
@@ -124,7 +125,7 @@ def ratios(problem: JointProblem, fit: MapFit) -> Array:
     return np.asarray(validation_rmse(problem, fit.squares)[:2] / NOISE)
 
 
-QUICK = ("backlash", "gravity", "leak", "stiffening", "tube_lag")
+QUICK = ("backlash", "gravity", "stiffening", "thermal_drift", "tube_lag")
 """Laws of every part, which the short tests fit; the long ones fit all."""
 
 
@@ -146,6 +147,16 @@ def test_a_fit_of_a_law_arrives_from_the_textbook_form(effect: str) -> None:
     sharp = replace(problem, weight=25.0 * problem.weight)  # the practical floor hides what the noise would show
     assert ratios(problem, map_fit(sharp, law.fit.free, law.fit.z, 10))[stage] < CLOSE
     assert 0.0 < law.coefficients <= len(law.freed) <= len(EFFECTS[effect].coefficients)
+
+
+def test_points_to_start_from_differ_and_every_kind_has_its_turn() -> None:
+    """Fails when a point that a bound made equal to another is fitted twice, or one kind of points takes all turns."""
+    points = [np.array([float(k), 0.0]) for k in range(6)]
+    again = [points[1], -1.0 * points[0], points[2], -1.0 * (-points[1])]  # the second has negative zeros
+    form, near, far = laws.distinct([points[:1], again, points[2:]])
+    assert [float(point[0]) for group in (form, near, far) for point in group] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    assert [float(point[0]) for point in laws.in_turn([near, far, []], 3)] == [1.0, 3.0, 2.0]
+    assert [float(point[0]) for point in laws.in_turn([near, far], 9)] == [1.0, 3.0, 2.0, 4.0, 5.0]
 
 
 @pytest.fixture(scope="module")

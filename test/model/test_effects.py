@@ -396,7 +396,7 @@ def ageing(_: Any) -> None:
 def thermal_drift(_: Any) -> None:
     """Broken by cooling instead of warming, a wrong time constant, or warmth that stiffens where it should soften."""
     tau = 50.0
-    q, m = numbers("thermal_drift", h=0.05, torque_nm=0.01, softening=0.3, time_constant_s=tau), (0.0, 0.0)
+    q, m = numbers("thermal_drift", h=0.05, torque_nm=0.01, softening=0.3, time_constant_s=tau), (0.0, 0.0, 0.0)
     for step in range(1, 2001):
         m = call("thermal_drift", "moved", q, m, 0.0, 0.0, 0.05)
         assert m[0] == approx(1.0 - np.exp(-step * 0.05 / tau), abs=1e-6)

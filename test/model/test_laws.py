@@ -713,12 +713,12 @@ def test_slow_changes_follow_use_and_attitude() -> None:
     expected = change * -0.05 * (0.4 - 0.1) + 2e-3 * 20.0 * (4e-7 - 1e-7 * 0.4) * 1e5
     assert call(ageing, "torque", q, m, 0.4, 0.0, 1e5, 0.1, REST)[0] == approx(expected)
     q = numbers(warming, torque_nm=0.01, time_constant_s=5.0, by_use=0.25)
-    warm: tuple[float, ...] = (0.0, 0.0)
+    warm: tuple[float, ...] = (0.0, 0.0, 0.0)
     for _ in range(60_000):
         warm = call(warming, "moved", q, warm, 0.0, 3.0 * H, H)
     assert warm[0] == approx(0.75 + 0.25 * 3.0, rel=1e-4)
     q = numbers(warming, torque_nm=0.01, time_constant_s=50.0, second=0.4, faster=0.1)
-    warm = (0.0, 0.0)
+    warm = (0.0, 0.0, 0.0)
     for _ in range(10_000):
         warm = call(warming, "moved", q, warm, 0.0, 0.0, H)
     expected = 0.01 * (0.6 * -np.expm1(-10.0 / 50.0) + 0.4 * -np.expm1(-10.0 / 5.0))
@@ -732,7 +732,7 @@ def test_heat_of_friction_bends_and_a_hand_sways() -> None:
     """Fails when the square of the speed does not heat, a bent law falls, or the attitude sways by another angle."""
     warming, gravity = EFFECTS["thermal_drift"], EFFECTS["gravity"]
     q = numbers(warming, torque_nm=0.01, time_constant_s=5.0, by_use=0.4, by_square=0.5, bend=-1.0)
-    warm: tuple[float, ...] = (0.0, 0.0)
+    warm: tuple[float, ...] = (0.0, 0.0, 0.0)
     for _ in range(60_000):
         warm = call(warming, "moved", q, warm, 0.0, 3.0 * H, H)
     heat = 0.5 * (0.6 + 0.4 * 3.0) + 0.5 * 9.0
@@ -741,7 +741,9 @@ def test_heat_of_friction_bends_and_a_hand_sways() -> None:
     assert call(warming, "torque", q, warm, 0.4, 0.0, 1e5, 0.1, REST)[0] == approx(expected, rel=1e-4)
     for bend in (-1.0, -0.3, 0.6, 1.0):
         torques = [
-            call(warming, "torque", numbers(warming, torque_nm=1.0, bend=bend), (w, 0.0), 0.0, 0.0, 0.0, 0.0, REST)[0]
+            call(
+                warming, "torque", numbers(warming, torque_nm=1.0, bend=bend), (w, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, REST
+            )[0]
             for w in np.linspace(0.0, 4.0, 60)
         ]
         assert np.diff(torques).min() > 0.0
@@ -761,12 +763,25 @@ def test_work_against_the_elasticity_heats_soft_material() -> None:
     q = numbers(warming, time_constant_s=5.0, by_strain=1.0)
     for away, speed in ((0.3, 2.0), (-0.3, 2.0), (0.6, 2.0), (0.3, -4.0), (0.3, 0.0), (0.0, 2.0)):
         middle, half = rest + away, 0.5 * speed * H
-        warm: tuple[float, ...] = (0.0, 0.0)
+        warm: tuple[float, ...] = (0.0, 0.0, 0.0)
         for _ in range(60_000):
             warm = call(warming, "moved", q, warm, middle - half, middle + half, H)
         power = abs(PLAIN["statics.a1_nm_per_rad"] * away * speed)
         unit = abs(PLAIN["statics.a1_nm_per_rad"]) * 0.25  # at a quarter of a radian and 1 rad/s
         assert warm[0] == approx(power / unit, rel=1e-4, abs=1e-9)
+
+
+def test_work_against_friction_under_load_heats() -> None:
+    """Fails when the heat is not in proportion to pressure and speed, motion without pressure heats, or rest does."""
+    warming = EFFECTS["thermal_drift"]
+    q = numbers(warming, time_constant_s=5.0, by_load=1.0)
+    for p, speed in ((0.25 * SUPPLY_PA, 1.0), (0.5 * SUPPLY_PA, -3.0), (0.5 * SUPPLY_PA, 0.0), (0.0, 2.0)):
+        warm: tuple[float, ...] = (0.0, 0.0, 0.0)
+        for _ in range(60_000):
+            passed, warm = call(warming, "actuator_pressure", q, warm, p, H)
+            assert passed == p
+            warm = call(warming, "moved", q, warm, 0.3, 0.3 + speed * H, H)
+        assert warm[0] == approx(p / (0.25 * SUPPLY_PA) * abs(speed), rel=1e-4, abs=1e-9)
 
 
 def test_a_reservoir_with_a_limited_refill_empties_and_fills_at_a_constant_rate() -> None:

@@ -68,6 +68,7 @@ def test_names_end_in_their_unit() -> None:
         ".innermost",
         ".by_square",
         ".by_strain",
+        ".by_load",
         ".bend",
         ".skew",
         ".small",
