@@ -61,7 +61,7 @@ class MapFit:
         """Posterior covariance of z (free, free), the prior included."""
         return covariance_of(self.normal)
 
-    def around(self, free: Sequence[FreeParameter]) -> Array:
+    def in_terms_of(self, free: Sequence[FreeParameter]) -> Array:
         """Coordinates (free,) [-] of the values of this fit by other centres and scales; 0 of what it lacks."""
         values = {p.row: float(value) for p, value in zip(self.free, values_of(self.free, self.z), strict=True)}
         return np.array([p.coordinate(values[p.row]) if p.row in values else 0.0 for p in free])

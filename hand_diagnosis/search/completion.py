@@ -141,7 +141,8 @@ def with_known_numbers(problem: JointProblem, nominal: MapFit, accepted: Sequenc
     added = [p for h in lawful for p in law_free_parameters(h.effect, problem.nominal) if p.row not in have]
     free = [*(known[p.row] if p.row in rows else p for p in fit.free), *added]
     new = np.isin([p.row for p in free], [p.row for p in added])
-    starts = [fit.around(free) + np.where(new, size, 0.0) for size in (0.0, SETTINGS.law_start_of_all)]
+    here = fit.in_terms_of(free)
+    starts = [here, np.where(new, SETTINGS.law_start_of_all, here)]
     fits = [map_fit(problem, free, start, SETTINGS.law_iterations[1]) for start in starts]
     laws = {ROW[key] for hypothesis in lawful for key in hypothesis.effect.coefficients}
     tight = thinned(problem, min(fits, key=lambda each: each.cost), laws)

@@ -222,7 +222,8 @@ def promising(
     worth = [found for found in screened if found.gain > SETTINGS.min_promised_gain]
     if not worth:
         return []
-    chosen, further = screened[: len(worth[:most])], screened[len(worth[:most]) :]
+    count = min(len(worth), most)
+    chosen, further = screened[:count], screened[count:]
     much = worth[0].gain > SETTINGS.min_promised_share * current.cost
     if not much:
         begun = [(float(_begin(problem, current, each, coarse)[2].min()), each) for each in further]

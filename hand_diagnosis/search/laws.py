@@ -13,7 +13,7 @@ have in them (MacKay, Neural Computation 4(3), 1992).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 
@@ -185,6 +185,10 @@ def _starts(
     def at(coefficients: Array, base: Array) -> Array:
         return np.concatenate([base, np.clip(coefficients, low, high)])
 
+    def bases(probe: Mapping[int, float]) -> list[Array]:
+        there = np.array([p.coordinate(probe.get(p.row, 0.0)) for p in textbook.free])
+        return [np.where(own, there, base) for base in (here, released)]
+
     count, here = len(added), textbook.z
     smaller, own = _scaled(textbook, effect, SETTINGS.law_smaller_start), _own(textbook, effect)
     released = np.where(_nominal(textbook), 0.0, here)
@@ -194,11 +198,11 @@ def _starts(
     ones = SETTINGS.law_start_of_one * np.eye(count)
     near += [at(sign * single, base) for base in (here, smaller) for single in ones for sign in (1.0, -1.0)]
     probed = []
-    for probe in (*probe_values(effect, problem.nominal), *law_probe_values(effect, problem.nominal)):
-        there = np.array([p.coordinate(probe.get(p.row, 0.0)) for p in textbook.free])
-        alone = np.array([p.coordinate(probe[p.row]) if p.row in probe else 0.0 for p in added])
-        more = (0.0, SETTINGS.law_start_of_one) if not alone.any() else (0.0,)
-        probed += [at(alone + size, np.where(own, there, base)) for size in more for base in (here, released)]
+    for probe in probe_values(effect, problem.nominal):
+        probed += [at(np.full(count, size), base) for size in (0.0, SETTINGS.law_start_of_one) for base in bases(probe)]
+    for probe in law_probe_values(effect, problem.nominal):
+        single = np.array([p.coordinate(probe[p.row]) if p.row in probe else 0.0 for p in added])
+        probed += [at(single, base) for base in bases(probe)]
     drawn, spread = [], SETTINGS.law_random_spread
     for k in range(SETTINGS.law_random_starts):
         base = here + spread * np.where(own, rng.standard_normal(len(here)), 0.0) if k % 2 else here

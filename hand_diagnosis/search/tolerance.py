@@ -180,7 +180,7 @@ def _within(given: tuple[JointProblem, MapFit], larger: tuple[JointProblem, MapF
     known = {parameter.row: parameter for parameter in plain.free}
     freer = {parameter.row: parameter for parameter in larger[1].free}
     free = [known[p.row] if p.row in known and p == freer.get(p.row) else p for p in found.fit.free]
-    fit = map_fit(problem, free, found.fit.around(free), SETTINGS.nominal_iterations)
+    fit = map_fit(problem, free, found.fit.in_terms_of(free), SETTINGS.nominal_iterations)
     return log_evidence(problem, fit, amounts(fit))
 
 
